@@ -1,0 +1,110 @@
+"""Planar serial manipulators with flexible links: model, simulate, linearise, control.
+
+Public names are loaded when they are first used, so that ``import flexarm`` stays fast.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flexarm.arm import Arm as Arm
+    from flexarm.arm import load_arm as load_arm
+    from flexarm.arm import save_arm as save_arm
+    from flexarm.control import Controller as Controller
+    from flexarm.control import JointPD as JointPD
+    from flexarm.control import Measurement as Measurement
+    from flexarm.errors import FlexarmError as FlexarmError
+    from flexarm.errors import InputError as InputError
+    from flexarm.errors import ModelError as ModelError
+    from flexarm.errors import SimulationError as SimulationError
+    from flexarm.linear import Modes as Modes
+    from flexarm.linear import modes as modes
+    from flexarm.model import Box as Box
+    from flexarm.model import Circle as Circle
+    from flexarm.model import Gauge as Gauge
+    from flexarm.model import Joint as Joint
+    from flexarm.model import Link as Link
+    from flexarm.model import Material as Material
+    from flexarm.model import ModalDamping as ModalDamping
+    from flexarm.model import Payload as Payload
+    from flexarm.model import RayleighDamping as RayleighDamping
+    from flexarm.model import Rectangle as Rectangle
+    from flexarm.model import SectionTable as SectionTable
+    from flexarm.model import Tube as Tube
+    from flexarm.motion import joint_motion as joint_motion
+    from flexarm.motion import line_motion as line_motion
+    from flexarm.motion import rigid_torque as rigid_torque
+    from flexarm.references import citation as citation
+    from flexarm.simulate import run_scenario as run_scenario
+    from flexarm.simulate import simulate as simulate
+
+#: Every public name, and the module that holds it.
+_HOME = {
+    "Arm": "arm",
+    "Box": "model",
+    "Circle": "model",
+    "Controller": "control",
+    "FlexarmError": "errors",
+    "Gauge": "model",
+    "InputError": "errors",
+    "Joint": "model",
+    "JointPD": "control",
+    "Link": "model",
+    "Material": "model",
+    "Measurement": "control",
+    "ModalDamping": "model",
+    "ModelError": "errors",
+    "Modes": "linear",
+    "Payload": "model",
+    "RayleighDamping": "model",
+    "Rectangle": "model",
+    "SectionTable": "model",
+    "SimulationError": "errors",
+    "Tube": "model",
+    "citation": "references",
+    "joint_motion": "motion",
+    "line_motion": "motion",
+    "load_arm": "arm",
+    "modes": "linear",
+    "rigid_torque": "motion",
+    "run_scenario": "simulate",
+    "save_arm": "arm",
+    "simulate": "simulate",
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("flexarm")
+    if name not in _HOME:
+        raise AttributeError(f"module 'flexarm' has no attribute {name!r}")
+    value = getattr(import_module(f"flexarm.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
+
+
+class _Package(ModuleType):
+    """Keep ``flexarm.simulate`` the function.
+
+    Importing the layer of that name would put the module in its place: Python sets a submodule as
+    an attribute of its package. ``from flexarm.simulate import ...`` finds the module all the same.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

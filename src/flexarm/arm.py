@@ -1,0 +1,338 @@
+"""The one object users hold: an arm, its coordinates and its dynamics.
+
+Thin methods over the kernels: they check shapes, place coordinates and take them back.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.assemble import FloatArray, assemble
+from flexarm.beams.shortening import shortening_matrices
+from flexarm.coordinates import Coordinates
+from flexarm.errors import check_array
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.composite_body import mass_matrix
+from flexarm.kernels.layout import Workspace, new_workspace, run_time_sizes
+from flexarm.kernels.newton_euler import inverse_dynamics, inverse_dynamics_many
+from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
+from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
+from flexarm.kernels.shapes import axis_points, gauge_strains
+from flexarm.model import ArmSpec, load_arm_spec, save_arm_spec
+
+
+class Energy(NamedTuple):
+    """Energy of a state, in J. Gravity energy is zero at the base joint."""
+
+    kinetic: float
+    strain: float
+    gravity: float
+
+    @property
+    def total(self) -> float:
+        """Sum of the three."""
+        return self.kinetic + self.strain + self.gravity
+
+
+class Derivatives(NamedTuple):
+    """Jacobians of the accelerations, exact to rounding."""
+
+    q: FloatArray  # (dof, dof)
+    qd: FloatArray  # (dof, dof)
+    torque: FloatArray  # (dof, joints)
+
+
+class Arm(Coordinates):
+    """A planar serial arm of rigid and flexible links.
+
+    Args:
+        links: `Link` objects (or mappings of their fields), from the base outwards, 1 to 256.
+        joints: one `Joint` for each link, at its root; None for bare revolute joints.
+        payload: `Payload` on the last tip.
+        gravity: (gx, gy) in world axes, m/s^2; the arm lies in a horizontal plane by default.
+        theory: "linear", the paper's kinematics, or "second_order", which adds the shortening of
+            bent links and with it centrifugal and axial stiffening (theory page "link").
+
+    Raises:
+        ModelError: a quantity is missing or impossible; every problem is listed.
+
+    Coordinates ``q`` (dof,): for each link its joint angle (rad), relative to the tip tangent of
+    the link before (the first: to world x), then its modal coordinates. World frame: origin at the
+    base joint, x to the right, y up.
+    """
+
+    def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
+        spec = ArmSpec(**fields) if spec is None else spec
+        super().__init__(spec, assemble(spec))
+        self._sizes = run_time_sizes(self.assembly.constants)
+        gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
+        self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
+        self._gauge_rows, self._gauge_bodies = self._place_gauges()
+
+    def rigid(self) -> Arm:
+        """Make the rigid twin: the same masses and inertias, no bending."""
+        links = tuple(
+            link.model_copy(update={"flexible": False, "modes": None, "gauges": ()})
+            for link in self.spec.links
+        )
+        return Arm(self.spec.model_copy(update={"links": links}))
+
+    def __repr__(self) -> str:
+        theory = self.spec.theory
+        return f"<flexarm.Arm: {self.joints} links, {self.dof} coordinates, {theory} theory>"
+
+    def _state(self, where: str, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
+        coordinates = check_array(where, "q", q, (self.dof,))
+        rates = np.zeros(self.dof) if qd is None else check_array(where, "qd", qd, (self.dof,))
+        return self.padded(np.stack([coordinates, rates]))
+
+    def _work(self, dtype: Any = np.float64) -> Workspace:
+        return new_workspace(self.assembly.constants, dtype)
+
+    # Dynamics ----------------------------------------------------------------------------------
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        torque: ArrayLike,
+        tip_force: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return the accelerations qdd (dof,) under joint torques.
+
+        Args:
+            q, qd: (dof,) coordinates and rates.
+            torque: (joints,) N m, acting on each link and back on the tip of the one before.
+            tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+
+        Theory page "recursion", (R.4) to (R.14): O(links x modes), no matrix is formed.
+        """
+        where = "Arm.forward_dynamics"
+        state = self._state(where, q, qd)
+        tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
+        work = self._work()
+        force = _tip_force(where, tip_force)
+        forward_dynamics(self._sizes, self.assembly.constants, state, tau, force, work)
+        return self.unpadded(work.acceleration)
+
+    def inverse_dynamics(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_force: ArrayLike | None = None
+    ) -> FloatArray:
+        """Return the generalised force (dof,) that a motion takes: M qdd + bias.
+
+        Its entries at ``joint_index`` are joint torques (N m). Arguments as in
+        ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
+        """
+        return self.unpadded(
+            self._newton_euler("Arm.inverse_dynamics", q, qd, qdd, tip_force).force
+        )
+
+    def inverse_dynamics_many(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> FloatArray:
+        """Return generalised forces for many states at once: arrays (samples, dof)."""
+        where = "Arm.inverse_dynamics_many"
+        coordinates = check_array(where, "q", q, (-1, self.dof))
+        shape = coordinates.shape
+        rates = check_array(where, "qd", qd, shape)
+        accelerations = self.padded(check_array(where, "qdd", qdd, shape))
+        states = self.padded(np.stack([coordinates, rates], axis=1))
+        forces = np.empty_like(accelerations)
+        inverse_dynamics_many(
+            self._sizes,
+            self.assembly.constants,
+            states,
+            accelerations,
+            np.zeros(3),
+            self._work(),
+            forces,
+        )
+        return self.unpadded(forces)
+
+    def _newton_euler(
+        self, where: str, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_force: ArrayLike | None
+    ) -> Workspace:
+        state = self._state(where, q, qd)
+        acceleration = self.padded(check_array(where, "qdd", qdd, (self.dof,)))
+        work = self._work()
+        force = _tip_force(where, tip_force)
+        inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, force, work)
+        return work
+
+    def joint_reactions(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_force: ArrayLike | None = None
+    ) -> FloatArray:
+        """Return what each joint gives to its outboard link: (joints, 3), Fx, Fy, Mz.
+
+        World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment is the
+        motor's torque less the joint's friction.
+        """
+        work = self._newton_euler("Arm.joint_reactions", q, qd, qdd, tip_force)
+        angle = np.cumsum(np.arctan2(work.rotation[:, 1], work.rotation[:, 0]))
+        cosine, sine = np.cos(angle), np.sin(angle)
+        x, y, moment = work.wrench.T
+        world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
+        return np.asarray(world[self.assembly.link_body])
+
+    def mass_matrix(self, q: ArrayLike) -> FloatArray:
+        """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd; (R.18), (R.19)."""
+        state = self._state("Arm.mass_matrix", q, None)
+        n, width = self.assembly.bodies, 1 + self.assembly.modes
+        M = np.zeros((n, width, n, width))
+        mass_matrix(self._sizes, self.assembly.constants, state, self._work(), M)
+        kept = self.assembly.coordinates
+        return M.reshape(n * width, n * width)[np.ix_(kept, kept)]
+
+    def stiffness_matrix(self, q: ArrayLike) -> FloatArray:
+        """Return the Hessian (dof, dof) of strain and gravity energy, exact to rounding."""
+        state = self._state("Arm.stiffness_matrix", q, None)
+        n, width = self.assembly.bodies, 1 + self.assembly.modes
+        constants = self.assembly.constants
+        if np.any(constants.gravity):
+            K = np.zeros((n, width, n, width))
+            work = self._work(complex)
+            at_rest, no_force = np.zeros((n, width)), np.zeros(3)
+            potential_hessian(
+                self._sizes, constants, state.astype(complex), at_rest, no_force, work, K
+            )
+        else:
+            springs = np.concatenate([np.zeros((n, 1)), constants.w2], axis=1)
+            K = np.diag(springs.ravel())
+        kept = self.assembly.coordinates
+        return K.reshape(n * width, n * width)[np.ix_(kept, kept)]
+
+    def damping_matrix(self) -> FloatArray:
+        """Return the viscous damping (dof, dof) of joints and links, diagonal."""
+        constants = self.assembly.constants
+        rates = np.concatenate([constants.joint_damping[:, None], constants.damping], axis=1)
+        return np.diag(self.unpadded(rates))
+
+    def bias_force(self, q: ArrayLike, qd: ArrayLike) -> FloatArray:
+        """Return the force (dof,) at zero acceleration: M qdd + bias = force.
+
+        It includes velocity products, stiffness, damping and gravity.
+        """
+        zero = np.zeros(self.dof)
+        return self.unpadded(self._newton_euler("Arm.bias_force", q, qd, zero, None).force)
+
+    def derivatives(self, q: ArrayLike, qd: ArrayLike, torque: ArrayLike) -> Derivatives:
+        """Return the exact Jacobians of the accelerations by q, qd and torque.
+
+        Complex perturbation of the same kernels (``kernels.sensitivity``): exact to rounding.
+        """
+        where = "Arm.derivatives"
+        state = self._state(where, q, qd).astype(complex)
+        tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
+        n, width = self.assembly.bodies, 1 + self.assembly.modes
+        by_state = np.zeros((n, width, 2, n, width))
+        by_torque = np.zeros((n, width, n))
+        forward_jacobian(
+            self._sizes,
+            self.assembly.constants,
+            state,
+            tau.astype(complex),
+            np.zeros(3),
+            self._work(complex),
+            by_state,
+            by_torque,
+        )
+        kept = self.assembly.coordinates
+        jacobian = by_state.reshape(n * width, 2, n * width)[kept]
+        torques = by_torque.reshape(n * width, n)[np.ix_(kept, self.assembly.link_body)]
+        return Derivatives(jacobian[:, 0, kept], jacobian[:, 1, kept], torques)
+
+    # What one sees -----------------------------------------------------------------------------
+
+    def energy(self, q: ArrayLike, qd: ArrayLike) -> Energy:
+        """Return kinetic, strain and gravity energy (J), and their ``total``."""
+        state = self._state("Arm.energy", q, qd)
+        body_poses, tip, values = self._pose_arrays()
+        energies(self._sizes, self.assembly.constants, state, body_poses, tip, values)
+        return Energy(*(float(value) for value in values))
+
+    def _pose_arrays(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return np.zeros((self.assembly.bodies, POSE_COLUMNS)), np.zeros(6), np.zeros(3)
+
+    def _poses(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        body_poses, tip, _ = self._pose_arrays()
+        poses(self._sizes, self.assembly.constants, state, body_poses, tip)
+        return body_poses, tip
+
+    def tip(self, q: ArrayLike) -> FloatArray:
+        """Return x, y (m) and angle (rad) of the last tip in world axes, (3,)."""
+        return self._poses(self._state("Arm.tip", q, None))[1][:3]
+
+    def tip_velocity(self, q: ArrayLike, qd: ArrayLike) -> FloatArray:
+        """Return the rates of x, y (m/s) and angle (rad/s) of the last tip, (3,)."""
+        return self._poses(self._state("Arm.tip_velocity", q, qd))[1][3:]
+
+    def shape(self, q: ArrayLike, stations: int = 50) -> FloatArray:
+        """Return points of the neutral axis in world axes: (links, stations, 2) m.
+
+        The stations of a link divide it evenly, root and tip included. With the second-order
+        theory each point also draws back along the root tangent as the link shortens.
+        """
+        state = self._state("Arm.shape", q, None)
+        body_poses, _ = self._poses(state)
+        n, m = self.assembly.bodies, self.assembly.modes
+        g = self.assembly.constants.D0.shape[1]
+        along = np.zeros((n, stations))
+        rows = np.zeros((n, stations, m))
+        matrices = np.zeros((n, stations, g, g))
+        for i, link in enumerate(self.assembly.links):
+            k = link.w2.size
+            along[i] = np.linspace(0.0, link.length, stations)
+            if k:
+                rows[i, :, :k] = link.deflection(along[i])
+            if k and g:
+                matrices[i, :, :k, :k] = shortening_matrices(link, along[i])
+        points = np.zeros((n, stations, 2))
+        axis_points(self._sizes, state, body_poses, along, rows, matrices, points)
+        return points[self.assembly.link_body]
+
+    def strain(self, q: ArrayLike) -> FloatArray:
+        """Return the strain at each declared gauge, (gauges,): -distance * v''."""
+        values: FloatArray = self.strains(self._state("Arm.strain", q, None)[None])[0]
+        return values
+
+    def strains(self, states: FloatArray) -> FloatArray:
+        """Return the strains (samples, gauges) of kernel states (samples, 2, n, 1 + m)."""
+        strains = np.zeros((len(states), len(self.gauges)))
+        gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
+        return strains
+
+    def _place_gauges(self) -> tuple[FloatArray, NDArray[np.intp]]:
+        rows = np.zeros((len(self.gauges), self.assembly.modes))
+        for row, (i, station, distance) in zip(rows, self.gauges, strict=True):
+            link = self.assembly.links[i]
+            if link.w2.size:
+                row[: link.w2.size] = -distance * link.curvature([station])[0]
+        return rows, np.array([i for i, _, _ in self.gauges], dtype=np.intp)
+
+
+def _tip_force(where: str, value: ArrayLike | None) -> FloatArray:
+    if value is None:
+        return np.zeros(3)
+    array = np.asarray(value)
+    size = 2 if array.shape == (2,) else 3
+    checked = check_array(where, "tip_force", value, (size,))
+    return checked if size == 3 else np.append(checked, 0.0)
+
+
+def load_arm(path: str | PathLike[str]) -> Arm:
+    """Read an arm from a YAML file (a scenario's file gives its arm).
+
+    Raises:
+        ModelError: the file cannot be read as an arm; every problem with its line.
+    """
+    return Arm(load_arm_spec(path))
+
+
+def save_arm(arm: Arm, path: str | PathLike[str]) -> None:
+    """Write an arm to a YAML file that ``load_arm`` reads back equal; never half a file."""
+    save_arm_spec(arm.spec, path)

@@ -1,0 +1,52 @@
+"""From bending strain to shape: a factor of the flexibility matrix without inverting anything.
+
+On a fine mesh the stiffness matrix is ill conditioned (its condition number grows as the fourth
+power of the number of elements), and frequencies taken from it are blurred by that much rounding:
+with 256 elements the lowest one keeps five digits. A clamped root makes a better way possible: the
+curvature, linear in each element, is integrated twice from the root. Such sums lose nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm.beams.hermite import FloatArray
+from flexarm.beams.properties import BeamTable
+from flexarm.beams.quadrature import BeamQuadrature
+
+
+def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
+    """Find the matrix F that turns strain coordinates z into nodal coordinates.
+
+    In element e (length h, xi from 0 to 1) the curvature is `c_0 + c_1 sqrt(3) (2 xi - 1)`, and
+    `z_e = sqrt(h) R c` with `R^T R` the integral of EI over the products of the two functions, so
+    the strain energy is |z|^2 / 2. Hence `F^T K F = 1` and `F F^T` is the flexibility matrix.
+
+    Returns:
+        (n, n) F, with n = 2 * elements; rows `[v_2, phi_2 h, v_3, phi_3 h, ...]`: slopes times
+        the element length (m), so that all rows are lengths.
+
+    Raises:
+        numpy.linalg.LinAlgError: the bending stiffness of an element is not positive.
+    """
+    h, elements = quadrature.element_length, quadrature.elements
+    linear = np.sqrt(3.0) * (2.0 * quadrature.xi - 1.0)
+    basis = np.stack([np.ones_like(linear), linear], axis=1)
+    stiffness = np.interp(quadrature.points, table.x, table.flexural_rigidity)
+    gram = np.zeros((elements, 2, 2))
+    np.add.at(
+        gram,
+        quadrature.element,
+        (quadrature.weights * stiffness)[:, None, None] * basis[:, :, None] * basis[:, None, :],
+    )
+    # z = R c sqrt(h) with gram = h R^T R = lower lower^T, so c = lower^-T z.
+    curvature = np.linalg.inv(np.linalg.cholesky(gram)).transpose(0, 2, 1)
+    # Gains of (v, phi h) over an element from its curvature: slope h^2 c_0, deflection
+    # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi.
+    gains = h**2 * np.array([[0.5, -np.sqrt(3.0) / 6.0], [1.0, 0.0]]) @ curvature
+    spread = np.zeros((elements, 2, elements, 2))
+    each = np.arange(elements)
+    spread[each, :, each, :] = gains
+    slope = np.cumsum(spread[:, 1], axis=0)
+    deflection = np.cumsum(spread[:, 0] + slope - spread[:, 1], axis=0)
+    return np.stack([deflection, slope], axis=1).reshape(2 * elements, 2 * elements)

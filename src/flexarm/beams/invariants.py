@@ -1,0 +1,273 @@
+"""Everything the arm's dynamics needs to know of one link, as constants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from flexarm.beams.assembly import beam_matrices, nodal_shapes, product_integral
+from flexarm.beams.flexibility import strain_to_nodal
+from flexarm.beams.hermite import FloatArray
+from flexarm.beams.modes import beam_basis
+from flexarm.beams.properties import BeamTable, beam_table
+from flexarm.beams.quadrature import BeamQuadrature, beam_quadrature
+from flexarm.errors import InputError, Problem, check_array, shown
+
+
+@dataclass(frozen=True, eq=False)
+class LinkConstants:
+    """Floating-frame integrals of one link over its m mass-normalised shapes Phi.
+
+    Frame: origin at the root, x along the tangent there, deflection `v(x) = Phi(x)^T eta`. mu is
+    the mass per length, rho I the rotary inertia per length. Over these shapes the link's own
+    mass matrix is the identity and its stiffness diag(w2). Arrays are read-only.
+
+    Attributes:
+        length: L (m).
+        mass: integral of mu (kg).
+        first_moment: integral of mu x (kg m).
+        inertia: integral of mu x^2 + rho I (kg m^2), about the root.
+        S: (m,) integral of mu Phi.
+        a: (m,) integral of mu x Phi + rho I Phi'.
+        P: (m,) Phi at the tip.
+        dP: (m,) Phi' at the tip.
+        w2: (m,) stiffness (rad^2/s^2), increasing.
+        rotary: (m, m) integral of rho I Phi' Phi'^T, contained in the identity above.
+        D0: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x.
+        D1: (m, m) integral of mu x g(x).
+        residual_inertia: (3,) inertia that is left of a rigid translation and rotation about the
+            root once the shapes have followed as well as they can: translation, coupling,
+            rotation (kg, kg m, kg m^2); theory page "recursion", (R.6).
+        residual_tip: (2, 2) tip deflection and slope (rows) of what is left of a unit
+            translation and rotation (columns).
+        G: (m, m) g(L). A bent link is shorter by eta^T G eta / 2 along its root tangent.
+        basis: (2 * elements, m) shapes at the nodes: `basis @ eta` is
+            `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is left out.
+        projector: (m, 2 * elements) `basis^T M`, the way back (mass-orthogonal).
+
+    A rigid link has m = 0 and the same arrays, empty.
+    """
+
+    length: float
+    mass: float
+    first_moment: float
+    inertia: float
+    S: FloatArray
+    a: FloatArray
+    P: FloatArray
+    dP: FloatArray
+    w2: FloatArray
+    rotary: FloatArray
+    D0: FloatArray
+    D1: FloatArray
+    G: FloatArray
+    residual_inertia: FloatArray
+    residual_tip: FloatArray
+    basis: FloatArray
+    projector: FloatArray
+
+    def __post_init__(self) -> None:
+        m = self.w2.size
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+                wanted = {"basis": (len(self.basis), m), "projector": (m, len(self.basis))}
+                wanted |= {"residual_inertia": (3,), "residual_tip": (2, 2)}
+                square = field.name in ("rotary", "D0", "D1", "G")
+                shape = wanted.get(field.name, (m, m) if square else (m,))
+                check_array("LinkConstants", field.name, value, shape)
+
+    @property
+    def elements(self) -> int:
+        """Number of finite elements the shapes are made of."""
+        return len(self.basis) // 2
+
+    def deflection(self, x: object) -> FloatArray:
+        """Evaluate Phi at stations x (k,), 0 to length (m): (k, m), m per unit of eta."""
+        return self._shapes(x, 0)
+
+    def slope(self, x: object) -> FloatArray:
+        """Evaluate Phi' at stations x (k,), 0 to length (m): (k, m), rad per unit of eta."""
+        return self._shapes(x, 1)
+
+    def curvature(self, x: object) -> FloatArray:
+        """Evaluate Phi'' at stations x (k,), 0 to length (m): (k, m), 1/m per unit of eta.
+
+        It jumps at element ends; there the value is the outboard element's.
+        """
+        return self._shapes(x, 2)
+
+    def _shapes(self, x: object, derivative: int) -> FloatArray:
+        stations = check_array("LinkConstants", "x", x, (-1,))
+        slack = 1e-9 * self.length  # stations computed as sums may miss the tip by rounding
+        outside = (stations < -slack) | (stations > self.length + slack)
+        if np.any(outside):
+            rule = f"lie between 0 and the length {self.length:g}"
+            value = shown(float(stations[outside][0]))
+            raise InputError(Problem("LinkConstants", "x", rule, value))
+        inside = np.clip(stations, 0.0, self.length)
+        return nodal_shapes(inside, self.length, self.elements, derivative) @ self.basis
+
+
+def link_constants(
+    x: object,
+    flexural_rigidity: object,
+    mass_per_length: object,
+    rotary_inertia_per_length: object,
+    *,
+    elements: int,
+    modes: int | None = None,
+    where: str = "link_constants",
+) -> LinkConstants:
+    """Compute the constants of a flexible link; exact for tables linear between stations.
+
+    Args:
+        x: (p,) stations from 0 to the length (m), strictly increasing, p >= 2.
+        flexural_rigidity: (p,) EI (N m^2), positive.
+        mass_per_length: (p,) mu (kg/m).
+        rotary_inertia_per_length: (p,) rho I (kg m); zeros for an Euler-Bernoulli beam.
+        elements: number of finite elements of equal length.
+        modes: reduced shapes to keep, 1 to 2 * elements (see `beams.modes.beam_basis`); None
+            keeps the full finite element model.
+        where: the link's name, for messages.
+
+    Raises:
+        InputError: a rule above is broken, or the mass matrix is not positive definite.
+    """
+    table = beam_table(where, x, flexural_rigidity, mass_per_length, rotary_inertia_per_length)
+    _check_count(where, "elements", elements, None)
+    if modes is not None:
+        _check_count(where, "modes", modes, 2 * elements)
+    quadrature = beam_quadrature(table.x, elements)
+    matrices = beam_matrices(table, quadrature)
+    shapes = beam_basis(
+        matrices, strain_to_nodal(table, quadrature), quadrature.element_length, modes, where
+    )
+    basis = shapes.basis
+
+    def reduced(nodal: FloatArray) -> FloatArray:
+        over_shapes: FloatArray = basis.T @ nodal @ basis
+        return (over_shapes + over_shapes.T) / 2  # symmetric to the last digit
+
+    # The slope at s shortens everything outboard of it, so exchanging the order of integration
+    # turns each double integral into one over s, weighted by what lies outboard.
+    s = quadrature.points
+    S = basis.T @ matrices.deflection_moment
+    a = basis.T @ matrices.rotation_moment
+    left = _left_of_rigid_motion(quadrature, basis @ S, basis @ a)
+    return LinkConstants(
+        *_rigid_body(table, quadrature),
+        S=S,
+        a=a,
+        P=basis[-2].copy(),
+        dP=basis[-1].copy(),
+        w2=shapes.w2,
+        rotary=reduced(matrices.rotary_mass),
+        D0=reduced(product_integral(quadrature, table.outboard_moment(s, 0), 1)),
+        D1=reduced(product_integral(quadrature, table.outboard_moment(s, 1), 1)),
+        G=reduced(product_integral(quadrature, np.ones_like(s), 1)),
+        residual_inertia=_residual_inertia(table, quadrature, left),
+        residual_tip=left[-2:].copy(),
+        basis=basis,
+        projector=shapes.projector,
+    )
+
+
+def rigid_constants(
+    x: object,
+    mass_per_length: object,
+    rotary_inertia_per_length: object,
+    *,
+    elements: int = 1,
+    where: str = "rigid_constants",
+) -> LinkConstants:
+    """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0).
+
+    Args:
+        x, mass_per_length, rotary_inertia_per_length, where: as in `link_constants`.
+        elements: rows of the empty basis, so that `basis @ eta` still has two zeros per element.
+
+    Raises:
+        InputError: a rule of the tables is broken.
+    """
+    _check_count(where, "elements", elements, None)
+    unused = np.ones_like(check_array(where, "x", x, (-1,)))
+    table = beam_table(where, x, unused, mass_per_length, rotary_inertia_per_length)
+    none, square = np.zeros(0), np.zeros((0, 0))
+    length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
+    return LinkConstants(
+        length,
+        mass,
+        first_moment,
+        inertia,
+        S=none,
+        a=none,
+        P=none,
+        dP=none,
+        w2=none,
+        rotary=square,
+        D0=square,
+        D1=square,
+        G=square,
+        residual_inertia=np.array([mass, first_moment, inertia]),
+        residual_tip=np.array([[1.0, length], [0.0, 1.0]]),
+        basis=np.zeros((2 * elements, 0)),
+        projector=np.zeros((0, 2 * elements)),
+    )
+
+
+def _rigid_body(table: BeamTable, quadrature: BeamQuadrature) -> tuple[float, float, float, float]:
+    """Length, mass, first moment, moment of inertia about the root, as `LinkConstants` begins."""
+    s, weights = quadrature.points, quadrature.weights
+    mass = weights * np.interp(s, table.x, table.mass_per_length)
+    rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
+    inertia = float(mass @ s**2 + rotary.sum())
+    return table.length, float(mass.sum()), float(mass @ s), inertia
+
+
+def _left_of_rigid_motion(
+    quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
+) -> FloatArray:
+    """Subtract from unit rigid motions what the shapes make of them, at all nodes.
+
+    Args:
+        translation, rotation: (n,) nodal values of the shapes' best approximation.
+
+    Returns:
+        (n + 2, 2) nodal values, the root's pair first. With the full finite element model all
+        that is left is a wave that dies out within a few elements of the root: so small beside
+        the rigid motion that differences of integrals (int mu x^2 - a.a) would lose it.
+    """
+    nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
+    left = np.zeros((2 * nodes.size, 2))
+    left[0::2, 0] = 1.0
+    left[0::2, 1] = nodes
+    left[1::2, 1] = 1.0
+    left[2:, 0] -= translation
+    left[2:, 1] -= rotation
+    return left
+
+
+def _residual_inertia(table: BeamTable, quadrature: BeamQuadrature, left: FloatArray) -> FloatArray:
+    """Inertia (3,) of the nodal motions ``left`` (n + 2, 2): translation, coupling, rotation."""
+    x = quadrature.points
+    mass = np.interp(x, table.x, table.mass_per_length)
+    rotary = np.interp(x, table.x, table.rotary_inertia_per_length)
+    M = product_integral(quadrature, mass, 0, with_root=True)
+    M += product_integral(quadrature, rotary, 1, with_root=True)
+    inertia = left.T @ M @ left
+    return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])
+
+
+def _check_count(where: str, name: str, value: object, largest: int | None) -> None:
+    """Raise InputError unless `value` is a whole number from 1 to `largest`."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < 1 or (largest is not None and value > largest):  # type: ignore[operator]
+        rule = "be a whole number of at least 1"
+        hint = ""
+        if largest is not None:
+            rule = f"be a whole number from 1 to {largest}"
+            hint = "There are two shapes per element; add elements or leave `modes` out."
+        raise InputError(Problem(where, name, rule, shown(value), hint))

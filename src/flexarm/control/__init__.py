@@ -1,0 +1,11 @@
+"""Controllers: one a file, and the registry of their names."""
+
+from __future__ import annotations
+
+from flexarm.control.base import Controller, Measurement, Reference
+from flexarm.control.joint_pd import JointPD
+
+#: Every controller by the name that scenario files use.
+CONTROLLERS: dict[str, type[Controller]] = {JointPD.name: JointPD}
+
+__all__ = ["CONTROLLERS", "Controller", "JointPD", "Measurement", "Reference"]

@@ -1,0 +1,108 @@
+"""The coordinates of an arm: what q holds, and how it is placed in the kernels' arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.assemble import Assembly, FloatArray
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.model import ArmSpec
+
+
+class Coordinates:
+    """Generalised coordinates q (dof,) of an arm.
+
+    For each link its joint angle (rad), relative to the tip tangent of the link before (the first:
+    to world x), then its modal coordinates (m sqrt(kg)).
+    """
+
+    def __init__(self, spec: ArmSpec, assembly: Assembly) -> None:
+        self.spec = spec
+        self.assembly = assembly
+
+    @property
+    def dof(self) -> int:
+        """Number of coordinates: joints and modes."""
+        return int(self.assembly.coordinates.size)
+
+    @property
+    def joints(self) -> int:
+        """Number of actuated joints."""
+        return int(self.assembly.joint_index.size)
+
+    @property
+    def joint_index(self) -> NDArray[np.intp]:
+        """Positions of the joint angles in q, (joints,)."""
+        return self.assembly.joint_index
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths of the links, (links,) m."""
+        return np.array([link.length for link in self.spec.links])
+
+    def rest(self, joint_angles: ArrayLike) -> FloatArray:
+        """Return q (dof,) of straight links at relative joint angles (joints,), rad."""
+        angles = check_array("Arm.rest", "joint_angles", joint_angles, (self.joints,))
+        q = np.zeros(self.dof)
+        q[self.joint_index] = angles
+        return q
+
+    def joint_angles(self, q: ArrayLike) -> FloatArray:
+        """Return the joint angles (joints,) of coordinates q (dof,); rates of rates likewise."""
+        return check_array("Arm.joint_angles", "q", q, (self.dof,))[self.joint_index]
+
+    def from_nodal(self, joint_angles: ArrayLike, nodal: Sequence[ArrayLike]) -> FloatArray:
+        """Return q (dof,) of links bent to given nodal values.
+
+        Args:
+            joint_angles: (joints,) relative, rad.
+            nodal: for each link (elements, 2): deflection (m) and slope (rad) at its free nodes,
+                from its root tangent; anything for a rigid link. With reduced modes, the nearest
+                shape in the mean square weighted by mass.
+        """
+        q = self.rest(joint_angles)
+        if len(nodal) != self.joints:
+            rule = f"hold one array for each of the {self.joints} links"
+            raise InputError(Problem("Arm.from_nodal", "nodal", rule, shown(len(nodal))))
+        for i, link in enumerate(self.assembly.links):
+            if link.w2.size:
+                shape = (self.spec.links[i].elements, 2)
+                values = check_array("Arm.from_nodal", f"nodal[{i}]", nodal[i], shape)
+                start = self.joint_index[i] + 1
+                q[start : start + link.w2.size] = link.projector @ values.ravel()
+        return q
+
+    def nodal(self, q: ArrayLike) -> list[FloatArray]:
+        """Return deflection (m) and slope (rad) at the free nodes: (elements, 2) for each link."""
+        values = check_array("Arm.nodal", "q", q, (self.dof,))
+        shapes: list[FloatArray] = []
+        for i, link in enumerate(self.assembly.links):
+            start = self.joint_index[i] + 1
+            eta = values[start : start + link.w2.size]
+            if self.spec.links[i].flexible:
+                shapes.append((link.basis @ eta).reshape(-1, 2))
+            else:
+                shapes.append(np.zeros((self.spec.links[i].elements, 2)))
+        return shapes
+
+    def padded(self, vector: FloatArray) -> FloatArray:
+        """Place a vector (dof,) or vectors (..., dof) in the kernels' array (..., n, 1 + m)."""
+        a = self.assembly
+        array = np.zeros((*vector.shape[:-1], a.bodies * (1 + a.modes)), dtype=vector.dtype)
+        array[..., a.coordinates] = vector
+        return array.reshape(*vector.shape[:-1], a.bodies, 1 + a.modes)
+
+    def unpadded(self, array: FloatArray) -> FloatArray:
+        """Take the coordinates (..., dof) out of the kernels' array (..., n, 1 + m)."""
+        flat = array.reshape(*array.shape[:-2], -1)
+        taken: FloatArray = flat[..., self.assembly.coordinates]
+        return taken
+
+    def padded_torque(self, torque: FloatArray) -> FloatArray:
+        """Place joint torques (..., joints) at the bodies (..., n)."""
+        array = np.zeros((*torque.shape[:-1], self.assembly.bodies), dtype=torque.dtype)
+        array[..., self.assembly.link_body] = torque
+        return array

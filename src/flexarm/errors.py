@@ -1,0 +1,154 @@
+"""What can go wrong, in words: the exceptions every layer raises, and the one format of a problem.
+
+Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
+value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from reprlib import Repr
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class _Short(Repr):
+    """Shortened repr in which a whole float looks the way its user most likely wrote it."""
+
+    def repr_float(self, value: float, level: int) -> str:
+        return repr(value).removesuffix(".0")
+
+
+_SHORT = _Short()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
+_SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = 4
+_SHORT.maxlevel = 3
+
+_MOST_LINES = 50  # of a message; the rest are in `problems`
+
+
+def shown(value: object) -> str:
+    """Write `value` on one line, shortened, as error messages quote it.
+
+    NumPy scalars look like the Python numbers they stand for.
+    """
+    if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
+        value = value.item()  # type: ignore[attr-defined]
+    text = "nothing" if value is None else _SHORT.repr(value)
+    return " ".join(text.split())
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with an input.
+
+    Attributes:
+        where: place the reader can go to: a file with its line, or the call (`Link`, `simulate`).
+        name: what is wrong there: an argument or the key path in a file.
+        rule: what it must do or be, continuing the word "must".
+        value: what it is, as `shown` writes it.
+        hint: a whole sentence that helps to repair it, or nothing.
+    """
+
+    where: str
+    name: str
+    rule: str
+    value: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.name} must {self.rule}, but is {self.value}."
+        return f"{text} {self.hint}" if self.hint else text
+
+
+class FlexarmError(Exception):
+    """Base of everything flexarm raises on purpose."""
+
+
+class InputError(FlexarmError, ValueError):
+    """Input that cannot be used; `problems` lists everything that is wrong with it."""
+
+    def __init__(self, *problems: Problem) -> None:
+        super().__init__(*problems)
+        self.problems = problems
+
+    def __str__(self) -> str:
+        lines = [str(problem) for problem in self.problems[:_MOST_LINES]]
+        more = len(self.problems) - len(lines)
+        return "\n".join([*lines, f"... and {more} more problems."] if more else lines)
+
+
+class ModelError(InputError):
+    """A wrong description of an arm or a scenario, in Python or in a file."""
+
+
+class SimulationError(FlexarmError, RuntimeError):
+    """A run that could not be carried on.
+
+    Attributes:
+        time: simulated time reached (s).
+        reason: one sentence: what happened.
+        hint: one sentence: what to try; may be empty.
+        state: `(q, qd)` at `time`, or None where there is none.
+        result: the record up to `time`, or None.
+    """
+
+    def __init__(
+        self, time: float, reason: str, hint: str = "", state: Any = None, result: Any = None
+    ) -> None:
+        super().__init__(time, reason, hint, state, result)
+        self.time = time
+        self.reason = reason
+        self.hint = hint
+        self.state = state
+        self.result = result
+
+    def __str__(self) -> str:
+        text = f"stopped at t = {self.time:.6g} s: {self.reason}"
+        return f"{text} {self.hint}" if self.hint else text
+
+
+def check_array(
+    where: str, name: str, value: object, shape: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """Return `value` as a float64 array of exactly `shape`, all of it finite.
+
+    Args:
+        where: the call that was given the value, for the message.
+        name: the argument's name, for the message.
+        value: array-like of real numbers.
+        shape: lengths of the axes; -1 accepts any length.
+
+    Raises:
+        InputError: numbers cannot be made of it, its shape differs, or it holds NaN or infinity.
+    """
+    import numpy as np
+
+    try:
+        raw = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value))) from None
+    if raw.dtype.kind not in "iuf":
+        raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value)))
+    if raw.ndim != len(shape) or any(
+        n not in (-1, m) for n, m in zip(shape, raw.shape, strict=True)
+    ):
+        raise InputError(Problem(where, name, f"be {_described(shape)}", _described(raw.shape)))
+    array = raw.astype(np.float64)
+    if not np.all(np.isfinite(array)):
+        first = np.argwhere(~np.isfinite(array))[0].tolist()
+        place = f"[{', '.join(map(str, first))}]" if first else ""
+        bad = shown(float(array[tuple(first)]))
+        raise InputError(Problem(where, f"{name}{place}", "be finite", bad))
+    return array
+
+
+def _described(shape: tuple[int, ...]) -> str:
+    """Name a shape in words: `a number`, or `numbers of shape (any, 2)`."""
+    if not shape:
+        return "a number"
+    lengths = ", ".join("any" if n == -1 else str(n) for n in shape)
+    return f"numbers of shape ({lengths}{',' if len(shape) == 1 else ''})"

@@ -1,0 +1,133 @@
+"""What an integrator is, and what it says about a run.
+
+An integrator is a small value object that carries only the parameters of its method. The rules it
+keeps (``tests/conformance/test_every_integrator.py`` checks each for every entry of the registry):
+
+1. ``advance`` carries ``progress`` from its time to ``until`` and fills the samples that it passes.
+   It may return before that (``Status.PAUSED``) so that the caller can show progress.
+2. Samples are values at exactly the asked times, by dense output of at least third order.
+3. It lands exactly on every time in ``drive.stops``: there the torque is not smooth.
+4. At a stop it uses the torque from the left for the step that ends there, from the right for the
+   step that starts there.
+5. It keeps the last good state when it gives up, and says why with a status, never with NaN.
+6. Its observed order is the order it claims.
+7. It never calls Python, and it allocates nothing per step.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.kernels.layout import ArmConstants, Sizes, Workspace
+
+FloatArray = NDArray[np.float64]
+
+
+class Status(IntEnum):
+    """How a call of ``advance`` ended."""
+
+    DONE = 0
+    PAUSED = 1
+    STEP_UNDERFLOW = 2
+    NOT_FINITE = 3
+
+    @property
+    def sentence(self) -> str:
+        """What happened, for the error message."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Status.DONE: "The run is complete.",
+    Status.PAUSED: "The run is under way.",
+    Status.STEP_UNDERFLOW: "the step size fell below what double precision resolves.",
+    Status.NOT_FINITE: "the state is no longer finite: the step is too long for the stiffest "
+    "mode, or the arm is unstable.",
+}
+
+
+class Drive(NamedTuple):
+    """Torques and tip force over time, as the kernels read them.
+
+    The torque is a piecewise cubic: on piece k, ``sum_p coefficients[k, p] (t - breaks[k])^p``.
+    Before the first break the first piece goes on, after the last break the last piece.
+    """
+
+    breaks: FloatArray  # (pieces + 1,) s, ascending
+    coefficients: FloatArray  # (pieces, 4, n) N m / s^p
+    stops: FloatArray  # (stops,) s, ascending: times where the torque is not smooth
+    tip_force: FloatArray  # (3,) N, N, N m, world axes
+
+
+class System(NamedTuple):
+    """The arm, as an integrator sees it."""
+
+    sizes: Sizes
+    constants: ArmConstants
+    drive: Drive
+    work: Workspace
+
+
+class Tolerance(NamedTuple):
+    """What one step may err by, see ``flexarm.simulate.tolerance``.
+
+    A joint angle may err by ``absolute * unit + relative * |angle|``; a mode by ``unit * (absolute
+    + relative * d)`` with ``d`` the largest ``|mode| / unit`` of its body. So a stiff mode, whose
+    value means little at the tip, neither dictates the step nor hides behind the joint angles.
+    """
+
+    absolute: float  # m at the tip
+    relative: float
+    unit: FloatArray  # (2, n, 1 + m): coordinate or rate per metre of tip displacement
+    fastest: float  # rad/s, bound on the highest frequency
+
+
+@dataclass
+class Progress:
+    """Where a run stands; ``advance`` updates it in place."""
+
+    time: float
+    state: FloatArray  # (2, n, 1 + m)
+    step: float  # next step to try, s; 0 asks the integrator to choose
+    sample: int = 0  # samples filled so far
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
+    memory: dict[str, FloatArray] = field(default_factory=dict)  # an integrator's own arrays
+
+
+@dataclass(frozen=True)
+class Integrator(ABC):
+    """Base of all integrators; subclasses add fields for their parameters.
+
+    Class attributes: ``name`` in the registry, ``order``, ``adaptive``, and ``reference``, the
+    BibTeX keys of the method (``flexarm.citation``).
+    """
+
+    name: ClassVar[str] = ""
+    order: ClassVar[int] = 0
+    adaptive: ClassVar[bool] = False
+    reference: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def advance(
+        self,
+        system: System,
+        tolerance: Tolerance,
+        progress: Progress,
+        until: float,
+        sample_times: FloatArray,
+        samples: FloatArray,
+        max_steps: int,
+    ) -> Status:
+        """Carry ``progress`` to ``until`` (s), at most ``max_steps`` steps in this call.
+
+        ``sample_times`` (samples,) ascending; ``samples`` (samples, 2, n, 1 + m) receives the
+        states at them, from ``progress.sample`` on.
+        """

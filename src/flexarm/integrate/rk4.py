@@ -1,0 +1,48 @@
+"""The classical Runge-Kutta method of order 4, with a fixed step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.integrate.runge_kutta import ExplicitRungeKutta
+from flexarm.integrate.tableau import Tableau, hermite_dense
+
+_B = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
+
+_TABLEAU = Tableau(
+    order=4,
+    A=np.array(
+        [
+            [0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.5, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.5, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0],
+            [*_B, 0.0],
+        ]
+    ),
+    b=_B,
+    c=np.array([0.0, 0.5, 0.5, 1.0, 1.0]),
+    error=np.zeros(5),
+    error_low=np.zeros(5),
+    dense=hermite_dense(_B),
+)
+
+
+@dataclass(frozen=True)
+class RungeKutta4(ExplicitRungeKutta):
+    """Classical method of order 4, fixed step, cubic Hermite dense output.
+
+    It goes unstable where step times highest frequency exceeds 2.8. The default step is half a
+    radian of the fastest mode.
+    """
+
+    name = "rk4"
+    order = 4
+    reference = ("Kutta1901",)
+
+    @property
+    def tableau(self) -> Tableau:
+        """Coefficients of the method."""
+        return _TABLEAU

@@ -1,0 +1,70 @@
+"""The torque of a drive at a time, and the accelerations it gives: the integrators' right side."""
+
+from __future__ import annotations
+
+from flexarm.integrate.base import System
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.layout import Array
+
+
+@merged
+def piece_of(breaks: Array, t: float, from_left: bool) -> int:
+    """Find the piece that holds time t; on a break the earlier one if ``from_left``."""
+    low = 0
+    high = breaks.shape[0] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if breaks[middle] < t or (breaks[middle] == t and not from_left):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def torque_at(system: System, t: float, from_left: bool, torque: Array) -> None:
+    """Evaluate the drive's torque (n,) at time t."""
+    drive = system.drive
+    k = piece_of(drive.breaks, t, from_left)
+    x = t - drive.breaks[k]
+    for i in range(len(system.sizes.bodies)):
+        torque[i] = drive.coefficients[k, 0, i] + x * (
+            drive.coefficients[k, 1, i]
+            + x * (drive.coefficients[k, 2, i] + x * drive.coefficients[k, 3, i])
+        )
+
+
+@merged
+def rates_of(
+    system: System,
+    t: float,
+    from_left: bool,
+    state: Array,
+    torque: Array,
+    stages: Array,
+    stage: int,
+) -> None:
+    """Write the time derivative of a state (2, n, 1 + m) into ``stages[stage]``."""
+    torque_at(system, t, from_left, torque)
+    forward_dynamics(
+        system.sizes, system.constants, state, torque, system.drive.tip_force, system.work
+    )
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            stages[stage, 0, i, j] = state[1, i, j]
+            stages[stage, 1, i, j] = system.work.acceleration[i, j]
+
+
+@compiled
+def slope_at(
+    system: System,
+    t: float,
+    from_left: bool,
+    state: Array,
+    torque: Array,
+    stages: Array,
+    stage: int,
+) -> None:
+    """``rates_of`` as a call of its own, for places that are not hot: less code to compile."""
+    rates_of(system, t, from_left, state, torque, stages, stage)

@@ -1,0 +1,338 @@
+"""Forward dynamics in O(n m): articulated bodies with flexible links.
+
+Theory page "recursion", (R.4) to (R.14). The outboard chain seen at the tip of a body is
+``wrench = W A_tip + k`` with a symmetric 3 x 3 ``W``; each body is eliminated in turn, first its
+modes, then its joint.
+
+The modal accelerations are counted from what the modes make of the root's own acceleration,
+``zeta = eta'' + C A``. Over these the inertia of the body is block diagonal, and what is left of
+its rigid inertia and of its transfer from root to tip are constants known to full precision.
+Eliminating ``eta''`` itself would subtract a.a from I, which agree in all but the last digits
+when the mesh is fine.
+
+=============  =================================================================================
+symbol         meaning; all in the axes of the body at hand, wrenches and accelerations (x, y, w)
+=============  =================================================================================
+``W``, ``k``   outboard chain at the tip: six entries xx, xy, yy, xw, yw, ww, and three
+``F``          tip acceleration per modal acceleration: rows -G eta, P, dP
+``C``          columns -D0 eta, S, a: modal acceleration that follows a root acceleration
+``H``, ``h``   residual inertia and bias of the root, then with all that hangs on it
+``T``          residual transfer T - F C
+``N``, ``z``   F F', F times the modal biases
+``Y``          (1 + W N)^-1 W: the outboard chain behind the springs of the modes
+``g``          Y T: tip force per root acceleration
+``U``, ``D``   third column and last entry of H: the joint's
+=============  =================================================================================
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.kinematics import link_terms
+from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
+
+
+@compiled
+def forward_dynamics(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    torque: Array,
+    tip_force: Array,
+    work: Workspace,
+) -> None:
+    """Write the accelerations of a state under joint torques into ``work.acceleration``.
+
+    ``state`` (2, n, 1 + m); ``torque`` (n,) N m on the relative joint angles; ``tip_force``
+    (Fx, Fy, Mz) on the last tip, world axes, N and N m.
+    """
+    link_terms(sizes, constants, state, work)
+    _inward(sizes, constants, state, torque, tip_force, work)
+    _outward(sizes, constants, work)
+
+
+@merged
+def _woodbury(
+    Wxx: Any, Wxy: Any, Wyy: Any, Wxw: Any, Wyw: Any, Www: Any,
+    Nxx: Any, Nxy: Any, Nyy: Any, Nxw: Any, Nyw: Any, Nww: Any,
+) -> Any:  # fmt: skip
+    """Y = (1 + W N)^-1 W for symmetric W, N: valid for singular W. Returns six entries."""
+    axx = 1.0 + Wxx * Nxx + Wxy * Nxy + Wxw * Nxw
+    axy = Wxx * Nxy + Wxy * Nyy + Wxw * Nyw
+    axw = Wxx * Nxw + Wxy * Nyw + Wxw * Nww
+    ayx = Wxy * Nxx + Wyy * Nxy + Wyw * Nxw
+    ayy = 1.0 + Wxy * Nxy + Wyy * Nyy + Wyw * Nyw
+    ayw = Wxy * Nxw + Wyy * Nyw + Wyw * Nww
+    awx = Wxw * Nxx + Wyw * Nxy + Www * Nxw
+    awy = Wxw * Nxy + Wyw * Nyy + Www * Nyw
+    aww = 1.0 + Wxw * Nxw + Wyw * Nyw + Www * Nww
+    cxx = ayy * aww - ayw * awy
+    cxy = axw * awy - axy * aww
+    cxw = axy * ayw - axw * ayy
+    cyx = ayw * awx - ayx * aww
+    cyy = axx * aww - axw * awx
+    cyw = axw * ayx - axx * ayw
+    cwx = ayx * awy - ayy * awx
+    cwy = axy * awx - axx * awy
+    cww = axx * ayy - axy * ayx
+    d = 1.0 / (axx * cxx + axy * cyx + axw * cwx)
+    Yxx = d * (cxx * Wxx + cxy * Wxy + cxw * Wxw)
+    Yxy = d * (cxx * Wxy + cxy * Wyy + cxw * Wyw)
+    Yxw = d * (cxx * Wxw + cxy * Wyw + cxw * Www)
+    Yyy = d * (cyx * Wxy + cyy * Wyy + cyw * Wyw)
+    Yyw = d * (cyx * Wxw + cyy * Wyw + cyw * Www)
+    Yww = d * (cwx * Wxw + cwy * Wyw + cww * Www)
+    return Yxx, Yxy, Yyy, Yxw, Yyw, Yww
+
+
+@merged
+def _forces_at_tips(sizes: Sizes, tip_force: Array, work: Workspace) -> None:
+    """Turn the external force from world axes into the axes of each body."""
+    fx = tip_force[0]
+    fy = tip_force[1]
+    for i in range(len(sizes.bodies)):
+        cosine = work.rotation[i, 0]
+        sine = work.rotation[i, 1]
+        turned = cosine * fx + sine * fy
+        fy = cosine * fy - sine * fx
+        fx = turned
+        work.tip_force[i, 0] = fx
+        work.tip_force[i, 1] = fy
+
+
+@merged
+def _inward(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    torque: Array,
+    tip_force: Array,
+    work: Workspace,
+) -> None:
+    """From the last body to the first: (R.5) to (R.11)."""
+    c = constants
+    _forces_at_tips(sizes, tip_force, work)
+    last = len(sizes.bodies) - 1
+    Wxx = 0.0
+    Wxy = 0.0
+    Wyy = 0.0
+    Wxw = 0.0
+    Wyw = 0.0
+    Www = 0.0
+    kx = -work.tip_force[last, 0]
+    ky = -work.tip_force[last, 1]
+    kw = -tip_force[2]
+    for back in range(len(sizes.bodies)):
+        i = last - back
+        Wxx = Wxx + c.tip_mass[i]
+        Wyy = Wyy + c.tip_mass[i]
+        Www = Www + c.tip_inertia[i]
+        bias_x = work.tip_bias[i, 0]
+        bias_y = work.tip_bias[i, 1]
+        kx = kx + Wxx * bias_x + Wxy * bias_y
+        ky = ky + Wxy * bias_x + Wyy * bias_y
+        kw = kw + Wxw * bias_x + Wyw * bias_y
+
+        # Sums over the modes: what the modal biases do to root and tip.
+        Sh = 0.0
+        ah = 0.0
+        zy = 0.0
+        zw = 0.0
+        for j in range(len(sizes.modes)):
+            h = work.flex_bias[i, j]
+            Sh += c.S[i, j] * h
+            ah += c.a[i, j] * h
+            zy += c.P[i, j] * h
+            zw += c.dP[i, j] * h
+        dh = 0.0
+        dd = 0.0
+        dS = 0.0
+        da = 0.0
+        dP = 0.0
+        ddP = 0.0
+        FS = 0.0
+        Fa = 0.0
+        Fd = 0.0
+        zx = 0.0
+        Nxx = 0.0
+        Nxy = 0.0
+        Nxw = 0.0
+        for j in range(len(sizes.geometric)):
+            d = work.shortening[i, j]
+            Fx = work.Fx[i, j]
+            h = work.flex_bias[i, j]
+            dh += d * h
+            dd += d * d
+            dS += d * c.S[i, j]
+            da += d * c.a[i, j]
+            dP += d * c.P[i, j]
+            ddP += d * c.dP[i, j]
+            FS += Fx * c.S[i, j]
+            Fa += Fx * c.a[i, j]
+            Fd += Fx * d
+            zx += Fx * h
+            Nxx += Fx * Fx
+            Nxy += Fx * c.P[i, j]
+            Nxw += Fx * c.dP[i, j]
+        Nyy = c.N[i, 0]
+        Nyw = c.N[i, 1]
+        Nww = c.N[i, 2]
+
+        # The body without its modes: residual inertia, bias, and transfer from root to tip.
+        u_tip = work.tip[i, 0] - c.length[i]
+        v_tip = work.tip[i, 1]
+        Hxx = c.mass[i] - dd
+        Hxy = dS
+        Hyy = c.residual_inertia[i, 0]
+        Hxw = da - work.moment[i, 0]
+        Hyw = c.residual_inertia[i, 1] + work.moment[i, 1]
+        Hww = c.residual_inertia[i, 2] + work.moment[i, 2]
+        hx = work.root_bias[i, 0] + dh
+        hy = work.root_bias[i, 1] - Sh
+        hw = work.root_bias[i, 2] - ah
+        Txx = 1.0 + Fd
+        Txy = -FS
+        Txw = -v_tip - Fa
+        Tyx = dP
+        Tyy = c.residual_tip[i, 0]
+        Tyw = c.residual_tip[i, 1] + u_tip
+        Twx = ddP
+        Twy = c.residual_tip[i, 2]
+        Tww = c.residual_tip[i, 3]
+
+        # The outboard chain, softened by the modes, moved to the root.
+        Yxx, Yxy, Yyy, Yxw, Yyw, Yww = _woodbury(
+            Wxx, Wxy, Wyy, Wxw, Wyw, Www, Nxx, Nxy, Nyy, Nxw, Nyw, Nww
+        )
+        ex = zx + Nxx * kx + Nxy * ky + Nxw * kw
+        ey = zy + Nxy * kx + Nyy * ky + Nyw * kw
+        ew = zw + Nxw * kx + Nyw * ky + Nww * kw
+        kx = kx - Yxx * ex - Yxy * ey - Yxw * ew
+        ky = ky - Yxy * ex - Yyy * ey - Yyw * ew
+        kw = kw - Yxw * ex - Yyw * ey - Yww * ew
+        gxx = Yxx * Txx + Yxy * Tyx + Yxw * Twx
+        gxy = Yxx * Txy + Yxy * Tyy + Yxw * Twy
+        gxw = Yxx * Txw + Yxy * Tyw + Yxw * Tww
+        gyx = Yxy * Txx + Yyy * Tyx + Yyw * Twx
+        gyy = Yxy * Txy + Yyy * Tyy + Yyw * Twy
+        gyw = Yxy * Txw + Yyy * Tyw + Yyw * Tww
+        gwx = Yxw * Txx + Yyw * Tyx + Yww * Twx
+        gwy = Yxw * Txy + Yyw * Tyy + Yww * Twy
+        gww = Yxw * Txw + Yyw * Tyw + Yww * Tww
+        Hxx += Txx * gxx + Tyx * gyx + Twx * gwx
+        Hxy += Txx * gxy + Tyx * gyy + Twx * gwy
+        Hyy += Txy * gxy + Tyy * gyy + Twy * gwy
+        Hxw += Txx * gxw + Tyx * gyw + Twx * gww
+        Hyw += Txy * gxw + Tyy * gyw + Twy * gww
+        Hww += Txw * gxw + Tyw * gyw + Tww * gww
+        hx += Txx * kx + Tyx * ky + Twx * kw
+        hy += Txy * kx + Tyy * ky + Twy * kw
+        hw += Txw * kx + Tyw * ky + Tww * kw
+        work.gain[i, 0, 0] = gxx
+        work.gain[i, 0, 1] = gxy
+        work.gain[i, 0, 2] = gxw
+        work.gain[i, 0, 3] = kx
+        work.gain[i, 1, 0] = gyx
+        work.gain[i, 1, 1] = gyy
+        work.gain[i, 1, 2] = gyw
+        work.gain[i, 1, 3] = ky
+        work.gain[i, 2, 0] = gwx
+        work.gain[i, 2, 1] = gwy
+        work.gain[i, 2, 2] = gww
+        work.gain[i, 2, 3] = kw
+        work.transfer[i, 0, 0] = Txx
+        work.transfer[i, 0, 1] = Txy
+        work.transfer[i, 0, 2] = Txw
+        work.transfer[i, 1, 0] = Tyx
+        work.transfer[i, 1, 1] = Tyy
+        work.transfer[i, 1, 2] = Tyw
+        work.transfer[i, 2, 0] = Twx
+        work.transfer[i, 2, 1] = Twy
+        work.transfer[i, 2, 2] = Tww
+        work.Nx[i, 0] = Nxx
+        work.Nx[i, 1] = Nxy
+        work.Nx[i, 2] = Nxw
+        work.drift[i, 0] = bias_x - zx
+        work.drift[i, 1] = bias_y - zy
+        work.drift[i, 2] = -zw
+
+        # Eliminate the joint (a fixed one passes everything on), then turn inboard.
+        free = c.free[i]
+        inverse = free / (Hww + (1.0 - free))
+        drive = torque[i] - c.joint_damping[i] * state[1, i, 0] - hw
+        work.joint[i, 0] = Hxw
+        work.joint[i, 1] = Hyw
+        work.joint[i, 2] = Hww
+        work.joint[i, 3] = inverse
+        work.joint[i, 4] = drive
+        Rxx = Hxx - Hxw * Hxw * inverse
+        Rxy = Hxy - Hxw * Hyw * inverse
+        Ryy = Hyy - Hyw * Hyw * inverse
+        Rxw = Hxw * (1.0 - free)
+        Ryw = Hyw * (1.0 - free)
+        Rww = Hww * (1.0 - free)
+        hx += Hxw * drive * inverse
+        hy += Hyw * drive * inverse
+        kw = hw * (1.0 - free) + free * (hw + drive)
+        cosine = work.rotation[i, 0]
+        sine = work.rotation[i, 1]
+        cross = 2.0 * cosine * sine * Rxy
+        Wxx = cosine * cosine * Rxx - cross + sine * sine * Ryy
+        Wyy = sine * sine * Rxx + cross + cosine * cosine * Ryy
+        Wxy = cosine * sine * (Rxx - Ryy) + (cosine * cosine - sine * sine) * Rxy
+        Wxw = cosine * Rxw - sine * Ryw
+        Wyw = sine * Rxw + cosine * Ryw
+        Www = Rww
+        kx = cosine * hx - sine * hy
+        ky = sine * hx + cosine * hy
+
+
+@merged
+def _outward(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None:
+    """From the base to the tip: (R.12) to (R.14). Gravity is an acceleration of the base."""
+    c = constants
+    Ax = -c.gravity[0]
+    Ay = -c.gravity[1]
+    Aw = 0.0
+    for i in range(len(sizes.bodies)):
+        cosine = work.rotation[i, 0]
+        sine = work.rotation[i, 1]
+        turned = cosine * Ax + sine * Ay
+        Ay = cosine * Ay - sine * Ax
+        Ax = turned
+        pull = work.joint[i, 0] * Ax + work.joint[i, 1] * Ay + work.joint[i, 2] * Aw
+        joint_acceleration = (work.joint[i, 4] - pull) * work.joint[i, 3]
+        work.acceleration[i, 0] = joint_acceleration
+        Aw = Aw + joint_acceleration
+
+        # What the body gives to the chain at its tip; then its modes, then its tip.
+        fx = work.gain[i, 0, 0] * Ax + work.gain[i, 0, 1] * Ay + work.gain[i, 0, 2] * Aw
+        fy = work.gain[i, 1, 0] * Ax + work.gain[i, 1, 1] * Ay + work.gain[i, 1, 2] * Aw
+        fw = work.gain[i, 2, 0] * Ax + work.gain[i, 2, 1] * Ay + work.gain[i, 2, 2] * Aw
+        fx += work.gain[i, 0, 3]
+        fy += work.gain[i, 1, 3]
+        fw += work.gain[i, 2, 3]
+        for j in range(len(sizes.modes)):
+            work.acceleration[i, 1 + j] = -(
+                work.flex_bias[i, j]
+                + c.S[i, j] * Ay
+                + c.a[i, j] * Aw
+                + c.P[i, j] * fy
+                + c.dP[i, j] * fw
+            )
+        for j in range(len(sizes.geometric)):
+            work.acceleration[i, 1 + j] += work.shortening[i, j] * Ax - work.Fx[i, j] * fx
+        Nxx = work.Nx[i, 0]
+        Nxy = work.Nx[i, 1]
+        Nxw = work.Nx[i, 2]
+        tip_x = work.transfer[i, 0, 0] * Ax + work.transfer[i, 0, 1] * Ay
+        tip_y = work.transfer[i, 1, 0] * Ax + work.transfer[i, 1, 1] * Ay
+        tip_w = work.transfer[i, 2, 0] * Ax + work.transfer[i, 2, 1] * Ay
+        tip_x += work.transfer[i, 0, 2] * Aw - (Nxx * fx + Nxy * fy + Nxw * fw)
+        tip_y += work.transfer[i, 1, 2] * Aw - (Nxy * fx + c.N[i, 0] * fy + c.N[i, 1] * fw)
+        tip_w += work.transfer[i, 2, 2] * Aw - (Nxw * fx + c.N[i, 1] * fy + c.N[i, 2] * fw)
+        Ax = tip_x + work.drift[i, 0]
+        Ay = tip_y + work.drift[i, 1]
+        Aw = tip_w + work.drift[i, 2]

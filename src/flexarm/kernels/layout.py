@@ -1,0 +1,140 @@
+"""Arrays that the kernels work on: what they hold, their shapes, units and frames.
+
+A *body* is one flexible or rigid piece on a joint. Bodies with fewer modes than the widest one are
+padded with modes of zero shape and unit mass, which stay at rest; so every array is rectangular.
+
+==========  =====================================================================================
+index       meaning
+==========  =====================================================================================
+``n``       bodies, from the base outwards
+``m``       modes of the widest body
+``c``       ``m`` where some body has a centrifugal matrix other than the identity, else 0
+``g``       ``m`` with the second-order theory, else 0
+==========  =====================================================================================
+
+The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates; in each
+row first the joint angle (rad), relative to the tip tangent of the body before, then the
+mass-normalised modal coordinates (m sqrt(kg)).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+class Sizes(NamedTuple):
+    """Loop lengths. Each field is something whose ``len`` counts.
+
+    Tuples make the counts part of the type: the compiler sees constants, and compiles once for
+    every model size. Arrays make them run-time numbers: one compilation serves every size.
+    """
+
+    bodies: Any
+    modes: Any
+    centrifugal: Any
+    geometric: Any
+
+
+class ArmConstants(NamedTuple):
+    """Numbers of one arm. Body axes: origin at the joint, x along the clamped root tangent."""
+
+    mass: Array  # (n,) kg
+    first_moment_x: Array  # (n,) kg m, int mu x dx
+    first_moment_y: Array  # (n,) kg m, of the undeformed body (a payload beside the axis)
+    inertia: Array  # (n,) kg m^2 about the joint, with section rotary inertia and hub
+    length: Array  # (n,) m
+    S: Array  # (n, m) int mu Phi dx
+    a: Array  # (n, m) int mu x Phi dx + int rho I Phi' dx
+    P: Array  # (n, m) Phi(L)
+    dP: Array  # (n, m) Phi'(L)
+    w2: Array  # (n, m) squared frequencies, rad^2/s^2
+    damping: Array  # (n, m) modal damping, 1/s
+    centrifugal: Array  # (n, c, c) Gamma - 1 = -R - D1, theory page equation (L.20)
+    D0: Array  # (n, g, g) int mu g(x) dx
+    G: Array  # (n, g, g) g(L)
+    residual_inertia: Array  # (n, 3) yy, yw, ww: (m, mc, I) less what the modes follow, (R.6)
+    residual_tip: Array  # (n, 4) tip yy, yw, wy, ww: T less what the modes follow, (R.6)
+    N: Array  # (n, 3) P.P, P.dP, dP.dP
+    tip_mass: Array  # (n,) kg, point mass carried by the body's tip
+    tip_inertia: Array  # (n,) kg m^2, turning with the tip section
+    free: Array  # (n,) 1.0 for a joint that turns, 0.0 for a fixed one
+    joint_damping: Array  # (n,) N m s
+    gravity: Array  # (2,) m/s^2, world axes
+
+
+class Workspace(NamedTuple):
+    """Scratch and results of one evaluation; one per thread. Wrenches are (Fx, Fy, Mz)."""
+
+    acceleration: Array  # (n, 1 + m) second derivatives of the coordinates
+    force: Array  # (n, 1 + m) generalised forces (inverse dynamics)
+    wrench: Array  # (n, 3) what the joint gives to its body, body axes, N and N m
+    rotation: Array  # (n, 2) cosine, sine of the turn from the previous body's axes to these
+    rate: Array  # (n,) w, angular rate of the body axes, rad/s
+    tip: Array  # (n, 2) tip position L + u_L, v_L in body axes, m
+    tip_bias: Array  # (n, 2) velocity products in the tip's acceleration, body axes, m/s^2
+    moment: Array  # (n, 3) s, mu, eta' Gamma eta: first moments and inertia that bending adds
+    root_bias: Array  # (n, 3) velocity products in the root wrench
+    flex_bias: Array  # (n, m) stiffness, damping and velocity products of the modal equations
+    shortening: Array  # (n, g) D0 eta
+    Fx: Array  # (n, g) first row of F: -G eta
+    transfer: Array  # (n, 3, 3) residual transfer from root to tip
+    Nx: Array  # (n, 3) first row of N = F F'
+    drift: Array  # (n, 3) tip acceleration at zero root acceleration and zero tip force
+    gain: Array  # (n, 3, 4) tip force per root acceleration, and at none
+    joint: Array  # (n, 5) U_x, U_y, U_w, free / D, tau - h_w
+    root_acceleration: Array  # (n, 3) of the joint less gravity, body axes (inverse dynamics)
+    tip_acceleration: Array  # (n, 3) of the tip, likewise
+    tip_force: Array  # (n, 2) external force at the tip, in each body's axes, N
+
+
+def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace:
+    """Allocate scratch for an arm and a number type (``complex``, ``object``, ...)."""
+    n, m = constants.S.shape
+    g = constants.D0.shape[1]
+
+    def zeros(*shape: int) -> Array:
+        return np.zeros(shape, dtype=dtype)
+
+    return Workspace(
+        acceleration=zeros(n, 1 + m),
+        force=zeros(n, 1 + m),
+        wrench=zeros(n, 3),
+        rotation=zeros(n, 2),
+        rate=zeros(n),
+        tip=zeros(n, 2),
+        tip_bias=zeros(n, 2),
+        moment=zeros(n, 3),
+        root_bias=zeros(n, 3),
+        flex_bias=zeros(n, m),
+        shortening=zeros(n, g),
+        Fx=zeros(n, g),
+        transfer=zeros(n, 3, 3),
+        Nx=zeros(n, 3),
+        drift=zeros(n, 3),
+        gain=zeros(n, 3, 4),
+        joint=zeros(n, 5),
+        root_acceleration=zeros(n, 3),
+        tip_acceleration=zeros(n, 3),
+        tip_force=zeros(n, 2),
+    )
+
+
+def run_time_sizes(constants: ArmConstants) -> Sizes:
+    """Sizes that compile once for all arms."""
+    counts = _counts(constants)
+    return Sizes(*(np.zeros(count, dtype=np.int8) for count in counts))
+
+
+def compile_time_sizes(constants: ArmConstants) -> Sizes:
+    """Sizes that compile for this model size alone, to faster code."""
+    return Sizes(*((0,) * count for count in _counts(constants)))
+
+
+def _counts(constants: ArmConstants) -> tuple[int, int, int, int]:
+    n, m = constants.S.shape
+    return n, m, constants.centrifugal.shape[1], constants.D0.shape[1]

@@ -1,0 +1,166 @@
+"""What one can see of a state: poses, rates, energies.
+
+Theory page "recursion", (R.20) to (R.23). World axes: origin at the base joint.
+
+``POSE`` columns of a body: x, y of its joint and absolute angle of its axes (m, m, rad), then their
+rates; then deflection and slope of its tip from the root tangent (m, rad), and their rates.
+"""
+
+from __future__ import annotations
+
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.layout import ArmConstants, Array, Sizes
+from flexarm.kernels.numbers import cos, sin
+
+#: Columns of a pose row, see the module's docstring.
+POSE_COLUMNS = 10
+
+
+@compiled
+def poses(
+    sizes: Sizes, constants: ArmConstants, state: Array, body_poses: Array, tip: Array
+) -> None:
+    """Fill ``body_poses`` (n, 10) and ``tip`` (6,): x, y, angle of the last tip and their rates."""
+    c = constants
+    x = 0.0
+    y = 0.0
+    angle = 0.0
+    x_dot = 0.0
+    y_dot = 0.0
+    rate = 0.0
+    for i in range(len(sizes.bodies)):
+        angle = angle + state[0, i, 0]
+        rate = rate + state[1, i, 0]
+        phi = 0.0
+        phi_dot = 0.0
+        v_tip = 0.0
+        v_tip_dot = 0.0
+        for j in range(len(sizes.modes)):
+            phi += c.dP[i, j] * state[0, i, 1 + j]
+            phi_dot += c.dP[i, j] * state[1, i, 1 + j]
+            v_tip += c.P[i, j] * state[0, i, 1 + j]
+            v_tip_dot += c.P[i, j] * state[1, i, 1 + j]
+        u_tip = 0.0
+        u_tip_dot = 0.0
+        for j in range(len(sizes.geometric)):
+            for k in range(len(sizes.geometric)):
+                u_tip -= 0.5 * state[0, i, 1 + j] * c.G[i, j, k] * state[0, i, 1 + k]
+                u_tip_dot -= state[1, i, 1 + j] * c.G[i, j, k] * state[0, i, 1 + k]
+        body_poses[i, 0] = x
+        body_poses[i, 1] = y
+        body_poses[i, 2] = angle
+        body_poses[i, 3] = x_dot
+        body_poses[i, 4] = y_dot
+        body_poses[i, 5] = rate
+        body_poses[i, 6] = v_tip
+        body_poses[i, 7] = phi
+        body_poses[i, 8] = v_tip_dot
+        body_poses[i, 9] = phi_dot
+        cosine = cos(angle)
+        sine = sin(angle)
+        x_tip = c.length[i] + u_tip
+        vx = u_tip_dot - rate * v_tip
+        vy = v_tip_dot + rate * x_tip
+        x = x + cosine * x_tip - sine * v_tip
+        y = y + sine * x_tip + cosine * v_tip
+        x_dot = x_dot + cosine * vx - sine * vy
+        y_dot = y_dot + sine * vx + cosine * vy
+        angle = angle + phi
+        rate = rate + phi_dot
+    tip[0] = x
+    tip[1] = y
+    tip[2] = angle
+    tip[3] = x_dot
+    tip[4] = y_dot
+    tip[5] = rate
+
+
+@compiled
+def energies(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    body_poses: Array,
+    tip: Array,
+    energy: Array,
+) -> None:
+    """Fill ``energy`` (3,): kinetic, strain, gravity, in J; zero gravity energy at the base.
+
+    Also fills ``body_poses`` and ``tip`` as ``poses`` does.
+    """
+    c = constants
+    poses(sizes, constants, state, body_poses, tip)
+    kinetic = 0.0
+    strain = 0.0
+    potential = 0.0
+    last = len(sizes.bodies) - 1
+    for i in range(len(sizes.bodies)):
+        angle = body_poses[i, 2]
+        w = body_poses[i, 5]
+        cosine = cos(angle)
+        sine = sin(angle)
+        Vx = cosine * body_poses[i, 3] + sine * body_poses[i, 4]
+        Vy = cosine * body_poses[i, 4] - sine * body_poses[i, 3]
+        s = c.first_moment_y[i]
+        s_dot = 0.0
+        spread = 0.0
+        turning = 0.0  # a . eta_dot
+        modal = 0.0  # |eta_dot|^2
+        for j in range(len(sizes.modes)):
+            eta = state[0, i, 1 + j]
+            eta_dot = state[1, i, 1 + j]
+            s += c.S[i, j] * eta
+            s_dot += c.S[i, j] * eta_dot
+            gamma_eta = eta
+            for k in range(len(sizes.centrifugal)):
+                gamma_eta += c.centrifugal[i, j, k] * state[0, i, 1 + k]
+            spread += eta * gamma_eta
+            turning += c.a[i, j] * eta_dot
+            modal += eta_dot * eta_dot
+            strain += 0.5 * c.w2[i, j] * eta * eta
+        first_moment = c.first_moment_x[i]
+        mu_dot = 0.0
+        for j in range(len(sizes.geometric)):
+            for k in range(len(sizes.geometric)):
+                first_moment -= 0.5 * state[0, i, 1 + j] * c.D0[i, j, k] * state[0, i, 1 + k]
+                mu_dot -= state[1, i, 1 + j] * c.D0[i, j, k] * state[0, i, 1 + k]
+        kinetic += 0.5 * c.mass[i] * (Vx * Vx + Vy * Vy)
+        kinetic += Vx * (mu_dot - w * s) + Vy * (w * first_moment + s_dot)
+        kinetic += 0.5 * w * w * (c.inertia[i] + spread) + w * turning + 0.5 * modal
+        # Centre of mass times mass, in world axes.
+        mx = c.mass[i] * body_poses[i, 0] + cosine * first_moment - sine * s
+        my = c.mass[i] * body_poses[i, 1] + sine * first_moment + cosine * s
+        # What the tip carries.
+        if i == last:
+            tx = tip[0]
+            ty = tip[1]
+            tx_dot = tip[3]
+            ty_dot = tip[4]
+        else:
+            tx = body_poses[i + 1, 0]
+            ty = body_poses[i + 1, 1]
+            tx_dot = body_poses[i + 1, 3]
+            ty_dot = body_poses[i + 1, 4]
+        tip_rate = w + body_poses[i, 9]
+        kinetic += 0.5 * c.tip_mass[i] * (tx_dot * tx_dot + ty_dot * ty_dot)
+        kinetic += 0.5 * c.tip_inertia[i] * tip_rate * tip_rate
+        mx += c.tip_mass[i] * tx
+        my += c.tip_mass[i] * ty
+        potential -= c.gravity[0] * mx + c.gravity[1] * my
+    energy[0] = kinetic
+    energy[1] = strain
+    energy[2] = potential
+
+
+@compiled
+def observe_many(
+    sizes: Sizes,
+    constants: ArmConstants,
+    states: Array,
+    body_poses: Array,
+    tips: Array,
+    energy: Array,
+) -> None:
+    """Poses (k, n, 10), tips (k, 6) and energies (k, 3) of many states (k, 2, n, 1 + m)."""
+    for k in range(states.shape[0]):
+        energies(sizes, constants, states[k], body_poses[k], tips[k], energy[k])

@@ -1,0 +1,77 @@
+"""Exact derivatives of the kernels by complex perturbation.
+
+A perturbation of 1e-30 i leaves the real part as it is and carries the derivative in the imaginary
+part, free of subtraction: exact to rounding (Squire and Trapp, SIAM Review 40 (1998) 110-112).
+"""
+
+from __future__ import annotations
+
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
+from flexarm.kernels.newton_euler import inverse_dynamics
+
+#: Small enough that its square vanishes beside any number, far from the smallest double.
+STEP = 1e-30
+
+
+@compiled
+def forward_jacobian(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    torque: Array,
+    tip_force: Array,
+    work: Workspace,
+    by_state: Array,
+    by_torque: Array,
+) -> None:
+    """Derivatives of the accelerations; ``state``, ``torque``, ``work`` are complex.
+
+    ``by_state`` (n, 1 + m, 2, n, 1 + m): derivative by coordinates (0) and rates (1);
+    ``by_torque`` (n, 1 + m, n). Derivatives by padded and fixed coordinates mean nothing.
+    """
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                kept = state[level, i, j]
+                state[level, i, j] = kept + STEP * 1j
+                forward_dynamics(sizes, constants, state, torque, tip_force, work)
+                state[level, i, j] = kept
+                for k in range(len(sizes.bodies)):
+                    for p in range(1 + len(sizes.modes)):
+                        by_state[k, p, level, i, j] = work.acceleration[k, p].imag / STEP
+    for i in range(len(sizes.bodies)):
+        kept = torque[i]
+        torque[i] = kept + STEP * 1j
+        forward_dynamics(sizes, constants, state, torque, tip_force, work)
+        torque[i] = kept
+        for k in range(len(sizes.bodies)):
+            for p in range(1 + len(sizes.modes)):
+                by_torque[k, p, i] = work.acceleration[k, p].imag / STEP
+
+
+@compiled
+def potential_hessian(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    acceleration: Array,
+    tip_force: Array,
+    work: Workspace,
+    K: Array,
+) -> None:
+    """Hessian ``K`` (n, 1 + m, n, 1 + m) of strain and gravity energy.
+
+    ``state`` and ``work`` complex; rates and ``acceleration`` (n, 1 + m) zero: then the inverse
+    dynamics is the gradient.
+    """
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            kept = state[0, i, j]
+            state[0, i, j] = kept + STEP * 1j
+            inverse_dynamics(sizes, constants, state, acceleration, tip_force, work)
+            state[0, i, j] = kept
+            for k in range(len(sizes.bodies)):
+                for p in range(1 + len(sizes.modes)):
+                    K[k, p, i, j] = work.force[k, p].imag / STEP

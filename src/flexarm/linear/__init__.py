@@ -1,0 +1,5 @@
+"""Linear models: modes of vibration."""
+
+from flexarm.linear.modal import Modes, modes
+
+__all__ = ["Modes", "modes"]

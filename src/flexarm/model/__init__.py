@@ -1,0 +1,31 @@
+"""What the user says: arms and scenarios, in Python and in files. No numerics, no NumPy."""
+
+from flexarm.model.damping import ModalDamping as ModalDamping
+from flexarm.model.damping import RayleighDamping as RayleighDamping
+from flexarm.model.drives import JointPDDrive as JointPDDrive
+from flexarm.model.drives import NoDrive as NoDrive
+from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
+from flexarm.model.drives import TorqueDrive as TorqueDrive
+from flexarm.model.files import file_text as file_text
+from flexarm.model.files import load_arm_spec as load_arm_spec
+from flexarm.model.files import load_scenario as load_scenario
+from flexarm.model.files import save_arm_spec as save_arm_spec
+from flexarm.model.files import save_scenario as save_scenario
+from flexarm.model.joints import Joint as Joint
+from flexarm.model.joints import Payload as Payload
+from flexarm.model.links import Gauge as Gauge
+from flexarm.model.links import Link as Link
+from flexarm.model.motions import JointMotionSpec as JointMotionSpec
+from flexarm.model.motions import LineMotionSpec as LineMotionSpec
+from flexarm.model.scenario import InitialState as InitialState
+from flexarm.model.scenario import RunSettings as RunSettings
+from flexarm.model.scenario import Scenario as Scenario
+from flexarm.model.schema import json_schema as json_schema
+from flexarm.model.sections import MATERIALS as MATERIALS
+from flexarm.model.sections import Box as Box
+from flexarm.model.sections import Circle as Circle
+from flexarm.model.sections import Material as Material
+from flexarm.model.sections import Rectangle as Rectangle
+from flexarm.model.sections import SectionTable as SectionTable
+from flexarm.model.sections import Tube as Tube
+from flexarm.model.spec import ArmSpec as ArmSpec

@@ -1,0 +1,53 @@
+"""Structural damping of a link, diagonal in the link's own modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Fraction, NonNegative, OneOrMany
+from flexarm.model.wording import Fault
+
+
+class ModalDamping(Record):
+    """A damping ratio for each mode of the link, root clamped and tip free."""
+
+    kind: Literal["modal"] = "modal"
+    ratio: OneOrMany[Fraction] = Field(
+        description="Fraction of critical damping: one for all modes, or one for each from the "
+        "lowest, the last of them for all modes above."
+    )
+
+    _hints: ClassVar[dict[str, str]] = {
+        "ratio": "A ratio is a fraction: 0.01 is one per cent of critical damping."
+    }
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("ratio") and given.ratio == ():
+            yield Fault(("ratio",), "hold a number for at least the lowest mode", "empty")
+
+    def ratios(self, modes: int) -> tuple[float, ...]:
+        """Return the ratio of each of a link's `modes`, from the lowest."""
+        if isinstance(self.ratio, float):
+            return (self.ratio,) * modes
+        missing = modes - len(self.ratio)
+        return (*self.ratio[:modes], *(self.ratio[-1],) * missing)
+
+
+class RayleighDamping(Record):
+    """Damping matrix ``mass_coefficient * M + stiffness_coefficient * K`` of the link."""
+
+    kind: Literal["rayleigh"] = "rayleigh"
+    mass_coefficient: NonNegative = Field(
+        default=0.0, description="Factor of the mass matrix (1/s)."
+    )
+    stiffness_coefficient: NonNegative = Field(
+        default=0.0, description="Factor of the stiffness matrix (s); alone, Kelvin-Voigt damping."
+    )
+
+
+Damping = Annotated[ModalDamping | RayleighDamping, Field(discriminator="kind")]

@@ -1,0 +1,250 @@
+"""Arm files and scenario files: read strictly, every problem with its line; written atomically."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from flexarm.errors import ModelError, Problem, shown
+from flexarm.model.checks import Record, faults_of
+from flexarm.model.scenario import Scenario
+from flexarm.model.sections import MATERIALS, Material
+from flexarm.model.spec import ArmSpec
+from flexarm.model.wording import Path, suggestion
+from flexarm.model.yaml_text import Document, parse, to_yaml
+
+FILE_VERSION = 1
+
+_KEYS = ("flexarm", *Scenario.model_fields)
+_MOST_BYTES = 100_000_000  # no description is longer; keeps endless devices out
+
+AnyPath = str | os.PathLike[str]
+R = TypeVar("R", bound=Record)
+
+
+def load_arm_spec(path: AnyPath) -> ArmSpec:
+    """Read the arm of an arm file, or of a scenario file whose other parts are not looked at.
+
+    Raises:
+        ModelError: the file cannot be read or describes no arm; lists every problem with its line.
+    """
+    problems: list[Problem] = []
+    document = _read(FilePath(path))
+    holder = _holder_of_arm(document, problems, ())
+    spec = None
+    if holder is not None:
+        spec = _checked(ArmSpec, holder.value["arm"], ("arm",), holder.where, problems)
+    if spec is None or problems:
+        raise ModelError(*_in_order(document.file, problems))
+    return spec
+
+
+def load_scenario(path: AnyPath) -> Scenario:
+    """Read a scenario file; its `arm` may be the path of another file, relative to it.
+
+    Raises:
+        ModelError: the file or the arm file it names is wrong; lists every problem with its line.
+    """
+    document = _read(FilePath(path))
+    problems: list[Problem] = []
+    holder = _holder_of_arm(document, problems, ())
+    content = {key: document.value[key] for key in Scenario.model_fields if key in document.value}
+    content["arm"] = holder.value["arm"] if holder else None
+
+    def where(place: Path) -> str:
+        return (holder if holder and place[:1] == ("arm",) else document).where(place)
+
+    told = () if holder else ("arm",)
+    scenario = _checked(Scenario, content, (), where, problems, told)
+    if scenario is None or problems:
+        raise ModelError(*_in_order(document.file, problems))
+    return scenario
+
+
+def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
+    """Write an arm file; `load_arm_spec` reads it back equal.
+
+    Values equal to their defaults are left out. The file appears complete or not at all.
+
+    Raises:
+        ModelError: the file cannot be written.
+    """
+    _write(FilePath(path), file_text(spec))
+
+
+def save_scenario(scenario: Scenario, path: AnyPath) -> None:
+    """Write a scenario file, the arm inside; see `save_arm_spec`.
+
+    Raises:
+        ModelError: the file cannot be written.
+    """
+    _write(FilePath(path), file_text(scenario))
+
+
+def file_text(record: ArmSpec | Scenario) -> str:
+    """Return the text of the file that describes an arm or a scenario."""
+    content = _content(record)
+    parts = {"arm": content} if isinstance(record, ArmSpec) else content
+    return to_yaml({"flexarm": FILE_VERSION, **parts})
+
+
+def _checked(
+    kind: type[R],
+    value: Any,
+    inside: Path,
+    where: Callable[[Path], str],
+    problems: list[Problem],
+    told: Path = (),
+) -> R | None:
+    """Make a record of the value found at `inside`; add what is wrong with it to `problems`.
+
+    Nothing is said about the place `told`, which has been complained about before.
+    """
+    try:
+        return kind.model_validate(value)
+    except ValidationError as error:
+        for fault in faults_of(error):
+            place = (*inside, *fault.path)
+            if not told or place != told:
+                problems.append(replace(fault, path=place).problem(where(place), "the file"))
+        return None
+
+
+def _holder_of_arm(
+    document: Document, problems: list[Problem], came_from: tuple[FilePath, ...]
+) -> Document | None:
+    """Follow ``arm: other.yaml`` to the file that describes the arm; None where none does."""
+    problems += document.problems
+    problems += _head_problems(document)
+    if "arm" not in document.value:
+        problems.append(Problem(document.where(()), "arm", "be given", "missing"))
+        return None
+    named = document.value["arm"]
+    if not isinstance(named, str):
+        return document
+    here = document.where(("arm",))
+    came_from = (*came_from, document.file.resolve())
+    other = document.file.parent / named
+    if other.resolve() in came_from:
+        problems.append(Problem(here, "arm", "lead to an arm", "a circle of files"))
+        return None
+    try:
+        return _holder_of_arm(_read(other), problems, came_from)
+    except ModelError as error:
+        told = f"It is named in {here}."
+        problems += [replace(p, hint=f"{p.hint} {told}".strip()) for p in error.problems]
+        return None
+
+
+def _head_problems(document: Document) -> list[Problem]:
+    """Return what is wrong with the version and the names of the top-level keys."""
+    problems = [
+        Problem(document.where((key,)), key, "be a known key", "unknown", suggestion(key, _KEYS))
+        for key in document.value
+        if key not in _KEYS
+    ]
+    where = document.where(("flexarm",))
+    if "flexarm" not in document.value:
+        hint = f"Begin the file with `flexarm: {FILE_VERSION}`, the version of its format."
+        return [Problem(where, "flexarm", "be given", "missing", hint), *problems]
+    version = document.value["flexarm"]
+    if version != FILE_VERSION or not isinstance(version, int) or isinstance(version, bool):
+        newer = isinstance(version, int) and version > FILE_VERSION
+        hint = "The file is for a newer flexarm: upgrade flexarm." if newer else ""
+        rule = f"be {FILE_VERSION}, the version of the file format"
+        return [Problem(where, "flexarm", rule, shown(version), hint), *problems]
+    return problems
+
+
+def _in_order(first: FilePath, problems: list[Problem]) -> list[Problem]:
+    """Sort problems as their lines stand in the files, those of the file `first` first."""
+
+    def place(problem: Problem) -> tuple[int, int]:
+        file, _, line = problem.where.rpartition(":")
+        return files.index(file), int(line) if line.isdigit() else 0
+
+    named = [problem.where.rpartition(":")[0] for problem in problems]
+    files = list(dict.fromkeys([str(first), *named]))
+    return sorted(problems, key=place)
+
+
+def _read(file: FilePath) -> Document:
+    """Read a YAML file whose content is a mapping."""
+    try:
+        with open(file, "rb") as stream:
+            raw = stream.read(_MOST_BYTES + 1)
+    except FileNotFoundError:
+        raise ModelError(Problem(str(file), "the file", "exist", "missing", _near(file))) from None
+    except IsADirectoryError:
+        raise ModelError(Problem(str(file), "the file", "be a file", "a directory")) from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ModelError(Problem(str(file), "the file", "be readable", f"not: {reason}")) from None
+    if len(raw) > _MOST_BYTES:
+        rule = f"be at most {_MOST_BYTES // 10**6} MB long"
+        raise ModelError(Problem(str(file), "the file", rule, "longer"))
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        where = f"{file}:{line}"
+        raise ModelError(Problem(where, "the file", "be text in UTF-8", "something else")) from None
+    document = parse(file, text)
+    if not isinstance(document.value, dict):
+        rule, value = "be a mapping of keys to values", shown(document.value)
+        raise ModelError(Problem(document.where(()), "the file", rule, value))
+    return document
+
+
+def _near(file: FilePath) -> str:
+    """Return a sentence naming a file beside the missing one with nearly its name."""
+    import difflib
+
+    try:
+        names = {FilePath(name).stem: name for name in sorted(os.listdir(file.parent))}
+    except OSError:
+        return ""
+    near = difflib.get_close_matches(file.stem, names, n=1)
+    return f"Did you mean {str(file.with_name(names[near[0]]))!r}?" if near else ""
+
+
+def _content(value: Any) -> Any:
+    """Return what a file says for a value of a record, defaults left out."""
+    if isinstance(value, Material) and value in MATERIALS.values():
+        return next(name for name, preset in MATERIALS.items() if preset == value)
+    if isinstance(value, Record):
+        fields = type(value).model_fields
+        told = {
+            name: _content(part)
+            for name, part in value
+            if name in value.model_fields_set and part != fields[name].default
+        }
+        kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
+        return {**kind, **told}
+    return [_content(part) for part in value] if isinstance(value, tuple) else value
+
+
+def _write(file: FilePath, text: str) -> None:
+    """Put a text file in place in one step, so that nobody ever reads half of it."""
+    target = FilePath(os.path.realpath(file))  # replace what a link points to, not the link
+    beside = target.with_name(f".{target.name}.{os.urandom(4).hex()}.tmp")
+    try:
+        try:
+            with open(beside, "x", encoding="utf-8", newline="\n") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            if target.exists():
+                shutil.copymode(target, beside)
+            os.replace(beside, target)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        reason = f"not: {error.strerror or error}"
+        raise ModelError(Problem(str(file), "the file", "be writable", reason)) from None

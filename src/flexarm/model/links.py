@@ -1,0 +1,232 @@
+"""A link: an Euler-Bernoulli beam, or a rigid bar, between two joints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Annotated
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.damping import Damping
+from flexarm.model.quantities import Count, Flag, Listed, NonNegative, Number, Positive, plain
+from flexarm.model.sections import MaterialOrName, Section, SectionTable
+from flexarm.model.wording import Fault, refuse
+
+MOST_ELEMENTS = 256
+
+_CONSTANTS = ("flexural_rigidity", "mass_per_length", "rotary_inertia_per_length")
+_WAYS = (
+    "A link is described by flexural_rigidity and mass_per_length, by material and section, "
+    "or by table."
+)
+
+
+def _affordable(elements: int) -> int:
+    if elements > MOST_ELEMENTS:
+        hint = (
+            "The modal basis of a link is dense: more elements cost more memory and rounding than "
+            "they add accuracy."
+        )
+        raise refuse(f"be at most {MOST_ELEMENTS}", elements, hint)
+    return elements
+
+
+Elements = Annotated[
+    int,
+    Field(strict=True, ge=1, json_schema_extra={"maximum": MOST_ELEMENTS}),
+    AfterValidator(_affordable),
+    BeforeValidator(plain),
+]
+
+
+class Gauge(Record):
+    """A strain gauge; it reads ``-distance * v''`` at its station."""
+
+    station: NonNegative = Field(description="Distance from the root along the link (m).")
+    distance: Number = Field(
+        description="Distance from the neutral axis, positive on the side of +y (m)."
+    )
+
+
+class Link(Record):
+    """A link, described in exactly one of three ways.
+
+    Constants (`flexural_rigidity` and `mass_per_length`), `material` and `section`, or a `table`
+    along the link. A rigid link (``flexible=False``) needs no `flexural_rigidity` and ignores
+    `elements`, `modes` and `damping`.
+    """
+
+    length: Positive = Field(description="Length (m).")
+    flexural_rigidity: Positive | None = Field(
+        default=None, description="Constant bending stiffness E I (N m^2)."
+    )
+    mass_per_length: NonNegative | None = Field(
+        default=None, description="Constant mass per length (kg/m)."
+    )
+    rotary_inertia_per_length: NonNegative | None = Field(
+        default=None, description="Constant rotary inertia rho I of the section per length (kg m)."
+    )
+    material: MaterialOrName | None = Field(
+        default=None, description="Material, or the name of a preset: steel, aluminium."
+    )
+    section: Section | None = Field(
+        default=None, description="Cross-section, the same along the link."
+    )
+    table: SectionTable | None = Field(
+        default=None, description="Section properties along the link."
+    )
+    elements: Elements = Field(default=4, description="Number of equal beam elements.")
+    modes: Count | None = Field(
+        default=None,
+        description="Number of reduced modes kept; all 2 * elements coordinates where left out.",
+    )
+    flexible: Flag = Field(default=True, description="Whether the link bends.")
+    rotary_inertia: Flag | None = Field(
+        default=None,
+        description="Whether the section's rotary inertia counts; where left out, it counts if "
+        "material and section, a table's column or rotary_inertia_per_length give it.",
+    )
+    damping: Damping | None = Field(
+        default=None, description="Structural damping; none where left out."
+    )
+    gauges: Listed[Gauge] = Field(default=(), description="Strain gauges on the link.")
+
+    @property
+    def coordinates(self) -> int:
+        """Number of elastic coordinates: 0 for a rigid link, `modes`, or ``2 * elements``."""
+        if not self.flexible:
+            return 0
+        return self.modes or 2 * self.elements
+
+    def beam(self) -> SectionTable:
+        """Return the section properties along the link, whichever way it is described.
+
+        Returns:
+            A table from 0 to `length` with at least two points and a column of rotary inertia,
+            zero where switched off; a rigid link may have no `flexural_rigidity`.
+        """
+        x, rigidity, mass, rotary = self._columns()
+        if self.rotary_inertia is False or rotary is None:
+            rotary = (0.0,) * len(x)
+        return SectionTable(
+            x=x,
+            flexural_rigidity=rigidity,
+            mass_per_length=mass,
+            rotary_inertia_per_length=rotary,
+        )
+
+    def _columns(self) -> tuple[_Column, _Column | None, _Column, _Column | None]:
+        """Return x, flexural rigidity, mass and rotary inertia per length."""
+        if self.table is not None:
+            # The last point may differ from the length by the rounding of whoever computed it.
+            x = (*self.table.x[:-1], self.length)
+            return (
+                x,
+                self.table.flexural_rigidity,
+                self.table.mass_per_length,
+                self.table.rotary_inertia_per_length,
+            )
+        rigidity, mass = self.flexural_rigidity, self.mass_per_length
+        rotary = self.rotary_inertia_per_length
+        if self.material is not None and self.section is not None:
+            rigidity = self.material.youngs_modulus * self.section.second_moment
+            mass = self.material.density * self.section.area
+            rotary = self.material.density * self.section.second_moment
+        assert mass is not None  # a link without any description is refused
+        return (0.0, self.length), _twice(rigidity), (mass, mass), _twice(rotary)
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from _description_faults(given)
+        yield from _rigid_or_flexible_faults(given)
+        if given.has("rotary_inertia") and given.rotary_inertia:
+            yield from _rotary_inertia_faults(given)
+        if given.has("length", "table"):
+            yield from _table_end_faults(given.length, given.table.x[-1])
+        if given.has("elements"):
+            yield from _modes_faults(given)
+        if given.has("length", "gauges"):
+            for i, gauge in enumerate(given.gauges):
+                if gauge.station > given.length:
+                    rule = f"be at most {given.length:.9g}, the length of the link"
+                    yield Fault(("gauges", i, "station"), rule, shown(gauge.station))
+
+
+_Column = Sequence[float]
+
+
+def _twice(value: float | None) -> _Column | None:
+    return None if value is None else (value, value)
+
+
+def _description_faults(given: Given) -> Iterator[Fault]:
+    """Yield what is missing from the link's description, or given a second time."""
+    constants = [name for name in _CONSTANTS if not given.absent(name)]
+    shape = [name for name in ("material", "section") if not given.absent(name)]
+    table = ["table"] if not given.absent("table") else []
+    ways = [names for names in (table, shape, constants) if names]
+    if not ways:
+        yield Fault(("mass_per_length",), "be given", "missing", _WAYS)
+    for names in ways[1:]:
+        for name in names:
+            rule = f"be left out of a link that has {' and '.join(ways[0])}"
+            yield Fault((name,), rule, shown(given.raw(name)), _WAYS)
+    if len(ways) == 1 and len(shape) == 1:
+        other = "section" if shape == ["material"] else "material"
+        yield Fault((other,), f"be given together with {shape[0]}", "missing")
+    if ways == [constants] and given.absent("mass_per_length"):
+        yield Fault(("mass_per_length",), "be given", "missing", _WAYS)
+
+
+def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
+    """Yield what a flexible link lacks to bend and to vibrate."""
+    if not given.has("flexible") or not given.flexible:
+        return
+    hint = "Only a rigid link (flexible: false) does without."
+    constants = all(given.absent(name) for name in ("material", "section", "table"))
+    if constants and not given.absent("mass_per_length") and given.absent("flexural_rigidity"):
+        yield Fault(("flexural_rigidity",), "be given", "missing", hint)
+    if given.has("table") and given.table.flexural_rigidity is None:
+        yield Fault(("table", "flexural_rigidity"), "be given", "missing", hint)
+    hint = "Only a rigid link (flexible: false) may be massless."
+    if given.has("mass_per_length") and given.mass_per_length == 0:
+        yield Fault(("mass_per_length",), "be greater than 0", "0", hint)
+    if given.has("table") and 0 in given.table.mass_per_length:
+        where = ("table", "mass_per_length", given.table.mass_per_length.index(0))
+        yield Fault(where, "be greater than 0", "0", hint)
+
+
+def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
+    """Yield a fault where rotary inertia is asked for and nothing gives it."""
+    in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
+    constants = given.absent("table") and given.absent("material") and given.absent("section")
+    if (given.has("table") and not in_table) or (
+        constants and given.absent("rotary_inertia_per_length")
+    ):
+        rule = "be left out or false where nothing gives it"
+        yield Fault(("rotary_inertia",), rule, "true", "Give rotary_inertia_per_length.")
+
+
+def _table_end_faults(length: float, end: float) -> Iterator[Fault]:
+    """Yield a fault where a table ends before or behind the tip."""
+    if not math.isclose(end, length, rel_tol=1e-9):  # far above rounding, far below a mistake
+        rule = f"end at {length:.9g}, the length of the link"
+        yield Fault(("table", "x"), rule, shown(end), "A table reaches from the root to the tip.")
+
+
+def _modes_faults(given: Given) -> Iterator[Fault]:
+    """Yield a fault where more modes are asked for, or damped, than the link has."""
+    most = 2 * given.elements
+    modes = given.modes if given.has("modes") else None
+    if modes is not None and modes > most:
+        rule = f"be at most {most}, twice the number of elements"
+        yield Fault(("modes",), rule, shown(modes), "Use more elements, or fewer modes.")
+        return
+    ratio = given.damping.ratio if given.has("damping") and given.damping.kind == "modal" else ()
+    kept = modes or most
+    if isinstance(ratio, tuple) and len(ratio) > kept:
+        rule = f"be at most {kept} long, the number of modes of the link"
+        yield Fault(("damping", "ratio"), rule, f"{len(ratio)} long")

@@ -1,0 +1,84 @@
+"""The kinds of values that fields hold: finite numbers, counts, pairs, lists.
+
+Numbers are strict (no text, no booleans) but take NumPy scalars and arrays for the plain Python
+values they hold; lists and tuples are the same to the user and stored as tuples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag
+
+from flexarm.model.wording import refuse
+
+T = TypeVar("T")
+
+
+def plain(value: Any) -> Any:
+    """Return the Python numbers or lists in a NumPy scalar or array, without importing NumPy."""
+    convert = getattr(value, "tolist", None)
+    return convert() if callable(convert) else value
+
+
+def finite(value: Any) -> float:
+    """Accept a real finite number, and neither text nor a boolean in its place."""
+    given = plain(value)
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        hint = "Write the bare number, in SI units." if isinstance(given, str) else ""
+        raise refuse("be a number", given, hint)
+    try:
+        number = float(given)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise refuse("be a finite number", given)
+    return number
+
+
+def length_of(value: Any) -> int | None:
+    """Return the length of a list, a tuple or an array, whatever it holds; None for the rest."""
+    given = plain(value)
+    return len(given) if isinstance(given, list | tuple) else None
+
+
+def _listed(value: Any) -> Any:
+    """Accept lists, tuples and arrays; a set has no order, text is not a list of letters."""
+    given = plain(value)
+    if not isinstance(given, list | tuple):
+        raise refuse("be a list", given)
+    return given
+
+
+def _two(value: Any) -> Any:
+    given = plain(value)
+    if not isinstance(given, list | tuple) or len(given) != 2:
+        raise refuse("be a list of two numbers", given)
+    return given
+
+
+def _one_or_many(value: Any) -> str:
+    return "<list>" if isinstance(plain(value), list | tuple) else "<number>"
+
+
+if TYPE_CHECKING:
+    # What may be given, so that type checkers let lists pass; what is stored is a tuple.
+    Listed = Annotated[Sequence[T], ...]
+else:
+    Listed = Annotated[tuple[T, ...], BeforeValidator(_listed)]
+
+# Bounds stand before the validator of the type: so they reach the number inside, and the schema.
+Number = Annotated[float, BeforeValidator(finite)]
+Positive = Annotated[float, Field(gt=0), BeforeValidator(finite)]
+NonNegative = Annotated[float, Field(ge=0), BeforeValidator(finite)]
+Fraction = Annotated[float, Field(ge=0, le=1), BeforeValidator(finite)]
+Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain)]
+Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain)]
+Word = Annotated[str, Field(strict=True, min_length=1)]
+Pair = Annotated[tuple[Number, Number], BeforeValidator(_two)]
+OneOrMany = Annotated[
+    Annotated[T, Tag("<number>")] | Annotated[Listed[T], Tag("<list>")],
+    Discriminator(_one_or_many),
+]

@@ -1,0 +1,108 @@
+"""A scenario: an arm, what it is asked to do, what drives it, and how the run is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BeforeValidator, Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.drives import Drive, NoDrive
+from flexarm.model.motions import MotionSpec
+from flexarm.model.quantities import Listed, Number, Positive, Word, finite, length_of, plain
+from flexarm.model.spec import ArmSpec
+from flexarm.model.wording import Fault, Path, look
+
+MOST_SAMPLES = 10**8
+Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+
+
+class InitialState(Record):
+    """Where the arm starts, its links straight; where left out, at the start of the motion."""
+
+    joint_angle: Listed[Number] | None = Field(
+        default=None, description="Relative joint angles (rad)."
+    )
+    joint_rate: Listed[Number] | None = Field(
+        default=None, description="Relative joint rates (rad/s); zero where left out."
+    )
+
+
+class RunSettings(Record):
+    """How long to simulate, what to record, and with which integrator."""
+
+    duration: Positive = Field(description="Simulated time (s).")
+    rate: Positive = Field(default=1000.0, description="Samples recorded per second (Hz).")
+    integrator: Word = Field(default="auto", description="Name of the integrator.")
+    rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
+    atol: Positive | None = Field(default=None, description="Absolute tolerance.")
+    step: Positive | None = Field(default=None, description="Step of a fixed-step method (s).")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("duration", "rate") and given.duration * given.rate > MOST_SAMPLES:
+            rule = f"be at most {MOST_SAMPLES / given.duration:g} for this duration"
+            hint = f"More than {MOST_SAMPLES:.0e} samples do not fit into memory."
+            yield Fault(("rate",), rule, shown(given.rate), hint)
+        if given.has("duration", "step") and given.step > given.duration:
+            rule = f"be at most {given.duration:.9g}, the duration of the run"
+            yield Fault(("step",), rule, shown(given.step))
+
+
+class Scenario(Record):
+    """One run, as a file describes it."""
+
+    arm: ArmSpec = Field(description="The arm.")
+    motion: MotionSpec | None = Field(default=None, description="The motion asked for.")
+    drive: Drive = Field(default=NoDrive(), description="What moves the joints.")
+    initial: InitialState = Field(
+        default=InitialState(), description="Where the arm starts; links straight."
+    )
+    run: RunSettings = Field(description="How the run is computed.")
+
+    _hints: ClassVar[dict[str, str]] = {
+        "arm": "In Python, load_arm_spec reads a file.",
+        "run": "It says how long to simulate, for example `run: {duration: 2}`.",
+    }
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        kind = look(given.raw("drive"), "kind")
+        if kind in _FOLLOWING and given.absent("motion"):
+            yield Fault(("motion",), f"be given where drive is {kind}", "missing")
+        joints = length_of(look(given.raw("arm"), "links"))
+        for path, values in _values_per_joint(given):
+            length = length_of(values)
+            if joints and length not in (None, joints):
+                rule = f"have one value for each of the {joints} joints"
+                yield Fault(path, rule, f"{length} long")
+
+
+_FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")
+"""Drives that follow a motion."""
+
+
+def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
+    """Yield what needs as many values as the arm has joints, with its path.
+
+    Looks at what the user wrote, since only lengths matter here: the values may have other faults.
+    """
+    motion, drive, initial = (given.raw(name) for name in ("motion", "drive", "initial"))
+    if look(motion, "kind") == "joint":
+        yield ("motion", "start"), look(motion, "start")
+        yield ("motion", "end"), look(motion, "end")
+    if look(drive, "kind") == "torque":
+        rows = plain(look(drive, "values"))
+        # Rows of the same length have the same problem: the first of them stands for all.
+        seen: set[int | None] = set()
+        for i, row in enumerate(rows if isinstance(rows, list | tuple) else ()):
+            if length_of(row) not in seen:
+                yield ("drive", "values", i), row
+            seen.add(length_of(row))
+    if look(drive, "kind") == "joint_pd":
+        yield ("drive", "proportional"), look(drive, "proportional")
+        yield ("drive", "derivative"), look(drive, "derivative")
+    yield ("initial", "joint_angle"), look(initial, "joint_angle")
+    yield ("initial", "joint_rate"), look(initial, "joint_rate")

@@ -1,0 +1,53 @@
+"""JSON schemas of the file formats, from which editors complete and check."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm.errors import ModelError, Problem, shown
+from flexarm.model.files import FILE_VERSION
+from flexarm.model.scenario import Scenario
+from flexarm.model.sections import MATERIALS
+from flexarm.model.spec import ArmSpec
+from flexarm.model.wording import suggestion
+
+_KINDS = {"arm": ArmSpec, "scenario": Scenario}
+
+
+def json_schema(kind: str = "scenario") -> dict[str, Any]:
+    """Return the JSON schema of a kind of file.
+
+    Args:
+        kind: ``"scenario"``, which is right for arm files too (only `flexarm` and `arm` are
+            required), or ``"arm"``, which knows no other keys.
+
+    Raises:
+        ModelError: there is no such kind of file.
+    """
+    if kind not in _KINDS:
+        rule = f"be one of {', '.join(map(repr, _KINDS))}"
+        hint = suggestion(kind, _KINDS) if isinstance(kind, str) else ""
+        raise ModelError(Problem("json_schema", "kind", rule, shown(kind), hint))
+    scenario = Scenario.model_json_schema()
+    definitions = scenario["$defs"]
+    for definition in definitions.values():
+        if "kind" in definition.get("properties", {}):
+            # Pydantic sees a default and calls the key optional; without it a file is refused.
+            definition["required"] = ["kind", *definition.get("required", [])]
+    material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
+    material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before pydantic sees them
+    properties: dict[str, Any] = scenario["properties"]
+    parts = list(properties) if kind == "scenario" else ["arm"]
+    arm = properties["arm"]
+    file = {"type": "string", "description": "An arm file, relative to this file."}
+    properties["arm"] = {"description": arm.pop("description", ""), "anyOf": [arm, file]}
+    version = {"const": FILE_VERSION, "description": "Version of the file format."}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"flexarm {kind} file",
+        "type": "object",
+        "properties": {"flexarm": version, **{part: properties[part] for part in parts}},
+        "required": ["flexarm", "arm"],
+        "additionalProperties": False,
+        "$defs": definitions,
+    }

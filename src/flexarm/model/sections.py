@@ -1,0 +1,219 @@
+"""Materials, cross-sections, and tables of section properties along a link."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Listed, NonNegative, Number, Positive
+from flexarm.model.wording import Fault, refuse, suggestion
+
+
+def _of_a_section(value: float) -> float:
+    """Keep fourth powers of dimensions finite and above zero; beyond this no unit is right."""
+    if not 1e-9 <= value <= 1e3:
+        raise refuse("be between 1e-9 and 1000", value, "Dimensions are in metres.")
+    return value
+
+
+Dimension = Annotated[Positive, AfterValidator(_of_a_section)]
+
+
+class Material(Record):
+    """A homogeneous, isotropic, linearly elastic material."""
+
+    density: Positive = Field(description="Mass per volume (kg/m^3).")
+    youngs_modulus: Positive = Field(description="Young's modulus (Pa).")
+
+
+MATERIALS = {
+    # Round handbook values for structural alloys; a measured modulus belongs in the file.
+    "steel": Material(density=7850.0, youngs_modulus=210e9),
+    "aluminium": Material(density=2700.0, youngs_modulus=70e9),
+}
+
+
+def _by_name(value: Any) -> Any:
+    """Replace the name of a preset by the material."""
+    if not isinstance(value, str):
+        return value
+    if value not in MATERIALS:
+        rule = "be density and youngs_modulus, or the name of a preset"
+        raise refuse(rule, value, suggestion(value, MATERIALS))
+    return MATERIALS[value]
+
+
+MaterialOrName = Annotated[Material, BeforeValidator(_by_name)]
+
+
+class Rectangle(Record):
+    """A solid rectangle; the link bends along its `height`."""
+
+    kind: Literal["rectangle"] = "rectangle"
+    width: Dimension = Field(description="Extent along the bending axis, out of the plane (m).")
+    height: Dimension = Field(
+        description="Extent in the plane of motion, the depth that bends (m)."
+    )
+
+    @property
+    def area(self) -> float:
+        """Area (m^2)."""
+        return self.width * self.height
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area about the bending axis (m^4)."""
+        return self.width * self.height**3 / 12
+
+    @property
+    def depth(self) -> float:
+        """Extent in the plane of motion (m)."""
+        return self.height
+
+
+class Circle(Record):
+    """A solid circle."""
+
+    kind: Literal["circle"] = "circle"
+    diameter: Dimension = Field(description="Diameter (m).")
+
+    @property
+    def area(self) -> float:
+        """Area (m^2)."""
+        return math.pi * self.diameter**2 / 4
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area about the bending axis (m^4)."""
+        return math.pi * self.diameter**4 / 64
+
+    @property
+    def depth(self) -> float:
+        """Extent in the plane of motion (m)."""
+        return self.diameter
+
+
+class Tube(Record):
+    """A circular tube."""
+
+    kind: Literal["tube"] = "tube"
+    outer_diameter: Dimension = Field(description="Outer diameter (m).")
+    thickness: Dimension = Field(description="Wall thickness (m).")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("outer_diameter", "thickness"):
+            yield from _wall_fits(given.thickness, "outer_diameter", given.outer_diameter)
+
+    @property
+    def _inner_diameter(self) -> float:
+        return self.outer_diameter - 2 * self.thickness
+
+    @property
+    def area(self) -> float:
+        """Area of the wall (m^2)."""
+        return math.pi * self.thickness * (self.outer_diameter - self.thickness)
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area of the wall about the bending axis (m^4)."""
+        # pi (D^4 - d^4) / 64, factored so that a thin wall is not a small difference.
+        squares = self.outer_diameter**2 + self._inner_diameter**2
+        return self.area * squares / 16
+
+    @property
+    def depth(self) -> float:
+        """Extent in the plane of motion (m)."""
+        return self.outer_diameter
+
+
+class Box(Record):
+    """A hollow rectangle with a wall of the same thickness all around."""
+
+    kind: Literal["box"] = "box"
+    width: Dimension = Field(description="Outer extent out of the plane of motion (m).")
+    height: Dimension = Field(description="Outer extent in the plane, the depth that bends (m).")
+    thickness: Dimension = Field(description="Wall thickness (m).")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("width", "height", "thickness"):
+            name = "width" if given.width <= given.height else "height"
+            yield from _wall_fits(given.thickness, name, min(given.width, given.height))
+
+    @property
+    def area(self) -> float:
+        """Area of the wall (m^2)."""
+        return 2 * self.thickness * (self.width + self.height - 2 * self.thickness)
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area of the wall about the bending axis (m^4)."""
+        inner_width = self.width - 2 * self.thickness
+        inner_height = self.height - 2 * self.thickness
+        # (B H^3 - b h^3) / 12, with H^3 - h^3 factored so that a thin wall keeps its digits.
+        squares = self.height**2 + self.height * inner_height + inner_height**2
+        return self.thickness * (inner_width * squares + self.height**3) / 6
+
+    @property
+    def depth(self) -> float:
+        """Extent in the plane of motion (m)."""
+        return self.height
+
+
+Section = Annotated[Rectangle | Circle | Tube | Box, Field(discriminator="kind")]
+
+
+class SectionTable(Record):
+    """Section properties at points along a link, linear between the points.
+
+    Only a rigid link does without `flexural_rigidity`.
+    """
+
+    x: Listed[Number] = Field(
+        description="Distances from the root from 0 to the link's length (m)."
+    )
+    flexural_rigidity: Listed[Positive] | None = Field(
+        default=None, description="Bending stiffness E I at each point (N m^2)."
+    )
+    mass_per_length: Listed[NonNegative] = Field(description="Mass per length at each (kg/m).")
+    rotary_inertia_per_length: Listed[NonNegative] | None = Field(
+        default=None, description="Rotary inertia rho I per length at each point (kg m)."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if not given.has("x"):
+            return
+        yield from _points_faults(given.x)
+        points = len(given.x)
+        columns = ("flexural_rigidity", "mass_per_length", "rotary_inertia_per_length")
+        for name in filter(given.has, columns):
+            if len(getattr(given, name)) != points:
+                value = f"{len(getattr(given, name))} long"
+                yield Fault((name,), f"have a value for each of the {points} points of x", value)
+
+
+def _points_faults(x: tuple[float, ...]) -> Iterator[Fault]:
+    """Yield what is wrong with the points of a table."""
+    if len(x) < 2:
+        yield Fault(("x",), "hold at least two points, the root and the tip", f"{len(x)} long")
+        return
+    if x[0] != 0:
+        yield Fault(("x", 0), "be 0", shown(x[0]), "A table starts at the root of the link.")
+    for i, (left, right) in enumerate(pairwise(x)):
+        if right <= left:
+            yield Fault(("x", i + 1), f"be greater than the point before it ({left})", shown(right))
+
+
+def _wall_fits(thickness: float, name: str, outer: float) -> Iterator[Fault]:
+    """Yield a fault where walls of this thickness meet inside an outer dimension."""
+    if thickness >= outer / 2:
+        rule = f"be less than {outer / 2:g}, half of {name}"
+        yield Fault(("thickness",), rule, shown(thickness), "The wall leaves no room inside.")

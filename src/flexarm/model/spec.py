@@ -1,0 +1,73 @@
+"""The arm as its user describes it: links, joints, payload, gravity, theory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from flexarm.model.checks import Given, Record
+from flexarm.model.joints import Joint, Payload
+from flexarm.model.links import Link
+from flexarm.model.quantities import Listed, Pair, length_of, plain
+from flexarm.model.wording import Fault
+
+MOST_LINKS = 256
+
+
+class ArmSpec(Record):
+    """A planar serial arm; joint i turns link i's root against link i-1's tip."""
+
+    links: Listed[Link] = Field(
+        description="Links from the base to the tip.",
+        json_schema_extra={"minItems": 1, "maxItems": MOST_LINKS},
+    )
+    joints: Listed[Joint] = Field(
+        default=(),
+        validate_default=True,
+        description="One joint for each link, at its root; ideal joints where left out.",
+    )
+    payload: Payload = Field(
+        default=Payload(), description="Rigid body at the tip of the last link."
+    )
+    gravity: Pair = Field(
+        default=(0.0, 0.0), description="Acceleration of gravity [x, y] in the world frame (m/s^2)."
+    )
+    theory: Literal["linear", "second_order"] = Field(
+        default="linear",
+        description="Whether bending shortens a link: linear, no; second_order, yes.",
+    )
+
+    _hints: ClassVar[dict[str, str]] = {
+        "gravity": "Gravity that pulls down is [0, -9.81].",
+    }
+
+    @field_validator("joints", mode="before")
+    @classmethod
+    def _ideal_joints(cls, value: Any, info: ValidationInfo) -> Any:
+        """Fill in joints where none are described."""
+        if plain(value) in (None, [], ()):
+            return (Joint(),) * len(info.data.get("links", ()))
+        return value
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        # Lengths are those of what the user wrote: single links and joints may have other faults.
+        links, joints = length_of(given.raw("links")), length_of(given.raw("joints"))
+        if links is not None and not 1 <= links <= MOST_LINKS:
+            yield Fault(("links",), f"be 1 to {MOST_LINKS} links", f"{links} links")
+        if links and joints and joints != links:
+            yield Fault(
+                ("joints",), f"be one joint for each of the {links} links", f"{joints} long"
+            )
+        if links and links == joints and given.has("links", "joints", "payload"):
+            yield from _inertia_faults(given.links[-1], given.joints[-1], given.payload)
+
+
+def _inertia_faults(link: Link, joint: Joint, payload: Payload) -> Iterator[Fault]:
+    """Yield a fault where nothing beyond the last joint resists its torque."""
+    carried = joint.hub_inertia + payload.mass + payload.inertia
+    if carried == 0 and not any(link.beam().mass_per_length):
+        hint = "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+        yield Fault(("payload", "mass"), "be greater than 0 beyond a massless link", "0", hint)

@@ -1,0 +1,185 @@
+"""Pydantic's complaints in this project's words.
+
+A `Fault` is one thing wrong inside a record, at a path relative to it. Faults travel through
+pydantic as custom errors of type ``fault``, so that the ones of nested records keep the words that
+the innermost record, which knows its own keys, chose for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from flexarm.errors import Problem, shown
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+Path = tuple[str | int, ...]
+
+# What the literature calls our keys; too short or too different for a spelling comparison.
+_SYNONYMS = {
+    "e": "youngs_modulus",
+    "ei": "flexural_rigidity",
+    "g": "gravity",
+    "i": "second_moment",
+    "l": "length",
+    "mu": "mass_per_length",
+    "nel": "elements",
+    "rho": "density",
+    "rhoa": "mass_per_length",
+}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing wrong at `path` inside a record: it must `rule`, but is `value`."""
+
+    path: Path
+    rule: str
+    value: str
+    hint: str = ""
+
+    def problem(self, where: str, name: str = "") -> Problem:
+        """Say it to the reader; `name` is used where the fault concerns the whole record."""
+        return Problem(where, path_text(self.path) or name, self.rule, self.value, self.hint)
+
+    def as_pydantic(self) -> PydanticCustomError:
+        """Return the error a pydantic validator raises for it; the path is added by pydantic."""
+        words = {"rule": self.rule, "value": self.value, "hint": self.hint}
+        return PydanticCustomError("fault", "{rule}", words)
+
+    def as_details(self) -> InitErrorDetails:
+        """Return the entry of a `ValidationError` built by hand."""
+        return InitErrorDetails(type=self.as_pydantic(), loc=self.path, input=None)
+
+
+def refuse(rule: str, value: object, hint: str = "") -> PydanticCustomError:
+    """Make the error that a field's own validator raises."""
+    return Fault((), rule, shown(value), hint).as_pydantic()
+
+
+def path_text(path: Path) -> str:
+    """Write a path as users read it: ``links[0].section.width``."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    return text.removeprefix(".")
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return the sentence that names the key or choice nearest to `word`, or all of them."""
+    import difflib
+
+    choices = list(known)
+    synonym = _SYNONYMS.get(word.lower())
+    if synonym in choices:
+        return f"Did you mean {synonym!r}?"
+    by_case = {choice.lower(): choice for choice in choices}
+    near = difflib.get_close_matches(word.lower(), by_case)
+    if near:
+        # Of equally near ones the one that begins alike: arn is arm rather than run.
+        best = max(near, key=lambda choice: _likeness(word.lower(), choice))
+        return f"Did you mean {by_case[best]!r}?"
+    return f"Known: {', '.join(choices)}." if choices else ""
+
+
+def _likeness(word: str, choice: str) -> tuple[float, int]:
+    """Return how near two words are, and how many letters their beginnings share."""
+    import difflib
+
+    ratio = difflib.SequenceMatcher(a=choice, b=word).ratio()
+    alike = [a == b for a, b in zip(word, choice, strict=False)]
+    return ratio, [*alike, False].index(False)
+
+
+def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
+    """Turn one entry of a `ValidationError` of a record into a fault.
+
+    Args:
+        details: the entry, its location relative to the record.
+        data: what the record was made from.
+        known: the record's keys.
+    """
+    path = _without_tags(details["loc"], data)
+    context: dict[str, Any] = details.get("ctx", {})
+    value = details["input"]
+    if details["type"] == "fault":
+        return Fault(path, context["rule"], context["value"], context["hint"])
+    if details["type"] in ("extra_forbidden", "invalid_key"):
+        return Fault(path, "be a known key", "unknown", suggestion(str(path[-1]), known))
+    if details["type"] == "missing":
+        return Fault(path, "be given", "missing")
+    if details["type"].startswith("union_tag"):
+        return _wrong_kind(path, value, context)
+    fault = Fault(path, _rule(details["type"], context) or details["msg"], shown(value))
+    if details["type"] == "literal_error" and isinstance(value, str):
+        near = suggestion(value, _choices(context["expected"]))
+        return replace(fault, hint=near if near.startswith("Did") else "")
+    return fault
+
+
+def _rule(kind: str, context: dict[str, Any]) -> str:
+    """Return what a value must do, for pydantic's error type `kind`; empty if not known."""
+    match kind:
+        case "greater_than":
+            return f"be greater than {context['gt']:g}"
+        case "greater_than_equal":
+            return f"be at least {context['ge']:g}"
+        case "less_than":
+            return f"be less than {context['lt']:g}"
+        case "less_than_equal":
+            return f"be at most {context['le']:g}"
+        case "int_type":
+            return "be a whole number"
+        case "bool_type":
+            return "be true or false"
+        case "string_type" | "string_too_short":
+            return "be a word"
+        case "literal_error":
+            return f"be one of {context['expected'].replace(' or ', ', ')}"
+        case "model_type" | "model_attributes_type":
+            return "be a mapping of keys to values"
+        case _:
+            return ""
+
+
+def _wrong_kind(path: Path, value: Any, context: dict[str, Any]) -> Fault:
+    """Word a tagged union's complaint; without the tag list, pydantic only says it is absent."""
+    if "tag" not in context:
+        return Fault((*path, "kind"), "be given", "missing")
+    choices = _choices(context["expected_tags"])
+    kind = value["kind"] if isinstance(value, dict) else context["tag"]
+    near = suggestion(context["tag"], choices)
+    hint = near if near.startswith("Did") else ""
+    return Fault((*path, "kind"), f"be one of {context['expected_tags']}", shown(kind), hint)
+
+
+def _choices(listed: str) -> list[str]:
+    """Take pydantic's list of choices ("'a', 'b' or 'c'") apart."""
+    return [word.strip(" '") for word in listed.replace(" or ", ",").split(",")]
+
+
+def _without_tags(location: Path, data: object) -> Path:
+    """Drop from a location what pydantic adds for the member of a union it was looking at.
+
+    Tags written ``<...>`` are ours for unions without `kind`; the others equal the `kind` found at
+    that place of `data`.
+    """
+    path: list[str | int] = []
+    for part in location:
+        if isinstance(part, str) and (part.startswith("<") or part == look(data, "kind")):
+            continue
+        path.append(part)
+        data = look(data, part)
+    return tuple(path)
+
+
+def look(data: object, part: str | int) -> object:
+    """Look one step into raw data or into a finished record; None where there is nothing."""
+    if isinstance(data, dict):
+        return data.get(part)
+    if isinstance(data, list | tuple):
+        return data[part] if isinstance(part, int) and part < len(data) else None
+    return getattr(data, part, None) if isinstance(part, str) else None

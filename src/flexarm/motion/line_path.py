@@ -1,0 +1,142 @@
+"""Joint paths q(s) that carry the tip of a rigid arm along a straight line at dp/ds = end - start.
+
+Two links follow in closed form. Longer arms have joints to spare: their path solves
+
+    dq/ds = J^+(q) e,    e = end - start,
+
+the least-norm rates (the pseudo-inverse of the tip's Jacobian J), integrated once when the path is
+made and then pulled onto the line by Newton steps wherever it is asked for. Both take their
+derivatives from the posture, so tip and joints agree to rounding:
+
+    dq/ds   = J^+ e
+    d2q/ds2 = -J^+ J' dq/ds + (I - J^+ J) J'^T J^+^T dq/ds,    J' = dJ/ds
+
+The last term is the part of dJ^+/ds that moves no tip; J^+ (a - J' q') alone would not be the
+derivative of the least-norm rate. It vanishes for two links.
+
+References:
+    G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432, for the derivative of J^+.
+    D. E. Whitney, IEEE Trans. Man-Mach. Syst. 10 (1969) 47-53, for resolved rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.motion.inverse_kinematics import elbow_angle, shoulder_offset
+from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate, tip_position
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Posture = Callable[[Floats], Floats]
+
+SMALLEST_STRETCH = 1e-4
+"""Smallest singular value of J, as a fraction of the reach, at which a posture is still used. A
+straight arm a millionth of its reach short of the boundary has about a thousandth."""
+ODE_TOLERANCE = 1e-12
+"""Of the least-norm path, far below the 1e-9 to which its rates should agree with it."""
+LONGEST_STEP = 1.0 / 64.0
+"""The solver's interpolant has order 7: with this step its error stays below its tolerance."""
+
+
+class SingularPathError(Exception):
+    """The least-norm path meets a posture in which the tip cannot follow the line."""
+
+    def __init__(self, s: float, posture: Floats) -> None:
+        super().__init__(s, posture)
+        self.s = s
+        self.posture = posture
+
+
+def path_derivatives(lengths: Floats, angles: Floats, way: Floats) -> tuple[Floats, Floats]:
+    """Return dq/ds and d2q/ds2, each (T, n), at postures `angles` (T, n) for dp/ds = `way` (2,)."""
+    jacobian = tip_jacobian(lengths, angles)
+    inverse = _pseudo_inverse(jacobian)
+    slope: Floats = inverse @ way
+    turning = tip_jacobian_rate(lengths, angles, slope)
+    idle = _times(_transposed(turning), _times(_transposed(inverse), slope))
+    idle -= _times(inverse, _times(jacobian, idle))
+    return slope, idle - _times(inverse, _times(turning, slope))
+
+
+def two_link_path(lengths: Floats, start: Floats, way: Floats, elbow: str) -> Posture:
+    """Return q(s) -> (T, 2) of a two-link arm, continuous also where the tip passes behind.
+
+    The direction of the tip is measured from that of the start, and a line that misses the base
+    turns it by less than pi; so no angle ever jumps by a turn.
+    """
+    first_direction = np.arctan2(start[1], start[0])
+
+    def posture(s: Floats) -> Floats:
+        point = start + s[:, None] * way
+        across = start[0] * point[:, 1] - start[1] * point[:, 0]
+        turn = np.arctan2(across, point @ start)
+        bend = elbow_angle(lengths, np.hypot(point[:, 0], point[:, 1]), elbow)
+        return np.stack([first_direction + turn - shoulder_offset(lengths, bend), bend], axis=-1)
+
+    return posture
+
+
+def least_norm_path(lengths: Floats, start: Floats, way: Floats, first: Floats) -> Posture:
+    """Return q(s) -> (T, n) along the least-norm path from posture `first` (n,) at `start`.
+
+    Raises:
+        SingularPathError: the path meets a posture in which all links are nearly in one line.
+    """
+    from scipy.integrate import solve_ivp  # slow to import, and two links do not need it
+
+    limit = SMALLEST_STRETCH * float(np.sum(lengths))
+
+    def slope(_s: float, angles: Floats) -> Floats:
+        rates: Floats = _pseudo_inverse(tip_jacobian(lengths, angles)) @ way
+        return rates
+
+    def clearance(_s: float, angles: Floats) -> float:
+        smallest = np.linalg.svd(tip_jacobian(lengths, angles), compute_uv=False)[-1]
+        return float(smallest) - limit
+
+    clearance.terminal = True  # type: ignore[attr-defined]
+    if clearance(0.0, first) <= 0.0:
+        raise SingularPathError(0.0, first)
+    solution = solve_ivp(
+        slope,
+        (0.0, 1.0),
+        first,
+        method="DOP853",
+        rtol=ODE_TOLERANCE,
+        atol=ODE_TOLERANCE,
+        max_step=LONGEST_STEP,
+        dense_output=True,
+        events=clearance,
+    )
+    if solution.status != 0:
+        raise SingularPathError(float(solution.t[-1]), solution.y[:, -1])
+
+    def posture(s: Floats) -> Floats:
+        point = start + s[:, None] * way
+        angles: Floats = solution.sol(s).T
+        for _ in range(2):  # quadratic: 1e-11 becomes 1e-22 before rounding, twice for safety
+            inverse = _pseudo_inverse(tip_jacobian(lengths, angles))
+            angles = angles + _times(inverse, point - tip_position(lengths, angles))
+        return angles
+
+    return posture
+
+
+def _pseudo_inverse(matrices: Floats) -> Floats:
+    return np.asarray(np.linalg.pinv(matrices), dtype=np.float64)
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    """Multiply matrices (T, a, b) with vectors (T, b)."""
+    product: Floats = np.einsum("tab,tb->ta", matrices, vectors)
+    return product
+
+
+def _transposed(matrices: Floats) -> Floats:
+    return np.swapaxes(matrices, -1, -2)

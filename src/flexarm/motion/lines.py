@@ -1,0 +1,171 @@
+"""Straight-line motions of the tip, checked over the whole line before they are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.motion.inverse_kinematics import (
+    check_elbow,
+    check_reach,
+    inverse_kinematics,
+    reach_limits,
+)
+from flexarm.motion.line_path import (
+    SingularPathError,
+    least_norm_path,
+    path_derivatives,
+    two_link_path,
+)
+from flexarm.motion.motion import JointState, Motion, checked_times
+from flexarm.motion.timing import TimingLaw, timing_law
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from flexarm.arm import Arm
+    from flexarm.motion.line_path import Posture
+
+    Floats = NDArray[np.float64]
+
+MARGIN = 1e-6
+"""Distance a line keeps from the boundary of the reach, as a fraction of the reach. On the boundary
+joint accelerations are infinite, at rest too; here rates are a thousand times those of mid-reach,
+which the user may want to see, and the closed form still has ten digits."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineMotion(Motion):
+    """The tip of the rigid arm runs along a straight line, start + s (end - start).
+
+    Attributes:
+        start, end: world points (2,), m.
+        posture: q(s), (T,) -> (T, n).
+    """
+
+    lengths: Floats = field(repr=False)
+    start: Floats
+    end: Floats
+    duration: float
+    law: TimingLaw
+    start_time: float
+    posture: Posture = field(repr=False)
+
+    def path(self, s: Floats) -> JointState:
+        """Return the postures along the line and their derivatives."""
+        angles = self.posture(s)
+        return JointState(angles, *path_derivatives(self.lengths, angles, self.end - self.start))
+
+
+def line_motion(
+    arm: Arm,
+    start: ArrayLike,
+    end: ArrayLike,
+    duration: float,
+    profile: str | TimingLaw = "quintic",
+    elbow: str = "up",
+    start_time: float = 0.0,
+    posture: ArrayLike | None = None,
+) -> LineMotion:
+    """Move the tip of the rigid arm along a straight line, from rest to rest.
+
+    An arm of three links or more moves its joints with the least-norm rates.
+
+    Args:
+        arm: its link lengths are used; flexible or rigid makes no difference.
+        start: world (x, y), m.
+        end: likewise.
+        duration: s.
+        profile: `"quintic"`, `"trapezoidal"` or a `TimingLaw`.
+        elbow: `"up"` (for two links: relative elbow angle <= 0) or `"down"` (>= 0).
+        start_time: when the motion begins, s.
+        posture: for three links or more, relative joint angles (n,) near which to start; then
+            `elbow` is not used.
+
+    Raises:
+        InputError: some point of the line is out of reach, or so close to the boundary of the reach
+            or to another singular posture that the joints cannot follow; an argument has the wrong
+            shape or value. A start or end at full stretch is refused too: although the tip is at
+            rest there, the elbow angle goes like the square root of the distance to go, which makes
+            its acceleration infinite with the quintic and its rate jump with the trapezoid.
+    """
+    where = "line_motion"
+    duration, start_time = checked_times(where, duration, start_time)
+    law = timing_law(where, profile)
+    lengths = np.array(arm.lengths, dtype=np.float64)
+    start = check_array(where, "start", start, (2,))
+    end = check_array(where, "end", end, (2,))
+    check_elbow(where, elbow)
+    if len(lengths) == 1:
+        rule = "have at least two links to follow a line"
+        hint = "The tip of one link moves on a circle: use joint_motion."
+        raise InputError(Problem(where, "arm", rule, "an arm of one link", hint))
+    check_reach(where, "start", lengths, start)
+    check_reach(where, "end", lengths, end)
+    _check_margins(where, lengths, start, end)
+    first = inverse_kinematics(lengths, start, elbow, posture, where)
+    if len(lengths) == 2:
+        path = two_link_path(lengths, start, end - start, elbow)
+    else:
+        path = _redundant_path(where, lengths, start, end, first)
+    return LineMotion(lengths, start, end, duration, law, start_time, path)
+
+
+def _check_margins(where: str, lengths: Floats, start: Floats, end: Floats) -> None:
+    """Refuse a line that touches the outer boundary of the reach or enters the hole inside it."""
+    inner, outer = reach_limits(lengths)
+    margin = MARGIN * outer
+    for name, point in (("start", start), ("end", end)):  # a line is farthest out at an end
+        distance = float(np.hypot(*point))
+        if distance > outer - margin:
+            rule = f"be less than {outer - margin:.9g} m from the base, short of full stretch"
+            hint = "At full stretch the joints cannot follow a line, not even from rest."
+            raise InputError(Problem(where, name, rule, _place(point, distance), hint))
+    # Three links or more without a hole can pass the base: only their posture can be singular.
+    if inner == 0.0 and len(lengths) > 2:
+        return
+    nearest = _nearest_to_base(start, end)
+    distance = float(np.hypot(*nearest))
+    if distance >= inner + margin:
+        return
+    if inner == 0.0:
+        rule = f"stay at least {margin:.3g} m away from the base"
+        hint = "There the arm is folded and its first joint would have to turn at once."
+    else:
+        rule = f"stay more than {inner + margin:.9g} m from the base, outside the hole"
+        hint = "In the hole no posture exists, and at its rim the folded arm cannot follow."
+    value = f"at its nearest {_place(nearest, distance)}"
+    raise InputError(Problem(where, "line from start to end", rule, value, hint))
+
+
+def _nearest_to_base(start: Floats, end: Floats) -> Floats:
+    """Return the point (2,) of the line that is nearest to the base."""
+    way = end - start
+    square = float(way @ way)
+    s = float(np.clip(-(start @ way) / square, 0.0, 1.0)) if square > 0.0 else 0.0
+    return start + s * way
+
+
+def _place(point: Floats, distance: float) -> str:
+    return f"({point[0]:.6g}, {point[1]:.6g}), {distance:.9g} m from it"
+
+
+def _redundant_path(
+    where: str, lengths: Floats, start: Floats, end: Floats, first: Floats
+) -> Posture:
+    try:
+        return least_norm_path(lengths, start, end - start, first)
+    except SingularPathError as singular:
+        point = start + singular.s * (end - start)
+        problem = Problem(
+            where,
+            "line from start to end",
+            "avoid postures in which all links lie in one line",
+            f"in one at ({point[0]:.6g}, {point[1]:.6g}): joint angles "
+            f"{shown([round(angle, 4) for angle in singular.posture.tolist()])} rad",
+            "Try another posture, the other elbow, or a line farther from the boundary.",
+        )
+        raise InputError(problem) from None

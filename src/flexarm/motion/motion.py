@@ -1,0 +1,184 @@
+"""Motions: joint angles, rates and accelerations as functions of time, from rest to rest.
+
+A motion is a path q(s), s from 0 to 1, run through by a timing law s(u). The contract and the
+chain rule stand here once; a kind of motion says only what its path is.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.motion.kinematics import tip_position
+from flexarm.motion.timing import TimingLaw, timing_law
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from flexarm.arm import Arm
+
+    Floats = NDArray[np.float64]
+
+
+class JointState(NamedTuple):
+    """Relative joint angles (rad), rates (rad/s) and accelerations (rad/s^2), shapes (..., n)."""
+
+    angle: Floats
+    rate: Floats
+    acceleration: Floats
+
+
+class Motion(ABC):
+    """A motion of the joints from rest to rest.
+
+    1. `t` is a time (s) or an array of times (T,); an answer is (n,) or (T, n) accordingly. NaN is
+       refused.
+    2. Before `start_time` the arm rests at the path's first posture, and from `end_time` on at its
+       last: there rates and accelerations are exactly zero.
+    3. Rates and accelerations are the derivatives of the angles, computed from the path's own
+       derivatives and never by differences.
+    4. Between two neighbouring `breaks` everything is smooth. At a break the angles and rates are
+       continuous and the accelerations may jump: there they belong to what follows, and a time
+       any smaller to what came before, so `np.nextafter(t, -np.inf)` asks for the other side.
+
+    A subclass sets the five attributes and defines `path`.
+
+    Attributes:
+        lengths: link lengths (n,) of the rigid arm, m.
+        law: timing law.
+        duration: time from start to end, s.
+        start_time: when it leaves rest, s.
+    """
+
+    lengths: Floats
+    law: TimingLaw
+    duration: float
+    start_time: float
+
+    @abstractmethod
+    def path(self, s: Floats) -> JointState:
+        """Return q, dq/ds and d2q/ds2, each (T, n), at path fractions `s` (T,) in [0, 1]."""
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return len(self.lengths)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Increasing times (s), start and end among them, where the motion is not smooth."""
+        inner = (self.start_time + self.duration * u for u in self.law.breaks[1:-1])
+        return (self.start_time, *inner, self.end_time)
+
+    @property
+    def end_time(self) -> float:
+        """When it is at rest again, s."""
+        return self.start_time + self.duration
+
+    def state(self, t: ArrayLike) -> JointState:
+        """Return angles, rates and accelerations at `t` together: cheaper than one by one."""
+        times = np.asarray(t, dtype=np.float64)
+        if np.any(np.isnan(times)):
+            raise InputError(Problem(type(self).__name__, "t", "be a time", "nan"))
+        flat = times.reshape(-1)
+        # Pieces are found by comparing times, not fractions, so rule 4 holds to the last bit.
+        breaks = np.array(self.breaks)
+        piece = np.searchsorted(breaks, flat, side="right") - 1
+        local = (flat - breaks[piece]) / self.duration
+        s, ds, dds = (part[:, None] for part in self.law.on_pieces(piece, local))
+        q, slope, curve = self.path(s[:, 0])
+        rate = slope * (ds / self.duration)
+        acceleration = (curve * ds**2 + slope * dds) / self.duration**2
+        shape = (*times.shape, self.joints)
+        return JointState(q.reshape(shape), rate.reshape(shape), acceleration.reshape(shape))
+
+    def joint_angle(self, t: ArrayLike) -> Floats:
+        """Return the relative joint angles (n,) or (T, n), rad."""
+        return self.state(t).angle
+
+    def joint_rate(self, t: ArrayLike) -> Floats:
+        """Return the joint rates (n,) or (T, n), rad/s."""
+        return self.state(t).rate
+
+    def joint_acceleration(self, t: ArrayLike) -> Floats:
+        """Return the joint accelerations (n,) or (T, n), rad/s^2."""
+        return self.state(t).acceleration
+
+    def tip(self, t: ArrayLike) -> Floats:
+        """Return the tip (2,) or (T, 2) of the rigid arm in world axes, m."""
+        return tip_position(self.lengths, self.joint_angle(t))
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion(Motion):
+    """All joints run from one posture to another in step: q(s) = start + s (end - start).
+
+    Attributes:
+        start, end: relative joint angles (n,), rad.
+    """
+
+    lengths: Floats = field(repr=False)
+    start: Floats
+    end: Floats
+    duration: float
+    law: TimingLaw
+    start_time: float = 0.0
+
+    def path(self, s: Floats) -> JointState:
+        """Return the straight line through joint space and its derivatives."""
+        way = np.broadcast_to(self.end - self.start, (len(s), self.joints))
+        # Weighted from both ends, so that the last posture is `end` to the bit.
+        angles = np.outer(1.0 - s, self.start) + np.outer(s, self.end)
+        return JointState(angles, way, np.zeros_like(way))
+
+
+def joint_motion(
+    arm: Arm,
+    start: ArrayLike,
+    end: ArrayLike,
+    duration: float,
+    profile: str | TimingLaw = "quintic",
+    start_time: float = 0.0,
+) -> JointMotion:
+    """Move all joints in step, from rest at `start` to rest at `end`.
+
+    Args:
+        arm: its number of joints and link lengths are used.
+        start: relative joint angles (n,), rad.
+        end: likewise.
+        duration: s.
+        profile: `"quintic"`, `"trapezoidal"` or a `TimingLaw`.
+        start_time: when the motion begins, s.
+
+    Raises:
+        InputError: a wrong shape, a number that is not finite, a duration that is not positive, or
+            an unknown profile.
+    """
+    where = "joint_motion"
+    duration, start_time = checked_times(where, duration, start_time)
+    law = timing_law(where, profile)
+    shape = (arm.joints,)
+    return JointMotion(
+        lengths=np.array(arm.lengths, dtype=np.float64),
+        start=check_array(where, "start", start, shape),
+        end=check_array(where, "end", end, shape),
+        duration=duration,
+        law=law,
+        start_time=start_time,
+    )
+
+
+def checked_times(where: str, duration: float, start_time: float) -> tuple[float, float]:
+    """Return both as floats, refusing a duration that is not positive or is lost in rounding."""
+    length = float(check_array(where, "duration", duration, ()))
+    if length <= 0.0:
+        raise InputError(Problem(where, "duration", "be greater than 0 s", shown(length)))
+    begin = float(check_array(where, "start_time", start_time, ()))
+    if begin + 1e-6 * length == begin:
+        rule = f"be small enough to resolve a motion of {length:.6g} s"
+        raise InputError(Problem(where, "start_time", rule, shown(begin)))
+    return length, begin

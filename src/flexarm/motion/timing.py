@@ -1,0 +1,183 @@
+"""Timing laws: how far along its path a motion is, s(u), when a fraction u of its time is over.
+
+A law is a piecewise polynomial from s(0) = 0 to s(1) = 1 that starts and ends at rest, so it can
+check its own algebra and knows exactly where it is not smooth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem, check_array, shown
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Floats = NDArray[np.float64]
+
+ALGEBRA_TOLERANCE = 1e-12
+"""Largest defect of a law's own algebra: coefficients of size 100 rounded a few times."""
+
+
+class Progress(NamedTuple):
+    """Path fraction s and its derivatives s', s'' with respect to the time fraction u."""
+
+    s: Any
+    ds: Any
+    dds: Any
+
+
+@dataclass(frozen=True)
+class TimingLaw:
+    """A piecewise polynomial s(u) on [0, 1], from rest at 0 to rest at 1, never going back.
+
+    Attributes:
+        name: what messages and files call it.
+        breaks: ends of the pieces, `pieces + 1` strictly increasing numbers from 0 to 1. The
+            second or a higher derivative may jump there; inside a piece nothing does.
+        coefficients: for each piece the coefficients of w^0, w^1, ... with w = u - (its start).
+
+    Raises:
+        InputError: the polynomials do not make such a law.
+    """
+
+    name: str
+    breaks: tuple[float, ...]
+    coefficients: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        breaks = check_array(self._where, "breaks", self.breaks, (len(self.coefficients) + 1,))
+        increasing = len(breaks) > 1 and bool(np.all(np.diff(breaks) > 0.0))
+        if not increasing or breaks[0] != 0.0 or breaks[-1] != 1.0:
+            rule = "increase strictly from 0 to 1"
+            raise InputError(Problem(self._where, "breaks", rule, shown(self.breaks)))
+        for piece, row in enumerate(self.coefficients):
+            check_array(self._where, f"coefficients[{piece}]", row, (-1,))
+        self._check_algebra()
+
+    @property
+    def _where(self) -> str:
+        return f"TimingLaw {self.name!r}"
+
+    def __call__(self, u: ArrayLike) -> Progress:
+        """Evaluate the law.
+
+        Args:
+            u: time fractions, any shape; outside [0, 1] the law rests at 0 or 1.
+
+        Returns:
+            s, s' and s'', each of the shape of `u`. At a break s'' belongs to the piece that
+            starts there, and at u = 1 to the rest that follows.
+        """
+        u = np.asarray(u, dtype=np.float64)
+        piece = np.searchsorted(self.breaks, u, side="right") - 1
+        starts = np.concatenate([self.breaks, [0.0]])
+        return self.on_pieces(piece, u - starts[piece])
+
+    def on_pieces(self, piece: NDArray[np.intp], local: Any) -> Progress:
+        """Evaluate the law where the caller knows the piece; complex `local` is allowed.
+
+        Args:
+            piece: index of the piece of each point; -1 is the rest before the law, `pieces` the
+                rest after it.
+            local: u minus the start of that piece, of the same shape; unused in the two rests.
+
+        Returns:
+            s, s' and s'', each of that shape.
+        """
+        rows = self._table[piece]
+        resting = (piece < 0) | (piece >= len(self.coefficients))
+        local = np.where(resting, 0.0, local)  # infinite times are allowed there
+        s = ds = dds = np.zeros_like(local)
+        for power in reversed(range(rows.shape[-1])):  # Horner, differentiated along the way
+            dds = dds * local + 2.0 * ds
+            ds = ds * local + s
+            s = s * local + rows[..., power]
+        return Progress(s, ds, dds)
+
+    @cached_property
+    def _table(self) -> Floats:
+        """Coefficients of all pieces, padded; then the rest after the law and that before it."""
+        width = max(len(row) for row in self.coefficients)
+        padded = [(*row, *[0.0] * (width - len(row))) for row in self.coefficients]
+        return np.array([*padded, np.eye(width)[0], np.zeros(width)])
+
+    def _check_algebra(self) -> None:
+        pieces = len(self.coefficients)
+        index = np.arange(pieces)
+        first = self.on_pieces(index, np.zeros(pieces))
+        last = self.on_pieces(index, np.diff(self.breaks))
+        ends = {
+            "s(0)": (first.s[0], 0.0),
+            "s'(0)": (first.ds[0], 0.0),
+            "s(1)": (last.s[-1], 1.0),
+            "s'(1)": (last.ds[-1], 0.0),
+        }
+        for k in range(pieces - 1):
+            ends[f"s at the start of piece {k + 1}"] = (first.s[k + 1], last.s[k])
+            ends[f"s' at the start of piece {k + 1}"] = (first.ds[k + 1], last.ds[k])
+        problems = [
+            Problem(self._where, name, f"be {want:.15g}", f"{got:.15g}")
+            for name, (got, want) in ends.items()
+            if abs(got - want) > ALGEBRA_TOLERANCE
+        ]
+        slowest = float(np.min(self(np.linspace(0.0, 1.0, 1025)).ds))
+        if slowest < -ALGEBRA_TOLERANCE:
+            problems.append(Problem(self._where, "s'(u)", "never be negative", f"{slowest:.6g}"))
+        if problems:
+            raise InputError(*problems)
+
+
+def quintic() -> TimingLaw:
+    """Build the smoothest common law, s = 10 u^3 - 15 u^4 + 6 u^5: no jump of acceleration."""
+    return TimingLaw("quintic", (0.0, 1.0), ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0),))
+
+
+def trapezoidal(ramp: float = 0.25) -> TimingLaw:
+    """Build the law of constant acceleration, constant rate and constant deceleration.
+
+    Args:
+        ramp: fraction of the time spent speeding up, and again slowing down; from a millionth to
+            0.5, which leaves no constant rate (triangular).
+
+    Raises:
+        InputError: `ramp` is out of that range.
+    """
+    ramp = float(check_array("trapezoidal", "ramp", ramp, ()))
+    if not 1e-6 <= ramp <= 0.5:
+        rule = "be from 1e-06 to 0.5"
+        raise InputError(Problem("trapezoidal", "ramp", rule, shown(ramp)))
+    rate = 1.0 / (1.0 - ramp)
+    half = 0.5 * rate * ramp  # path covered by one ramp
+    last = 1.0 - (1.0 - ramp)  # `ramp` as the rounded break leaves it: the law must end at rest
+    speed_up = (0.0, 0.0, 0.5 * rate / ramp)
+    slow_down = (1.0 - half, rate, -0.5 * rate / last)
+    if ramp == 0.5:
+        return TimingLaw("trapezoidal", (0.0, 0.5, 1.0), (speed_up, slow_down))
+    pieces = (speed_up, (half, rate), slow_down)
+    return TimingLaw("trapezoidal", (0.0, ramp, 1.0 - ramp, 1.0), pieces)
+
+
+TIMING_LAWS: dict[str, TimingLaw] = {"quintic": quintic(), "trapezoidal": trapezoidal()}
+"""Laws a motion can be given by name; the conformance tests run over them."""
+
+
+def timing_law(where: str, profile: str | TimingLaw) -> TimingLaw:
+    """Return the law that `profile` names, or the law it is.
+
+    Raises:
+        InputError: no law has that name.
+    """
+    if isinstance(profile, TimingLaw):
+        return profile
+    if isinstance(profile, str) and profile in TIMING_LAWS:
+        return TIMING_LAWS[profile]
+    rule = f"be a TimingLaw or one of {', '.join(map(repr, TIMING_LAWS))}"
+    near = get_close_matches(str(profile), TIMING_LAWS, n=1)
+    hint = f"Did you mean {near[0]!r}?" if near else ""
+    raise InputError(Problem(where, "profile", rule, shown(profile), hint))

@@ -1,0 +1,15 @@
+"""Files of results and figures: checked before the work, written whole or not at all."""
+
+from flexarm.output.figures import FIGURE_SUFFIXES, write_figure
+from flexarm.output.formats import FORMATS, read_result, write_result
+from flexarm.output.places import check_place, write_text
+
+__all__ = [
+    "FIGURE_SUFFIXES",
+    "FORMATS",
+    "check_place",
+    "read_result",
+    "write_figure",
+    "write_result",
+    "write_text",
+]

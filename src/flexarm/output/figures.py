@@ -1,0 +1,34 @@
+"""Figures to files. Any figure that can save itself will do: Matplotlib stays in ``plot``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+from flexarm.output.places import AnyPath, check_place, write_whole
+
+#: What a figure's file may end in.
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+
+
+class Savable(Protocol):
+    """A Matplotlib figure, or what behaves like one."""
+
+    def savefig(self, fname: Any, /, *, format: str) -> None:
+        """Write the picture to a file."""
+
+
+def write_figure(figure: Savable, path: AnyPath) -> None:
+    """Write a figure in the format that the suffix of ``path`` names.
+
+    The file appears complete or not at all.
+
+    Raises:
+        InputError: unknown suffix, or a path that cannot be written.
+    """
+    place = check_place("write_figure", "path", path, FIGURE_SUFFIXES)
+
+    def save(beside: Path) -> None:
+        figure.savefig(beside, format=place.suffix.lower().removeprefix("."))
+
+    write_whole(place, save)

@@ -1,0 +1,55 @@
+"""The file formats of results, by suffix. To add one: a file beside this, a row in ``FORMATS``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexarm.errors import InputError, Problem, shown
+from flexarm.output.base import Format
+from flexarm.output.csv_table import CSV
+from flexarm.output.netcdf import NETCDF
+from flexarm.output.places import AnyPath, check_place, write_whole
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Every format by the suffix of its files.
+FORMATS: dict[str, Format] = {form.suffix: form for form in (NETCDF, CSV)}
+
+
+def write_result(result: xr.Dataset, path: AnyPath) -> None:
+    """Write the dataset of ``simulate`` in the format that the suffix of ``path`` names.
+
+    The file appears complete or not at all.
+
+    Raises:
+        InputError: unknown suffix, or a path that cannot be written.
+    """
+    place = check_place("write_result", "path", path, FORMATS)
+    form = FORMATS[place.suffix.lower()]
+    write_whole(place, lambda beside: form.write(result, beside))
+
+
+def read_result(path: AnyPath) -> xr.Dataset:
+    """Read back a result that ``write_result`` has written, in a format that keeps all of it.
+
+    Raises:
+        InputError: no such file, or not a result.
+    """
+    suffix = str(path)[str(path).rfind(".") :].lower()
+    form = FORMATS.get(suffix)
+    if form is None or form.read is None:
+        readable = " or ".join(name for name, known in FORMATS.items() if known.read)
+        rule = f"be a {readable} file, which holds all of a result"
+        raise InputError(Problem("read_result", "path", rule, shown(str(path))))
+    try:
+        result = form.read(path)
+    except FileNotFoundError:
+        raise InputError(Problem(str(path), "the file", "exist", "missing")) from None
+    except OSError as error:
+        reason = f"not: {error.strerror or error}"
+        raise InputError(Problem(str(path), "the file", f"be {form.name}", reason)) from None
+    if "flexarm_version" not in result.attrs:
+        rule = "be a result that flexarm has written"
+        raise InputError(Problem(str(path), "the file", rule, f"some other {form.name} file"))
+    return result

@@ -1,0 +1,1 @@
+"""Figures. The only package that imports Matplotlib; it makes figures and saves none."""

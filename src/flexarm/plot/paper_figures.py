@@ -1,0 +1,112 @@
+"""The figures of the paper, one each, all on a page, and the one that the paper has not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+
+from flexarm.plot.paper_data import Histories
+from flexarm.plot.paper_panels import (
+    PANELS,
+    Panel,
+    draw_difference,
+    draw_history,
+    draw_path,
+    draw_theories,
+    draw_torques,
+)
+from flexarm.plot.style import STYLE, Sheet, legend_above, margins, place_labels
+
+Draw = Callable[..., None]
+
+_COLUMN = 4.0  # width of one column of print, inches
+
+
+def _single(draw: Draw, case: Histories, *, legend: bool = True, height: float = 2.4) -> Sheet:
+    sheet = Sheet(_COLUMN, height)
+    with rc_context(STYLE):
+        axes = sheet.subplots()
+        draw(axes, case=case)
+        margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28)
+        place_labels(axes)
+        if legend:
+            legend_above(axes)
+    return sheet
+
+
+def _path(case: Histories) -> Sheet:
+    return _single(draw_path, case, legend=False, height=3.95)
+
+
+def _history(panel: Panel, case: Histories) -> Sheet:
+    return _single(partial(draw_history, panel=panel), case)
+
+
+def _history_name(panel: Panel) -> str:
+    return f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}"
+
+
+#: Figures of the slow case, by the name of their files.
+PAPER_FIGURES: dict[str, Callable[[Histories], Sheet]] = {
+    "fig03_path": _path,
+    "fig04_torques": partial(_single, draw_torques),
+    **{_history_name(panel): partial(_history, panel) for panel in PANELS},
+}
+
+
+def overview(case: Histories) -> Sheet:
+    """Draw all figures of the paper on one page, A4 across.
+
+    Rows of angles, deflections and slopes; in each, link 1 and its rate, link 2 and its rate.
+    """
+    sheet = Sheet(11.69, 8.27)
+    with rc_context(STYLE):
+        margins(sheet, left=0.65, bottom=0.45, right=0.3, top=0.85)
+        rows = sheet.add_gridspec(2, 1, height_ratios=(1.0, 1.75), hspace=0.22)
+        top = rows[0].subgridspec(1, 2, width_ratios=(1.0, 1.6), wspace=0.12)
+        path, torques = (sheet.add_subplot(cell) for cell in top)
+        cells = rows[1].subgridspec(3, 4, wspace=0.34, hspace=0.42)
+        histories = [sheet.add_subplot(cell) for cell in cells]
+        draw_path(path, case)
+        path.set_anchor("W")
+        draw_torques(torques, case)
+        for axes, panel in zip(histories, PANELS, strict=True):
+            draw_history(axes, panel, case)
+            if not axes.get_subplotspec().is_last_row():
+                axes.set_xlabel("")
+        numbers = (3, 4, *(panel.figure for panel in PANELS))
+        for number, axes in zip(numbers, (path, torques, *histories), strict=True):
+            axes.set_title(f"Fig. {number}   {axes.get_title(loc='left')}")
+            place_labels(axes)
+        legend_above(torques)
+        _head(sheet, histories[0], case)
+    return sheet
+
+
+def _head(sheet: Sheet, example: Axes, case: Histories) -> None:
+    """Write the title of a page, and the legend of all its plots."""
+    width, height = sheet.get_size_inches()
+    level = 1.0 - 0.4 / height
+    title = f"Two flexible links, tip sent along a line in {case.duration:g} s"
+    sheet.text(0.65 / width, level, title, fontsize=11.0)
+    handles, labels = example.get_legend_handles_labels()
+    corner = (1.0 - 0.3 / width, level)
+    sheet.legend(handles, labels, loc="lower right", bbox_to_anchor=corner, ncols=2)
+
+
+def theories(case: Histories) -> Sheet:
+    """Draw the two theories and their difference, one below the other."""
+    sheet = Sheet(_COLUMN, 3.4)
+    with rc_context(STYLE):
+        above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
+        margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28, hspace=0.14)
+        draw_theories(above, case)
+        draw_difference(below, case)
+        above.set(xlabel="", xlim=(0.0, 2.0 * case.duration))
+        above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.04))
+        place_labels(above)
+        place_labels(below)
+    return sheet

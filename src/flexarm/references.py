@@ -1,0 +1,62 @@
+"""What to cite: BibTeX of exactly the methods that a result used."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_ENTRIES = {
+    "flexarm": """@software{flexarm,
+  title = {flexarm: planar manipulators with flexible links},
+  author = {{The flexarm developers}},
+  version = {%s}
+}""",
+    "CraigBampton1968": """@article{CraigBampton1968,
+  author = {Craig, R. R. and Bampton, M. C. C.},
+  title = {Coupling of substructures for dynamic analyses},
+  journal = {AIAA Journal}, volume = {6}, number = {7}, pages = {1313--1319}, year = {1968}
+}""",
+    "KaneRyanBanerjee1987": """@article{KaneRyanBanerjee1987,
+  author = {Kane, T. R. and Ryan, R. R. and Banerjee, A. K.},
+  title = {Dynamics of a cantilever beam attached to a moving base},
+  journal = {Journal of Guidance, Control, and Dynamics},
+  volume = {10}, number = {2}, pages = {139--151}, year = {1987}
+}""",
+    "Kutta1901": """@article{Kutta1901,
+  author = {Kutta, W.},
+  title = {Beitrag zur n\\"aherungsweisen Integration totaler Differentialgleichungen},
+  journal = {Zeitschrift f\\"ur Mathematik und Physik},
+  volume = {46}, pages = {435--453}, year = {1901}
+}""",
+    "DormandPrince1980": """@article{DormandPrince1980,
+  author = {Dormand, J. R. and Prince, P. J.},
+  title = {A family of embedded {Runge-Kutta} formulae},
+  journal = {Journal of Computational and Applied Mathematics},
+  volume = {6}, number = {1}, pages = {19--26}, year = {1980}
+}""",
+    "PrinceDormand1981": """@article{PrinceDormand1981,
+  author = {Prince, P. J. and Dormand, J. R.},
+  title = {High order embedded {Runge-Kutta} formulae},
+  journal = {Journal of Computational and Applied Mathematics},
+  volume = {7}, number = {1}, pages = {67--75}, year = {1981}
+}""",
+    "HairerNorsettWanner1993": """@book{HairerNorsettWanner1993,
+  author = {Hairer, E. and N{\\o}rsett, S. P. and Wanner, G.},
+  title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},
+  edition = {2}, publisher = {Springer}, year = {1993}
+}""",
+}
+
+
+def citation(result: xr.Dataset) -> str:
+    """Return BibTeX entries of the package and of the methods that made a result.
+
+    Args:
+        result: dataset of ``simulate``.
+    """
+    keys = ["flexarm", *str(result.attrs.get("references", "")).split()]
+    entries = dict(_ENTRIES)
+    entries["flexarm"] = _ENTRIES["flexarm"] % result.attrs.get("flexarm_version", "")
+    return "\n\n".join(entries[key] for key in keys)

@@ -1,0 +1,40 @@
+"""Every quantity that a result holds: one table for datasets, plots, CSV headers and docs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Channel(NamedTuple):
+    """One quantity over time."""
+
+    name: str
+    dims: tuple[str, ...]  # besides time
+    unit: str
+    meaning: str
+
+
+_TABLE = (
+    Channel("joint_angle", ("joint",), "rad", "joint angle, relative to the tip tangent before it"),
+    Channel("joint_rate", ("joint",), "rad/s", "rate of the joint angle"),
+    Channel("link_angle", ("link",), "rad", "absolute angle of the link's root tangent"),
+    Channel("link_rate", ("link",), "rad/s", "rate of the link angle"),
+    Channel("link_tip_deflection", ("link",), "m", "tip deflection from the root tangent"),
+    Channel("link_tip_slope", ("link",), "rad", "tip rotation from the root tangent"),
+    Channel("link_tip_deflection_rate", ("link",), "m/s", "rate of the tip deflection"),
+    Channel("link_tip_slope_rate", ("link",), "rad/s", "rate of the tip rotation"),
+    Channel("tip", ("axis",), "m", "position of the arm's tip, world axes"),
+    Channel("tip_velocity", ("axis",), "m/s", "velocity of the arm's tip, world axes"),
+    Channel("tip_angle", (), "rad", "absolute angle of the last tip tangent"),
+    Channel("tip_angle_rate", (), "rad/s", "rate of the tip angle"),
+    Channel("torque", ("joint",), "N m", "torque of the joint motors"),
+    Channel("kinetic_energy", (), "J", "kinetic energy"),
+    Channel("strain_energy", (), "J", "strain energy of bending"),
+    Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),
+    Channel("strain", ("gauge",), "1", "strain at the declared gauges"),
+    Channel("q", ("coordinate",), "rad or m kg^0.5", "coordinates: joint angles and modes"),
+    Channel("qd", ("coordinate",), "rad/s or m kg^0.5/s", "rates of the coordinates"),
+)
+
+#: Channels by name.
+CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}

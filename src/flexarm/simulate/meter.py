@@ -1,0 +1,66 @@
+"""A progress bar that appears only where a run takes longer than a second."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+#: Runs shorter than this need no bar (s).
+PATIENCE = 1.0
+
+
+class Meter:
+    """Show how far a run has come, on the error stream.
+
+    Args:
+        label: what is running.
+        shown: True shows the bar even where the stream is no terminal; None only on a terminal;
+            False never.
+    """
+
+    def __init__(self, label: str, shown: bool | None = None) -> None:
+        self._label = label
+        self._wanted = sys.stderr.isatty() if shown is None else shown
+        self._start = time.perf_counter()
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Meter:
+        return self
+
+    def update(self, fraction: float) -> None:
+        """Report the part done, 0 to 1."""
+        if not self._wanted:
+            return
+        if self._bar is None:
+            if time.perf_counter() - self._start < PATIENCE:
+                return
+            self._open()
+        self._bar.update(self._task, completed=fraction)
+
+    def _open(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+        from rich.progress import TimeRemainingColumn as TimeColumn
+
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._task = self._bar.add_task(self._label, total=1.0)
+        self._bar.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()

@@ -1,0 +1,65 @@
+"""The labelled result of a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.integrate.base import FloatArray
+from flexarm.model import file_text
+from flexarm.simulate.channels import CHANNELS
+from flexarm.simulate.record import channels_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def make_result(
+    arm: Arm,
+    times: FloatArray,
+    states: FloatArray,
+    torques: FloatArray,
+    attributes: dict[str, Any],
+) -> xr.Dataset:
+    """Label the samples of a run.
+
+    Args:
+        times: (samples,) s. states: (samples, 2, n, 1 + m). torques: (samples, joints) N m.
+        attributes: plain numbers and strings, so that every file format can keep them.
+    """
+    import xarray as xr
+
+    values = channels_of(arm, states)
+    values["torque"] = torques
+    variables = {
+        name: (("time", *CHANNELS[name].dims), array, _labels(name))
+        for name, array in values.items()
+    }
+    dataset = xr.Dataset(variables, coords=_coordinates(arm, times))
+    dataset.attrs = {**attributes, "arm": file_text(arm.spec)}
+    return dataset
+
+
+def _labels(name: str) -> dict[str, str]:
+    return {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning}
+
+
+def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
+    numbers = np.arange(1, arm.joints + 1)
+    names = []
+    for joint, modes in enumerate(arm.assembly.link_modes, start=1):
+        names.append(f"joint_{joint}")
+        names += [f"link_{joint}_mode_{mode}" for mode in range(1, modes + 1)]
+    coordinates: dict[str, Any] = {
+        "time": ("time", times, {"units": "s", "long_name": "time"}),
+        "joint": ("joint", numbers, {"long_name": "joint, counted from the base"}),
+        "link": ("link", numbers, {"long_name": "link, counted from the base"}),
+        "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
+        "coordinate": ("coordinate", names, {"long_name": "generalised coordinate"}),
+    }
+    if arm.gauges:
+        labels = [f"link {link + 1} at {station:g} m" for link, station, _ in arm.gauges]
+        coordinates["gauge"] = ("gauge", labels, {"long_name": "strain gauge"})
+    return coordinates

@@ -1,0 +1,230 @@
+"""Simulate an arm: the call behind ``flexarm.simulate``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.control import Controller, Reference
+from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray, Progress
+from flexarm.simulate.choice import Choice, choose_integrator
+from flexarm.simulate.meter import Meter
+from flexarm.simulate.result import make_result
+from flexarm.simulate.stepping import ClosedLoop, Run, run_open_loop
+from flexarm.simulate.tolerance import tolerance_of
+from flexarm.simulate.torque_history import (
+    TorqueHistory,
+    constant_torque,
+    function_torque,
+    sampled_torque,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
+RTOL = 1e-7
+ATOL = 1e-9
+#: How much closer than the integrator's tolerance a torque function is followed.
+_TORQUE_SHARE = 1e-2
+
+Torque = ArrayLike | Callable[[float], ArrayLike] | TorqueHistory
+
+
+def simulate(
+    arm: Arm,
+    duration: float,
+    *,
+    torque: Torque | None = None,
+    controller: Controller | None = None,
+    reference: Reference | None = None,
+    plant: Arm | None = None,
+    initial: ArrayLike | None = None,
+    initial_rate: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    integrator: str | Integrator = "auto",
+    rate: float = 1000.0,
+    step: float | None = None,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+    torque_interpolation: str = "cubic",
+    specialized: bool | None = None,
+    progress: bool | None = None,
+) -> xr.Dataset:
+    """Simulate an arm and return its motion, labelled.
+
+    Args:
+        arm: the arm; with ``plant`` given, what the controller believes it to be.
+        duration: s, positive.
+        torque: joint torques, zero by default. An array (samples, joints) at ``rate``, N m, from
+            time zero; or a function of time that returns (joints,), followed closely enough to be
+            exact to the run's tolerance.
+        controller: called at its sample time, the torque held between (see
+            ``flexarm.Controller``); instead of ``torque``.
+        reference: motion for the controller; the arm starts at its beginning.
+        plant: the arm that is really simulated, where it differs from ``arm``.
+        initial: q (dof,), by default straight links at the start of the reference, or of
+            ``torque`` where that comes from a motion, else all angles zero.
+        initial_rate: qd (dof,), zero by default.
+        tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
+        integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
+        rate: samples recorded per second, Hz.
+        step: fixed step, or first step of a method with step control, s.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip.
+        torque_interpolation: "cubic", "linear" or "hold", for a torque array.
+        specialized: True compiles the hot loop for the sizes of this arm (several seconds, once per
+            size and machine; a third faster); None does so in the middle of a long run.
+        progress: True or False shows or hides the bar that long runs get on a terminal.
+
+    Returns:
+        Dataset over ``time`` with the channels of ``flexarm.simulate.channels``.
+
+    Raises:
+        InputError: an argument has the wrong shape, is not finite, or contradicts another.
+        SimulationError: the run stopped early; ``.result`` holds what was computed until then.
+    """
+    where = "simulate"
+    if torque is not None and controller is not None:
+        raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
+    duration = _positive(where, "duration", duration)
+    rate = _positive(where, "rate", rate)
+    rtol = _positive(where, "rtol", rtol)
+    atol = _positive(where, "atol", atol)
+    simulated = plant if plant is not None else arm
+    if simulated.joints != arm.joints:
+        rule = f"have the {arm.joints} joints of the arm"
+        raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
+    choice = choose_integrator(integrator, step)
+    state = _initial_state(simulated, initial, initial_rate, reference, torque)
+    times = np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate
+    with Meter("simulating", progress) as meter:
+        run = Run(
+            arm=simulated,
+            integrator=choice.integrator,
+            tolerance=tolerance_of(simulated, state, atol, rtol),
+            progress=Progress(0.0, state, 0.0),
+            duration=duration,
+            sample_times=times,
+            samples=np.empty((len(times), *state.shape)),
+            tip_force=_force(where, tip_force),
+            meter=meter,
+            specialized=specialized,
+        )
+        if controller is not None:
+            return _closed_loop(run, controller, reference, choice)
+        history = _history(where, torque, duration, rate, arm.joints, rtol, torque_interpolation)
+        return _open_loop(run, history, choice)
+
+
+def _open_loop(run: Run, history: TorqueHistory, choice: Choice) -> xr.Dataset:
+    started = time.perf_counter()
+    try:
+        run_open_loop(run, history)
+    except SimulationError as error:
+        error.result = _result(run, history.at, choice, started, str(error))
+        raise
+    return _result(run, history.at, choice, started)
+
+
+def _closed_loop(
+    run: Run, controller: Controller, reference: Reference | None, choice: Choice
+) -> xr.Dataset:
+    started = time.perf_counter()
+    loop = ClosedLoop(run, controller, reference)
+    try:
+        loop.execute()
+    except SimulationError as error:
+        if loop.ticks:
+            error.result = _result(run, loop.torque_at, choice, started, str(error))
+        raise
+    return _result(run, loop.torque_at, choice, started)
+
+
+def _result(
+    run: Run,
+    torque_at: Callable[[FloatArray], FloatArray],
+    choice: Choice,
+    started: float,
+    failure: str = "",
+) -> xr.Dataset:
+    count = run.progress.sample
+    times = run.sample_times[:count]
+    integrator, progress = run.integrator, run.progress
+    attributes: dict[str, Any] = {
+        "flexarm_version": version("flexarm"),
+        "integrator": integrator.name,
+        "integrator_reason": choice.reason,
+        "rtol": run.tolerance.relative,
+        "atol": run.tolerance.absolute,
+        "steps": progress.steps,
+        "rejected_steps": progress.rejected,
+        "evaluations": progress.evaluations,
+        "wall_seconds": time.perf_counter() - started,
+        "references": " ".join(integrator.reference),
+        "failure": failure,
+    }
+    return make_result(run.arm, times, run.samples[:count], torque_at(times), attributes)
+
+
+def _positive(where: str, name: str, value: float) -> float:
+    number = float(check_array(where, name, value, ()))
+    if number <= 0.0:
+        raise InputError(Problem(where, name, "be greater than 0", shown(value)))
+    return number
+
+
+def _force(where: str, tip_force: ArrayLike | None) -> FloatArray:
+    if tip_force is None:
+        return np.zeros(3)
+    size = 2 if np.shape(tip_force) == (2,) else 3
+    force = check_array(where, "tip_force", tip_force, (size,))
+    return np.append(force, np.zeros(3 - size))
+
+
+def _initial_state(
+    arm: Arm,
+    initial: ArrayLike | None,
+    initial_rate: ArrayLike | None,
+    reference: Reference | None,
+    torque: Torque | None,
+) -> FloatArray:
+    where = "simulate"
+    motion = reference if reference is not None else getattr(torque, "motion", None)
+    if initial is not None:
+        q = check_array(where, "initial", initial, (arm.dof,))
+    elif motion is not None:
+        q = arm.rest(motion.joint_angle(0.0))
+    else:
+        q = arm.rest(np.zeros(arm.joints))
+    qd = np.zeros(arm.dof)
+    if initial_rate is not None:
+        qd = check_array(where, "initial_rate", initial_rate, (arm.dof,))
+    return arm.padded(np.stack([q, qd]))
+
+
+def _history(
+    where: str,
+    torque: Torque | None,
+    duration: float,
+    rate: float,
+    joints: int,
+    rtol: float,
+    interpolation: str,
+) -> TorqueHistory:
+    if torque is None:
+        return constant_torque(np.zeros(joints))
+    if isinstance(torque, TorqueHistory):
+        return torque
+    if callable(torque):
+        share = max(rtol * _TORQUE_SHARE, 1e-12)
+        breaks = getattr(torque, "breaks", ())
+        return function_torque(torque, duration, joints, share, breaks)
+    return sampled_torque(torque, rate, duration, joints, interpolation)

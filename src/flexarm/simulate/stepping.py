@@ -1,0 +1,168 @@
+"""Carry a run through time: open loop, or tick by tick with a controller."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.control import Controller, Measurement, Reference
+from flexarm.errors import SimulationError, check_array
+from flexarm.integrate.base import (
+    Drive,
+    FloatArray,
+    Integrator,
+    Progress,
+    Status,
+    System,
+    Tolerance,
+)
+from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
+from flexarm.simulate.meter import Meter
+from flexarm.simulate.torque_history import TorqueHistory
+
+#: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
+_CALL_SECONDS = 0.1
+#: Compiling for one model size takes about ten seconds and saves a third of each step: worth it
+#: where more than this is still ahead (s). Large sizes gain little: their loops are long anyway.
+_WORTH_COMPILING, _MOST_BODIES, _MOST_MODES = 60.0, 8, 16
+_NO_GAUGES = np.zeros(0)
+
+
+@dataclass
+class Run:
+    """Everything one run needs, and where it stands."""
+
+    arm: Arm
+    integrator: Integrator
+    tolerance: Tolerance
+    progress: Progress
+    duration: float
+    sample_times: FloatArray
+    samples: FloatArray
+    tip_force: FloatArray
+    meter: Meter
+    specialized: bool | None = None  # compile for this model size; None decides by the time ahead
+    max_steps: int = 64
+    started: float = field(default_factory=time.perf_counter)
+
+    def system(self, history: TorqueHistory) -> System:
+        """Join the arm with a torque history (its joints placed at the bodies)."""
+        constants = self.arm.assembly.constants
+        coefficients = self.arm.padded_torque(history.coefficients)
+        drive = Drive(history.breaks, coefficients, history.stops, self.tip_force)
+        sizes = compile_time_sizes if self.specialized else run_time_sizes
+        return System(sizes(constants), constants, drive, new_workspace(constants))
+
+    def _specialize(self, system: System) -> System:
+        """Switch a long run over to code for its own model size; the state does not change."""
+        n, m = system.constants.S.shape
+        if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
+            return system
+        done = self.progress.time / self.duration
+        ahead = (time.perf_counter() - self.started) * (1.0 / max(done, 1e-9) - 1.0)
+        if ahead < _WORTH_COMPILING or time.perf_counter() - self.started < 1.0:
+            return system
+        self.specialized = True
+        return system._replace(sizes=compile_time_sizes(system.constants))
+
+    def carry_to(self, system: System, until: float) -> System:
+        """Advance to a time, or raise ``SimulationError``; return the system to go on with."""
+        while True:
+            started = time.perf_counter()
+            status = self.integrator.advance(
+                system,
+                self.tolerance,
+                self.progress,
+                until,
+                self.sample_times,
+                self.samples,
+                self.max_steps,
+            )
+            if status == Status.DONE:
+                return system
+            if status != Status.PAUSED:
+                raise self._failure(status.sentence)
+            if time.perf_counter() - started < _CALL_SECONDS:
+                self.max_steps *= 2
+            self.meter.update(self.progress.time / self.duration)
+            system = self._specialize(system)
+
+    def _failure(self, reason: str) -> SimulationError:
+        hint = (
+            "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
+            "modes=k on the links; check torques, gains and damping signs."
+        )
+        return SimulationError(self.progress.time, reason, hint, self.state())
+
+    def state(self) -> tuple[FloatArray, FloatArray]:
+        """Return the last good state (q, qd)."""
+        state = self.arm.unpadded(self.progress.state)
+        return state[0], state[1]
+
+
+def run_open_loop(run: Run, history: TorqueHistory) -> None:
+    """Simulate under a given torque history."""
+    run.carry_to(run.system(history), run.duration)
+
+
+class ClosedLoop:
+    """Sense, control, hold the torque, advance; again at the next sample time."""
+
+    def __init__(self, run: Run, controller: Controller, reference: Reference | None) -> None:
+        self._run = run
+        self._controller = controller
+        self._reference = reference
+        self._bodies = run.arm.assembly.link_body
+        self.ticks: list[float] = []
+        self.torques: list[FloatArray] = []
+
+    def execute(self) -> None:
+        """Simulate to the end.
+
+        Raises:
+            SimulationError: the integrator gave up, or the controller returned no finite torque.
+        """
+        run, arm = self._run, self._run.arm
+        coefficients = np.zeros((1, 4, arm.joints))
+        system = run.system(TorqueHistory(np.array([0.0, 1.0]), coefficients, np.zeros(0)))
+        held = system.drive.coefficients
+        sample_time = self._controller.sample_time
+        self._controller.reset()
+        tick = 0
+        while True:
+            t = tick * sample_time
+            # A last tick that is left over from rounding alone would hold no time.
+            if t >= run.duration * (1.0 - 1e-12):
+                return
+            torque = self._update(t)
+            self.ticks.append(t)
+            self.torques.append(torque)
+            held[0, 0, self._bodies] = torque
+            tick += 1
+            system = run.carry_to(system, min(tick * sample_time, run.duration))
+            if tick % 256 == 0:
+                run.meter.update(run.progress.time / run.duration)
+
+    def _update(self, t: float) -> FloatArray:
+        run, arm = self._run, self._run.arm
+        state = run.progress.state
+        measurement = Measurement(
+            joint_angle=state[0, self._bodies, 0],
+            joint_rate=state[1, self._bodies, 0],
+            strain=arm.strains(state[None])[0] if arm.gauges else _NO_GAUGES,
+        )
+        given = self._controller.update(t, measurement, self._reference)
+        try:
+            return check_array("controller", "torque", given, (arm.joints,))
+        except ValueError as error:
+            raise SimulationError(
+                t, f"the controller's answer cannot be used: {error}", "", run.state()
+            ) from None
+
+    def torque_at(self, times: FloatArray) -> FloatArray:
+        """Return the torque held at times (T,): (T, joints)."""
+        index = np.searchsorted(np.asarray(self.ticks), times * (1.0 + 1e-12), side="right") - 1
+        return np.asarray(self.torques)[np.clip(index, 0, None)]

@@ -1,0 +1,139 @@
+"""Tables of the reference pages, made from the code that they describe.
+
+Run this file to write them into the pages: ``python tests/docs/reference_tables.py``. The test
+``test_docs_reference.py`` fails where a page no longer says what the code says.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from docs_pages import ROOT
+
+from flexarm.model import json_schema
+from flexarm.simulate.channels import CHANNELS
+
+FILE_FORMAT = "docs/reference/file-format.md"
+RESULT = "docs/how-to/read-the-result.md"
+_UNITS = re.compile(
+    r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N m|N m\^2|N m/rad|"
+    r"N m s/rad)\)"
+)
+
+
+def generated() -> dict[tuple[str, str], str]:
+    """Every generated part: (page, name of the part) to its text."""
+    parts = {(RESULT, "channels"): channel_table(), (FILE_FORMAT, "file"): _keys(json_schema())}
+    for name, definition in json_schema()["$defs"].items():
+        if definition["properties"].keys() - {"kind"}:
+            parts[FILE_FORMAT, name] = _keys(definition)
+    return parts
+
+
+def channel_table() -> str:
+    """Markdown table of the channels of a result."""
+    rows = ["| name | dimensions | unit | meaning |", "| --- | --- | --- | --- |"]
+    for channel in CHANNELS.values():
+        dims = ", ".join(("time", *channel.dims))
+        rows.append(f"| `{channel.name}` | {dims} | {channel.unit} | {channel.meaning} |")
+    return "\n".join(rows)
+
+
+def _keys(definition: dict[str, Any]) -> str:
+    """Markdown table of the keys of one mapping of the file format."""
+    required = definition.get("required", [])
+    rows = ["| key | value | unit | default | meaning |", "| --- | --- | --- | --- | --- |"]
+    for key, schema in definition["properties"].items():
+        meaning, unit = _meaning_and_unit(schema.get("description", "Which kind this is."))
+        default = "**required**" if key in required else _default(schema)
+        rows.append(f"| `{key}` | {_value(schema)} | {unit} | {default} | {meaning} |")
+    return "\n".join(rows)
+
+
+def _meaning_and_unit(description: str) -> tuple[str, str]:
+    unit = _UNITS.search(description)
+    if unit is None:
+        return description, ""
+    return _UNITS.sub("", description, count=1), unit[1].replace("^2", "²").replace("^3", "³")
+
+
+def _default(schema: dict[str, Any]) -> str:
+    value = schema.get("default")
+    if value is None or value == [] or isinstance(value, dict):
+        return "none"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, list):
+        return f"`[{', '.join(f'{number:g}' for number in value)}]`"
+    return f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
+
+
+def title(definition: str) -> str:
+    """Name of a mapping of the file format in words: ``JointPDDrive`` is a joint PD drive."""
+    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z][a-z]+", definition.removesuffix("Spec"))
+    return " ".join(word if word.isupper() else word.lower() for word in words).capitalize()
+
+
+def _value(schema: dict[str, Any], many: bool = False) -> str:
+    """What may stand for a key, with its bounds; ``many`` of it stand in a list."""
+    if "const" in schema:
+        return f"`{schema['const']}`"
+    if "enum" in schema:
+        return " or ".join(f"`{choice}`" for choice in schema["enum"])
+    if "$ref" in schema:
+        return _mapping(schema["$ref"].rpartition("/")[2])
+    for union in ("anyOf", "oneOf"):
+        if union in schema:
+            members = [_value(member) for member in schema[union] if member.get("type") != "null"]
+            return " or ".join(members)
+    if schema["type"] == "array":
+        return _list(schema, many)
+    return _scalar(schema, many)
+
+
+def _mapping(name: str) -> str:
+    properties = json_schema()["$defs"][name]["properties"]
+    if properties.keys() == {"kind"}:
+        return f"`{{kind: {properties['kind']['const']}}}`"
+    words = title(name).lower().replace("pd", "PD")
+    return f"[{words}](#{words.lower().replace(' ', '-')})"
+
+
+def _list(schema: dict[str, Any], many: bool) -> str:
+    if "prefixItems" in schema:
+        return "two numbers"
+    count = f"{schema['minItems']} to {schema['maxItems']} " if "maxItems" in schema else ""
+    return f"list{'s' * many} of {count}{_value(schema['items'], many=True)}"
+
+
+def _scalar(schema: dict[str, Any], many: bool) -> str:
+    if schema["type"] == "boolean":
+        return "`true` or `false`"
+    word = {"number": "number", "integer": "whole number"}.get(schema["type"], "text")
+    word += "s" * many
+    if "minimum" in schema and "maximum" in schema:
+        return f"{word} from {schema['minimum']} to {schema['maximum']}"
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<"}
+    bounds = [f"{sign} {schema[name]}" for name, sign in signs.items() if name in schema]
+    return f"{word} {', '.join(bounds)}".strip()
+
+
+def part_pattern(name: str) -> re.Pattern[str]:
+    """Pattern of a generated part of a page, the text between its two markers in group 1."""
+    return re.compile(rf"<!-- begin {name} -->\n(.*?)\n<!-- end {name} -->", re.DOTALL)
+
+
+def rewrite() -> None:
+    """Write every generated part into its page."""
+    for (page, name), text in generated().items():
+        path = ROOT / page
+        filled = f"<!-- begin {name} -->\n{text}\n<!-- end {name} -->"
+        content, count = part_pattern(name).subn(lambda _, f=filled: f, path.read_text())
+        if count != 1:
+            raise SystemExit(f"{page} must hold the markers of {name!r} once, but has {count}")
+        path.write_text(content)
+
+
+if __name__ == "__main__":
+    rewrite()

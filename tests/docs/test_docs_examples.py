@@ -1,0 +1,136 @@
+"""Every code block of the documentation runs, and prints what the page says that it prints.
+
+Blocks of a page run in order, in one empty folder and one Python namespace:
+
+- ``yaml`` blocks that begin with ``flexarm:`` are read as files; with ``title=NAME`` in the head
+  line they are saved under that name for the blocks below. Other ``yaml`` blocks show keys of an
+  arm, a link or a scenario and are tried on the arm of two links below.
+- ``python`` blocks are executed.
+- ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the exit
+  status expected. ``make`` lines must name a chore of the Makefile.
+- a ``text`` block right after one that ran is its output; ``...`` stands for anything.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from docs_pages import ROOT, Block, blocks, pages
+
+from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario
+
+RUNNING = ("yaml", "python", "bash")
+PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
+_LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 1.0}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder with the repository's examples in it, made the working directory."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    if (ROOT / "examples").exists():
+        shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_blocks_of_page(page: str, folder: Path) -> None:
+    scope: dict[str, Any] = {"__name__": "__main__"}
+    printed: str | None = None
+    for block in blocks(page):
+        if block.language == "text" and printed is not None:
+            assert_output(block, printed)
+        printed = run(block, scope) if block.language in RUNNING else None
+
+
+def run(block: Block, scope: dict[str, Any]) -> str:
+    """Run a block and return what it printed."""
+    if block.language == "bash":
+        return "".join(run_command(block, line) for line in block.text.splitlines())
+    if block.language == "yaml":
+        read_yaml(block)
+        return ""
+    # Empty lines in front give tracebacks the line numbers of the page.
+    source = "\n" * (block.line - 1) + block.text
+    with contextlib.redirect_stdout(io.StringIO()) as stream:
+        exec(compile(source, str(ROOT / block.page), "exec"), scope)
+    return stream.getvalue()
+
+
+def assert_output(block: Block, printed: str) -> None:
+    pieces = [re.escape(piece) for piece in tidy(block.text).split("...")]
+    fits = re.fullmatch(".*?".join(pieces), tidy(printed), flags=re.DOTALL)
+    assert fits, f"{block}: the page says\n{block.text}\nbut this was printed:\n{printed}"
+
+
+def tidy(text: str) -> str:
+    return "\n".join(line.rstrip() for line in text.strip().splitlines())
+
+
+def run_command(block: Block, line: str) -> str:
+    words = shlex.split(line, comments=True)
+    if not words or words[0] not in ("flexarm", "make"):
+        return ""
+    if words[0] == "make":
+        chores = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+        assert set(words[1:]) <= set(chores), f"{block}: the Makefile has no such chore: {line}"
+        return ""
+    command = Path(sys.executable).with_name("flexarm")
+    environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}
+    done = subprocess.run(
+        [str(command), *words[1:]], capture_output=True, text=True, env=environment, timeout=120
+    )
+    printed = done.stdout + done.stderr
+    # A cold cache makes the first run say that it compiles; no page shows that.
+    printed = re.sub(r"^flexarm: compiling.*\n", "", printed, flags=re.MULTILINE)
+    expected = int(block.option("exit", "0"))
+    assert done.returncode == expected, f"{block}: {line}\nexit {done.returncode}\n{printed}"
+    return printed
+
+
+def read_yaml(block: Block) -> None:
+    content = yaml.safe_load(block.text)
+    assert isinstance(content, dict), f"{block}: not a mapping"
+    if "flexarm" not in content:
+        read_fragment(block, content)
+        return
+    path = Path(block.option("title", "block.yaml"))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(block.text)
+    if block.option("broken"):
+        return
+    if "run" in content:
+        load_scenario(path)
+    else:
+        load_arm_spec(path)
+
+
+def read_fragment(block: Block, content: dict[str, Any]) -> None:
+    """Try keys of a scenario, of its arm or of the arm's first link on an arm of two links."""
+    described = {"material", "section", "table"} & content.keys()
+    link = {"length": 1.0} if described else dict(_LINK)
+    arm: dict[str, Any] = {"links": [link, dict(_LINK)]}
+    scenario: dict[str, Any] = {"arm": arm, "run": {"duration": 1.0}}
+    for key, value in content.items():
+        homes = ((Link, link), (ArmSpec, arm), (Scenario, scenario))
+        home = next((home for model, home in homes if key in model.model_fields), None)
+        assert home is not None, f"{block}: {key} is no key of a file"
+        home[key] = value
+    if "drive" in content and "motion" not in content:
+        scenario["motion"] = {"kind": "joint", "start": [0, 0], "end": [1, 1], "duration": 1}
+    text = yaml.safe_dump({"flexarm": 1, **scenario})
+    path = Path("fragment.yaml")
+    path.write_text(text)
+    load_scenario(path)

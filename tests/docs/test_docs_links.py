@@ -1,0 +1,46 @@
+"""Links between pages lead somewhere, and files that pages name exist."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from docs_pages import ROOT, anchors, pages, prose
+
+_LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+_HTML = re.compile(r"(?:src|href)=\"([^\"]+)\"")
+_NAMED = re.compile(r"`((?:src|tests|docs|examples|benchmarks)/[\w./-]+)`")
+
+
+@pytest.mark.parametrize("page", pages())
+def test_links_resolve(page: str) -> None:
+    text = prose(page)
+    for target in _LINK.findall(text) + _HTML.findall(text):
+        if target.startswith(("http://", "https://", "mailto:")):
+            continue
+        name, _, anchor = target.partition("#")
+        path = ((ROOT / page).parent / name).resolve() if name else ROOT / page
+        assert path.exists(), f"{page}: {target} does not exist"
+        if anchor:
+            known = anchors(str(path.relative_to(ROOT)))
+            assert anchor in known, f"{page}: {target}: no such heading; there are {sorted(known)}"
+
+
+@pytest.mark.parametrize("page", pages())
+def test_named_files_exist(page: str) -> None:
+    for name in _NAMED.findall(prose(page)):
+        assert (ROOT / name).exists(), f"{page} names {name}, which does not exist"
+
+
+def test_every_page_can_be_reached() -> None:
+    """From the README by links, in any number of steps."""
+    reached, ahead = set(), {"README.md"}
+    while ahead:
+        page = ahead.pop()
+        reached.add(page)
+        for target in _LINK.findall(prose(page)):
+            path = ((ROOT / page).parent / target.partition("#")[0]).resolve()
+            if path.suffix == ".md" and path.is_relative_to(ROOT):
+                ahead.add(str(path.relative_to(ROOT)))
+        ahead -= reached
+    assert set(pages()) <= reached, f"no link leads to {sorted(set(pages()) - reached)}"

@@ -1,0 +1,252 @@
+"""The arm written literally: material points, their energies, Lagrange's equations.
+
+Nothing is expanded or simplified by hand. ``_energies`` walks outward along the arm, places every
+material point in the world and adds up kinetic, strain and gravity energy; number types that
+differentiate (``jets``) do the rest. No symbol of the package's recursion appears.
+
+World axes: x right, y up, base joint at the origin. Coordinates, in this order for each link: the
+relative joint angle (rad), then its nodal coordinates [v_2, phi_2, v_3, phi_3, ...] (m, rad).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from .jets import Jet, Rate, cos, sin
+from .material_points import MaterialPoints, material_points
+
+
+@dataclass
+class Energies:
+    """Energies in J and the pose of the tip: x, y in m, angle in rad."""
+
+    kinetic: Any = 0.0
+    strain: Any = 0.0
+    gravity: Any = 0.0
+    tip: tuple[Any, Any, Any] = (0.0, 0.0, 0.0)
+
+
+def half(weight: Any, speed: Any) -> Any:
+    """``1/2 sum(weight * speed^2)`` for a single point or for an array of them."""
+    return weight @ (speed * speed) * 0.5 if np.ndim(weight) else speed * speed * (0.5 * weight)
+
+
+class LagrangianOracle:
+    """Dynamics of an arm from its energies.
+
+    spec: the arm's specification. basis: for each link None (nodal coordinates) or the shapes of a
+    reduced model, (2 * elements, m); the coordinates are then the factors of those shapes.
+    precision: number type of the arithmetic inside; results are float64. Mass matrices of serial
+    arms have condition numbers up to 1e6, so that accelerations computed from float64 entries are
+    good to 1e-10 only: extended numbers keep the oracle out of the error of a comparison, and
+    ``np.float64`` is ten times as fast.
+    """
+
+    def __init__(
+        self,
+        spec: Any,
+        basis: list[np.ndarray | None] | None = None,
+        precision: type[np.floating] = np.longdouble,
+    ) -> None:
+        self.spec = spec
+        self.precision = precision
+        bases = basis if basis is not None else [None] * len(spec.links)
+        self.points = [
+            material_points(link, shapes, precision)
+            for link, shapes in zip(spec.links, bases, strict=True)
+        ]
+        sizes = [points.deflection.shape[1] for points in self.points]
+        starts = np.concatenate([[0], np.cumsum([1 + m for m in sizes])])
+        self.dof = int(starts[-1])
+        self.joint_index = starts[:-1].astype(int)
+        self.shape_slice = [slice(int(i) + 1, int(j)) for i, j in pairwise(starts)]
+        self.stiffness = self._linkwise([p.stiffness_matrix for p in self.points])
+        self.damping = self._linkwise(
+            [damping_matrix(link, p) for link, p in zip(spec.links, self.points, strict=True)]
+        )
+        self.damping[self.joint_index, self.joint_index] = [j.damping for j in spec.joints]
+
+    def _linkwise(self, blocks: list[np.ndarray]) -> np.ndarray:
+        matrix = np.zeros((self.dof, self.dof))
+        for where, block in zip(self.shape_slice, blocks, strict=True):
+            matrix[where, where] = block
+        return matrix
+
+    def coordinates(self, angles: Any, shapes: Any) -> np.ndarray:
+        """Joint angles (n,) and per link an array of its coordinates, (elements, 2) say, as q."""
+        q = np.zeros(self.dof)
+        q[self.joint_index] = angles
+        for where, shape in zip(self.shape_slice, shapes, strict=True):
+            if where.stop > where.start:
+                q[where] = np.ravel(shape)
+        return q
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """The generalised mass matrix, (dof, dof), symmetric."""
+        return self._lagrange(q, np.zeros(self.dof))[0].astype(float)
+
+    def bias_force(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Force with ``M qdd + bias = generalised force``, (dof,): also stiffness and damping."""
+        return self._lagrange(q, qd)[1].astype(float)
+
+    def acceleration(
+        self, q: np.ndarray, qd: np.ndarray, torque: Any, tip_force: Any = None
+    ) -> np.ndarray:
+        """qdd (dof,) under joint torques (n,) in N m and a tip load (Fx, Fy) or (Fx, Fy, Mz)."""
+        mass, bias, tip_jacobian = self._lagrange(q, qd)
+        force = -bias
+        force[self.joint_index] += torque
+        if tip_force is not None:
+            force += np.asarray(tip_force) @ tip_jacobian[: len(tip_force)]
+        # Unit diagonal: metres and radians would otherwise set the scale of the rounding.
+        scale = 1 / np.sqrt(abs(np.diag(mass)))
+        scaled, force = (scale[:, None] * mass * scale).astype(float), scale * force
+        solution = np.linalg.solve(scaled, force.astype(float))
+        for _ in range(2):  # refinement: reaches the precision of `mass`, not of the solver
+            residual = force - scale[:, None] * mass * scale @ solution
+            solution = solution + np.linalg.solve(scaled, residual.astype(float))
+        return (scale * solution).astype(float)
+
+    def energy(self, q: np.ndarray, qd: np.ndarray) -> tuple[float, float, float]:
+        """Kinetic, strain and gravity energy in J; gravity is zero for mass at the origin."""
+        total = self._energies(Rate(np.asarray(q, dtype=float), np.asarray(qd, dtype=float)))
+        return float(total.kinetic), float(total.strain), float(total.gravity)
+
+    def power(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> float:
+        """Time derivative of the total energy (W) on the motion with this acceleration."""
+        zero = np.zeros((self.dof, 1, 1))
+        rates = Rate(Jet(q, qd[:, None], zero), Jet(qd, qdd[:, None], zero))
+        total = self._energies(rates)
+        return float((total.kinetic + total.strain + total.gravity).first[0])
+
+    def tip(self, q: np.ndarray) -> tuple[float, float, float]:
+        """World position (m) and absolute angle (rad) of the tip section of the last link."""
+        x, y, angle = self._energies(Rate(np.asarray(q, dtype=float), np.zeros(self.dof))).tip
+        return float(x.value), float(y.value), float(angle.value)
+
+    def _lagrange(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mass matrix, bias force and Jacobian of the tip pose (3, dof).
+
+        d/dt dT/dqd - dT/dq + dU/dq = Q, with d/dt dT/dqd = T_{qd qd} qdd + T_{qd q} qd.
+        """
+        n = self.dof
+        variables = Jet.variables(np.concatenate([qd, q]).astype(self.precision), rows=n)
+        total = self._energies(Rate(value=variables[n:], rate=variables[:n]))
+        kinetic, potential = total.kinetic, total.strain + total.gravity
+        mass = kinetic.second[:, :n]
+        bias = kinetic.second[:, n:] @ qd - kinetic.first[n:] + potential.first[n:]
+        jacobian = np.array([pose.value.first[n:] for pose in total.tip])
+        return mass, bias + self.damping @ qd, jacobian
+
+    def _energies(self, q: Rate) -> Energies:
+        """Walk outward and add up. ``q`` holds the coordinates and their rates."""
+        spec, total = self.spec, Energies()
+        origin, angle = (q[0] * 0.0, q[0] * 0.0), q[0] * 0.0  # joint, and what carries it
+        for i, (link, joint, points) in enumerate(
+            zip(spec.links, spec.joints, self.points, strict=True)
+        ):
+            if i > 0:
+                self._point_mass(total, joint.mass, origin)
+                total.kinetic += half(joint.housing_inertia, angle.rate)
+            angle = angle + q[self.joint_index[i]]
+            total.kinetic += half(joint.hub_inertia, angle.rate)
+            shape = q[self.shape_slice[i]]
+            self._link(total, points, origin, angle, shape)
+
+            tip_x: Any = link.length
+            if spec.theory == "second_order":
+                tip_x = foreshortening(points.whole, points, shape) + tip_x
+            origin = place(origin, angle, tip_x, points.tip_deflection @ shape)
+            angle = angle + points.tip_slope @ shape
+
+        payload = spec.payload
+        ahead, aside = payload.offset if np.ndim(payload.offset) else (payload.offset, 0.0)
+        self._point_mass(total, payload.mass, place(origin, angle, ahead, aside))
+        total.kinetic += half(payload.inertia, angle.rate)
+        total.tip = (*origin, angle)
+        return total
+
+    def _point_mass(self, total: Energies, mass: Any, at: tuple[Rate, Rate]) -> None:
+        """Add a mass in kg at a world position, or masses (k,) at positions (k,)."""
+        total.kinetic += half(mass, at[0].rate) + half(mass, at[1].rate)
+        total.gravity += self._gravity(mass, at)
+
+    def _gravity(self, mass: Any, at: tuple[Rate, Rate]) -> Any:
+        gx, gy = self.spec.gravity
+        height = at[0].value * -gx + at[1].value * -gy
+        return mass @ height if np.ndim(mass) else mass * height
+
+    def _link(
+        self,
+        total: Energies,
+        points: MaterialPoints,
+        origin: tuple[Rate, Rate],
+        angle: Rate,
+        shape: Rate,
+    ) -> None:
+        """Add one link whose root sits at ``origin`` with its tangent at ``angle``."""
+        v = points.deflection @ shape
+        bend = points.curvature @ shape.value
+        total.strain += half(points.rigidity, bend)
+        total.kinetic += half(points.rotary, angle.rate + points.slope @ shape.rate)
+        if self.spec.theory == "linear":
+            self._point_mass(total, points.mass, place(origin, angle, points.x, v))
+            return
+        u = foreshortening(points.running, points, shape)
+        total.kinetic += truncated_kinetic(points, origin, angle, u, v)
+        total.gravity += self._gravity(points.mass, place(origin, angle, u + points.x, v))
+
+
+def place(origin: tuple[Rate, Rate], angle: Rate, x: Any, y: Any) -> tuple[Rate, Rate]:
+    """World position of a point at (x, y) in axes that stand at ``origin``, turned by ``angle``."""
+    c, s = cos(angle), sin(angle)
+    return origin[0] + c * x - s * y, origin[1] + s * x + c * y
+
+
+def foreshortening(weights: np.ndarray, points: MaterialPoints, shape: Rate) -> Rate:
+    """How far points move towards the root in an inextensible link: ``u = -1/2 int v'^2``."""
+    slope = points.inner_slope @ shape
+    return weights @ (slope * slope) * -0.5
+
+
+def truncated_kinetic(
+    points: MaterialPoints, origin: tuple[Rate, Rate], angle: Rate, u: Rate, v: Rate
+) -> Any:
+    """Kinetic energy of a link up to second order in v and its rate (u is of second order).
+
+    In body axes, for given velocity (vx, vy) of the root and rate w, a point has the velocity
+    (vx + u_dot - w v, vy + w (x + u) + v_dot). Of its square the terms u_dot^2, w v u_dot,
+    w u v_dot and w^2 u^2 are of third order and more, and left out.
+    """
+    x, w = points.x, angle.rate
+    c, s = cos(angle.value), sin(angle.value)
+    vx = c * origin[0].rate + s * origin[1].rate
+    vy = c * origin[1].rate - s * origin[0].rate
+    along, across = vx - w * v.value, vy + w * x
+    bending = across + v.rate
+    square = along * along + 2.0 * vx * u.rate + bending * bending + 2.0 * w * u.value * across
+    return points.mass @ square * 0.5
+
+
+def damping_matrix(link: Any, points: MaterialPoints) -> np.ndarray:
+    """Damping of a link's own coordinates, (m, m), N s/m and the like; zero without damping.
+
+    Rayleigh: a multiple of mass plus a multiple of stiffness. Modal: a ratio for each vibration
+    mode of the link clamped at its root and free at its tip, lowest frequency first; the last
+    ratio given holds for all modes above.
+    """
+    mass, stiffness, damping = points.mass_matrix, points.stiffness_matrix, link.damping
+    if damping is None or mass.size == 0:
+        return np.zeros_like(mass)
+    if damping.kind == "rayleigh":
+        return damping.mass_coefficient * mass + damping.stiffness_coefficient * stiffness
+    squares, modes = scipy.linalg.eigh(stiffness, mass)
+    given = np.atleast_1d(damping.ratio)
+    ratios = given[np.minimum(np.arange(len(squares)), len(given) - 1)]
+    momenta = mass @ modes
+    return momenta @ np.diag(2 * ratios * np.sqrt(squares)) @ momenta.T

@@ -1,0 +1,221 @@
+"""Constants of one link against brute-force integrals of the shapes they stand for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, quad_vec
+from scipy.interpolate import CubicHermiteSpline
+
+from flexarm.beams.invariants import link_constants, rigid_constants
+from flexarm.errors import InputError
+
+INTEGRATION = 1e-9  # what the adaptive integrals are asked for is ten times less
+
+
+class Table:
+    """A random link and its integrals, taken one by one with adaptive quadrature."""
+
+    def __init__(self, seed, elements, modes=None):
+        rng = np.random.default_rng(seed)
+        inner = np.sort(rng.uniform(0.1, 1.2, 2))
+        self.x = np.array([0.0, *inner, 1.3])
+        self.stiffness = rng.uniform(0.5, 3.0, 4)
+        self.mass = rng.uniform(0.2, 2.0, 4)
+        self.rotary = rng.uniform(0.0, 0.05, 4)
+        self.link = link_constants(
+            self.x, self.stiffness, self.mass, self.rotary, elements=elements, modes=modes
+        )
+        nodes = np.linspace(0.0, 1.3, elements + 1)
+        nodal = self.link.basis.reshape(elements, 2, -1)
+        nodal = np.concatenate([np.zeros((1, *nodal.shape[1:])), nodal])
+        self.shapes = CubicHermiteSpline(nodes, nodal[:, 0], nodal[:, 1])
+        self.slopes = self.shapes.derivative()
+        self.kinks = np.union1d(nodes, self.x)
+
+    def integral(self, function, end=1.3):
+        points = self.kinks[(self.kinks > 0.0) & (self.kinks < end)]
+        return quad_vec(function, 0.0, end, epsabs=1e-11, epsrel=1e-10, points=points)[0]
+
+    def mu(self, x):
+        return np.interp(x, self.x, self.mass)
+
+    def rho_i(self, x):
+        return np.interp(x, self.x, self.rotary)
+
+    def square(self, x):
+        return np.outer(self.slopes(x), self.slopes(x))
+
+    def shortening(self, x):
+        """g(x), by its definition: the integral from the root."""
+        return self.integral(self.square, x) if x > 0.0 else self.square(0.0) * 0.0
+
+
+@pytest.fixture(scope="module", params=[(1, 1, None), (2, 3, None), (3, 4, 4)], ids=str)
+def table(request):
+    return Table(*request.param)
+
+
+class TestIntegrals:
+    def test_rigid_body(self, table):
+        link = table.link
+        kinks = table.x[1:-1]
+        mass, first, second = (
+            quad(lambda x, p=p: table.mu(x) * x**p, 0, 1.3, points=kinks)[0] for p in range(3)
+        )
+        rotary = quad(table.rho_i, 0, 1.3, points=kinks)[0]
+        found = (link.length, link.mass, link.first_moment, link.inertia)
+        np.testing.assert_allclose(found, (1.3, mass, first, second + rotary), rtol=INTEGRATION)
+
+    def test_momentum(self, table):
+        close = {"rtol": INTEGRATION, "atol": INTEGRATION}
+        linear = table.integral(lambda x: table.mu(x) * table.shapes(x))
+        np.testing.assert_allclose(table.link.S, linear, **close)
+        angular = table.integral(
+            lambda x: table.mu(x) * x * table.shapes(x) + table.rho_i(x) * table.slopes(x)
+        )
+        np.testing.assert_allclose(table.link.a, angular, **close)
+
+    def test_tip(self, table):
+        np.testing.assert_allclose(table.link.P, table.shapes(1.3), rtol=1e-14)
+        np.testing.assert_allclose(table.link.dP, table.slopes(1.3), rtol=1e-11)
+
+    def test_rotary_inertia_is_part_of_a_unit_mass_matrix(self, table):
+        m = table.link.w2.size
+        rotary = table.integral(lambda x: table.rho_i(x) * table.square(x))
+        scale = np.abs(rotary).max()
+        np.testing.assert_allclose(table.link.rotary, rotary, atol=INTEGRATION * scale)
+        translational = table.integral(
+            lambda x: table.mu(x) * np.outer(table.shapes(x), table.shapes(x))
+        )
+        np.testing.assert_allclose(translational + rotary, np.eye(m), atol=INTEGRATION * m)
+
+    def test_stiffness(self, table):
+        curvature = table.slopes.derivative()
+        found = table.integral(
+            lambda x: np.interp(x, table.x, table.stiffness) * np.outer(curvature(x), curvature(x))
+        )
+        np.testing.assert_allclose(
+            found, np.diag(table.link.w2), atol=INTEGRATION * table.link.w2[-1]
+        )
+
+    @pytest.mark.parametrize("name", ["D0", "D1", "G"])
+    def test_foreshortening(self, table, name):
+        if name == "G":
+            exact = table.shortening(1.3)
+        else:
+            power = int(name[1])
+            exact = table.integral(lambda x: table.mu(x) * x**power * table.shortening(x))
+        found = getattr(table.link, name)
+        np.testing.assert_allclose(found, exact, atol=INTEGRATION * np.abs(exact).max())
+        assert np.array_equal(found, found.T)
+        assert np.all(np.linalg.eigvalsh(found) > 0.0)  # shortening, never lengthening
+
+
+def test_shapes_between_the_nodes_are_cubic_hermite_splines(table):
+    x = np.concatenate([np.linspace(0.0, 1.3, 14), [1.3]])
+    scale = np.abs(table.slopes.derivative()(x)).max()
+    np.testing.assert_allclose(table.link.deflection(x), table.shapes(x), atol=1e-12 * scale)
+    np.testing.assert_allclose(table.link.slope(x), table.slopes(x), atol=1e-12 * scale)
+    inside = x[:-2] + 0.01  # off the element ends, where the curvature jumps
+    curvature = table.slopes.derivative()(inside)
+    np.testing.assert_allclose(table.link.curvature(inside), curvature, atol=1e-12 * scale)
+
+
+def test_curvature_at_the_root_carries_the_root_moment():
+    """EI v''(0) = P L under a tip force."""
+    link = link_constants([0.0, 2.0], [3.0, 3.0], [1.0, 1.0], [0.0, 0.0], elements=3)
+    bent = link.P / link.w2
+    assert 3.0 * (link.curvature([0.0]) @ bent)[0] == pytest.approx(2.0, rel=1e-11)
+    np.testing.assert_allclose(link.deflection([0.0]), 0.0, atol=1e-15)
+    np.testing.assert_allclose(link.slope([0.0]), 0.0, atol=1e-15)
+
+
+class TestRigidLink:
+    def test_same_body_without_shapes(self):
+        table = Table(5, 2)
+        rigid = rigid_constants(table.x, table.mass, table.rotary, elements=3)
+        link = table.link
+        for name in ("length", "mass", "first_moment", "inertia"):
+            assert getattr(rigid, name) == pytest.approx(getattr(link, name), rel=1e-14)
+        assert all(getattr(rigid, name).shape == (0,) for name in ("S", "a", "P", "dP", "w2"))
+        assert all(getattr(rigid, name).shape == (0, 0) for name in ("rotary", "D0", "D1", "G"))
+
+    def test_no_coordinates_are_a_straight_link(self):
+        rigid = rigid_constants([0.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=3)
+        assert np.array_equal(rigid.basis @ np.zeros(0), np.zeros(6))
+        assert rigid.projector.shape == (0, 6)
+        assert rigid.deflection([0.0, 0.5]).shape == (2, 0)
+
+
+def test_arrays_are_read_only():
+    link = link_constants([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=1)
+    with pytest.raises(ValueError, match="read-only"):
+        link.D0[0, 0] = 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        link.basis[0, 0] = 0.0
+
+
+def test_arrays_that_do_not_fit_together_are_refused():
+    link = link_constants([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=2)
+    with pytest.raises(InputError, match="LinkConstants: D0 must be numbers of shape"):
+        replace(link, D0=link.D0[:3, :3])
+    with pytest.raises(InputError, match="LinkConstants: projector must be numbers of shape"):
+        replace(link, projector=link.projector[:, :2])
+
+
+GOOD = {
+    "x": [0.0, 1.0],
+    "flexural_rigidity": [1.0, 1.0],
+    "mass_per_length": [1.0, 1.0],
+    "rotary_inertia_per_length": [0.0, 0.0],
+    "elements": 2,
+    "where": "link 3",
+}
+
+
+class TestWrongInput:
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            ({"x": [0.1, 1.0]}, "x must start at 0, but is"),
+            ({"x": [0.0, 0.0]}, "x must increase strictly"),
+            ({"flexural_rigidity": [1.0, 0.0]}, "flexural_rigidity must be positive"),
+            ({"mass_per_length": [1.0, -1.0]}, "mass_per_length must be positive somewhere"),
+            ({"mass_per_length": [0.0, 0.0]}, "mass_per_length must be positive somewhere"),
+            ({"rotary_inertia_per_length": [0.0, -1.0]}, "must not be negative"),
+            ({"mass_per_length": [1.0]}, "mass_per_length must be numbers of shape"),
+            ({"flexural_rigidity": [1.0, np.nan]}, r"flexural_rigidity\[1\] must be finite"),
+            ({"elements": 0}, "elements must be a whole number of at least 1, but is 0"),
+            ({"elements": 2.0}, "elements must be a whole number"),
+            ({"elements": True}, "elements must be a whole number"),
+            ({"modes": 0}, "modes must be a whole number from 1 to 4, but is 0"),
+            ({"modes": 5}, "modes must be a whole number from 1 to 4, but is 5"),
+        ],
+    )
+    def test_is_refused_with_place_rule_and_value(self, change, message):
+        with pytest.raises(InputError, match=f"link 3: .*{message}"):
+            link_constants(**{**GOOD, **change})
+
+    def test_one_station_is_too_few(self):
+        with pytest.raises(InputError, match="x must have at least two stations"):
+            link_constants([0.0], [1.0], [1.0], [0.0], elements=1)
+
+    def test_every_problem_is_reported(self):
+        bad = {"x": [0.2, 0.1], "flexural_rigidity": [0.0, 1.0], "mass_per_length": [-1.0, 1.0]}
+        with pytest.raises(InputError) as caught:
+            link_constants(**{**GOOD, **bad})
+        names = [problem.name for problem in caught.value.problems]
+        assert names == ["x", "x", "flexural_rigidity", "mass_per_length"]
+
+    def test_rigid_links_are_checked_alike(self):
+        with pytest.raises(InputError, match="mass_per_length must be positive somewhere"):
+            rigid_constants([0.0, 1.0], [0.0, 0.0], [0.0, 0.0])
+        with pytest.raises(InputError, match="elements must be a whole number"):
+            rigid_constants([0.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=0)
+
+    @pytest.mark.parametrize("station", [-0.01, 1.01])
+    def test_stations_off_the_link_are_refused(self, station):
+        link = link_constants(**GOOD)
+        with pytest.raises(InputError, match="x must lie between 0 and the length 1"):
+            link.deflection([0.5, station])

@@ -1,0 +1,302 @@
+"""Files that must be refused: name -> (text, every problem as "line: message")."""
+
+WAYS = (
+    "A link is described by flexural_rigidity and mass_per_length, by material and section, "
+    "or by table."
+)
+
+BAD_ARMS = {
+    "wrong values in several links": (
+        """\
+flexarm: 1
+arm:
+  gravity: [0, -9,81]
+  theory: cubic
+  links:
+    - {length: 1, flexural_rigidity: 70e9, mass_per_length: 0.6}
+    - length: -1.5
+      flexural_rigidity: '105'
+      mass_per_length: .nan
+      elements: 0
+  joints:
+    - {damping: -0.1}
+""",
+        [
+            (
+                "3: arm.gravity must be a list of two numbers, but is [0, -9, 81]. "
+                "Gravity that pulls down is [0, -9.81]."
+            ),
+            "4: arm.theory must be one of 'linear', 'second_order', but is 'cubic'.",
+            "7: arm.links[1].length must be greater than 0, but is -1.5.",
+            (
+                "8: arm.links[1].flexural_rigidity must be a number, but is '105'. "
+                "Write the bare number, in SI units."
+            ),
+            "9: arm.links[1].mass_per_length must be a finite number, but is nan.",
+            "10: arm.links[1].elements must be at least 1, but is 0.",
+            "11: arm.joints must be one joint for each of the 2 links, but is 1 long.",
+            "12: arm.joints[0].damping must be at least 0, but is -0.1.",
+        ],
+    ),
+    "unknown keys suggest the nearest": (
+        """\
+flexarm: 1
+arn: {}
+arm:
+  payloads: {mass: 1}
+  links:
+    - lenght: 1
+      EI: 105
+      mass_per_length: 1
+      colour: red
+""",
+        [
+            "2: arn must be a known key, but is unknown. Did you mean 'arm'?",
+            "4: arm.payloads must be a known key, but is unknown. Did you mean 'payload'?",
+            "6: arm.links[0].length must be given, but is missing.",
+            "6: arm.links[0].lenght must be a known key, but is unknown. Did you mean 'length'?",
+            (
+                "6: arm.links[0].flexural_rigidity must be given, but is missing. "
+                "Only a rigid link (flexible: false) does without."
+            ),
+            (
+                "7: arm.links[0].EI must be a known key, but is unknown. "
+                "Did you mean 'flexural_rigidity'?"
+            ),
+            (
+                "9: arm.links[0].colour must be a known key, but is unknown. Known: length, "
+                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, material, section, "
+                "table, elements, modes, flexible, rotary_inertia, damping, gauges."
+            ),
+        ],
+    ),
+    "keys given twice": (
+        """\
+flexarm: 1
+arm:
+  links:
+    - {length: 1, flexural_rigidity: 1, mass_per_length: 1}
+  gravity: [0, 0]
+  links: []
+""",
+        ["6: arm.links must be given once, but is given again (first in line 3)."],
+    ),
+    "faults behind an anchor are told where they stand": (
+        """\
+flexarm: 1
+arm:
+  links:
+    - &first
+      length: 0
+      flexural_rigidity: 1
+      mass_per_length: 1
+    - <<: *first
+      mass_per_length: -1
+    - *first
+""",
+        [
+            "5: arm.links[0].length must be greater than 0, but is 0.",
+            "5: arm.links[1].length must be greater than 0, but is 0.",
+            "5: arm.links[2].length must be greater than 0, but is 0.",
+            "9: arm.links[1].mass_per_length must be at least 0, but is -1.",
+        ],
+    ),
+    "sections, tables, gauges, damping": (
+        """\
+flexarm: 1
+arm:
+  links:
+    - length: 1
+      material: stel
+      section:
+        kind: tube
+        outer_diameter: 0.02
+        thickness: 0.02
+    - length: 2
+      table:
+        x: [0, 1.0, 0.5]
+        mass_per_length: [1, 1]
+        flexural_rigidity: [1, 1,
+          0]
+      damping: {kind: modal, ratio: 3}
+    - length: 2
+      mass_per_length: 1
+      flexural_rigidity: 1
+      modes: 9
+      gauges:
+        - {station: 0.1, distance: 0.01}
+        - station: 2.1
+          distance: 0.01
+    - {length: 1, section: {kind: I-beam}, material: {density: 1}}
+""",
+        [
+            (
+                "5: arm.links[0].material must be density and youngs_modulus, or the name of a "
+                "preset, but is 'stel'. Did you mean 'steel'?"
+            ),
+            (
+                "9: arm.links[0].section.thickness must be less than 0.01, half of outer_diameter, "
+                "but is 0.02. The wall leaves no room inside."
+            ),
+            (
+                "12: arm.links[1].table.x[2] must be greater than the point before it (1.0), "
+                "but is 0.5."
+            ),
+            (
+                "13: arm.links[1].table.mass_per_length must have a value for each of the 3 points "
+                "of x, but is 2 long."
+            ),
+            "15: arm.links[1].table.flexural_rigidity[2] must be greater than 0, but is 0.",
+            (
+                "16: arm.links[1].damping.ratio must be at most 1, but is 3. "
+                "A ratio is a fraction: 0.01 is one per cent of critical damping."
+            ),
+            (
+                "20: arm.links[2].modes must be at most 8, twice the number of elements, but is 9. "
+                "Use more elements, or fewer modes."
+            ),
+            (
+                "23: arm.links[2].gauges[1].station must be at most 2, the length of the link, "
+                "but is 2.1."
+            ),
+            "25: arm.links[3].material.youngs_modulus must be given, but is missing.",
+            (
+                "25: arm.links[3].section.kind must be one of 'rectangle', 'circle', 'tube', "
+                "'box', but is 'I-beam'."
+            ),
+        ],
+    ),
+    "YAML 1.1 surprises": (
+        """\
+flexarm: 1
+arm:
+  links:
+    - {length: 1:30, flexural_rigidity: 1_000, mass_per_length: 1, flexible: yes}
+    - {length: 1.0.0, flexural_rigidity: 1,5, mass_per_length: 1}
+""",
+        [
+            (
+                "4: arm.links[0].length must be a number, but is '1:30'. "
+                "Write the bare number, in SI units."
+            ),
+            (
+                "4: arm.links[0].flexural_rigidity must be a number, but is '1_000'. "
+                "Write the bare number, in SI units."
+            ),
+            "4: arm.links[0].flexible must be true or false, but is 'yes'.",
+            (
+                "5: arm.links[1].length must be a number, but is '1.0.0'. "
+                "Write the bare number, in SI units."
+            ),
+            (
+                "5: arm.links[1].5 must be a known key, but is unknown. Known: length, "
+                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, material, section, "
+                "table, elements, modes, flexible, rotary_inertia, damping, gauges."
+            ),
+        ],
+    ),
+    "tags and strange keys": (
+        """\
+flexarm: 1
+arm:
+  gravity: !!python/tuple [0, 0]
+  links:
+    - {length: !metres 1, flexural_rigidity: 1, mass_per_length: 1, [1, 2]: 3}
+""",
+        [
+            "3: arm.gravity must be plain YAML, but is tagged 'python/tuple'.",
+            "5: arm.links[0] must have words for keys, but is one with a list or mapping as key.",
+            "5: arm.links[0].length must be plain YAML, but is tagged '!metres'.",
+            (
+                "5: arm.links[0].length must be a number, but is '1'. "
+                "Write the bare number, in SI units."
+            ),
+        ],
+    ),
+    "no links": ("flexarm: 1\narm: {}\n", ["2: arm.links must be given, but is missing."]),
+    "empty links": (
+        "flexarm: 1\narm:\n  links: []\n",
+        ["3: arm.links must be 1 to 256 links, but is 0 links."],
+    ),
+    "too many links": (
+        f"flexarm: 1\narm:\n  links: [{', '.join(['{}'] * 300)}]\n",
+        None,  # each link has its own problems; the test below looks for the number
+    ),
+    "links are no list": (
+        "flexarm: 1\narm:\n  links: {length: 1}\n",
+        ["3: arm.links must be a list, but is {'length': 1}."],
+    ),
+    "a link is no mapping": (
+        "flexarm: 1\narm:\n  links:\n    - length\n    -\n",
+        [
+            "4: arm.links[0] must be a mapping of keys to values, but is 'length'.",
+            "5: arm.links[1] must be a mapping of keys to values, but is nothing.",
+        ],
+    ),
+    "arm is no mapping": (
+        "flexarm: 1\n\narm: 3\n",
+        ["3: arm must be a mapping of keys to values, but is 3."],
+    ),
+    "arm is nothing": (
+        "flexarm: 1\narm:\n",
+        ["2: arm must be a mapping of keys to values, but is nothing."],
+    ),
+    "no arm": ("flexarm: 1\n", ["1: arm must be given, but is missing."]),
+    "no version": (
+        "arm:\n  links: [{length: 1, mass_per_length: 1, flexural_rigidity: 1}]\n",
+        [
+            (
+                "1: flexarm must be given, but is missing. "
+                "Begin the file with `flexarm: 1`, the version of its format."
+            )
+        ],
+    ),
+    "later version": (
+        "flexarm: 2\narm: {links: [{length: 1, mass_per_length: 1, flexural_rigidity: 1}]}\n",
+        [
+            (
+                "1: flexarm must be 1, the version of the file format, but is 2. "
+                "The file is for a newer flexarm: upgrade flexarm."
+            )
+        ],
+    ),
+    "version is true": (
+        "flexarm: true\narm: {links: [{length: 1, mass_per_length: 1, flexural_rigidity: 1}]}\n",
+        ["1: flexarm must be 1, the version of the file format, but is True."],
+    ),
+    "a list": ("- 1\n- 2\n", ["1: the file must be a mapping of keys to values, but is [1, 2]."]),
+    "a word": ("\narm\n", ["2: the file must be a mapping of keys to values, but is 'arm'."]),
+}
+
+BROKEN_FILES = {
+    "empty": (b"", ": the file must hold a mapping, but is empty."),
+    "only a comment": (b"# arm\n", ": the file must hold a mapping, but is empty."),
+    "tab": (b"flexarm: 1\narm:\n\tlinks: []\n", ":3: the file must be YAML, but is broken: "),
+    "open bracket": (b"flexarm: 1\narm: {links: [\n", ":3: the file must be YAML, but is broken: "),
+    "colon": (b"flexarm: 1\narm: links: 3\n", ":2: the file must be YAML, but is broken: "),
+    "two documents": (b"a: 1\n---\nb: 1\n", ":2: the file must be YAML, but is broken: "),
+    "undefined alias": (b"arm: *b\n", ":1: the file must be YAML, but is broken: "),
+    "binary": (b"\x7fELF\n\x02\xff\xfe", ":2: the file must be text in UTF-8, but is something"),
+    "null character": (b"a: 1\nb: \0\n", ":2: the file must be text, but is broken by the "),
+    "latin-1": ("a: 1\nb: ä\n".encode("latin-1"), ":2: the file must be text in UTF-8, but is "),
+    "UTF-16": ("flexarm: 1".encode("utf-16"), ":1: the file must be text in UTF-8, but is "),
+    "deep lists": (b"[" * 5000, ": the file must be nested a few levels deep, but is nested too "),
+    "deep blocks": (b"- " * 5000, ": the file must be nested a few levels deep, but is nested too"),
+    "alias chain": (
+        b"a0: &a0 []\n" + b"".join(b"a%d: &a%d [*a%d]\n" % (i, i, i - 1) for i in range(1, 3000)),
+        None,  # deep through aliases, but wrong only for its unknown keys
+    ),
+    "billion laughs": (
+        b"a0: &a0 [1]\n"
+        + b"".join(b"a%d: &a%d [%s]\n" % (i, i, b"*a%d, " % (i - 1) * 10) for i in range(1, 20)),
+        ": the file must hold at most 5000000 values once its aliases are written out, but is ",
+    ),
+    "merges of merges": (
+        b"a0: &a0 {x: 1}\n"
+        + b"".join(
+            b"a%d: &a%d {<<: [%s]}\n" % (i, i, b"*a%d, " % (i - 1) * 10) for i in range(1, 50)
+        ),
+        None,  # wrong only for its unknown keys
+    ),
+    "merge of itself": (b"arm: &a {<<: {<<: *a}}\n", ": the file must be nested a few levels"),
+}

@@ -1,0 +1,193 @@
+"""Random arms and scenarios, right in every respect, for property tests."""
+
+from hypothesis import strategies as st
+
+from flexarm.model import (
+    ArmSpec,
+    Box,
+    Circle,
+    Gauge,
+    InitialState,
+    Joint,
+    JointMotionSpec,
+    JointPDDrive,
+    LineMotionSpec,
+    Link,
+    Material,
+    ModalDamping,
+    NoDrive,
+    Payload,
+    RayleighDamping,
+    Rectangle,
+    RigidInverseDynamicsDrive,
+    RunSettings,
+    Scenario,
+    SectionTable,
+    TorqueDrive,
+    Tube,
+)
+
+numbers = st.floats(-1e6, 1e6)
+positive = st.floats(1e-6, 1e6)
+not_negative = st.just(0.0) | positive
+sizes = st.floats(1e-3, 10.0)
+ratios = st.floats(0.0, 1.0)
+pairs = st.tuples(numbers, numbers)
+walls = st.floats(0.01, 0.49)  # thickness as a part of the outer size; from 0.5 on there is no room
+
+materials = st.sampled_from(["steel", "aluminium"]) | st.builds(
+    Material, density=positive, youngs_modulus=positive
+)
+sections = st.one_of(
+    st.builds(Rectangle, width=sizes, height=sizes),
+    st.builds(Circle, diameter=sizes),
+    st.builds(lambda d, part: Tube(outer_diameter=d, thickness=part * d), sizes, walls),
+    st.builds(
+        lambda w, h, part: Box(width=w, height=h, thickness=part * min(w, h)), sizes, sizes, walls
+    ),
+)
+
+
+@st.composite
+def tables(draw, length):
+    """Draw a section table over [0, length]."""
+    inner = draw(st.lists(st.floats(0.01, 0.99), max_size=3, unique=True))
+    x = [0.0, *(part * length for part in sorted(inner)), length]
+    column = st.lists(positive, min_size=len(x), max_size=len(x))
+    return SectionTable(
+        x=x,
+        flexural_rigidity=draw(column),
+        mass_per_length=draw(column),
+        rotary_inertia_per_length=draw(st.none() | column),
+    )
+
+
+@st.composite
+def links(draw):
+    """Draw a link, described in any of the three ways."""
+    length = draw(sizes)
+    elements = draw(st.integers(1, 256))
+    modes = draw(st.none() | st.integers(1, 2 * elements))
+    most = modes or 2 * elements
+    damping = st.one_of(
+        st.none(),
+        st.builds(ModalDamping, ratio=ratios | st.lists(ratios, min_size=1, max_size=min(most, 4))),
+        st.builds(RayleighDamping, mass_coefficient=not_negative),
+        st.builds(RayleighDamping, stiffness_coefficient=not_negative),
+    )
+    common = {
+        "length": length,
+        "elements": elements,
+        "modes": modes,
+        "flexible": draw(st.booleans()),
+        "damping": draw(damping),
+        "gauges": draw(
+            st.lists(st.builds(Gauge, station=st.floats(0.0, length), distance=numbers), max_size=2)
+        ),
+    }
+    way = draw(st.sampled_from(["constants", "section", "table"]))
+    if way == "constants":
+        rotary = draw(st.none() | not_negative)
+        return Link(
+            **common,
+            flexural_rigidity=draw(positive),
+            mass_per_length=draw(positive),
+            rotary_inertia_per_length=rotary,
+            rotary_inertia=draw(st.none() | st.just(False)),
+        )
+    rotary = draw(st.none() | st.just(False))
+    if way == "section":
+        shape = {"material": draw(materials), "section": draw(sections)}
+        return Link(**common, **shape, rotary_inertia=rotary)
+    return Link(**common, table=draw(tables(length)), rotary_inertia=rotary)
+
+
+joints = st.builds(
+    Joint,
+    hub_inertia=not_negative,
+    mass=not_negative,
+    housing_inertia=not_negative,
+    damping=not_negative,
+)
+payloads = st.builds(
+    Payload, mass=not_negative, inertia=not_negative, offset=st.one_of(numbers, pairs)
+)
+
+
+@st.composite
+def arm_specs(draw):
+    """Draw an arm of one to three links."""
+    drawn = draw(st.lists(links(), min_size=1, max_size=3))
+    as_many = st.lists(joints, min_size=len(drawn), max_size=len(drawn))
+    return ArmSpec(
+        links=drawn,
+        joints=draw(st.none() | as_many),
+        payload=draw(payloads),
+        gravity=draw(pairs),
+        theory=draw(st.sampled_from(["linear", "second_order"])),
+    )
+
+
+@st.composite
+def scenarios(draw):
+    """Draw a scenario with any motion and any drive that fits it."""
+    arm = draw(arm_specs())
+    each = st.lists(numbers, min_size=len(arm.links), max_size=len(arm.links))
+    timing = {
+        "duration": positive,
+        "profile": st.sampled_from(["quintic", "trapezoidal"]),
+        "start_time": not_negative,
+    }
+    motion = draw(
+        st.one_of(
+            st.none(),
+            st.builds(JointMotionSpec, start=each, end=each, **timing),
+            st.builds(
+                LineMotionSpec,
+                start=pairs,
+                end=pairs,
+                elbow=st.sampled_from(["up", "down"]),
+                **timing,
+            ),
+        )
+    )
+    gains = not_negative | st.lists(not_negative, min_size=len(arm.links), max_size=len(arm.links))
+    drives = [
+        st.just(NoDrive()),
+        st.builds(
+            TorqueDrive,
+            rate=positive,
+            values=st.lists(each, min_size=2, max_size=4),
+            interpolation=st.sampled_from(["cubic", "linear", "hold"]),
+        ),
+    ]
+    if motion is not None:
+        drives += [
+            st.just(RigidInverseDynamicsDrive()),
+            st.builds(
+                JointPDDrive,
+                proportional=gains,
+                derivative=gains,
+                feedforward=st.sampled_from(["none", "rigid_inverse_dynamics"]),
+                sample_time=positive,
+            ),
+        ]
+    return Scenario(
+        arm=arm,
+        motion=motion,
+        drive=draw(st.one_of(drives)),
+        initial=draw(
+            st.builds(InitialState, joint_angle=st.none() | each, joint_rate=st.none() | each)
+        ),
+        run=draw(
+            st.builds(
+                RunSettings,
+                duration=st.floats(1e-3, 10.0),
+                rate=st.floats(1.0, 1e5),
+                integrator=st.sampled_from(["auto", "yes", "1e5", "null", "rk4"]),
+                rtol=st.none() | st.floats(1e-12, 0.5),
+                atol=st.none() | positive,
+                step=st.none() | st.floats(1e-6, 1e-3),
+            )
+        ),
+    )

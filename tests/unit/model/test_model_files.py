@@ -1,0 +1,273 @@
+"""Reading files: every problem with its place, scenarios that name arm files, hostile content."""
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from model_bad_files import BAD_ARMS, BROKEN_FILES
+
+from flexarm.errors import ModelError
+from flexarm.model import ArmSpec, Link, Payload, load_arm_spec, load_scenario
+
+ARM = "flexarm: 1\narm:\n  links:\n    - {length: 2, flexural_rigidity: 1e2, mass_per_length: 5}\n"
+SPEC = ArmSpec(links=[Link(length=2, flexural_rigidity=100, mass_per_length=5)])
+
+
+def problems_of(load, path):
+    """Return the problems of a file as "line: message"."""
+    with pytest.raises(ModelError) as caught:
+        load(path)
+    return [str(problem).removeprefix(f"{path}:") for problem in caught.value.problems]
+
+
+@pytest.mark.parametrize("name", BAD_ARMS)
+def test_every_problem_of_a_bad_arm_is_told_with_its_line(name, tmp_path):
+    text, problems = BAD_ARMS[name]
+    (tmp_path / "arm.yaml").write_text(text)
+    told = problems_of(load_arm_spec, tmp_path / "arm.yaml")
+    if problems is not None:
+        assert told == problems
+    assert len(set(told)) == len(told)
+
+
+def test_hundreds_of_problems_are_all_kept_but_not_all_printed(tmp_path):
+    (tmp_path / "arm.yaml").write_text(BAD_ARMS["too many links"][0])
+    with pytest.raises(ModelError) as caught:
+        load_arm_spec(tmp_path / "arm.yaml")
+    assert "arm.links must be 1 to 256 links, but is 300 links." in {
+        str(problem).split(": ", 1)[1] for problem in caught.value.problems
+    }
+    assert len(caught.value.problems) == 601  # two for each link, one for their number
+    assert str(caught.value).splitlines()[50:] == ["... and 551 more problems."]
+
+
+@pytest.mark.parametrize("load", [load_arm_spec, load_scenario])
+@pytest.mark.parametrize("name", BROKEN_FILES)
+def test_unreadable_files_make_one_clear_error(name, load, tmp_path):
+    content, message = BROKEN_FILES[name]
+    path = tmp_path / "arm.yaml"
+    path.write_bytes(content)
+    with pytest.raises(ModelError) as caught:
+        load(path)
+    if message is not None:
+        assert str(caught.value).startswith(f"{path}{message}")
+        one_problem = {problem.value for problem in caught.value.problems}
+        assert len(one_problem) == 1
+    assert caught.value.__suppress_context__ or caught.value.__context__ is None
+
+
+def test_a_list_that_contains_itself(tmp_path):
+    (tmp_path / "arm.yaml").write_text("flexarm: 1\narm: &a\n  links: [*a]\n")
+    assert problems_of(load_arm_spec, tmp_path / "arm.yaml")[0] == (
+        "2: arm.links[0] must not contain itself, but is an alias of what it is in."
+    )
+
+
+def test_tabs_are_explained(tmp_path):
+    (tmp_path / "arm.yaml").write_bytes(BROKEN_FILES["tab"][0])
+    with pytest.raises(ModelError, match=r"Indent with spaces\.$"):
+        load_arm_spec(tmp_path / "arm.yaml")
+
+
+def test_missing_files_and_directories(tmp_path):
+    (tmp_path / "robot.yaml").write_text(ARM)
+    for load in (load_arm_spec, load_scenario):
+        with pytest.raises(ModelError) as caught:
+            load(tmp_path / "robt.yaml")
+        assert str(caught.value) == (
+            f"{tmp_path / 'robt.yaml'}: the file must exist, but is missing. "
+            f"Did you mean {str(tmp_path / 'robot.yaml')!r}?"
+        )
+        with pytest.raises(ModelError, match="the file must be a file, but is a directory"):
+            load(tmp_path)
+        with pytest.raises(ModelError, match="the file must exist, but is missing"):
+            load(tmp_path / "nowhere" / "arm.yaml")
+        with pytest.raises(ModelError, match="the file must be readable, but is not: "):
+            load("arm\0.yaml")
+
+
+def test_byte_order_marks_windows_lines_and_text_paths_are_fine(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_bytes(b"\xef\xbb\xbf" + ARM.replace("\n", "\r\n").encode())
+    assert load_arm_spec(str(path)) == SPEC
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e5", 1e5),
+        ("70e9", 70e9),
+        ("1.5E-3", 1.5e-3),
+        ("+2", 2.0),
+        (".5", 0.5),
+        ("2.", 2.0),
+        ("010", 10.0),
+        ("0x10", 16.0),
+        ("0o10", 8.0),
+    ],
+)
+def test_numbers_are_those_of_yaml_1_2(text, value, tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM.replace("length: 2", f"length: {text}"))
+    assert load_arm_spec(tmp_path / "arm.yaml").links[0].length == value
+
+
+def test_numbers_of_thousands_of_digits_are_not_finite(tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM.replace("length: 2", f"length: {'9' * 5000}"))
+    assert problems_of(load_arm_spec, tmp_path / "arm.yaml") == [
+        "4: arm.links[0].length must be a finite number, but is inf."
+    ]
+
+
+def test_scenario_may_name_an_arm_file_beside_it(tmp_path):
+    (tmp_path / "arms").mkdir()
+    (tmp_path / "arms" / "long.yaml").write_text(ARM)
+    (tmp_path / "arms" / "main.yaml").write_text("flexarm: 1\narm: long.yaml\nrun: {}\n")
+    (tmp_path / "run.yaml").write_text("flexarm: 1\narm: arms/main.yaml\nrun: {duration: 1}\n")
+    assert load_scenario(tmp_path / "run.yaml").arm == SPEC
+    assert load_arm_spec(tmp_path / "run.yaml") == SPEC
+
+
+def test_problems_are_told_in_the_file_they_stand_in(tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM.replace("length: 2", "length: -2") + "runs: 3\n")
+    (tmp_path / "run.yaml").write_text(
+        "flexarm: 1\nrun: {duration: 0}\narm: arm.yaml\ninitial: {joint_rate: [0, 0]}\n"
+    )
+    with pytest.raises(ModelError) as caught:
+        load_scenario(tmp_path / "run.yaml")
+    told = [str(problem).removeprefix(f"{tmp_path}/") for problem in caught.value.problems]
+    assert sorted(told) == [
+        "arm.yaml:4: arm.links[0].length must be greater than 0, but is -2.",
+        "arm.yaml:5: runs must be a known key, but is unknown. Did you mean 'run'?",
+        "run.yaml:2: run.duration must be greater than 0, but is 0.",
+        (
+            "run.yaml:4: initial.joint_rate must have one value for each of the 1 joints, "
+            "but is 2 long."
+        ),
+    ]
+
+
+def test_named_arm_files_that_cannot_be_read(tmp_path):
+    (tmp_path / "run.yaml").write_text("flexarm: 1\nrun: {duration: 0}\narm: arm.yaml\n")
+    with pytest.raises(ModelError) as caught:
+        load_scenario(tmp_path / "run.yaml")
+    assert str(caught.value).splitlines() == [
+        f"{tmp_path}/run.yaml:2: run.duration must be greater than 0, but is 0.",
+        (
+            f"{tmp_path}/arm.yaml: the file must exist, but is missing. "
+            f"It is named in {tmp_path}/run.yaml:3."
+        ),
+    ]
+    (tmp_path / "arm.yaml").write_text("flexarm: 1\narm: run.yaml\n")
+    assert problems_of(load_arm_spec, tmp_path / "arm.yaml") == [
+        f"{tmp_path}/run.yaml:3: arm must lead to an arm, but is a circle of files."
+    ]
+
+
+def test_scenario_file_as_in_the_manual(tmp_path):
+    (tmp_path / "run.yaml").write_text(
+        ARM.replace(
+            "  links:\n", "  gravity: [0, 0]\n  payload: {mass: 2, offset: 0.1}\n  links:\n"
+        )
+        + "motion: {kind: line, start: [1, 0.5], end: [0.5, 1], duration: 1.0}\n"
+        "drive: {kind: rigid_inverse_dynamics}\n"
+        "run: {duration: 2.0, rate: 1000, integrator: auto}\n"
+    )
+    scenario = load_scenario(tmp_path / "run.yaml")
+    assert scenario.arm == SPEC.replace(payload=Payload(mass=2, offset=(0.1, 0)))
+    assert scenario.motion.kind == "line"
+    assert scenario.drive.kind == "rigid_inverse_dynamics"
+    assert (scenario.run.duration, scenario.run.rate) == (2.0, 1000.0)
+
+
+def test_arm_file_is_not_a_scenario(tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM)
+    assert problems_of(load_scenario, tmp_path / "arm.yaml") == [
+        (
+            "1: run must be given, but is missing. "
+            "It says how long to simulate, for example `run: {duration: 2}`."
+        )
+    ]
+
+
+def test_other_parts_of_a_scenario_do_not_keep_its_arm_from_being_read(tmp_path):
+    (tmp_path / "run.yaml").write_text(ARM + "run: {duration: -1}\n")
+    assert load_arm_spec(tmp_path / "run.yaml") == SPEC
+
+
+SOUND = {
+    "arm": {
+        "gravity": [0, -9.81],
+        "theory": "linear",
+        "payload": {"mass": 1, "inertia": 0.1, "offset": [0.1, 0]},
+        "joints": [{"damping": 0.1}, {"mass": 1, "hub_inertia": 0.1}],
+        "links": [
+            {"length": 1, "flexural_rigidity": 1, "mass_per_length": 1, "elements": 3, "modes": 4},
+            {
+                "length": 2,
+                "material": {"density": 1, "youngs_modulus": 1},
+                "section": {"kind": "box", "width": 0.1, "height": 0.1, "thickness": 0.01},
+                "damping": {"kind": "modal", "ratio": [0.1, 0.1]},
+                "gauges": [{"station": 1, "distance": 0.1}],
+            },
+        ],
+    },
+    "motion": {"kind": "joint", "start": [0, 0], "end": [1, 1], "duration": 1},
+    "drive": {"kind": "joint_pd", "proportional": 1, "derivative": [1, 1], "sample_time": 0.01},
+    "initial": {"joint_angle": [0, 0], "joint_rate": [0, 0]},
+    "run": {"duration": 1, "rate": 100, "rtol": 0.1, "step": 0.01},
+}
+
+
+def leaves(content, path=()):
+    """Yield the path of every value in nested mappings and lists that is neither."""
+    if isinstance(content, dict | list):
+        items = content.items() if isinstance(content, dict) else enumerate(content)
+        for key, value in items:
+            yield from leaves(value, (*path, key))
+    elif path[-1] != "kind":  # where the kind is wrong, nobody can tell what else is
+        yield path
+
+
+def damaged(content, path, value):
+    """Return nested mappings and lists with one value replaced."""
+    if not path:
+        return value
+    items = content.items() if isinstance(content, dict) else enumerate(content)
+    parts = {k: damaged(v, path[1:], value) if k == path[0] else v for k, v in items}
+    return parts if isinstance(content, dict) else list(parts.values())
+
+
+def key_path(path):
+    return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).removeprefix(".")
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    places=st.lists(st.sampled_from(sorted(leaves(SOUND), key=str)), unique=True, min_size=1),
+    value=st.sampled_from([".nan", "{}", "[[]]", "wrong"]),
+)
+def test_every_one_of_many_problems_is_told_at_its_line(places, value, tmp_path):
+    content = SOUND
+    for place in places:
+        content = damaged(content, place, "@" + str(places.index(place)))
+    text = "flexarm: 1\n" + yaml.safe_dump(content)
+    lines = {}
+    for i in reversed(range(len(places))):  # '@10' before '@1'
+        before, _, after = text.partition(f"'@{i}'")
+        lines[places[i]] = before.count("\n") + 1
+        text = before + value + after
+    (tmp_path / "run.yaml").write_text(text)
+    told = set(problems_of(load_scenario, tmp_path / "run.yaml"))
+    for place in places:
+        where = f"{lines[place]}: {key_path(place)}"
+        inside = [problem for problem in told if problem.startswith((f"{where} must", f"{where}."))]
+        # A pair of numbers is one value to the reader: it is refused as a whole.
+        whole = f": {key_path(place[:-1])} must be a list of two numbers"
+        assert inside or any(whole in problem for problem in told), (where, told)
+
+
+def test_the_sound_file_is_sound(tmp_path):
+    (tmp_path / "run.yaml").write_text("flexarm: 1\n" + yaml.safe_dump(SOUND))
+    assert load_scenario(tmp_path / "run.yaml").drive.kind == "joint_pd"

@@ -1,0 +1,19 @@
+"""The layer stays light: commands that only check a file must not wait for the numerics."""
+
+import subprocess
+import sys
+
+
+def test_model_imports_neither_numpy_nor_anything_above_it():
+    code = (
+        "import importlib.util, sys, types\n"
+        "package = types.ModuleType('flexarm')  # the layer alone, not what the package offers\n"
+        "package.__path__ = importlib.util.find_spec('flexarm').submodule_search_locations\n"
+        "sys.modules['flexarm'] = package\n"
+        "import flexarm.model\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'xarray', 'matplotlib'} & set(sys.modules)\n"
+        "ours = {m.split('.')[1] for m in sys.modules if m.startswith('flexarm.')}\n"
+        "print(sorted(heavy), sorted(ours))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["[]", "['errors',", "'model']"]

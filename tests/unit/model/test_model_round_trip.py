@@ -1,0 +1,97 @@
+"""What is written is read back equal, by file, by JSON, and by pickle."""
+
+import pickle
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from model_strategies import arm_specs, scenarios
+
+from flexarm.errors import ModelError
+from flexarm.model import (
+    ArmSpec,
+    Joint,
+    Link,
+    Scenario,
+    load_arm_spec,
+    load_scenario,
+    save_arm_spec,
+    save_scenario,
+)
+
+relaxed = settings(
+    max_examples=40,
+    deadline=None,  # drawing and reading an arm takes as long as the machine happens to be busy
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+@relaxed
+@given(spec=arm_specs())
+def test_arm_file_is_read_back_equal(spec, tmp_path):
+    save_arm_spec(spec, tmp_path / "arm.yaml")
+    assert load_arm_spec(tmp_path / "arm.yaml") == spec
+
+
+@relaxed
+@given(scenario=scenarios())
+def test_scenario_file_is_read_back_equal(scenario, tmp_path):
+    save_scenario(scenario, tmp_path / "run.yaml")
+    assert load_scenario(tmp_path / "run.yaml") == scenario
+    assert load_arm_spec(tmp_path / "run.yaml") == scenario.arm
+
+
+@relaxed
+@given(scenario=scenarios())
+def test_json_and_pickle_are_read_back_equal(scenario):
+    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
+    assert hash(scenario) == hash(scenario.replace())
+
+
+LINK = Link(length=1.5, flexural_rigidity=70e9, mass_per_length=1e-5)
+
+
+def test_file_says_only_what_differs_from_the_defaults(tmp_path):
+    save_arm_spec(
+        ArmSpec(links=[LINK], joints=[Joint(mass=0.0)], gravity=[0, -9.81]), tmp_path / "a"
+    )
+    assert (tmp_path / "a").read_text() == (
+        "flexarm: 1\n"
+        "arm:\n"
+        "  links:\n"
+        "  - {length: 1.5, flexural_rigidity: 70000000000.0, mass_per_length: 1.0e-05}\n"
+        "  joints:\n"
+        "  - {}\n"
+        "  gravity: [0.0, -9.81]\n"
+    )
+
+
+def test_preset_materials_keep_their_name(tmp_path):
+    section = {"kind": "circle", "diameter": 0.01}
+    save_arm_spec(
+        ArmSpec(links=[Link(length=1, material="steel", section=section)]), tmp_path / "arm.yaml"
+    )
+    text = (tmp_path / "arm.yaml").read_text()
+    assert "material: steel" in text
+    assert "kind: circle" in text  # a default, but without it the section cannot be read
+
+
+def test_saving_replaces_a_file_in_one_step(tmp_path):
+    target = tmp_path / "arm.yaml"
+    target.write_text("old")
+    target.chmod(0o640)
+    (tmp_path / "link.yaml").symlink_to(target)
+    save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "link.yaml")
+    assert load_arm_spec(target).links == (LINK,)
+    assert target.stat().st_mode & 0o777 == 0o640
+    assert (tmp_path / "link.yaml").is_symlink()
+    assert {path.name for path in tmp_path.iterdir()} == {"arm.yaml", "link.yaml"}
+
+
+def test_failed_saving_leaves_nothing_behind(tmp_path):
+    (tmp_path / "arm.yaml").mkdir()
+    with pytest.raises(ModelError, match=r"arm\.yaml: the file must be writable, but is not: "):
+        save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "arm.yaml")
+    with pytest.raises(ModelError, match="No such file or directory"):
+        save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "nowhere" / "arm.yaml")
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.yaml"]

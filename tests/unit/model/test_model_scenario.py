@@ -1,0 +1,169 @@
+"""Scenarios: values that must fit the arm, and settings that must fit each other."""
+
+import numpy as np
+import pytest
+
+from flexarm.errors import ModelError
+from flexarm.model import (
+    ArmSpec,
+    InitialState,
+    Link,
+    NoDrive,
+    RunSettings,
+    Scenario,
+    TorqueDrive,
+)
+
+LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
+ARM = ArmSpec(links=[LINK, LINK])
+RUN = {"duration": 2}
+LINE = {"kind": "line", "start": [2, 0], "end": [1, 1], "duration": 1}
+JOINT = {"kind": "joint", "start": [0, 0], "end": [1, 1], "duration": 1}
+
+
+def test_defaults():
+    scenario = Scenario(arm=ARM, run=RUN)
+    assert scenario.drive == NoDrive()
+    assert scenario.motion is None
+    assert scenario.initial == InitialState(joint_angle=None, joint_rate=None)
+    assert scenario.run == RunSettings(duration=2.0, rate=1000.0, integrator="auto")
+    motion = Scenario(arm=ARM, run=RUN, motion=LINE).motion
+    assert (motion.profile, motion.elbow, motion.start_time) == ("quintic", "up", 0.0)
+
+
+def test_torque_takes_an_array():
+    drive = TorqueDrive(rate=100, values=np.arange(6).reshape(3, 2))
+    assert drive.values == ((0.0, 1.0), (2.0, 3.0), (4.0, 5.0))
+    assert Scenario(arm=ARM, run=RUN, drive=drive).drive is drive
+
+
+@pytest.mark.parametrize(
+    ("values", "problems"),
+    [
+        (
+            {"run": None},
+            [
+                (
+                    "run must be a mapping of keys to values, but is nothing. "
+                    "It says how long to simulate, for example `run: {duration: 2}`."
+                )
+            ],
+        ),
+        (
+            {"drive": {"kind": "rigid_inverse_dynamics"}},
+            ["motion must be given where drive is rigid_inverse_dynamics, but is missing."],
+        ),
+        (
+            {"drive": {"kind": "joint_pd", "proportional": 1, "derivative": [1, 2, 3]}},
+            [
+                "motion must be given where drive is joint_pd, but is missing.",
+                "drive.derivative must have one value for each of the 2 joints, but is 3 long.",
+            ],
+        ),
+        (
+            {
+                "drive": {"kind": "joint_pd", "proportional": [1, -2], "derivative": True},
+                "motion": LINE,
+            },
+            [
+                "drive.proportional[1] must be at least 0, but is -2.",
+                "drive.derivative must be a number, but is True.",
+            ],
+        ),
+        (  # rows of the same wrong length are one mistake, told once
+            {"drive": {"kind": "torque", "rate": 1, "values": [[1, 2], [1], [1], [1, 2, 3]]}},
+            [
+                "drive.values[1] must have one value for each of the 2 joints, but is 1 long.",
+                "drive.values[3] must have one value for each of the 2 joints, but is 3 long.",
+            ],
+        ),
+        (
+            {"drive": {"kind": "torque", "rate": 1, "values": [[1, 2]], "interpolation": "linear"}},
+            [
+                (
+                    "drive.values must hold at least two samples for linear interpolation, "
+                    "but is 1 long."
+                )
+            ],
+        ),
+        (
+            {"drive": {"kind": "torque", "rate": 1, "values": []}},
+            [
+                "drive.values must hold at least one sample, but is empty.",
+            ],
+        ),
+        (
+            {"drive": {"kind": "joint_pid"}},
+            [
+                (
+                    "drive.kind must be one of 'rigid_inverse_dynamics', 'torque', 'joint_pd', "
+                    "'none', but is 'joint_pid'. Did you mean 'joint_pd'?"
+                )
+            ],
+        ),
+        (  # lengths are compared although other values of the same parts are wrong
+            {
+                "motion": {**JOINT, "start": [0], "end": ["a", 1, 2], "duration": 0},
+                "initial": {"joint_angle": [0, 0, np.nan], "joint_rate": []},
+            },
+            [
+                "motion.duration must be greater than 0, but is 0.",
+                "motion.end[0] must be a number, but is 'a'. Write the bare number, in SI units.",
+                "initial.joint_angle[2] must be a finite number, but is nan.",
+                "motion.start must have one value for each of the 2 joints, but is 1 long.",
+                "motion.end must have one value for each of the 2 joints, but is 3 long.",
+                "initial.joint_angle must have one value for each of the 2 joints, but is 3 long.",
+                "initial.joint_rate must have one value for each of the 2 joints, but is 0 long.",
+            ],
+        ),
+        (
+            {"motion": {**LINE, "elbow": "left", "profile": "quintc", "start": [1, 2, 3]}},
+            [
+                (
+                    "motion.profile must be one of 'quintic', 'trapezoidal', but is 'quintc'. "
+                    "Did you mean 'quintic'?"
+                ),
+                "motion.start must be a list of two numbers, but is [1, 2, 3].",
+                "motion.elbow must be one of 'up', 'down', but is 'left'.",
+            ],
+        ),
+        (
+            {"run": {"duration": 10, "rate": 1e9, "step": 20, "rtol": 1, "integrator": 3}},
+            [
+                "run.integrator must be a word, but is 3.",
+                "run.rtol must be less than 1, but is 1.",
+                (
+                    "run.rate must be at most 1e+07 for this duration, but is 1000000000. "
+                    "More than 1e+08 samples do not fit into memory."
+                ),
+                "run.step must be at most 10, the duration of the run, but is 20.",
+            ],
+        ),
+        (
+            {"arm": "arm.yaml"},
+            [
+                (
+                    "arm must be a mapping of keys to values, but is 'arm.yaml'. "
+                    "In Python, load_arm_spec reads a file."
+                )
+            ],
+        ),
+    ],
+)
+def test_wrong_scenarios_are_refused_with_every_reason(values, problems):
+    with pytest.raises(ModelError) as caught:
+        Scenario(**{"arm": ARM, "run": RUN, **values})
+    assert str(caught.value).splitlines() == [f"Scenario: {text}" for text in problems]
+
+
+def test_joints_are_counted_in_an_arm_with_other_faults():
+    arm = {"links": [{"length": 0, "flexural_rigidity": 1, "mass_per_length": 1}]}
+    with pytest.raises(ModelError) as caught:
+        Scenario(arm=arm, run=RUN, initial={"joint_angle": [0, 0]})
+    assert str(caught.value).splitlines() == [
+        "Scenario: arm.links[0].length must be greater than 0, but is 0.",
+        (
+            "Scenario: initial.joint_angle must have one value for each of the 1 joints, "
+            "but is 2 long."
+        ),
+    ]

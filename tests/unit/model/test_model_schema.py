@@ -1,0 +1,66 @@
+"""The JSON schema agrees with what is accepted."""
+
+import json
+import re
+
+import pytest
+
+from flexarm.errors import ModelError
+from flexarm.model import ArmSpec, Link, Scenario, json_schema
+
+
+def test_schema_has_every_key_and_a_description_of_each():
+    schema = json_schema("scenario")
+    assert list(schema["properties"]) == ["flexarm", *Scenario.model_fields]
+    assert schema["required"] == ["flexarm", "arm"]  # so that it fits arm files too
+    definitions = schema["$defs"]
+    assert list(definitions["Link"]["properties"]) == list(Link.model_fields)
+    assert list(definitions["ArmSpec"]["properties"]) == list(ArmSpec.model_fields)
+    for name, definition in definitions.items():
+        assert definition["additionalProperties"] is False, name
+        for key, entry in definition["properties"].items():
+            assert key == "kind" or "description" in entry, (name, key)
+
+
+def test_schema_knows_the_limits_editors_can_check():
+    link = json_schema("arm")["$defs"]["Link"]["properties"]
+    assert (link["elements"]["minimum"], link["elements"]["maximum"]) == (1, 256)
+    assert link["length"]["exclusiveMinimum"] == 0
+    arm = json_schema("arm")["$defs"]["ArmSpec"]["properties"]
+    assert (arm["links"]["minItems"], arm["links"]["maxItems"]) == (1, 256)
+    assert arm["theory"]["enum"] == ["linear", "second_order"]
+    # Pydantic writes its own words where it cannot express a limit; editors do not know them.
+    assert not re.search(r'"(gt|ge|lt|le|min_length|max_length)":', json.dumps(json_schema()))
+
+
+def test_kind_is_required_where_a_file_must_give_it():
+    definitions = json_schema()["$defs"]
+    kinds = {name for name, entry in definitions.items() if "kind" in entry["properties"]}
+    assert {"Tube", "ModalDamping", "LineMotionSpec", "TorqueDrive", "NoDrive"} <= kinds
+    assert all("kind" in definitions[name]["required"] for name in kinds)
+
+
+def test_arm_may_be_a_mapping_or_the_name_of_a_file():
+    for kind in ("arm", "scenario"):
+        options = json_schema(kind)["properties"]["arm"]["anyOf"]
+        assert [option.get("$ref", option.get("type")) for option in options] == [
+            "#/$defs/ArmSpec",
+            "string",
+        ]
+
+
+def test_arm_schema_has_no_other_keys_and_defines_only_what_it_uses():
+    schema = json_schema("arm")
+    assert list(schema["properties"]) == ["flexarm", "arm"]
+    assert "Scenario" not in schema["$defs"]
+
+
+def test_material_may_be_a_name():
+    options = json_schema("arm")["$defs"]["Link"]["properties"]["material"]["anyOf"]
+    assert {"enum": ["steel", "aluminium"]} in options
+    assert {"$ref": "#/$defs/Material"} in options
+
+
+def test_unknown_kind_of_file():
+    with pytest.raises(ModelError, match=r"kind must be one of 'arm', 'scenario', but is 'arms'"):
+        json_schema("arms")

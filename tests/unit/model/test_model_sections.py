@@ -1,0 +1,181 @@
+"""Areas and second moments of sections, presets, tables."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from flexarm.errors import ModelError
+from flexarm.model import (
+    MATERIALS,
+    Box,
+    Circle,
+    Link,
+    Material,
+    Rectangle,
+    SectionTable,
+    Tube,
+)
+
+
+def strips(half_width, depth):
+    """Integrate area and y^2 over a section given by its half width at the height y."""
+    edges = np.linspace(-depth / 2, depth / 2, 100_001)
+    y, weights = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
+    width = 2 * half_width(y)
+    return np.sum(weights * width), np.sum(weights * width * y**2)
+
+
+@pytest.mark.parametrize(
+    ("section", "half_width"),
+    [
+        (Rectangle(width=0.02, height=0.05), lambda y: np.full_like(y, 0.01)),
+        (Circle(diameter=0.04), lambda y: np.sqrt(0.02**2 - y**2)),
+        (
+            Tube(outer_diameter=0.04, thickness=0.003),
+            lambda y: np.sqrt(0.02**2 - y**2) - np.sqrt(np.maximum(0.017**2 - y**2, 0)),
+        ),
+        (
+            Box(width=0.03, height=0.05, thickness=0.004),
+            lambda y: np.where(abs(y) < 0.021, 0.004, 0.015),
+        ),
+    ],
+    ids=lambda value: getattr(value, "kind", ""),
+)
+def test_area_and_second_moment_are_those_of_the_shape(section, half_width):
+    area, second_moment = strips(half_width, section.depth)
+    # The strips resolve the corners of the box to 1e-5 of its depth; round ones are closer.
+    assert section.area == pytest.approx(area, rel=1e-4)
+    assert section.second_moment == pytest.approx(second_moment, rel=1e-4)
+
+
+def test_thin_walls_keep_their_digits():
+    thickness = 1e-9
+    fourth_powers = float(1 - (1 - 2 * Fraction(thickness)) ** 4)  # of outer and inner size
+    box = Box(width=1.0, height=1.0, thickness=thickness)
+    tube = Tube(outer_diameter=1.0, thickness=thickness)
+    # A few roundings; subtracting the fourth powers as floats would lose 8 of the 16 digits.
+    assert box.second_moment == pytest.approx(fourth_powers / 12, rel=1e-15)
+    assert tube.second_moment == pytest.approx(math.pi * fourth_powers / 64, rel=1e-15)
+
+
+def test_a_wall_that_just_leaves_room_is_nearly_solid():
+    tube, solid = Tube(outer_diameter=0.1, thickness=0.0499999), Circle(diameter=0.1)
+    assert tube.area == pytest.approx(solid.area, rel=1e-11)  # the hole has (2e-6)^2 of the area
+    box, full = Box(width=0.1, height=0.2, thickness=0.0499999), Rectangle(width=0.1, height=0.2)
+    assert box.second_moment == pytest.approx(full.second_moment, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: Tube(outer_diameter=0.1, thickness=0.05),
+            (
+                "Tube: thickness must be less than 0.05, half of outer_diameter, but is 0.05. "
+                "The wall leaves no room inside."
+            ),
+        ),
+        (
+            lambda: Box(width=0.1, height=0.04, thickness=0.03),
+            (
+                "Box: thickness must be less than 0.02, half of height, but is 0.03. "
+                "The wall leaves no room inside."
+            ),
+        ),
+        (
+            lambda: Rectangle(width=20.0, height=5000.0),
+            (
+                "Rectangle: height must be between 1e-9 and 1000, but is 5000. "
+                "Dimensions are in metres."
+            ),
+        ),
+        (lambda: Circle(diameter=0), "Circle: diameter must be greater than 0, but is 0."),
+        (
+            lambda: Circle(radius=1),
+            (
+                "Circle: diameter must be given, but is missing.\n"
+                "Circle: radius must be a known key, but is unknown. Known: kind, diameter."
+            ),
+        ),
+        (
+            lambda: Material(density=-1, youngs_modulus="70 GPa"),
+            (
+                "Material: density must be greater than 0, but is -1.\n"
+                "Material: youngs_modulus must be a number, but is '70 GPa'. "
+                "Write the bare number, in SI units."
+            ),
+        ),
+    ],
+)
+def test_impossible_sections_are_refused_with_the_reason(make, message):
+    with pytest.raises(ModelError) as caught:
+        make()
+    assert str(caught.value) == message
+
+
+def test_presets_are_materials_by_name():
+    section = Circle(diameter=0.01)
+    for name, material in MATERIALS.items():
+        assert Link(length=1, material=name, section=section).material == material
+    # Textbook orders of magnitude: a steel rod sinks and is three times as stiff as aluminium.
+    assert MATERIALS["steel"].youngs_modulus == 3 * MATERIALS["aluminium"].youngs_modulus
+    with pytest.raises(ModelError, match=r"but is 'aluminum'\. Did you mean 'aluminium'\?"):
+        Link(length=1, material="aluminum", section=section)
+
+
+def test_table_takes_arrays_and_stores_plain_tuples():
+    table = SectionTable(
+        x=np.linspace(0, 1, 3),
+        flexural_rigidity=np.float32([3, 2, 1]),
+        mass_per_length=[np.float64(2.0), 1, np.int32(1)],
+    )
+    assert table.x == (0.0, 0.5, 1.0)
+    values = (*table.x, *table.flexural_rigidity, *table.mass_per_length)
+    assert {type(value) for value in values} == {float}
+    assert table.rotary_inertia_per_length is None
+
+
+@pytest.mark.parametrize(
+    ("columns", "messages"),
+    [
+        (
+            {"x": [0], "flexural_rigidity": None, "mass_per_length": [1]},
+            ["x must hold at least two points, the root and the tip, but is 1 long."],
+        ),
+        (
+            {"x": [0.1, 0.5, 1.0]},
+            ["x[0] must be 0, but is 0.1. A table starts at the root of the link."],
+        ),
+        (
+            {"x": [0, 0.5, 0.5]},
+            ["x[2] must be greater than the point before it (0.5), but is 0.5."],
+        ),
+        (
+            {"x": [0, 1, 2, 3], "rotary_inertia_per_length": [1, 2]},
+            [
+                "flexural_rigidity must have a value for each of the 4 points of x, but is 3 long.",
+                "mass_per_length must have a value for each of the 4 points of x, but is 3 long.",
+                (
+                    "rotary_inertia_per_length must have a value for each of the 4 points of x, "
+                    "but is 2 long."
+                ),
+            ],
+        ),
+        (
+            {"mass_per_length": [1, -1, math.inf], "flexural_rigidity": [1, 0, 1]},
+            [
+                "flexural_rigidity[1] must be greater than 0, but is 0.",
+                "mass_per_length[1] must be at least 0, but is -1.",
+                "mass_per_length[2] must be a finite number, but is inf.",
+            ],
+        ),
+        ({"x": {0, 1, 2}}, ["x must be a list, but is {0, 1, 2}."]),
+    ],
+)
+def test_wrong_tables_are_refused_with_every_reason(columns, messages):
+    right = {"x": [0, 1, 2], "flexural_rigidity": [1, 1, 1], "mass_per_length": [1, 1, 1]}
+    with pytest.raises(ModelError) as caught:
+        SectionTable(**{**right, **columns})
+    assert str(caught.value).splitlines() == [f"SectionTable: {text}" for text in messages]

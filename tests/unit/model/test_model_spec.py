@@ -1,0 +1,104 @@
+"""Arms: joints for links, payload, gravity, limits."""
+
+import numpy as np
+import pytest
+
+from flexarm.errors import ModelError
+from flexarm.model import ArmSpec, Joint, Link, Payload
+
+LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
+MASSLESS = Link(length=1, mass_per_length=0, flexible=False)
+
+
+def test_defaults_are_ideal_joints_and_no_payload():
+    spec = ArmSpec(links=[LINK, LINK])
+    assert spec.joints == (Joint(), Joint())
+    assert spec.payload == Payload(mass=0, inertia=0, offset=(0, 0))
+    assert (spec.gravity, spec.theory) == ((0.0, 0.0), "linear")
+    for nothing in (None, [], (), np.zeros(0)):
+        assert ArmSpec(links=[LINK], joints=nothing).joints == (Joint(),)
+
+
+def test_replacing_links_brings_their_own_ideal_joints():
+    spec = ArmSpec(links=[LINK, LINK], gravity=np.array([0, -9.81]))
+    assert spec.replace(links=[LINK] * 3).joints == (Joint(),) * 3
+    assert spec.replace(links=[LINK]).gravity == (0.0, -9.81)
+
+
+def test_offset_of_one_number_is_along_the_tangent():
+    assert Payload(offset=0.3).offset == (0.3, 0.0)
+    assert Payload(offset=np.float64(0.3)).offset == (0.3, 0.0)
+    assert Payload(offset=[0.3, -0.1]).offset == (0.3, -0.1)
+    for wrong in (True, [1, 2, 3], "1", [1, None]):
+        with pytest.raises(ModelError, match="offset"):
+            Payload(offset=wrong)
+
+
+@pytest.mark.parametrize(
+    ("values", "problems"),
+    [
+        ({}, ["links must be given, but is missing."]),
+        ({"links": []}, ["links must be 1 to 256 links, but is 0 links."]),
+        (
+            {"links": [LINK] * 257},
+            ["links must be 1 to 256 links, but is 257 links."],
+        ),
+        ({"links": "LINK"}, ["links must be a list, but is 'LINK'."]),
+        (
+            {"links": [LINK, LINK], "joints": [Joint()]},
+            ["joints must be one joint for each of the 2 links, but is 1 long."],
+        ),
+        (  # the number is wrong whatever else is wrong with links and joints
+            {"links": [LINK, {}], "joints": [{"mass": -1}]},
+            [
+                "links[1].length must be given, but is missing.",
+                "joints[0].mass must be at least 0, but is -1.",
+                "joints must be one joint for each of the 2 links, but is 1 long.",
+            ],
+        ),
+        (
+            {"links": [LINK], "gravity": -9.81},
+            [
+                (
+                    "gravity must be a list of two numbers, but is -9.81. "
+                    "Gravity that pulls down is [0, -9.81]."
+                )
+            ],
+        ),
+        (
+            {"links": [LINK], "theory": "second-order", "payload": {"masss": 1}},
+            [
+                "payload.masss must be a known key, but is unknown. Did you mean 'mass'?",
+                (
+                    "theory must be one of 'linear', 'second_order', but is 'second-order'. "
+                    "Did you mean 'second_order'?"
+                ),
+            ],
+        ),
+        (
+            {"links": [LINK, MASSLESS]},
+            [
+                (
+                    "payload.mass must be greater than 0 beyond a massless link, but is 0. "
+                    "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+                )
+            ],
+        ),
+    ],
+)
+def test_wrong_arms_are_refused_with_every_reason(values, problems):
+    with pytest.raises(ModelError) as caught:
+        ArmSpec(**values)
+    told = [line for line in str(caught.value).splitlines() if "mass_per_length" not in line]
+    assert told == [f"ArmSpec: {text}" for text in problems]
+
+
+def test_massless_links_are_right_where_something_has_inertia():
+    ArmSpec(links=[MASSLESS, LINK])
+    ArmSpec(links=[MASSLESS], payload=Payload(mass=1))
+    ArmSpec(links=[MASSLESS], payload=Payload(inertia=1))
+    ArmSpec(links=[MASSLESS], joints=[Joint(hub_inertia=1)])
+
+
+def test_the_longest_arm_is_accepted():
+    assert len(ArmSpec(links=[LINK] * 256).joints) == 256

@@ -1,0 +1,40 @@
+"""What the motion tests share: a stand-in for an arm, and derivatives by finite differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+# Published lengths of the two-link example arm, m (Table I: L1 = 1.4142, L2 = 1, rods of
+# 0.61732 kg/m), whose tip runs from (2, 1) to (1, 2).
+TABLE_I_LENGTHS = (1.4142, 1.0)
+
+
+@dataclass
+class Links:
+    """All that a motion asks of an arm: lengths and the number of joints."""
+
+    link_lengths: tuple[float, ...] = TABLE_I_LENGTHS
+
+    @property
+    def lengths(self) -> np.ndarray:
+        return np.array(self.link_lengths)
+
+    @property
+    def joints(self) -> int:
+        return len(self.link_lengths)
+
+
+def derivative(function: Callable[[np.ndarray], np.ndarray], t: np.ndarray, step: float):
+    """Central difference of sixth order; `t` must stay 3 steps away from any break."""
+    weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+    terms = [w * (function(t + k * step) - function(t - k * step)) for k, w in weights.items()]
+    return sum(terms) / step
+
+
+def smooth_times(breaks: tuple[float, ...], away: float, count: int = 41) -> np.ndarray:
+    """Times between the breaks, none nearer than `away` to one."""
+    return np.concatenate([np.linspace(a + away, b - away, count) for a, b in pairwise(breaks)])

@@ -1,0 +1,157 @@
+"""Inverse kinematics inverts the forward one, on both branches, or says why it cannot."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexarm.errors import InputError
+from flexarm.motion.inverse_kinematics import (
+    damped_least_squares,
+    inverse_kinematics,
+    reach_limits,
+)
+from flexarm.motion.kinematics import tip_jacobian, tip_position
+
+# Rounding of a tip position, of the angles that made it and of their sum, per metre of reach.
+ROUNDING = 1e-13
+
+length = st.floats(0.05, 3.0)
+direction = st.floats(-np.pi, np.pi)
+share = st.floats(0.0, 1.0)
+
+
+def chains(smallest: int, largest: int):
+    return st.lists(length, min_size=smallest, max_size=largest).map(np.array)
+
+
+def point_within(lengths, ratio, angle):
+    inner, outer = reach_limits(lengths)
+    return (inner + ratio * (outer - inner)) * np.array([np.cos(angle), np.sin(angle)])
+
+
+def miss(lengths, angles, point):
+    return np.hypot(*(tip_position(lengths, angles) - point)) / np.sum(lengths)
+
+
+@settings(deadline=None)
+@given(chains(2, 2), share, direction, st.sampled_from(["up", "down"]))
+def test_two_links_reach_every_point_on_both_branches(lengths, ratio, angle, elbow):
+    point = point_within(lengths, ratio, angle)
+    angles = inverse_kinematics(lengths, point, elbow)
+    assert miss(lengths, angles, point) < ROUNDING
+    assert angles[1] <= 0.0 if elbow == "up" else angles[1] >= 0.0
+
+
+@settings(deadline=None)
+@given(chains(2, 6), share, direction)
+def test_the_branches_are_mirror_images(lengths, ratio, angle):
+    point = point_within(lengths, ratio, angle)
+    up = inverse_kinematics(lengths, point, "up")
+    down = inverse_kinematics(lengths, point * [1.0, -1.0], "down")
+    difference = np.angle(np.exp(1j * (up + down)))  # pi and -pi are the same angle
+    np.testing.assert_allclose(difference, 0.0, rtol=0, atol=1e-12)
+
+
+@settings(deadline=None)
+@given(chains(3, 6), share, direction, st.sampled_from(["up", "down"]))
+def test_longer_arms_reach_every_point_without_a_posture(lengths, ratio, angle, elbow):
+    point = point_within(lengths, ratio, angle)
+    angles = inverse_kinematics(lengths, point, elbow)
+    assert miss(lengths, angles, point) < ROUNDING
+    assert np.all(np.abs(angles) <= np.pi)
+
+
+@settings(deadline=None)
+@given(chains(3, 6), st.floats(0.05, 0.95), direction)
+def test_the_built_posture_is_not_singular(lengths, ratio, angle):
+    angles = inverse_kinematics(lengths, point_within(lengths, ratio, angle))
+    inner, outer = reach_limits(lengths)
+    stretch = np.linalg.svd(tip_jacobian(lengths, angles), compute_uv=False)[-1]
+    # Links in one line would give zero. What is left at worst is the shortest link across.
+    assert stretch > 1e-3 * min(outer, 20.0 * (outer - inner))
+
+
+def test_the_built_posture_keeps_off_the_limits_of_its_triangles():
+    angles = inverse_kinematics([1.0, 1.0, 1.0, 1.0], [0.01, 0.0])
+    assert abs(angles[0]) > 0.5  # at the limit the first link would point at the point
+
+
+@settings(deadline=None, max_examples=50)
+@given(chains(3, 6), st.floats(0.3, 0.9), direction, st.integers(0, 10**6))
+def test_damped_least_squares_reaches_from_a_posture(lengths, ratio, angle, seed):
+    # No hole: at its rim lie folded postures that hold the search fast.
+    lengths = np.minimum(lengths, 0.99 * (np.sum(lengths) - np.max(lengths)))
+    point = point_within(lengths, ratio, angle)
+    posture = np.random.default_rng(seed).uniform(-2.0, 2.0, len(lengths))
+    angles = inverse_kinematics(lengths, point, posture=posture)
+    assert miss(lengths, angles, point) < 2e-13  # the tolerance of the search and rounding
+
+
+def test_damped_least_squares_ends_quadratically(monkeypatch):
+    lengths = np.array([1.0, 0.8, 0.6, 0.4])
+    posture = np.array([0.4, 0.5, -0.7, 0.9])
+    monkeypatch.setattr("flexarm.motion.inverse_kinematics.MAX_ITERATIONS", 10)
+    angles, missed = damped_least_squares(lengths, np.array([-1.0, 0.9]), posture)
+    # Constant damping would gain about one digit a step.
+    assert missed < 1e-12
+    np.testing.assert_allclose(tip_position(lengths, angles), [-1.0, 0.9], rtol=0, atol=1e-12)
+
+
+def test_damped_least_squares_stays_near_its_posture():
+    lengths = np.array([1.0, 0.8, 0.6, 0.4])
+    posture = np.array([0.4 + 2 * np.pi, 0.5, -0.7, 0.9])
+    near = tip_position(lengths, posture) + np.array([1e-3, -2e-3])
+    angles = inverse_kinematics(lengths, near, posture=posture)
+    # The least-norm change is |miss| over the smallest singular value, here above 0.5 m.
+    assert np.linalg.norm(angles - posture) < 2.0 * np.hypot(1e-3, 2e-3)
+
+
+def test_both_boundaries_leave_one_posture():
+    lengths = [2.0, 0.5, 0.25]
+    straight = inverse_kinematics(lengths, [0.0, 2.75], posture=[0.1, 0.4, 0.2])
+    folded = inverse_kinematics(lengths, [1.25, 0.0], posture=[0.1, 0.4, 0.2])
+    np.testing.assert_allclose(straight, [np.pi / 2, 0.0, 0.0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(np.abs(folded), [0.0, np.pi, 0.0], rtol=0, atol=1e-7)
+
+
+def test_one_link_points_at_its_circle():
+    np.testing.assert_allclose(inverse_kinematics([2.0], [0.0, -2.0]), [-np.pi / 2])
+
+
+def test_published_posture():
+    angles = inverse_kinematics([1.4142, 1.0], [2.0, 1.0])
+    # Printed to the last digit shown.
+    assert angles[0] == pytest.approx(0.785388573, abs=5e-10)
+    assert np.sum(angles) == pytest.approx(0.0000191804, abs=5e-11)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "point", "message"),
+    [
+        ([1.4142, 1.0], [2.0, 2.0], r"point must lie within the reach of 2.4142 m .* 2.82843 m"),
+        ([1.4142, 1.0], [0.1, 0.2], r"point must lie at least 0.4142 m .* 0.223607 m .* hole"),
+        ([1.0, 5.0, 1.0], [0.0, 2.9], "point must lie at least 3 m"),
+        ([1.0], [0.5, 0.0], "point must lie on the circle of radius 1 m"),
+        ([1.0], [0.0, 1.5], "point must lie on the circle of radius 1 m"),
+        ([1.0, 1.0], [np.nan, 0.0], r"point\[0\] must be finite"),
+        ([1.0, 1.0], [1.0, 0.0, 0.0], "point must be numbers of shape"),
+        ([1.0, -1.0], [1.0, 0.0], "lengths must be positive"),
+        ([], [1.0, 0.0], "lengths must be positive"),
+    ],
+)
+def test_refuses_with_the_reason(lengths, point, message):
+    with pytest.raises(InputError, match=message):
+        inverse_kinematics(lengths, point)
+
+
+def test_refuses_wrong_branches_and_postures():
+    with pytest.raises(InputError, match="elbow must be 'up' or 'down', but is 'left'"):
+        inverse_kinematics([1.0, 1.0], [1.0, 1.0], "left")
+    with pytest.raises(InputError, match="posture must be left out for an arm of one or two"):
+        inverse_kinematics([1.0, 1.0], [1.0, 1.0], posture=[0.1, 0.2])
+    with pytest.raises(InputError, match="posture must be numbers of shape"):
+        inverse_kinematics([1.0, 1.0, 1.0], [1.0, 1.0], posture=[0.1, 0.2])
+    with pytest.raises(InputError, match="posture must be one from which the search reaches"):
+        # A straight arm cannot be pulled along itself.
+        inverse_kinematics([1.0, 1.0, 1.0], [2.0, 0.0], posture=[0.0, 0.0, 0.0])

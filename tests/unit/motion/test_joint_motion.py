@@ -1,0 +1,50 @@
+"""Joint motions go straight from one posture to another."""
+
+import numpy as np
+import pytest
+from motion_checks import Links
+
+from flexarm.errors import InputError
+from flexarm.motion import joint_motion
+
+# In floating point -3 + (-0.9 - -3) is not -0.9: hitting the end takes care.
+START, END = np.array([-3.0, -0.7]), np.array([-0.9, 2.2])
+
+
+def test_ends_are_hit_to_the_bit():
+    motion = joint_motion(Links(), START, END, 0.3)
+    assert motion.joint_angle(0.0).tolist() == START.tolist()
+    assert motion.joint_angle(0.3).tolist() == END.tolist()
+
+
+def test_joints_move_in_step():
+    motion = joint_motion(Links(), START, END, 2.0)
+    np.testing.assert_allclose(motion.joint_angle(1.0), (START + END) / 2, rtol=0, atol=1e-15)
+    # The quintic's largest rate is 15/8 of the mean, its largest acceleration 10/sqrt(3).
+    np.testing.assert_allclose(motion.joint_rate(1.0), 15 / 8 * (END - START) / 2, rtol=1e-14)
+    at = 1.0 - 1.0 / np.sqrt(3.0)
+    peak = 10 / np.sqrt(3) * (END - START) / 4
+    np.testing.assert_allclose(motion.joint_acceleration(at), peak, rtol=1e-13)
+
+
+def test_the_tip_is_that_of_the_rigid_arm():
+    motion = joint_motion(Links((2.0, 1.0)), [0.0, 0.0], [0.0, np.pi / 2], 1.0)
+    np.testing.assert_allclose(motion.tip([0.0, 1.0]), [[3.0, 0.0], [2.0, 1.0]], rtol=0, atol=1e-15)
+
+
+def test_may_hold_still():
+    motion = joint_motion(Links(), START, START, 1.0)
+    assert np.all(motion.joint_rate(np.linspace(0, 1, 9)) == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "message"),
+    [
+        ([0.1], [0.2, 0.3], r"joint_motion: start must be numbers of shape \(2,\)"),
+        ([0.1, 0.2], [[0.2, 0.3]], r"joint_motion: end must be numbers of shape \(2,\)"),
+        ([0.1, np.nan], [0.2, 0.3], r"joint_motion: start\[1\] must be finite"),
+    ],
+)
+def test_refuses_wrong_postures(start, end, message):
+    with pytest.raises(InputError, match=message):
+        joint_motion(Links(), start, end, 1.0)

@@ -1,0 +1,99 @@
+"""The format of problems, and the checks of arrays."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from flexarm.errors import (
+    FlexarmError,
+    InputError,
+    ModelError,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
+
+
+def test_problem_reads_as_a_sentence():
+    problem = Problem("arm.yaml:5", "length", "be greater than 0", "-1")
+    assert str(problem) == "arm.yaml:5: length must be greater than 0, but is -1."
+    with_hint = Problem("Link", "theory", "be one of 'a', 'b'", "'c'", "Did you mean 'b'?")
+    assert str(with_hint).endswith("but is 'c'. Did you mean 'b'?")
+
+
+def test_input_error_tells_one_line_a_problem_up_to_fifty():
+    problems = [Problem("f", f"x[{i}]", "be finite", "nan") for i in range(52)]
+    assert str(InputError(*problems[:2])) == (
+        "f: x[0] must be finite, but is nan.\nf: x[1] must be finite, but is nan."
+    )
+    error = InputError(*problems)
+    assert len(error.problems) == 52
+    assert str(error).splitlines()[50:] == ["... and 2 more problems."]
+
+
+def test_errors_can_be_caught_by_what_they_are_and_cross_processes():
+    assert issubclass(ModelError, InputError)
+    assert issubclass(InputError, ValueError)
+    assert issubclass(SimulationError, RuntimeError)
+    assert issubclass(SimulationError, FlexarmError)
+    error = ModelError(Problem("f", "x", "be finite", "nan"))
+    assert pickle.loads(pickle.dumps(error)).problems == error.problems
+    failure = pickle.loads(pickle.dumps(SimulationError(0.5, "It diverged.", "Try less.")))
+    assert str(failure) == "stopped at t = 0.5 s: It diverged. Try less."
+    assert (failure.time, failure.state, failure.result) == (0.5, None, None)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "nothing"),
+        (1.0, "1"),
+        (0.1 + 0.2, "0.30000000000000004"),
+        (np.float64(2.5), "2.5"),
+        (True, "True"),
+        ([1.0, [2, 3]], "[1, [2, 3]]"),
+        (list(range(9)), "[0, 1, 2, 3, ...]"),
+        ("a\nb", r"'a\nb'"),
+    ],
+)
+def test_values_are_shown_on_one_short_line(value, text):
+    assert shown(value) == text
+
+
+@pytest.mark.parametrize("value", ["x" * 1000, 10**500, np.zeros((50, 50)), {"k": ["v" * 90] * 90}])
+def test_long_values_are_shortened(value):
+    assert len(shown(value)) < 400
+    assert "\n" not in shown(value)
+
+
+def test_check_array_returns_a_float_copy():
+    given = np.array([1.0, 2.0, 3.0])
+    array = check_array("f", "x", given, (3,))
+    assert array.dtype == np.float64
+    given[0] = 9
+    assert array.tolist() == [1.0, 2.0, 3.0]
+    assert check_array("f", "x", [[1, 2]], (-1, 2)).shape == (1, 2)
+    assert check_array("f", "x", 2, ()) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("value", "shape", "message"),
+    [
+        ([1, 2], (3,), "f: x must be numbers of shape (3,), but is numbers of shape (2,)."),
+        ([1, 2], (-1, 3), "f: x must be numbers of shape (any, 3), but is numbers of shape (2,)."),
+        ([1, np.nan], (2,), "f: x[1] must be finite, but is nan."),
+        ([[1, 2], [-np.inf, 0]], (2, 2), "f: x[1, 0] must be finite, but is -inf."),
+        (np.inf, (), "f: x must be finite, but is inf."),
+        (True, (), "f: x must be a number, but is True."),
+        ("1", (), "f: x must be a number, but is '1'."),
+        (None, (2,), "f: x must be numbers of shape (2,), but is nothing."),
+        ([1j], (1,), "f: x must be numbers of shape (1,), but is [1j]."),
+        ([[1], [2, 3]], (2, 2), "f: x must be numbers of shape (2, 2), but is [[1], [2, 3]]."),
+    ],
+)
+def test_check_array_refuses_the_rest(value, shape, message):
+    with pytest.raises(InputError) as caught:
+        check_array("f", "x", value, shape)
+    assert str(caught.value) == message
