@@ -121,14 +121,14 @@ def _scalar(schema: dict[str, Any], many: bool) -> str:
 
 def part_pattern(name: str) -> re.Pattern[str]:
     """Pattern of a generated part of a page, the text between its two markers in group 1."""
-    return re.compile(rf"<!-- begin {name} -->\n(.*?)\n<!-- end {name} -->", re.DOTALL)
+    return re.compile(rf"<!-- begin {name} -->\n\n(.*?)\n\n<!-- end {name} -->", re.DOTALL)
 
 
 def rewrite() -> None:
     """Write every generated part into its page."""
     for (page, name), text in generated().items():
         path = ROOT / page
-        filled = f"<!-- begin {name} -->\n{text}\n<!-- end {name} -->"
+        filled = f"<!-- begin {name} -->\n\n{text}\n\n<!-- end {name} -->"
         content, count = part_pattern(name).subn(lambda _, f=filled: f, path.read_text())
         if count != 1:
             raise SystemExit(f"{page} must hold the markers of {name!r} once, but has {count}")

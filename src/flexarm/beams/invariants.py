@@ -73,8 +73,12 @@ class LinkConstants:
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
-                wanted = {"basis": (len(self.basis), m), "projector": (m, len(self.basis))}
-                wanted |= {"residual_inertia": (3,), "residual_tip": (2, 2)}
+                wanted: dict[str, tuple[int, ...]] = {
+                    "basis": (len(self.basis), m),
+                    "projector": (m, len(self.basis)),
+                    "residual_inertia": (3,),
+                    "residual_tip": (2, 2),
+                }
                 square = field.name in ("rotary", "D0", "D1", "G")
                 shape = wanted.get(field.name, (m, m) if square else (m,))
                 check_array("LinkConstants", field.name, value, shape)

@@ -11,17 +11,15 @@ from flexarm.output.places import AnyPath
 if TYPE_CHECKING:
     import xarray as xr
 
-_ENGINE = "h5netcdf"
-
 
 def _write(result: xr.Dataset, path: Path) -> None:
-    result.to_netcdf(path, engine=_ENGINE)
+    result.to_netcdf(path, engine="h5netcdf")
 
 
 def _read(path: AnyPath) -> xr.Dataset:
     import xarray as xr
 
-    return xr.load_dataset(path, engine=_ENGINE)
+    return xr.load_dataset(path, engine="h5netcdf")
 
 
 NETCDF = Format("NetCDF", ".nc", _write, _read)

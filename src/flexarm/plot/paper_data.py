@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -40,30 +41,28 @@ class Histories:
     Attributes:
         duration: of the motion, s.
         time: (T,) s.
-        flexible, rigid, second_order: channel name to (T, links), (T, joints) or (T, 2).
-        postures, rigid_postures: (postures, links, stations, 2) m, evenly spread over the motion.
+        runs: model to channel to (T, links), (T, joints) or (T, 2). The models are attributes of
+            ``PaperCase``.
+        postures: model to (postures, links, stations, 2) m, evenly spread over the motion;
+            "flexible" and "rigid".
     """
 
     duration: float
     time: FloatArray
-    flexible: dict[str, FloatArray]
-    rigid: dict[str, FloatArray]
-    second_order: dict[str, FloatArray]
-    postures: FloatArray
-    rigid_postures: FloatArray
+    runs: dict[str, dict[str, FloatArray]]
+    postures: dict[str, FloatArray]
 
 
-def histories(case: PaperCase) -> Histories:
+def histories(case: PaperCase, models: Sequence[str] = ("flexible", "rigid")) -> Histories:
     """Take what the figures show out of the results of a case."""
-    time: FloatArray = case.flexible["time"].values
     return Histories(
         duration=case.duration,
-        time=time,
-        flexible=_taken(case.flexible),
-        rigid=_taken(case.rigid),
-        second_order=_taken(case.second_order),
-        postures=_postures(case.arm, case.flexible, case.duration),
-        rigid_postures=_postures(case.twin, case.rigid, case.duration),
+        time=case.flexible["time"].values,
+        runs={model: _taken(getattr(case, model)) for model in models},
+        postures={
+            "flexible": _postures(case.arm, case.flexible, case.duration),
+            "rigid": _postures(case.twin, case.rigid, case.duration),
+        },
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 
 from flexarm.plot.paper_data import Histories
@@ -18,7 +17,7 @@ from flexarm.plot.paper_panels import (
     draw_theories,
     draw_torques,
 )
-from flexarm.plot.style import STYLE, Sheet, legend_above, margins, place_labels
+from flexarm.plot.style import Sheet, legend_above, margins, place_labels, styled
 
 Draw = Callable[..., None]
 
@@ -27,7 +26,7 @@ _COLUMN = 4.0  # width of one column of print, inches
 
 def _single(draw: Draw, case: Histories, *, legend: bool = True, height: float = 2.4) -> Sheet:
     sheet = Sheet(_COLUMN, height)
-    with rc_context(STYLE):
+    with styled():
         axes = sheet.subplots()
         draw(axes, case=case)
         margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28)
@@ -63,20 +62,20 @@ def overview(case: Histories) -> Sheet:
     Rows of angles, deflections and slopes; in each, link 1 and its rate, link 2 and its rate.
     """
     sheet = Sheet(11.69, 8.27)
-    with rc_context(STYLE):
+    with styled():
         margins(sheet, left=0.65, bottom=0.45, right=0.3, top=0.85)
         rows = sheet.add_gridspec(2, 1, height_ratios=(1.0, 1.75), hspace=0.22)
         top = rows[0].subgridspec(1, 2, width_ratios=(1.0, 1.6), wspace=0.12)
-        path, torques = (sheet.add_subplot(cell) for cell in top)
+        path, torques = sheet.add_subplot(top[0]), sheet.add_subplot(top[1])
         cells = rows[1].subgridspec(3, 4, wspace=0.34, hspace=0.42)
-        histories = [sheet.add_subplot(cell) for cell in cells]
+        histories = [sheet.add_subplot(cells[k]) for k in range(12)]
         draw_path(path, case)
         path.set_anchor("W")
         draw_torques(torques, case)
         for axes, panel in zip(histories, PANELS, strict=True):
             draw_history(axes, panel, case)
-            if not axes.get_subplotspec().is_last_row():
-                axes.set_xlabel("")
+        for axes in histories[:-4]:  # the time is the same in all rows
+            axes.set_xlabel("")
         numbers = (3, 4, *(panel.figure for panel in PANELS))
         for number, axes in zip(numbers, (path, torques, *histories), strict=True):
             axes.set_title(f"Fig. {number}   {axes.get_title(loc='left')}")
@@ -100,7 +99,7 @@ def _head(sheet: Sheet, example: Axes, case: Histories) -> None:
 def theories(case: Histories) -> Sheet:
     """Draw the two theories and their difference, one below the other."""
     sheet = Sheet(_COLUMN, 3.4)
-    with rc_context(STYLE):
+    with styled():
         above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
         margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28, hspace=0.14)
         draw_theories(above, case)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 
-from flexarm.plot.paper_data import Histories
+from flexarm.plot.paper_data import FloatArray, Histories
 from flexarm.plot.style import (
     BLUE,
     FLEXIBLE,
@@ -69,14 +69,15 @@ PANELS = sorted(
 
 def draw_history(axes: Axes, panel: Panel, case: Histories) -> None:
     """Draw a time history: the flexible arm, and the rigid one dashed."""
-    for values, look in ((case.flexible, FLEXIBLE), (case.rigid, RIGID)):
-        axes.plot(case.time, panel.scale * values[panel.channel][:, panel.link], **look)
+    for model, look in (("flexible", FLEXIBLE), ("rigid", RIGID)):
+        values = case.runs[model][panel.channel][:, panel.link]
+        axes.plot(case.time, panel.scale * values, **look)
     _label_history(axes, panel.title, panel.label, case)
 
 
 def draw_torques(axes: Axes, case: Histories) -> None:
     """Draw figure 4: the torques of both joints, the same for every model."""
-    torque = case.flexible["torque"]
+    torque = case.runs["flexible"]["torque"]
     axes.plot(case.time, torque[:, 0], color=BLUE, linewidth=1.0, label="joint 1")
     axes.plot(
         case.time, torque[:, 1], color=VERMILLION, linewidth=1.0, linestyle="-.", label="joint 2"
@@ -86,27 +87,22 @@ def draw_torques(axes: Axes, case: Histories) -> None:
 
 def draw_path(axes: Axes, case: Histories) -> None:
     """Draw figure 3: the arm in ten postures, and the path of its tip."""
-    ages = np.linspace(0.0, 1.0, len(case.postures))
+    bent, straight = case.postures["flexible"], case.postures["rigid"]
+    ages = np.linspace(0.0, 1.0, len(bent))
     rigid_look = {**RIGID, "linewidth": 0.5}
-    for posture, straight, age in zip(case.postures, case.rigid_postures, ages, strict=True):
-        axes.plot(*posture.reshape(-1, 2).T, color=_AGES(age), linewidth=1.6)
-        axes.plot(*posture[1:, 0].T, "o", color=_AGES(age), markersize=3.4, markeredgewidth=0.0)
-        axes.plot(*straight.reshape(-1, 2).T, **rigid_look)
+    for links, rigid_links, age in zip(bent, straight, ages, strict=True):
+        color = _AGES(age)
+        axes.plot(*links.reshape(-1, 2).T, color=color, linewidth=1.4)
+        axes.plot(*links[1:, 0].T, "o", color=color, markersize=3.2, markeredgewidth=0.0)
+        axes.plot(*rigid_links.reshape(-1, 2).T, **rigid_look)
     moving = case.time <= case.duration
-    axes.plot(*case.flexible["tip"][moving].T, color=VERMILLION, linewidth=1.2)
-    axes.plot(*case.rigid["tip"][moving].T, **rigid_look)
+    tips = {model: run["tip"][moving] for model, run in case.runs.items()}
+    axes.plot(*tips["flexible"].T, color=VERMILLION, linewidth=1.2)
+    axes.plot(*tips["rigid"].T, **rigid_look)
     axes.plot(0.0, 0.0, "o", color=INK, markersize=4.5, clip_on=False)
-    for point, text, across in (
-        (case.rigid["tip"][0], "start", "left"),
-        (case.rigid["tip"][moving][-1], "end", "center"),
-    ):
-        axes.annotate(
-            text,
-            point,
-            xytext=(4 if across == "left" else 0, 3),
-            textcoords="offset points",
-            ha=across,
-        )
+    near: dict[str, Any] = {"textcoords": "offset points", "ha": "left"}
+    axes.annotate("start", tips["rigid"][0], xytext=(4, 2), **near)
+    axes.annotate("end", tips["rigid"][-1], xytext=(3, 3), **near)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]", title="Tip path and ten postures")
     axes.set(xlim=(-0.1, 2.25), ylim=(-0.1, 2.15))
@@ -114,23 +110,29 @@ def draw_path(axes: Axes, case: Histories) -> None:
 
 def draw_theories(axes: Axes, case: Histories) -> None:
     """Draw the tip deflection of link 1 in the paper's theory and in the second-order theory."""
-    deflection = "link_tip_deflection"
-    paper = {**FLEXIBLE, "label": "linear, as the paper"}
-    other = {**SECOND_ORDER, "linestyle": "-."}
-    for values, look in ((case.flexible, paper), (case.second_order, other), (case.rigid, RIGID)):
-        axes.plot(case.time, 1e3 * values[deflection][:, 0], **look)
+    looks = {
+        "flexible": {**FLEXIBLE, "label": "linear, as the paper"},
+        "second_order": {**SECOND_ORDER, "linestyle": "-."},
+        "rigid": RIGID,
+    }
+    for model, look in looks.items():
+        axes.plot(case.time, _first_deflection(case, model), **look)
     _label_history(axes, "Tip deflection of link 1", "deflection [mm]", case)
 
 
 def draw_difference(axes: Axes, case: Histories) -> None:
     """Draw the linear theory's tip deflection of link 1 less the second-order theory's."""
-    deflection = "link_tip_deflection"
-    difference = case.flexible[deflection][:, 0] - case.second_order[deflection][:, 0]
-    axes.plot(case.time, 1e3 * difference, color=INK, linewidth=1.0)
+    difference = _first_deflection(case, "flexible") - _first_deflection(case, "second_order")
+    axes.plot(case.time, difference, color=INK, linewidth=1.0)
     _label_history(axes, "", "difference [mm]", case)
+
+
+def _first_deflection(case: Histories, model: str) -> FloatArray:
+    """Return the tip deflection of link 1, (T,) mm."""
+    return 1e3 * case.runs[model]["link_tip_deflection"][:, 0]
 
 
 def _label_history(axes: Axes, title: str, label: str, case: Histories) -> None:
     axes.axvline(case.duration, color=GREY, linewidth=0.6, linestyle=":", zorder=0.5)
     axes.set(xlabel=_TIME, ylabel=label, title=title, xlim=(0.0, case.time[-1]))
-    axes.locator_params(nbins=6)
+    axes.locator_params(nbins=4)

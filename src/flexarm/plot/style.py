@@ -7,6 +7,7 @@ Matplotlib settings stay as they are.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from typing import Any
 
 from matplotlib import rc_context
@@ -41,7 +42,7 @@ DPI = 200
 #: Distances of axis labels from their axes, inches.
 _LABEL_LEFT, _LABEL_BELOW = 0.41, 0.22
 
-STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],  # comes with Matplotlib: the same figure on every machine
     "font.size": 8.0,
@@ -59,6 +60,7 @@ STYLE: dict[str, Any] = {
     "axes.xmargin": 0.0,
     "axes.ymargin": 0.07,
     "axes.grid": True,
+    "axes.grid.axis": "y",
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "grid.color": "#E3E3E3",
@@ -83,6 +85,11 @@ STYLE: dict[str, Any] = {
 }
 
 
+def styled() -> AbstractContextManager[None]:
+    """Make and save figures in this package's style; what was set before comes back."""
+    return rc_context(_STYLE)
+
+
 class Sheet(Figure):
     """A figure in the style of this package, on screen and in files.
 
@@ -93,7 +100,7 @@ class Sheet(Figure):
     """
 
     def __init__(self, width: float, height: float) -> None:
-        with rc_context(STYLE):
+        with styled():
             super().__init__(figsize=(width, height), dpi=DPI)
 
     def savefig(self, fname: Any, *, format: str | None = None, **options: Any) -> None:
@@ -104,7 +111,7 @@ class Sheet(Figure):
         if format == "png":
             # Line art: the fastest compression costs a few per cent of size.
             options = {"pil_kwargs": {"compress_level": 1}, **options}
-        with rc_context(STYLE):
+        with styled():
             super().savefig(fname, format=format, **options)
 
 
@@ -119,7 +126,7 @@ class Book:
         assert format == "pdf"  # of a fixed file name, never of the user's
         from matplotlib.backends.backend_pdf import PdfPages
 
-        with rc_context(STYLE), PdfPages(fname, metadata={"CreationDate": None}) as pages:
+        with styled(), PdfPages(fname, metadata={"CreationDate": None}) as pages:
             for sheet in self.sheets:
                 pages.savefig(sheet)
 

@@ -21,7 +21,9 @@ from flexarm.integrate.base import (
 )
 from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
 from flexarm.simulate.meter import Meter
+from flexarm.simulate.sampled_reference import sampled_reference
 from flexarm.simulate.torque_history import TorqueHistory
+from flexarm.simulate.validity import weakest_joint
 
 #: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
 _CALL_SECONDS = 0.1
@@ -95,6 +97,13 @@ class Run:
             "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
             "modes=k on the links; check torques, gains and damping signs."
         )
+        link = weakest_joint(self.arm, self.progress.state)
+        if link is not None:
+            reason += (
+                f" The second-order theory's mass matrix is about to lose its sign at link "
+                f"{link + 1}: it bends more than its mesh allows."
+            )
+            hint = "Use modes=2 to 4 on that link, or fewer elements, or theory='linear'."
         return SimulationError(self.progress.time, reason, hint, self.state())
 
     def state(self) -> tuple[FloatArray, FloatArray]:
@@ -114,7 +123,7 @@ class ClosedLoop:
     def __init__(self, run: Run, controller: Controller, reference: Reference | None) -> None:
         self._run = run
         self._controller = controller
-        self._reference = reference
+        self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         self._bodies = run.arm.assembly.link_body
         self.ticks: list[float] = []
         self.torques: list[FloatArray] = []

@@ -1,0 +1,39 @@
+"""Call a kernel many times from compiled code, as an integrator does: no Python in the timing."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+import flexarm as fa
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.layout import Sizes, compile_time_sizes, new_workspace, run_time_sizes
+
+
+@njit(_nrt=False)
+def _repeat(sizes, constants, state, torque, tip_force, work, calls):  # type: ignore[no-untyped-def]
+    for _ in range(calls):
+        forward_dynamics(sizes, constants, state, torque, tip_force, work)
+        # Feed the result back, or the compiler may drop all calls but one.
+        state[0, 0, 0] += 1e-12 * work.acceleration[0, 0]
+
+
+class ForwardDynamics:
+    """Repeat the forward dynamics of an arm at a state, with run-time or compile-time sizes."""
+
+    def __init__(self, arm: fa.Arm, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> None:
+        self._constants = arm.assembly.constants
+        self._state = arm.padded(np.stack([q, qd]))
+        self._torque = arm.padded_torque(torque)
+        self._work = new_workspace(self._constants)
+
+    def run_time_sizes(self) -> Sizes:
+        """Sizes that one compilation serves."""
+        return run_time_sizes(self._constants)
+
+    def compile_time_sizes(self) -> Sizes:
+        """Sizes that are constants of the machine code."""
+        return compile_time_sizes(self._constants)
+
+    def __call__(self, sizes: Sizes, calls: int) -> None:
+        _repeat(sizes, self._constants, self._state, self._torque, np.zeros(3), self._work, calls)

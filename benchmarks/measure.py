@@ -1,0 +1,28 @@
+"""Timing: warm up, take turns, report medians."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Mapping
+
+
+def seconds_per_call(call: Callable[[], object], repeats: int, calls: int) -> float:
+    """Median over repeats of the mean time of ``calls`` calls, after one to warm up."""
+    return in_turns({"": call}, repeats, calls)[""]
+
+
+def in_turns(
+    candidates: Mapping[str, Callable[[], object]], repeats: int, calls: int = 1
+) -> dict[str, float]:
+    """Time several candidates in turns: median seconds per call of each."""
+    for call in candidates.values():
+        call()
+    times: dict[str, list[float]] = {name: [] for name in candidates}
+    for _ in range(repeats):
+        for name, call in candidates.items():
+            started = time.perf_counter()
+            for _ in range(calls):
+                call()
+            times[name].append((time.perf_counter() - started) / calls)
+    return {name: statistics.median(values) for name, values in times.items()}

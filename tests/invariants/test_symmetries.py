@@ -1,0 +1,178 @@
+"""What must not matter: the mirror, the direction of time, where world x points, padding."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexarm as fa
+from arm_states import changed, drawn, parts, state_array
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.composite_body import mass_matrix
+from flexarm.kernels.layout import ArmConstants, new_workspace, run_time_sizes
+
+EPSILON = np.finfo(float).eps
+seeds = st.integers(0, 10**6)
+
+
+def assert_same_motion(arm, q, found, wanted):
+    """Equal but for the rounding that the arm's mass matrix lets pass, in units of its inertia."""
+    M = arm.mass_matrix(q)
+    scale = np.sqrt(np.diag(M))
+    limit = max(1e-12, EPSILON * np.linalg.cond(M / np.outer(scale, scale)))
+    assert np.linalg.norm(scale * (found - wanted)) <= limit * np.linalg.norm(scale * wanted)
+
+
+@settings(max_examples=50)
+@given(seeds)
+def test_mirror(seed):
+    """Everything reflected at world x: angles, deflections and moments change their sign."""
+    d = drawn(seed)
+    payload, (gx, gy) = d.arm.spec.payload, d.arm.spec.gravity
+    flipped = payload.model_copy(update={"offset": (payload.offset[0], -payload.offset[1])})
+    mirrored = changed(d.arm, payload=flipped, gravity=(gx, -gy))
+    force = d.tip_force * [1.0, -1.0, -1.0]
+    wanted = -d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
+    found = mirrored.forward_dynamics(-d.q, -d.qd, -d.torque, force)
+    np.testing.assert_array_equal(found, wanted)  # not a digit depends on a sign
+    np.testing.assert_array_equal(mirrored.tip(-d.q), d.arm.tip(d.q) * [1.0, -1.0, -1.0])
+    assert mirrored.energy(-d.q, -d.qd) == d.arm.energy(d.q, d.qd)
+
+
+@settings(max_examples=50)
+@given(seeds)
+def test_time_reversal(seed):
+    """Without damping a film of the motion run backwards is a motion."""
+    d = drawn(seed, damping=False)
+    forwards = d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
+    backwards = d.arm.forward_dynamics(d.q, -d.qd, d.torque, d.tip_force)
+    np.testing.assert_array_equal(backwards, forwards)
+
+
+def test_damping_has_an_arrow_of_time():
+    d = drawn(3, damping=True)
+    forwards = d.arm.forward_dynamics(d.q, d.qd, d.torque)
+    assert np.any(abs(d.arm.forward_dynamics(d.q, -d.qd, d.torque) - forwards) > 1e-3)
+
+
+@settings(max_examples=50)
+@given(seeds, st.floats(-10.0, 10.0), st.booleans())
+def test_turning_arm_and_loads_together_changes_nothing(seed, turn, gravity):
+    d = drawn(seed, gravity=gravity)
+    c, s = np.cos(turn), np.sin(turn)
+    rotation = np.array([[c, -s], [s, c]])
+    turned = changed(d.arm, gravity=tuple(map(float, rotation @ d.arm.spec.gravity)))
+    q = d.q.copy()
+    q[0] += turn
+    force = np.append(rotation @ d.tip_force[:2], d.tip_force[2])
+    wanted = d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
+    assert_same_motion(d.arm, d.q, turned.forward_dynamics(q, d.qd, d.torque, force), wanted)
+    # Positions of a few metres; sine and cosine of a sum of angles.
+    np.testing.assert_allclose(
+        turned.tip(q), np.append(rotation @ d.arm.tip(d.q)[:2], d.arm.tip(d.q)[2] + turn),
+        rtol=0, atol=1e-13,
+    )  # fmt: skip
+    np.testing.assert_allclose(d.arm.mass_matrix(q), d.arm.mass_matrix(d.q), rtol=1e-13, atol=1e-13)
+    points = d.arm.shape(d.q, stations=3) @ rotation.T
+    np.testing.assert_allclose(turned.shape(q, stations=3), points, rtol=0, atol=1e-13)
+
+
+@settings(max_examples=50)
+@given(seeds, st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+def test_gravity_is_an_accelerated_base(seed, gx, gy):
+    """Under no load but gravity every point of a rigid ring of mass falls alike.
+
+    Galileo: gravity adds the same acceleration to every mass point, so its generalised force is
+    -g times the first moment's Jacobian, whatever the arm is doing.
+    """
+    d = drawn(seed, gravity=False)
+    heavy = changed(d.arm, gravity=(gx, gy))
+    moving = heavy.bias_force(d.q, d.qd) - d.arm.bias_force(d.q, d.qd)
+    zero = np.zeros(d.arm.dof)
+    resting = heavy.bias_force(d.q, zero) - d.arm.bias_force(d.q, zero)
+    size = abs(d.arm.bias_force(d.q, d.qd)).max() + abs(resting).max()
+    np.testing.assert_allclose(moving, resting, rtol=0, atol=1e-13 * size)
+
+
+@settings(max_examples=30)
+@given(seeds, st.integers(0, 5))
+def test_the_far_side_of_a_free_joint_feels_only_the_motion_of_its_root(seed, spin):
+    """A last link that hangs on a free joint: spinning the arm's whole turns is no motion."""
+    d = drawn(seed)
+    q = d.q.copy()
+    q[d.arm.joint_index] += 2.0 * np.pi * spin
+    wanted = d.arm.forward_dynamics(d.q, d.qd, d.torque)
+    found = d.arm.forward_dynamics(q, d.qd, d.torque)
+    M = d.arm.mass_matrix(d.q)
+    scale = np.sqrt(np.diag(M))
+    # Whole turns cost the angle's last digits: 2 pi is not a double.
+    limit = 1e-11 * max(1.0, np.linalg.cond(M / np.outer(scale, scale)) * 1e-4)
+    assert np.linalg.norm(scale * (found - wanted)) <= limit * np.linalg.norm(scale * wanted)
+
+
+def widened(constants, extra):
+    """The same arm with ``extra`` more padded modes on every body."""
+    wide = []
+    for name, array in zip(ArmConstants._fields, constants, strict=True):
+        growing = [(0, 0)] * array.ndim
+        for axis in range(1, array.ndim):
+            modal = name in ("S", "a", "P", "dP", "w2", "damping")
+            square = array.ndim == 3 and array.shape[axis] > 0
+            growing[axis] = (0, extra if modal or square else 0)
+        wide.append(np.pad(array, growing))
+    return ArmConstants(*wide)
+
+
+@settings(max_examples=30)
+@given(seeds, st.integers(1, 4))
+def test_padding_changes_nothing(seed, extra):
+    """Bodies with fewer modes than the widest one are padded: more padding, same motion."""
+    d = drawn(seed)
+    sizes, constants, work = parts(d.arm)
+    state = state_array(d.arm, d.q, d.qd)
+    torque = d.arm.padded_torque(d.torque)
+    forward_dynamics(sizes, constants, state, torque, d.tip_force, work)
+    wide = widened(constants, extra)
+    more = new_workspace(wide)
+    # Padded modes hold whatever was left in them: it must reach nobody.
+    wide_state = np.pad(state, [(0, 0), (0, 0), (0, extra)], constant_values=0.7)
+    forward_dynamics(run_time_sizes(wide), wide, wide_state, torque, d.tip_force, more)
+    width = state.shape[2]
+    np.testing.assert_array_equal(more.acceleration[:, :width], work.acceleration)
+    n = d.arm.assembly.bodies
+    M, wide_M = np.zeros((n, width) * 2), np.zeros((n, width + extra) * 2)
+    mass_matrix(sizes, constants, state, work, M)
+    mass_matrix(run_time_sizes(wide), wide, wide_state, more, wide_M)
+    np.testing.assert_array_equal(wide_M[:, :width, :, :width], M)
+    padded = wide_M[:, width:].reshape(n * extra, -1)
+    assert np.all(np.sort(padded)[:, :-1] == 0.0)
+    assert np.all(padded.max(axis=1) == 1.0)
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_rigid_among_flexible(theory):
+    """A rigid link bends as little as a flexible one of a million times the stiffness."""
+
+    def arm(middle):
+        soft = fa.Link(length=0.7, flexural_rigidity=20.0, mass_per_length=0.4, elements=3)
+        end = fa.Link(length=0.5, flexural_rigidity=10.0, mass_per_length=0.3, elements=1)
+        return fa.Arm(links=[soft, middle, end], gravity=(1.0, -9.0), theory=theory)
+
+    rigid = arm(fa.Link(length=0.6, mass_per_length=0.5, flexible=False))
+    hard = arm(fa.Link(length=0.6, mass_per_length=0.5, flexural_rigidity=2e7, elements=1))
+    rng = np.random.default_rng(8)
+    q = rigid.rest([0.4, -1.0, 0.8])
+    q[1:7] = 0.02 * rng.normal(size=6) / np.sqrt(rigid.assembly.links[0].w2 / 300.0)
+    nodal = rigid.nodal(q)
+    same = hard.from_nodal([0.4, -1.0, 0.8], nodal)
+    at_rest = [np.zeros(rigid.dof), np.zeros(hard.dof)]
+    torque = [1.0, -0.5, 0.2]
+    wanted = rigid.joint_angles(rigid.forward_dynamics(q, at_rest[0], torque))
+    # The straight stiff link is not in equilibrium: let its modes follow statically.
+    elastic = slice(hard.joint_index[1] + 1, hard.joint_index[1] + 3)
+    for _ in range(3):
+        qdd = hard.forward_dynamics(same, at_rest[1], torque)
+        same[elastic] += qdd[elastic] / hard.assembly.links[1].w2
+    found = hard.joint_angles(hard.forward_dynamics(same, at_rest[1], torque))
+    # What is left of the bending of a link 1e6 times as stiff.
+    np.testing.assert_allclose(found, wanted, rtol=1e-4)
