@@ -26,27 +26,30 @@ def test_inverse_of_forward_is_the_torque_and_no_force_on_the_modes(seed, reduce
     force = d.arm.inverse_dynamics(d.q, d.qd, qdd, d.tip_force)
     wanted = np.zeros(d.arm.dof)
     wanted[d.arm.joint_index] = d.torque
-    # Backward stable: what is missed is rounding of the inertia forces, by a few hundred sums.
+    # 1e-10 is the accuracy asked of the recursion, here of the inertia forces it balances.
     terms = abs(d.arm.mass_matrix(d.q)) @ abs(qdd)
     scale = np.sqrt(np.diag(d.arm.mass_matrix(d.q)))
     size = np.linalg.norm(terms / scale)
-    assert np.linalg.norm((force - wanted) / scale) < 1e-11 * size
+    assert np.linalg.norm((force - wanted) / scale) < 1e-10 * size
 
 
-@settings(max_examples=60)
+@settings(max_examples=100)
 @given(seeds)
 def test_forward_of_inverse_is_the_acceleration(seed):
-    """Any acceleration whose modal forces vanish: taken from the dynamics under other torques."""
+    """Any acceleration without force on the modes: taken from the dynamics under other torques."""
     d = drawn(seed)
     qdd = d.arm.forward_dynamics(d.q, d.qd, 2.0 * d.torque - 1.0)
-    torque = d.arm.inverse_dynamics(d.q, d.qd, qdd)[d.arm.joint_index]
-    found = d.arm.forward_dynamics(d.q, d.qd, torque)
+    force = d.arm.inverse_dynamics(d.q, d.qd, qdd)
+    found = d.arm.forward_dynamics(d.q, d.qd, force[d.arm.joint_index])
     M = d.arm.mass_matrix(d.q)
     scale = np.sqrt(np.diag(M))
-    # Double precision resolves accelerations to its rounding times the condition number; the
-    # joint torques in between lose as much once more.
-    limit = max(1e-10, 10.0 * EPSILON * condition(M))
-    assert np.linalg.norm(scale * (found - qdd)) < limit * np.linalg.norm(scale * qdd)
+    # Rounding of qdd leaves a trace of force on the modes, which forward dynamics takes to be
+    # zero. A light mode answers it visibly: count that answer in.
+    force[d.arm.joint_index] = 0.0
+    answer = np.linalg.solve(M / np.outer(scale, scale), force / scale)
+    # 1e-10 is the accuracy asked of the recursion; 2e-11 is the worst of 3000 arms.
+    missed = scale * (found - qdd) + answer
+    assert np.linalg.norm(missed) < 1e-10 * np.linalg.norm(scale * qdd)
 
 
 @settings(max_examples=60)

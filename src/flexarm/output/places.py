@@ -103,10 +103,10 @@ def _place_problem(where: str, name: str, place: Path) -> Problem | None:
             return Problem(
                 where, name, "name a writable file", f"{value}, which is write-protected"
             )
+        reason = _unwritable(Path(os.path.realpath(place)).parent)
     except (OSError, ValueError) as error:  # ValueError: a null character
-        reason = getattr(error, "strerror", None) or str(error)
-        return Problem(where, name, "be a path", value, f"{reason}.".capitalize())
-    reason = _unwritable(Path(os.path.realpath(place)).parent)
+        told = getattr(error, "strerror", None) or str(error)
+        return Problem(where, name, "be a path", value, f"{told}.".capitalize())
     rule = "lie in a folder that can be written in"
     return Problem(where, name, rule, value, reason) if reason else None
 

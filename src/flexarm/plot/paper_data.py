@@ -1,10 +1,10 @@
-"""What the paper's figures show, as plain arrays."""
+"""What the paper's figures show: their table, and the data as plain arrays. No Matplotlib here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from flexarm.arm import Arm
-    from flexarm.paper import PaperCase
 
 FloatArray = NDArray[np.float64]
 
@@ -32,6 +31,60 @@ _CHANNELS = (
 )
 
 
+class Panel(NamedTuple):
+    """A time history of the paper: one channel of one link."""
+
+    figure: int
+    title: str
+    channel: str
+    link: int  # from 0
+    label: str
+    scale: float  # from SI to the unit of the label
+
+
+#: Figures 5 to 16, in the paper's order.
+PANELS = (
+    Panel(5, "Angle of link 1", "link_angle", 0, "angle [rad]", 1.0),
+    Panel(6, "Angular velocity of link 1", "link_rate", 0, "velocity [rad/s]", 1.0),
+    Panel(7, "Angle of link 2", "link_angle", 1, "angle [rad]", 1.0),
+    Panel(8, "Angular velocity of link 2", "link_rate", 1, "velocity [rad/s]", 1.0),
+    Panel(9, "Tip deflection of link 1", "link_tip_deflection", 0, "deflection [mm]", 1e3),
+    Panel(10, "Tip velocity of link 1", "link_tip_deflection_rate", 0, "velocity [mm/s]", 1e3),
+    Panel(11, "Tip deflection of link 2", "link_tip_deflection", 1, "deflection [mm]", 1e3),
+    Panel(12, "Tip velocity of link 2", "link_tip_deflection_rate", 1, "velocity [mm/s]", 1e3),
+    Panel(13, "Tip angle of link 1", "link_tip_slope", 0, "angle [mrad]", 1e3),
+    Panel(14, "Tip angular velocity of link 1", "link_tip_slope_rate", 0, "velocity [mrad/s]", 1e3),
+    Panel(15, "Tip angle of link 2", "link_tip_slope", 1, "angle [mrad]", 1e3),
+    Panel(16, "Tip angular velocity of link 2", "link_tip_slope_rate", 1, "velocity [mrad/s]", 1e3),
+)
+
+
+def _file_name(panel: Panel) -> str:
+    return f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}"
+
+
+#: Figures 5 to 16 by the names of their files.
+HISTORY_NAMES = {_file_name(panel): panel for panel in PANELS}
+#: Names of all the paper's figures.
+FIGURE_NAMES = ("fig03_path", "fig04_torques", *HISTORY_NAMES)
+
+
+class Case(Protocol):
+    """What is drawn: ``flexarm.paper.PaperCase``, which stands above this layer."""
+
+    duration: float
+    arm: Arm
+    twin: Arm
+
+    @property
+    def flexible(self) -> xr.Dataset:
+        """Result of the arm."""
+
+    @property
+    def rigid(self) -> xr.Dataset:
+        """Result of its rigid twin."""
+
+
 @dataclass(frozen=True, eq=False)
 class Histories:
     """One case of the paper.
@@ -42,7 +95,7 @@ class Histories:
         duration: of the motion, s.
         time: (T,) s.
         runs: model to channel to (T, links), (T, joints) or (T, 2). The models are attributes of
-            ``PaperCase``.
+            the case: "flexible", "rigid", "second_order".
         postures: model to (postures, links, stations, 2) m, evenly spread over the motion;
             "flexible" and "rigid".
     """
@@ -53,7 +106,7 @@ class Histories:
     postures: dict[str, FloatArray]
 
 
-def histories(case: PaperCase, models: Sequence[str] = ("flexible", "rigid")) -> Histories:
+def histories(case: Case, models: Sequence[str] = ("flexible", "rigid")) -> Histories:
     """Take what the figures show out of the results of a case."""
     return Histories(
         duration=case.duration,

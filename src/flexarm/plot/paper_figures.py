@@ -7,53 +7,38 @@ from functools import partial
 
 from matplotlib.axes import Axes
 
-from flexarm.plot.paper_data import Histories
+from flexarm.plot.paper_data import FIGURE_NAMES, HISTORY_NAMES, PANELS, Histories, Panel
 from flexarm.plot.paper_panels import (
-    PANELS,
-    Panel,
     draw_difference,
     draw_history,
     draw_path,
     draw_theories,
     draw_torques,
 )
-from flexarm.plot.style import Sheet, legend_above, margins, place_labels, styled
+from flexarm.plot.style import Book, Sheet, legend_above, margins, place_labels, styled
 
 Draw = Callable[..., None]
 
 _COLUMN = 4.0  # width of one column of print, inches
 
 
-def _single(draw: Draw, case: Histories, *, legend: bool = True, height: float = 2.4) -> Sheet:
+def _single(draw: Draw, case: Histories, *, height: float = 2.4) -> Sheet:
     sheet = Sheet(_COLUMN, height)
     with styled():
         axes = sheet.subplots()
         draw(axes, case=case)
         margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28)
         place_labels(axes)
-        if legend:
-            legend_above(axes)
+        legend_above(axes)
     return sheet
 
 
 def _path(case: Histories) -> Sheet:
-    return _single(draw_path, case, legend=False, height=3.95)
+    return _single(draw_path, case, height=3.95)
 
 
 def _history(panel: Panel, case: Histories) -> Sheet:
     return _single(partial(draw_history, panel=panel), case)
-
-
-def _history_name(panel: Panel) -> str:
-    return f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}"
-
-
-#: Figures of the slow case, by the name of their files.
-PAPER_FIGURES: dict[str, Callable[[Histories], Sheet]] = {
-    "fig03_path": _path,
-    "fig04_torques": partial(_single, draw_torques),
-    **{_history_name(panel): partial(_history, panel) for panel in PANELS},
-}
 
 
 def overview(case: Histories) -> Sheet:
@@ -65,7 +50,7 @@ def overview(case: Histories) -> Sheet:
     with styled():
         margins(sheet, left=0.65, bottom=0.45, right=0.3, top=0.85)
         rows = sheet.add_gridspec(2, 1, height_ratios=(1.0, 1.75), hspace=0.22)
-        top = rows[0].subgridspec(1, 2, width_ratios=(1.0, 1.6), wspace=0.12)
+        top = rows[0].subgridspec(1, 2, width_ratios=(1.0, 2.6), wspace=0.13)
         path, torques = sheet.add_subplot(top[0]), sheet.add_subplot(top[1])
         cells = rows[1].subgridspec(3, 4, wspace=0.34, hspace=0.42)
         histories = [sheet.add_subplot(cells[k]) for k in range(12)]
@@ -92,7 +77,7 @@ def _head(sheet: Sheet, example: Axes, case: Histories) -> None:
     title = f"Two flexible links, tip sent along a line in {case.duration:g} s"
     sheet.text(0.65 / width, level, title, fontsize=11.0)
     handles, labels = example.get_legend_handles_labels()
-    corner = (1.0 - 0.3 / width, level)
+    corner = (1.0 - 0.3 / width, level - 0.07 / height)
     sheet.legend(handles, labels, loc="lower right", bbox_to_anchor=corner, ncols=2)
 
 
@@ -105,7 +90,23 @@ def theories(case: Histories) -> Sheet:
         draw_theories(above, case)
         draw_difference(below, case)
         above.set(xlabel="", xlim=(0.0, 2.0 * case.duration))
-        above.legend(loc="lower right", bbox_to_anchor=(1.0, 0.04))
+        above.legend(loc="lower right", borderaxespad=1.0)
         place_labels(above)
         place_labels(below)
     return sheet
+
+
+#: Every figure by the name of its file; "theories" needs the second-order run too.
+FIGURES: dict[str, Callable[[Histories], Sheet]] = {
+    "fig03_path": _path,
+    "fig04_torques": partial(_single, draw_torques),
+    **{name: partial(_history, panel) for name, panel in HISTORY_NAMES.items()},
+    "overview": overview,
+    "theories": theories,
+}
+
+
+def paper_book(slow: Histories, fast: Histories) -> Book:
+    """Draw the overview, every figure of the paper, and the two theories in the fast case."""
+    singles = [FIGURES[name](slow) for name in FIGURE_NAMES]
+    return Book([overview(slow), *singles, theories(fast)])

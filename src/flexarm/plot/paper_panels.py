@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import MultipleLocator
 
-from flexarm.plot.paper_data import FloatArray, Histories
+from flexarm.plot.paper_data import FloatArray, Histories, Panel
 from flexarm.plot.style import (
     BLUE,
     FLEXIBLE,
@@ -22,49 +23,6 @@ from flexarm.plot.style import (
 _TIME = "time [s]"
 #: Early postures light, late ones dark.
 _AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
-
-
-class Panel(NamedTuple):
-    """A time history of the paper: one channel of one link."""
-
-    figure: int
-    title: str
-    channel: str
-    link: int  # from 0
-    label: str
-    scale: float  # from SI to the unit of the label
-
-
-def _of_both_links(
-    first: int, step: int, title: str, channel: str, label: str, scale: float
-) -> list[Panel]:
-    return [
-        Panel(first + k * step, title.format(k + 1), channel, k, label, scale) for k in range(2)
-    ]
-
-
-#: Figures 5 to 16, in the paper's order.
-PANELS = sorted(
-    [
-        *_of_both_links(5, 2, "Angle of link {}", "link_angle", "angle [rad]", 1.0),
-        *_of_both_links(6, 2, "Angular velocity of link {}", "link_rate", "velocity [rad/s]", 1.0),
-        *_of_both_links(
-            9, 2, "Tip deflection of link {}", "link_tip_deflection", "deflection [mm]", 1e3
-        ),
-        *_of_both_links(
-            10, 2, "Tip velocity of link {}", "link_tip_deflection_rate", "velocity [mm/s]", 1e3
-        ),
-        *_of_both_links(13, 2, "Tip angle of link {}", "link_tip_slope", "angle [mrad]", 1e3),
-        *_of_both_links(
-            14,
-            2,
-            "Tip angular velocity of link {}",
-            "link_tip_slope_rate",
-            "velocity [mrad/s]",
-            1e3,
-        ),
-    ]
-)
 
 
 def draw_history(axes: Axes, panel: Panel, case: Histories) -> None:
@@ -89,7 +47,7 @@ def draw_path(axes: Axes, case: Histories) -> None:
     """Draw figure 3: the arm in ten postures, and the path of its tip."""
     bent, straight = case.postures["flexible"], case.postures["rigid"]
     ages = np.linspace(0.0, 1.0, len(bent))
-    rigid_look = {**RIGID, "linewidth": 0.5}
+    rigid_look = {**RIGID, "linewidth": 0.5, "label": "_"}
     for links, rigid_links, age in zip(bent, straight, ages, strict=True):
         color = _AGES(age)
         axes.plot(*links.reshape(-1, 2).T, color=color, linewidth=1.4)
@@ -97,14 +55,19 @@ def draw_path(axes: Axes, case: Histories) -> None:
         axes.plot(*rigid_links.reshape(-1, 2).T, **rigid_look)
     moving = case.time <= case.duration
     tips = {model: run["tip"][moving] for model, run in case.runs.items()}
-    axes.plot(*tips["flexible"].T, color=VERMILLION, linewidth=1.2)
+    links_of_last, dashes_of_last = axes.get_lines()[-3], axes.get_lines()[-1]
+    links_of_last.set_label("flexible")
+    dashes_of_last.set_label("rigid")
+    axes.plot(*tips["flexible"].T, color=VERMILLION, linewidth=1.2, label="path")
     axes.plot(*tips["rigid"].T, **rigid_look)
     axes.plot(0.0, 0.0, "o", color=INK, markersize=4.5, clip_on=False)
     near: dict[str, Any] = {"textcoords": "offset points", "ha": "left"}
     axes.annotate("start", tips["rigid"][0], xytext=(4, 2), **near)
     axes.annotate("end", tips["rigid"][-1], xytext=(3, 3), **near)
     axes.set_aspect("equal")
-    axes.set(xlabel="x [m]", ylabel="y [m]", title="Tip path and ten postures")
+    axes.grid(True, axis="both")
+    axes.yaxis.set_major_locator(MultipleLocator(0.5))
+    axes.set(xlabel="x [m]", ylabel="y [m]", title="Ten postures")
     axes.set(xlim=(-0.1, 2.25), ylim=(-0.1, 2.15))
 
 
@@ -135,4 +98,5 @@ def _first_deflection(case: Histories, model: str) -> FloatArray:
 def _label_history(axes: Axes, title: str, label: str, case: Histories) -> None:
     axes.axvline(case.duration, color=GREY, linewidth=0.6, linestyle=":", zorder=0.5)
     axes.set(xlabel=_TIME, ylabel=label, title=title, xlim=(0.0, case.time[-1]))
-    axes.locator_params(nbins=4)
+    axes.locator_params(axis="x", nbins=4)
+    axes.locator_params(axis="y", nbins=5)

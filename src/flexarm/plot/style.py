@@ -76,7 +76,8 @@ _STYLE: Any = {
     "legend.fontsize": 7.5,
     "legend.frameon": False,
     "legend.handlelength": 1.8,
-    "legend.borderaxespad": 0.0,
+    "legend.borderpad": 0.0,
+    "legend.borderaxespad": 0.65,
     "legend.columnspacing": 1.2,
     "lines.solid_capstyle": "round",
     "text.color": INK,
@@ -156,14 +157,7 @@ def place_labels(axes: Axes) -> None:
     axes.xaxis.set_label_coords(0.5, -_LABEL_BELOW / height)
 
 
-def legend_above(axes: Axes, **options: Any) -> None:
+def legend_above(axes: Axes) -> None:
     """Put the legend in one row above the axes, at the right, where no line can hide it."""
     handles, labels = axes.get_legend_handles_labels()
-    axes.legend(
-        handles,
-        labels,
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.02),
-        ncols=len(handles),
-        **options,
-    )
+    axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))

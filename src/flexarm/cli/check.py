@@ -1,0 +1,87 @@
+"""``flexarm check``: read a file, build everything it describes, say what was found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flexarm.arm import Arm
+from flexarm.cli.tables import console, facts
+from flexarm.errors import ModelError
+from flexarm.model import LineMotionSpec, Scenario, load_arm_spec, load_scenario
+from flexarm.model.yaml_text import parse
+from flexarm.simulate import prepare
+from flexarm.simulate.choice import choose_integrator
+
+_MOST_LINKS_SHOWN = 12
+
+
+def check_file(path: Path) -> None:
+    """Check an arm file, or a scenario and the motion it asks for.
+
+    Raises:
+        InputError: what is wrong, all of it.
+    """
+    scenario = _scenario(path)
+    if scenario is None:
+        arm = Arm(load_arm_spec(path))
+        found = _about_arm(arm)
+    else:
+        prepared = prepare(scenario)
+        choose_integrator(scenario.run.integrator, scenario.run.step)
+        found = [*_about_arm(prepared.arm), *_about_run(scenario)]
+    screen = console()
+    screen.print(facts(found))
+    screen.print("ok")
+
+
+def _scenario(path: Path) -> Scenario | None:
+    """Read a scenario; None for a file that describes an arm and nothing else."""
+    try:
+        return load_scenario(path)
+    except ModelError as error:
+        if all((problem.name, problem.value) != ("run", "missing") for problem in error.problems):
+            raise
+        # An arm file, or a scenario whose run was forgotten: the other keys tell.
+        keys = parse(path, path.read_text(encoding="utf-8-sig")).value.keys()
+        if keys <= {"flexarm", "arm"}:
+            return None
+        raise
+
+
+def _about_arm(arm: Arm) -> list[tuple[str, str]]:
+    spec = arm.spec
+    gx, gy = spec.gravity
+    gravity = f"gravity ({gx:g}, {gy:g}) m/s^2" if gx or gy else "no gravity"
+    theory = spec.theory.replace("_", "-")
+    size = f"{_count(arm.joints, 'link')}, {_count(arm.dof, 'coordinate')}"
+    rows = [("arm", f"{size}, {theory} theory, {gravity}")]
+    shown = zip(spec.links, arm.assembly.links, strict=True)
+    for number, (link, constants) in enumerate(shown, start=1):
+        if number > _MOST_LINKS_SHOWN:
+            rows.append(("", f"... and {arm.joints - _MOST_LINKS_SHOWN} more links"))
+            break
+        bends = f"{_count(link.elements, 'element')}, {_count(link.coordinates, 'mode')}"
+        bends = bends if link.flexible else "rigid"
+        rows.append((f"link {number}", f"{link.length:g} m, {constants.mass:.4g} kg, {bends}"))
+    if spec.payload.mass or spec.payload.inertia:
+        rows.append(("payload", f"{spec.payload.mass:g} kg, {spec.payload.inertia:g} kg m^2"))
+    return rows
+
+
+def _about_run(scenario: Scenario) -> list[tuple[str, str]]:
+    rows = []
+    motion = scenario.motion
+    if isinstance(motion, LineMotionSpec):
+        (x, y), (to_x, to_y) = motion.start, motion.end
+        way = f"line from ({x:g}, {y:g}) to ({to_x:g}, {to_y:g}) m"
+        rows.append(("motion", f"{way} in {motion.duration:g} s, within reach"))
+    elif motion is not None:
+        rows.append(("motion", f"joints, in {motion.duration:g} s"))
+    run = scenario.run
+    rows.append(("drive", scenario.drive.kind.replace("_", " ")))
+    rows.append(("run", f"{run.duration:g} s, {run.rate:g} samples/s, integrator {run.integrator}"))
+    return rows
+
+
+def _count(number: int, name: str) -> str:
+    return f"{number} {name}" if number == 1 else f"{number} {name}s"

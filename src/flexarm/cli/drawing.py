@@ -1,0 +1,118 @@
+"""Draw figures in other processes: Matplotlib loads while the runs go on, cores share the work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flexarm.plot.paper_data import Histories
+
+_MOST_PROCESSES = 2  # the figures of a paper keep no more busy
+_Task = tuple[Callable[..., None], tuple[object, ...]]
+
+
+def load_plotting() -> None:
+    """Import what drawing needs."""
+    import flexarm.output
+    import flexarm.plot.paper_figures  # noqa: F401
+
+
+def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
+    """Save figures of the paper as bitmaps; "overview" and "theories" are names too."""
+    from flexarm.output import write_figure
+    from flexarm.plot.paper_figures import FIGURES
+
+    for name in names:
+        write_figure(FIGURES[name](case), folder / f"{name}.png")
+
+
+def draw_book(slow: Histories, fast: Histories, file: Path) -> None:
+    """Save all figures of the paper as the pages of a PDF."""
+    from flexarm.output import write_figure
+    from flexarm.plot.paper_figures import paper_book
+
+    write_figure(paper_book(slow, fast), file)
+
+
+class Drawing:
+    """A pool of drawing processes, open as long as the ``with`` block; its end waits for them.
+
+    Where no processes can be had, the figures are drawn in this one.
+    """
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._tasks: list[tuple[Future[None] | None, _Task]] = []
+
+    def __enter__(self) -> Drawing:
+        processes = min(_MOST_PROCESSES, os.cpu_count() or 1)
+        if processes > 1:
+            try:
+                # spawn: forked copies of a process with compiled threads may hang
+                self._pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
+                with _ctrl_c_ignored():
+                    for _ in range(processes):
+                        self._pool.submit(load_plotting)
+            except (OSError, NotImplementedError, ImportError):  # no semaphores on this system
+                self._pool = None
+        return self
+
+    def submit(self, function: Callable[..., None], *arguments: object) -> None:
+        """Have a function called, in another process if there is one."""
+        future = None
+        if self._pool is not None:
+            try:
+                future = self._pool.submit(function, *arguments)
+            except BrokenProcessPool:
+                self._pool = None
+        self._tasks.append((future, (function, arguments)))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if error is None:
+                for future, task in self._tasks:
+                    _finish(future, *task)
+        finally:
+            if self._pool is not None:
+                self._pool.shutdown(wait=error is None, cancel_futures=True)
+
+
+def _finish(
+    future: Future[None] | None, function: Callable[..., None], arguments: tuple[object, ...]
+) -> None:
+    if future is not None:
+        try:
+            future.result()
+        except BrokenProcessPool:
+            pass
+        else:
+            return
+    function(*arguments)
+
+
+@contextmanager
+def _ctrl_c_ignored() -> Iterator[None]:
+    """Let processes started inside ignore Ctrl-C: the one that starts them ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may set what signals do
+        return
+    theirs = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, theirs)

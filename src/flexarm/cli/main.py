@@ -1,0 +1,136 @@
+"""The commands, their options and their help. What they do is imported when it is asked for.
+
+So ``flexarm --help`` waits for nothing: NumPy, Numba and the rest take a second to load.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexarm.cli.failures import failures_told
+
+app = typer.Typer(
+    name="flexarm",
+    help="Planar manipulators with flexible links: model and simulate.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class Joints(StrEnum):
+    """What the joints do while the arm vibrates."""
+
+    LOCKED = "locked"
+    FREE = "free"
+
+
+class Kind(StrEnum):
+    """Kinds of files."""
+
+    SCENARIO = "scenario"
+    ARM = "arm"
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"flexarm {version('flexarm')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Show the version.", is_eager=True, callback=_show_version),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+@failures_told()
+def paper(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for figures and data.")] = Path(
+        "flexarm-paper"
+    ),
+) -> None:
+    """Reproduce the paper: its arm, its figures 3 to 16, and a table of numbers."""
+    from flexarm.cli.paper import reproduce
+
+    reproduce(out)
+
+
+@app.command()
+@failures_told()
+def run(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.yaml", help="What to simulate.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save the result: .nc (all of it) or .csv.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save a plot: .png, .pdf or .svg.")
+    ] = None,
+) -> None:
+    """Simulate a scenario file."""
+    from flexarm.cli.run import run_file
+
+    run_file(scenario, out, plot)
+
+
+@app.command()
+@failures_told()
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm or scenario.")],
+) -> None:
+    """Check an arm or scenario file; every problem is told with its line."""
+    from flexarm.cli.check import check_file
+
+    check_file(file)
+
+
+@app.command()
+@failures_told()
+def modes(
+    arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
+    joints: Annotated[
+        Joints, typer.Option(help="What the joints do while the arm vibrates.")
+    ] = Joints.LOCKED,
+    angles: Annotated[
+        str | None,
+        typer.Option(metavar='"A,B,..."', help="Relative joint angles, rad; zero if left out."),
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="How many modes to show.")] = 6,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save them as a table: .csv.")
+    ] = None,
+) -> None:
+    """Show natural frequencies and damping of an arm at rest."""
+    from flexarm.cli.modes import show_modes
+
+    show_modes(arm, joints.value, angles, count, csv)
+
+
+@app.command()
+@failures_told()
+def schema(
+    kind: Annotated[Kind, typer.Option(help="Kind of file.")] = Kind.SCENARIO,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write it to a .json file.")
+    ] = None,
+) -> None:
+    """Print the JSON schema of files, from which editors complete and check."""
+    from flexarm.cli.schema import give_schema
+
+    give_schema(kind.value, out)
+
+
+def main() -> None:
+    """Run the command line; the exit status is 0, 1 (a run failed), 2 (wrong input) or 130."""
+    app()

@@ -1,0 +1,82 @@
+"""``flexarm run``: simulate a scenario file, say how it went, save what was asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.cli.failures import say
+from flexarm.cli.tables import console, facts
+from flexarm.errors import InputError, SimulationError
+from flexarm.model import load_scenario
+from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
+from flexarm.simulate import prepare
+from flexarm.simulate.choice import choose_integrator
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_WHERE = "flexarm run"
+
+
+def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
+    """Run a scenario file.
+
+    Everything that can be wrong with the file and the places for output is found before the run.
+
+    Raises:
+        InputError: a wrong file, or a place that cannot be written.
+        SimulationError: the run stopped early; what it had is saved beside ``out``.
+    """
+    scenario = load_scenario(path)
+    prepared = prepare(scenario)
+    choose_integrator(scenario.run.integrator, scenario.run.step)
+    if out is not None:
+        check_place(_WHERE, "--out", out, FORMATS)
+    if plot is not None:
+        check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
+    try:
+        result = prepared.run()
+    except SimulationError as error:
+        if out is not None and error.result is not None:
+            _save_part(error.result, out)
+        raise
+    screen = console()
+    screen.print(facts(_summary(result)))
+    if out is not None:
+        write_result(result, out)
+        screen.print(f"result in {out}", soft_wrap=True)
+    if plot is not None:
+        from flexarm.plot.signals import signals_figure
+
+        write_figure(signals_figure(result), plot)
+        screen.print(f"plot in {plot}", soft_wrap=True)
+
+
+def _save_part(result: xr.Dataset, out: Path) -> None:
+    part = out.with_name(f"{out.stem}.partial{out.suffix}")
+    try:
+        write_result(result, part)
+    except InputError as error:
+        say(str(error))  # the reason why the run stopped matters more, and follows
+    else:
+        say(f"{_WHERE}: the run up to t = {result['time'].values[-1]:.6g} s is in {part}")
+
+
+def _summary(result: xr.Dataset) -> list[tuple[str, str]]:
+    time, attributes = result["time"].values, result.attrs
+    deflection = np.max(np.abs(result["link_tip_deflection"].values), axis=0)
+    worst = int(np.argmax(deflection))
+    x, y = result["tip"].values[-1]
+    samples = f"{time.size} samples to t = {time[-1]:g} s"
+    steps = f"{attributes['steps']} steps of {attributes['integrator']}"
+    rows = [
+        ("run", f"{samples}, {steps}, {attributes['wall_seconds']:.3g} s of computing"),
+        ("tip", f"({x:.6g}, {y:.6g}) m at the end"),
+    ]
+    if deflection[worst] > 0.0:
+        most = f"{1e3 * deflection[worst]:.4g} mm at the tip of link {worst + 1}"
+        rows.append(("bending", f"at most {most}"))
+    return rows

@@ -1,0 +1,36 @@
+"""What commands print: plain tables that fit a terminal of 80 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+
+def console() -> Console:
+    """Return the standard output; numbers keep the colour of the text around them."""
+    return Console(highlight=False, markup=False, emoji=False)
+
+
+def facts(rows: Iterable[tuple[str, str]]) -> Table:
+    """Make a table of names and what they are."""
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in rows:
+        table.add_row(name, value)
+    return table
+
+
+def numbers(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Make a table of numbers: names at the left, values in columns at the right."""
+    table = Table(
+        title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False
+    )
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="left" if k == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    return table

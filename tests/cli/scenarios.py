@@ -1,0 +1,58 @@
+"""Scenario files for the tests of the command line: a good one, and ways to spoil it."""
+
+from __future__ import annotations
+
+GOOD = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 0.6, flexural_rigidity: 5.0, mass_per_length: 0.4, elements: 1}
+    - {length: 0.5, flexural_rigidity: 5.0, mass_per_length: 0.4, elements: 1}
+motion: {kind: line, start: [0.8, 0.2], end: [0.2, 0.8], duration: 0.05}
+drive: {kind: rigid_inverse_dynamics}
+run: {duration: 0.05, rate: 200}
+"""
+
+#: A derivative gain that a held torque cannot have on so light a joint: the run blows up.
+UNSTABLE = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 0.6, flexural_rigidity: 5.0, mass_per_length: 0.4, elements: 2}
+motion: {kind: joint, start: [0.0], end: [1.0], duration: 1.0}
+drive: {kind: joint_pd, proportional: 100.0, derivative: 10.0, sample_time: 0.001}
+run: {duration: 1.0, rate: 5000}
+"""
+
+
+def spoiled(old: str, new: str) -> str:
+    """Return the good scenario with one thing changed."""
+    assert GOOD.count(old) >= 1
+    return GOOD.replace(old, new, 1)
+
+
+#: What is wrong, the file, and a part of what must be told.
+WRONG: dict[str, tuple[str | bytes, str]] = {
+    "unknown key": (spoiled("elements", "elments"), "elements"),
+    "unknown top-level key": (spoiled("drive", "drives"), "drive"),
+    "wrong type": (spoiled("length: 0.6", "length: long"), "arm.links[0].length"),
+    "negative": (spoiled("length: 0.6", "length: -0.6"), "greater than 0"),
+    "zero": (spoiled("length: 0.6", "length: 0"), "greater than 0"),
+    "not a number": (spoiled("length: 0.6", "length: .nan"), "nan"),
+    "infinite": (spoiled("length: 0.6", "length: .inf"), "inf"),
+    "missing value": (spoiled("length: 0.6, ", ""), "length"),
+    "no arm": ("flexarm: 1\nrun: {duration: 1.0}\n", "arm"),
+    "empty": ("", "empty"),
+    "blank": ("\n  \n", "empty"),
+    "binary": (bytes(range(256)), "UTF-8"),
+    "not YAML": ("flexarm: [1", "YAML"),
+    "a list": ("- 1\n- 2\n", "mapping"),
+    "no version": (spoiled("flexarm: 1\n", ""), "flexarm: 1"),
+    "newer version": (spoiled("flexarm: 1", "flexarm: 2"), "upgrade"),
+    "very many elements": (spoiled("elements: 1", "elements: 1000000"), "at most 256"),
+    "out of reach": (spoiled("end: [0.2, 0.8]", "end: [2.0, 0.8]"), "reach"),
+    "through the hole": (spoiled("end: [0.2, 0.8]", "end: [-0.8, -0.2]"), "at least"),
+    "unknown drive": (spoiled("rigid_inverse_dynamics", "rigid"), "drive"),
+    "unknown integrator": (spoiled("rate: 200", "rate: 200, integrator: euler"), "integrator"),
+    "too many samples": (spoiled("rate: 200", "rate: 1.0e+15"), "rate"),
+}

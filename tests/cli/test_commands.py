@@ -1,0 +1,162 @@
+"""What commands print and write when all is well, and when a run fails."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from scenarios import GOOD, UNSTABLE
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+from flexarm.output import read_result
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+@pytest.fixture
+def good(tmp_path):
+    path = tmp_path / "good.yaml"
+    path.write_text(GOOD)
+    return path
+
+
+def test_version():
+    outcome = invoke("--version")
+    assert outcome.exit_code == 0
+    assert outcome.stdout == f"flexarm {fa.__version__}\n"
+
+
+@pytest.mark.parametrize("command", ["paper", "run", "check", "modes", "schema"])
+def test_help_names_every_command_and_its_options(command):
+    assert command in invoke("--help").stdout
+    outcome = invoke(command, "--help")
+    assert outcome.exit_code == 0
+    if command != "check":
+        assert "--out" in outcome.stdout or "--csv" in outcome.stdout
+
+
+def test_check_says_what_it_found(good):
+    outcome = invoke("check", good)
+    assert outcome.exit_code == 0
+    words = " ".join(outcome.stdout.split())
+    assert "2 links, 6 coordinates, linear theory, no gravity" in words
+    assert "link 2 0.5 m, 0.2 kg, 1 element, 2 modes" in words
+    assert "line from (0.8, 0.2) to (0.2, 0.8) m in 0.05 s, within reach" in words
+    assert words.endswith("ok")
+
+
+def test_check_takes_an_arm_file(good, tmp_path):
+    fa.save_arm(fa.load_arm(good), tmp_path / "arm.yaml")
+    outcome = invoke("check", tmp_path / "arm.yaml")
+    assert outcome.exit_code == 0
+    assert "2 links" in outcome.stdout
+    assert "motion" not in outcome.stdout
+
+
+def test_a_scenario_without_run_is_no_arm_file(good):
+    good.write_text(GOOD[: GOOD.index("run:")])
+    outcome = invoke("check", good)
+    assert outcome.exit_code == 2
+    assert "run must be given, but is missing" in outcome.stderr
+
+
+def test_run_writes_what_the_same_calls_in_python_give(good, tmp_path):
+    out, plot = tmp_path / "new" / "run.nc", tmp_path / "run.png"
+    outcome = invoke("run", good, "--out", out, "--plot", plot)
+    assert outcome.exit_code == 0
+    result, expected = read_result(out), fa.run_scenario(good)
+    for name in expected.data_vars:
+        assert np.array_equal(result[name], expected[name])
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert plot.stat().st_size > 20_000
+    x, y = result["tip"].values[-1]
+    assert f"({x:.6g}, {y:.6g}) m at the end" in outcome.stdout
+
+
+def test_run_without_output_writes_nothing(good, tmp_path):
+    assert invoke("run", good).exit_code == 0
+    assert list(tmp_path.iterdir()) == [good]
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".csv"])
+def test_a_run_that_fails_keeps_what_it_had(suffix, tmp_path):
+    path = tmp_path / "unstable.yaml"
+    path.write_text(UNSTABLE)
+    outcome = invoke("run", path, "--out", tmp_path / f"run{suffix}")
+    assert outcome.exit_code == 1
+    assert "Traceback" not in outcome.output
+    part = tmp_path / f"run.partial{suffix}"
+    assert sorted(tmp_path.iterdir()) == sorted([path, part])
+    first, last = outcome.stderr.splitlines()
+    assert str(part) in first
+    assert last.startswith("stopped at t = ")
+    if suffix == ".nc":
+        assert read_result(part).attrs["failure"] == last
+
+
+def test_a_run_that_fails_without_output_leaves_nothing(tmp_path):
+    path = tmp_path / "unstable.yaml"
+    path.write_text(UNSTABLE)
+    assert invoke("run", path).exit_code == 1
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_ctrl_c_and_lack_of_memory_are_no_tracebacks(good, monkeypatch):
+    from flexarm.simulate import Prepared
+
+    for error, status in ((KeyboardInterrupt, 130), (MemoryError, 1)):
+
+        def stop(*_, kind=error, **__):
+            raise kind
+
+        monkeypatch.setattr(Prepared, "run", stop)
+        outcome = invoke("run", good)
+        assert outcome.exit_code == status
+        assert len(outcome.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("joints", ["locked", "free"])
+def test_modes_are_those_of_the_arm(joints, good, tmp_path):
+    table = tmp_path / "modes.csv"
+    options = ["--joints", joints, "--angles", "0.3,-0.5", "--count", "3", "--csv", table]
+    outcome = invoke("modes", good, *options)
+    assert outcome.exit_code == 0
+    expected = fa.modes(fa.load_arm(good), [0.3, -0.5], joints)
+    with open(table, newline="") as stream:
+        head, *rows = csv.reader(stream)
+    assert head[:3] == ["mode", "frequency [Hz]", "damping_ratio [1]"]
+    frequencies = [float(row[1]) for row in rows]
+    assert frequencies == expected.frequency_hz.tolist()
+    shown = [line.split() for line in outcome.stdout.splitlines() if line.strip()[:1].isdigit()]
+    assert [row[0] for row in shown] == ["1", "2", "3"]
+    for row, frequency in zip(shown, frequencies, strict=False):
+        assert float(row[1]) == pytest.approx(frequency, rel=1e-5)
+
+
+def test_modes_of_what_cannot_vibrate(tmp_path):
+    path = tmp_path / "rigid.yaml"
+    path.write_text(
+        "flexarm: 1\n"
+        "arm: {gravity: [0, -9.81], links: [{length: 1, mass_per_length: 1, flexible: false}]}\n"
+    )
+    assert "every link is rigid" in invoke("modes", path).stdout
+    upright = invoke("modes", path, "--joints", "free", "--angles", "1.5708")
+    assert "unstable" in upright.stdout
+    hanging = invoke("modes", path, "--joints", "free", "--angles", "-1.5708")
+    # a rod about its end: sqrt(3 g / 2 L)
+    assert f"{np.sqrt(1.5 * 9.81) / (2 * np.pi):.5f}" in hanging.stdout
+
+
+@pytest.mark.parametrize("kind", ["arm", "scenario"])
+def test_schema_is_json_on_screen_and_in_a_file(kind, tmp_path):
+    outcome = invoke("schema", "--kind", kind)
+    assert outcome.exit_code == 0
+    schema = json.loads(outcome.stdout)
+    assert kind in schema["title"]
+    file = tmp_path / "schema.json"
+    assert invoke("schema", "--kind", kind, "--out", file).exit_code == 0
+    assert json.loads(file.read_text()) == schema

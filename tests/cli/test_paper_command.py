@@ -1,0 +1,82 @@
+"""``flexarm paper`` writes every figure, the data and the numbers."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from flexarm.cli import drawing
+from flexarm.cli.main import app
+from flexarm.model import load_scenario
+from flexarm.paper import paper_scenario
+from flexarm.plot.paper_data import FIGURE_NAMES
+
+
+def reproduce(folder):
+    outcome = CliRunner().invoke(app, ["paper", "--out", str(folder)], catch_exceptions=False)
+    assert outcome.exit_code == 0
+    assert outcome.stderr == ""
+    return outcome.stdout
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("paper") / "new" / "folder"
+    return folder, reproduce(folder)
+
+
+def test_every_file_is_there_and_not_empty(done):
+    folder, _ = done
+    figures = {f"{name}.png" for name in (*FIGURE_NAMES, "overview", "theories")}
+    data = {"figures.pdf", "flexible.csv", "rigid.csv", "numbers.txt", "paper.yaml"}
+    assert {path.name for path in folder.iterdir()} == figures | data
+    for name in figures:
+        assert (folder / name).stat().st_size > 20_000
+    assert (folder / "figures.pdf").stat().st_size > 100_000
+
+
+def test_the_table_on_the_screen(done):
+    folder, screen = done
+    rows = {
+        line.split("]")[0].strip(): line.split("]")[1].split()
+        for line in screen.splitlines()
+        if line.count("]") == 1 and line.split("]")[1].strip()
+    }
+    assert rows["joint 1: torque [N m"] == ["-2.22", "to", "2.80", "-8.87", "to", "11.21"]
+    slow, fast = map(float, rows["link 1: peak deflection [mm"])
+    assert slow == pytest.approx(fast / 4.0, rel=0.1)
+    assert fast == pytest.approx(78.0, rel=0.02)
+    assert max(len(line) for line in screen.splitlines() if str(folder) not in line) <= 80
+    assert (folder / "numbers.txt").read_text(encoding="utf-8").splitlines()[:10] == [
+        *map(str, screen.splitlines()[:10])
+    ]
+
+
+def test_the_data_are_those_of_the_figures(done):
+    folder, _ = done
+    with open(folder / "rigid.csv", encoding="utf-8") as stream:
+        head = stream.readline().rstrip("\n").split(",")
+        table = np.loadtxt(stream, delimiter=",")
+    tip = table[:, [head.index("tip_x [m]"), head.index("tip_y [m]")]]
+    assert table[:, 0] == pytest.approx(np.arange(3001) / 1000)
+    assert tip[[0, 2000]] == pytest.approx(np.array([[2.0, 1.0], [1.0, 2.0]]), abs=1e-6)
+
+
+def test_the_scenario_can_be_run_again(done):
+    folder, _ = done
+    assert load_scenario(folder / "paper.yaml") == paper_scenario()
+
+
+@pytest.mark.parametrize("trouble", ["one core", "no processes"])
+def test_without_other_processes_the_figures_are_the_same(trouble, done, tmp_path, monkeypatch):
+    if trouble == "one core":
+        monkeypatch.setattr(drawing.os, "cpu_count", lambda: 1)
+    else:
+
+        def refuse(*_, **__):
+            raise OSError("no semaphores")
+
+        monkeypatch.setattr(drawing, "ProcessPoolExecutor", refuse)
+    reproduce(tmp_path)
+    folder, _ = done
+    for path in folder.glob("*.png"):
+        assert (tmp_path / path.name).read_bytes() == path.read_bytes()

@@ -1,0 +1,77 @@
+"""The installed command as a process: exit statuses, streams, Ctrl-C, and what it loads."""
+
+import subprocess
+import sys
+
+from scenarios import GOOD, WRONG
+
+# What the installed script does, without relying on where it was installed.
+COMMAND = [sys.executable, "-c", "from flexarm.cli.main import main; main()"]
+
+
+def run(*arguments, code=None):
+    command = [sys.executable, "-c", code] if code else COMMAND
+    return subprocess.run(
+        [*command, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def test_a_good_file_and_a_bad_one(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(GOOD)
+    good = run("check", path)
+    assert (good.returncode, good.stderr) == (0, "")
+    path.write_text(WRONG["negative"][0])
+    bad = run("check", path)
+    assert (bad.returncode, bad.stdout) == (2, "")
+    assert bad.stderr.startswith(f"{path}:4: arm.links[0].length must be greater than 0")
+    assert bad.stderr.count("\n") == 1
+
+
+def test_help_loads_nothing_heavy():
+    heavy = ["numpy", "scipy", "numba", "pydantic", "xarray", "matplotlib", "yaml"]
+    code = f"""
+import sys
+from flexarm.cli.main import main
+try:
+    main()
+finally:
+    print([name for name in {heavy} if name in sys.modules], file=sys.stderr)
+"""
+    shown = run("--help", code=code)
+    assert shown.returncode == 0
+    assert "Usage" in shown.stdout
+    assert shown.stderr == "[]\n"
+
+
+def test_ctrl_c_during_a_run(tmp_path):
+    # An hour of simulated time; half a second after its start the process gets the signal.
+    path = tmp_path / "long.yaml"
+    path.write_text(GOOD.replace("run: {duration: 0.05, rate: 200}", "run: {duration: 3600}"))
+    code = """
+import os, signal, threading
+import flexarm.cli.run as command
+prepare = command.prepare
+def prepare_then_interrupt(scenario):
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    return prepare(scenario)
+command.prepare = prepare_then_interrupt
+from flexarm.cli.main import main
+main()
+"""
+    stopped = run("run", path, "--out", tmp_path / "run.nc", code=code)
+    assert stopped.returncode == 130
+    assert stopped.stderr.splitlines()[-1] == "stopped by Ctrl-C"
+    assert "Traceback" not in stopped.stderr
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_reader_that_has_had_enough(tmp_path):
+    code = f"""
+import subprocess, sys
+writer = subprocess.Popen({COMMAND!r} + ["schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+writer.stdout.readline()
+writer.stdout.close()
+sys.stderr.buffer.write(writer.stderr.read())
+"""
+    assert "Traceback" not in run(code=code).stderr

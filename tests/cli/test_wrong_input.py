@@ -1,0 +1,141 @@
+"""Whatever is wrong with input, users get one clear message, exit status 2 and no output file."""
+
+import re
+
+import pytest
+from scenarios import GOOD, WRONG
+from typer.testing import CliRunner
+
+from flexarm.cli.main import app
+
+MESSAGE = re.compile(r"^.+: .+ must .+, but is .+\.")
+
+
+def invoke(*arguments):
+    """Run a command; anything that flexarm did not mean to raise is raised here."""
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def write(path, content):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def assert_refused(outcome):
+    assert outcome.exit_code == 2
+    assert "Traceback" not in outcome.output
+    told = outcome.stderr.splitlines()
+    assert told
+    for line in told:
+        assert MESSAGE.match(line), line
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_check_refuses(what, tmp_path):
+    content, part = WRONG[what]
+    outcome = invoke("check", write(tmp_path / "bad.yaml", content))
+    assert_refused(outcome)
+    assert part in outcome.stderr
+    assert "ok" not in outcome.stdout
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_run_refuses_and_leaves_nothing(what, tmp_path):
+    content, part = WRONG[what]
+    bad = write(tmp_path / "bad.yaml", content)
+    out, plot = tmp_path / "run.nc", tmp_path / "run.png"
+    outcome = invoke("run", bad, "--out", out, "--plot", plot)
+    assert_refused(outcome)
+    assert part in outcome.stderr
+    assert list(tmp_path.iterdir()) == [bad]
+
+
+@pytest.mark.parametrize("command", ["check", "run", "modes"])
+def test_a_missing_file(command, tmp_path):
+    outcome = invoke(command, tmp_path / "none.yaml")
+    assert_refused(outcome)
+    assert "must exist, but is missing" in outcome.stderr
+
+
+@pytest.mark.parametrize("command", ["check", "run", "modes"])
+def test_a_folder_for_a_file(command, tmp_path):
+    assert_refused(invoke(command, tmp_path))
+
+
+def test_all_problems_are_told_at_once_with_their_lines(tmp_path):
+    text = GOOD.replace("length: 0.6", "length: -1").replace("rate: 200", "rates: 200")
+    outcome = invoke("check", write(tmp_path / "bad.yaml", text))
+    assert_refused(outcome)
+    lines = [line.split(": ")[0].rpartition(":")[2] for line in outcome.stderr.splitlines()]
+    assert lines == ["4", "8"]
+
+
+OUTPUTS = {
+    "unknown suffix": "run.txt",
+    "no suffix": "run",
+    "under a file": "good.yaml/run.nc",
+    "a folder": "folder.nc",
+}
+
+
+@pytest.mark.parametrize("what", OUTPUTS)
+@pytest.mark.parametrize("option", ["--out", "--plot"])
+def test_a_place_that_cannot_be_written_is_refused_before_the_run(
+    what, option, tmp_path, monkeypatch
+):
+    from flexarm.simulate import Prepared
+
+    monkeypatch.setattr(Prepared, "run", lambda *_, **__: pytest.fail("it ran"))
+    good = write(tmp_path / "good.yaml", GOOD)
+    (tmp_path / "folder.nc").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    name = OUTPUTS[what]
+    if option == "--plot":
+        name = name.replace(".nc", ".png")
+        (tmp_path / "folder.nc").rename(tmp_path / "folder.png")
+        before = sorted(tmp_path.rglob("*"))
+    outcome = invoke("run", good, option, tmp_path / name)
+    assert_refused(outcome)
+    assert f"flexarm run: {option} must" in outcome.stderr
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "angles", ["0.1", "0.1,0.2,0.3", "a,b", "", "nan,0", "1e400,0", "0.1;0.2", ","]
+)
+def test_angles_that_do_not_fit(angles, tmp_path):
+    good = write(tmp_path / "good.yaml", GOOD)
+    outcome = invoke("modes", good, "--angles", angles)
+    assert_refused(outcome)
+    assert "--angles must be 2 numbers" in outcome.stderr
+
+
+def test_modes_and_schema_check_their_places(tmp_path):
+    good = write(tmp_path / "good.yaml", GOOD)
+    assert_refused(invoke("modes", good, "--csv", tmp_path / "a.nc"))
+    assert_refused(invoke("schema", "--out", tmp_path / "a.yaml"))
+    assert list(tmp_path.iterdir()) == [good]
+
+
+def test_paper_refuses_a_file_for_a_folder(tmp_path):
+    good = write(tmp_path / "good.yaml", GOOD)
+    assert_refused(invoke("paper", "--out", good))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["bogus"],
+        ["run"],
+        ["check", "a.yaml", "b.yaml"],
+        ["modes", "a.yaml", "--count", "0"],
+        ["modes", "a.yaml", "--count", "many"],
+        ["modes", "a.yaml", "--joints", "loose"],
+        ["--bogus"],
+    ],
+)
+def test_wrong_usage(arguments):
+    outcome = invoke(*arguments)
+    assert outcome.exit_code == 2
+    assert "Traceback" not in outcome.output
+    assert "Usage" in outcome.stderr

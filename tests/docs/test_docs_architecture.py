@@ -1,0 +1,42 @@
+"""ARCHITECTURE.md is true: its layers are those that are checked, its tree is the one on disk."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+from docs_pages import ROOT, blocks
+
+PAGE = "ARCHITECTURE.md"
+
+
+def block_that_begins(word: str) -> str:
+    return next(block.text for block in blocks(PAGE) if block.text.startswith(word))
+
+
+def test_layers_are_those_of_the_import_contract() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    layers = next(c["layers"] for c in contracts if c["type"] == "layers")
+    assert block_that_begins("cli").split("\n")[:-1] == layers
+
+
+def test_tree_of_the_package_is_complete() -> None:
+    text, _, rest = block_that_begins("src/flexarm/").partition("\ntests/")
+    drawn = set(re.findall(r"^  (\w[\w.]*/?) ", text, flags=re.MULTILINE))
+    folder = ROOT / "src" / "flexarm"
+    real = {f"{p.name}/" if p.is_dir() else p.name for p in folder.iterdir()}
+    assert drawn == real - {"__pycache__/"}
+    assert rest, "the tree goes on with the tests"
+
+
+def test_tree_of_the_tests_is_complete() -> None:
+    text = block_that_begins("src/flexarm/").partition("\ntests/")[2].partition("\ndocs/")[0]
+    drawn = {n for line in text.splitlines() for n in re.findall(r"(\w+)/", line[:29])}
+    real = {p.name for p in (ROOT / "tests").iterdir() if p.is_dir()}
+    assert drawn == real - {"__pycache__", "data"}
+
+
+def test_every_file_is_short() -> None:
+    for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")]:
+        assert len(path.read_text(encoding="utf-8").splitlines()) < 400, path

@@ -1,0 +1,122 @@
+"""The reference pages say what the code says."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import re
+
+import pytest
+import typer
+from docs_pages import ROOT, blocks, text_of
+from reference_tables import generated, part_pattern
+
+import flexarm as fa
+from flexarm.cli.main import app
+from flexarm.control import CONTROLLERS
+from flexarm.integrate import INTEGRATORS
+from flexarm.model import json_schema
+from flexarm.motion import TIMING_LAWS
+
+PYTHON = "docs/reference/python-api.md"
+COMMANDS = "docs/reference/command-line.md"
+INTEGRATORS_PAGE = "docs/how-to/choose-an-integrator.md"
+
+
+def code_words(page: str) -> set[str]:
+    """Words inside backticks, and in the blocks of a page."""
+    spans = re.findall(r"`([^`\n]+)`", text_of(page)) + [block.text for block in blocks(page)]
+    return {word for span in spans for word in re.findall(r"\w+", span)}
+
+
+def public_members(cls: type) -> list[str]:
+    return [name for name, _ in inspect.getmembers(cls) if not name.startswith("_")]
+
+
+@pytest.mark.parametrize("key", generated(), ids=" ".join)
+def test_generated_part_is_up_to_date(key: tuple[str, str]) -> None:
+    page, name = key
+    found = part_pattern(name).findall(text_of(page))
+    again = "run `python tests/docs/reference_tables.py`"
+    assert found == [generated()[key]], f"{page}: {name} does not say what the code says; {again}"
+
+
+def test_every_kind_of_mapping_has_a_section() -> None:
+    """Parts are looked up by name above; here nothing may be left over on the page."""
+    on_page = re.findall(r"<!-- begin (\w+) -->", text_of("docs/reference/file-format.md"))
+    with_keys = [n for n, d in json_schema()["$defs"].items() if d["properties"].keys() - {"kind"}]
+    assert sorted(on_page) == sorted(["file", *with_keys])
+
+
+@pytest.mark.parametrize("name", fa.__all__)
+def test_public_name_is_documented(name: str) -> None:
+    value = getattr(fa, name)
+    assert inspect.getdoc(value), f"{name} has no docstring"
+    # An inherited docstring describes something else.
+    if inspect.isclass(value):
+        assert value.__dict__.get("__doc__"), f"{name} has only the docstring of its base"
+    assert name in code_words(PYTHON), f"{PYTHON} does not mention {name}"
+
+
+@pytest.mark.parametrize("name", public_members(fa.Arm))
+def test_member_of_arm_is_documented(name: str) -> None:
+    assert name in code_words(PYTHON), f"{PYTHON} does not mention Arm.{name}"
+    member = inspect.getattr_static(fa.Arm, name)
+    if callable(member) or isinstance(member, property):
+        assert inspect.getdoc(member), f"Arm.{name} has no docstring"
+
+
+FUNCTIONS = [n for n in fa.__all__ if inspect.isfunction(getattr(fa, n))]
+
+
+@pytest.mark.parametrize("name", [*FUNCTIONS, "JointPD"])
+def test_parameter_is_documented(name: str) -> None:
+    for parameter in inspect.signature(getattr(fa, name)).parameters.values():
+        shown = parameter.name
+        assert shown in code_words(PYTHON), f"{PYTHON} does not mention {name}(..., {shown}=)"
+
+
+def test_no_name_on_the_page_is_gone() -> None:
+    for call in re.findall(r"`fa\.(\w+)", text_of(PYTHON)):
+        assert hasattr(fa, call), f"{PYTHON} mentions fa.{call}, which does not exist"
+    methods = re.findall(r"^\| `(\w+)\(", text_of(PYTHON), flags=re.MULTILINE)
+    assert len(methods) > 20
+    for name in methods:
+        assert hasattr(fa.Arm, name) or hasattr(fa, name), f"{PYTHON}: {name} does not exist"
+
+
+def test_registries_are_documented() -> None:
+    assert INTEGRATORS.keys() <= code_words(INTEGRATORS_PAGE)
+    assert CONTROLLERS.keys() <= code_words("docs/reference/file-format.md")
+    assert TIMING_LAWS.keys() <= code_words("docs/how-to/plan-a-motion.md")
+
+
+def test_commands_and_their_options_are_documented() -> None:
+    group = typer.main.get_command(app)
+    headings = re.findall(r"^## `flexarm (\w+)", text_of(COMMANDS), flags=re.MULTILINE)
+    assert sorted(headings) == sorted(group.commands)
+    sections = re.split(r"^## ", text_of(COMMANDS), flags=re.MULTILINE)
+    for name, command in group.commands.items():
+        section = next(part for part in sections if part.startswith(f"`flexarm {name}"))
+        listed = set(re.findall(r"^\| `(--\w+)", section, flags=re.MULTILINE))
+        real = {opt for p in command.params for opt in p.opts if opt.startswith("--")}
+        assert listed == real - {"--help"}, f"{COMMANDS}: options of {name}"
+
+
+def test_integrator_table_repeats() -> None:
+    path = ROOT / "docs" / "how-to" / "measure_integrators.py"
+    spec = importlib.util.spec_from_file_location("measure_integrators", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    found = part_pattern("integrators").search(text_of(INTEGRATORS_PAGE))
+    assert found is not None
+    shown = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in found[1].splitlines()]
+    measured = module.measure(repeats=1)
+    assert len(shown) - 2 == len(measured)
+    for (integrator, setting, error, evaluations, _), row in zip(shown[2:], measured, strict=True):
+        assert (integrator, setting) == (row.integrator, row.setting)
+        # One digit is shown; other machines round differently, which moves single steps.
+        assert 0.3 < float(error) / row.error < 3.0
+        assert float(evaluations) == pytest.approx(row.evaluations, rel=0.02)

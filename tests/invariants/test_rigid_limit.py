@@ -1,0 +1,77 @@
+"""As bending stiffness grows, a flexible arm becomes its rigid twin, with an error of 1/EI."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+
+def two_links(rigidity, theory="linear", gravity=(0.0, -9.81)):
+    links = [
+        fa.Link(length=0.6, flexural_rigidity=rigidity, mass_per_length=0.5, elements=1),
+        fa.Link(length=0.5, flexural_rigidity=0.7 * rigidity, mass_per_length=0.4, elements=1),
+    ]
+    joints = [fa.Joint(hub_inertia=0.01), fa.Joint(mass=0.2, hub_inertia=0.01)]
+    payload = fa.Payload(mass=0.3, inertia=0.001, offset=(0.02, 0.01))
+    return fa.Arm(links=links, joints=joints, payload=payload, gravity=gravity, theory=theory)
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_pendulum_frequencies(theory):
+    """The two slow modes of the hanging arm are those of the rigid double pendulum."""
+    rigidities = np.array([1e3, 4e3, 16e3, 64e3])
+    hanging = [-np.pi / 2, 0.0]
+    exact = fa.modes(two_links(1.0).rigid(), hanging, joints="free").squared_frequency
+    errors = []
+    for rigidity in rigidities:
+        found = fa.modes(two_links(rigidity, theory), hanging, joints="free").squared_frequency
+        errors.append(abs(found[:2] / exact - 1.0))
+    orders = -np.polyfit(np.log(rigidities), np.log(errors), 1)[0]
+    # The next term of the series is smaller by 1/EI again: a part in a hundred at the softest.
+    np.testing.assert_allclose(orders, 1.0, atol=0.02)
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_smooth_motion(theory):
+    """A torque so smooth that it excites no vibration: the tip follows the rigid one by 1/EI."""
+
+    def torque(t):
+        s = np.clip(t / 0.8, 0.0, 1.0)
+        pulse = (s * (1.0 - s)) ** 5 * 4.0**5
+        return [1.5 * pulse, -0.6 * pulse]
+
+    def tip(arm):
+        result = fa.simulate(
+            arm, 1.0, torque=torque, initial=arm.rest([0.3, 0.5]), rate=50.0, rtol=1e-9, atol=1e-11
+        )
+        return result.tip.values
+
+    level = (0.0, 0.0)
+    exact = tip(two_links(1.0, theory, level).rigid())
+    assert np.ptp(exact[:, 0]) > 0.1  # it does move
+    rigidities = np.array([300.0, 1200.0, 4800.0])
+    errors = [abs(tip(two_links(rigidity, theory, level)) - exact).max() for rigidity in rigidities]
+    order = -np.polyfit(np.log(rigidities), np.log(errors), 1)[0]
+    # Vibrations that the pulse leaves behind are the remainder.
+    assert order == pytest.approx(1.0, abs=0.05)
+    assert errors[-1] < 1e-3
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_rigid_twin_keeps_every_mass(theory):
+    arm = two_links(50.0, theory)
+    twin = arm.rigid()
+    angles, rates = np.array([0.7, -1.1]), np.array([1.3, -0.4])
+    q, qd = arm.rest(angles), arm.rest(rates)
+    assert twin.dof == twin.joints == 2
+    # Straight and unbending, the flexible arm is the rigid one.
+    np.testing.assert_allclose(
+        arm.mass_matrix(q)[np.ix_(arm.joint_index, arm.joint_index)],
+        twin.mass_matrix(angles),
+        rtol=1e-12,
+    )
+    np.testing.assert_allclose(
+        arm.bias_force(q, qd)[arm.joint_index], twin.bias_force(angles, rates), rtol=1e-12
+    )
+    np.testing.assert_allclose(arm.energy(q, qd), twin.energy(angles, rates), rtol=1e-12)
+    np.testing.assert_allclose(arm.tip(q), twin.tip(angles), rtol=1e-14)

@@ -1,0 +1,111 @@
+"""Every format of ``FORMATS`` keeps the rules of ``Format``; so will the next one."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import flexarm as fa
+from flexarm.errors import InputError
+from flexarm.output import FORMATS, read_result, write_result
+from flexarm.simulate import CHANNELS
+
+
+@pytest.fixture(scope="module")
+def result():
+    gauge = fa.Gauge(station=0.1, distance=0.002)
+    link = fa.Link(
+        length=0.5, flexural_rigidity=3.0, mass_per_length=0.4, elements=2, gauges=[gauge]
+    )
+    arm = fa.Arm(links=[link, link], gravity=(0.0, -9.81))
+    return fa.simulate(arm, 0.05, rate=200.0)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_written_file_appears_alone_and_complete(suffix, result, tmp_path):
+    write_result(result, tmp_path / f"run{suffix}")
+    assert [path.name for path in tmp_path.iterdir()] == [f"run{suffix}"]
+    assert (tmp_path / f"run{suffix}").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_an_older_file_is_replaced(suffix, result, tmp_path):
+    path = tmp_path / f"run{suffix}"
+    path.write_text("older")
+    write_result(result, path)
+    assert not path.read_bytes().startswith(b"older")
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_the_suffix_may_be_in_capitals(suffix, result, tmp_path):
+    write_result(result, tmp_path / f"run{suffix.upper()}")
+    assert (tmp_path / f"run{suffix.upper()}").exists()
+
+
+@pytest.mark.parametrize("suffix", [name for name, form in FORMATS.items() if form.read])
+def test_what_is_read_is_what_was_written(suffix, result, tmp_path):
+    path = tmp_path / f"run{suffix}"
+    write_result(result, path)
+    xr.testing.assert_identical(read_result(path), result)
+
+
+def test_the_table_has_a_row_for_each_time_and_a_unit_for_each_column(result, tmp_path):
+    write_result(result, tmp_path / "run.csv")
+    with open(tmp_path / "run.csv", newline="") as stream:
+        head, *rows = csv.reader(stream)
+    assert len(rows) == result.sizes["time"]
+    assert head[:3] == ["time [s]", "joint_angle_1 [rad]", "joint_angle_2 [rad]"]
+    assert {"tip_x [m]", "tip_velocity_y [m/s]", "kinetic_energy [J]", "strain_2 [1]"} <= set(head)
+    assert {"q_joint_1 [rad]", "q_link_2_mode_4 [m kg^0.5]"} <= set(head)
+    assert all(name.endswith("]") and name.count("[") == 1 for name in head)
+    units = {channel.name: channel.unit for channel in CHANNELS.values()}
+    for name in head[1:]:
+        column, unit = name[:-1].split(" [")
+        channel = max((known for known in units if column.startswith(known)), key=len)
+        assert unit in units[channel]
+
+
+def test_numbers_in_the_table_read_back_to_the_bit(result, tmp_path):
+    write_result(result, tmp_path / "run.csv")
+    with open(tmp_path / "run.csv", newline="") as stream:
+        head, *rows = csv.reader(stream)
+    table = dict(zip(head, np.array(rows, dtype=np.float64).T, strict=True))
+    assert np.array_equal(table["time [s]"], result["time"])
+    assert np.array_equal(table["tip_y [m]"], result["tip"].sel(axis="y"))
+    assert np.array_equal(table["joint_rate_2 [rad/s]"], result["joint_rate"].sel(joint=2))
+    mode = result["q"].sel(coordinate="link_2_mode_3")
+    assert np.array_equal(table["q_link_2_mode_3 [m kg^0.5]"], mode)
+
+
+def test_an_unknown_suffix_is_refused_with_those_that_are_known(result, tmp_path):
+    with pytest.raises(
+        InputError, match=r"path must end in \.nc or \.csv, but is .*run\.cvs"
+    ) as told:
+        write_result(result, tmp_path / "run.cvs")
+    assert "run.csv" in told.value.problems[0].hint
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("text", [b"", b"no such format", b"\x89HDF\r\n\x1a\n broken"])
+def test_what_is_no_result_is_refused(text, tmp_path):
+    path = tmp_path / "run.nc"
+    path.write_bytes(text)
+    with pytest.raises(InputError, match="must be NetCDF"):
+        read_result(path)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match="must exist, but is missing"):
+        read_result(tmp_path / "run.nc")
+
+
+def test_a_format_that_loses_something_is_not_read(tmp_path):
+    with pytest.raises(InputError, match=r"must be a \.nc file"):
+        read_result(tmp_path / "run.csv")
+
+
+def test_a_file_of_someone_else_is_refused(tmp_path):
+    xr.Dataset({"a": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match="must be a result that flexarm has written"):
+        read_result(tmp_path / "other.nc")

@@ -1,0 +1,129 @@
+"""Paths for output: refused before the work, written whole or not at all."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from flexarm.errors import InputError
+from flexarm.output import check_place, write_figure, write_text
+from flexarm.output.places import check_folder, write_whole
+
+SUFFIXES = (".nc", ".csv")
+
+
+def refused(path):
+    with pytest.raises(InputError) as told:
+        check_place("run", "--out", path, SUFFIXES)
+    (problem,) = told.value.problems
+    assert problem.where == "run"
+    assert problem.name == "--out"
+    return problem
+
+
+def test_missing_folders_are_made_and_no_file(tmp_path):
+    place = tmp_path / "a" / "b" / "run.nc"
+    assert check_place("run", "--out", place, SUFFIXES) == place
+    assert place.parent.is_dir()
+    assert not list(place.parent.iterdir())
+
+
+@pytest.mark.parametrize("name", ["run", "run.", "run.txt", ".nc", "nc"])
+def test_other_suffixes_are_refused(name, tmp_path):
+    assert refused(tmp_path / name).rule == "end in .nc or .csv"
+
+
+def test_a_folder_of_that_name_is_refused(tmp_path):
+    (tmp_path / "run.nc").mkdir()
+    assert "folder" in refused(tmp_path / "run.nc").value
+
+
+def test_a_file_where_a_folder_must_be_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    problem = refused(tmp_path / "file" / "run.nc")
+    assert problem.rule == "lie in a folder that can be written in"
+
+
+def test_a_path_with_a_null_character_is_refused():
+    refused("a\0.nc")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
+def test_a_pipe_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe.nc")
+    assert refused(tmp_path / "pipe.nc").rule == "name an ordinary file"
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write all")
+def test_a_folder_without_permission_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    try:
+        assert "Permission denied" in refused(tmp_path / "run.nc").hint
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="--out must be a folder to write in"):
+        check_folder("paper", "--out", tmp_path / "file")
+
+
+def test_a_write_that_fails_leaves_the_older_file(tmp_path):
+    path = tmp_path / "run.nc"
+    path.write_text("older")
+
+    def full_disk(beside: Path) -> None:
+        beside.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(InputError, match="No space left on device"):
+        write_whole(path, full_disk)
+    assert path.read_text() == "older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_any_failure_leaves_no_half_file(tmp_path):
+    def interrupted(beside: Path) -> None:
+        beside.write_text("half")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_whole(tmp_path / "run.nc", interrupted)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not hasattr(os, "symlink"), reason="no links on this system")
+def test_what_a_link_points_to_is_written(tmp_path):
+    (tmp_path / "real.txt").write_text("older")
+    (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
+    write_text("newer", tmp_path / "link.txt")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "real.txt").read_text() == "newer"
+
+
+def test_permissions_of_the_older_file_stay(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("older")
+    path.chmod(0o640)
+    write_text("newer", path)
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+class Picture:
+    """Saves what it was asked for."""
+
+    def savefig(self, file, /, *, format):
+        Path(file).write_text(format)
+
+
+@pytest.mark.parametrize("suffix", ["png", "PDF", "svg"])
+def test_a_figure_is_saved_in_the_format_of_its_suffix(suffix, tmp_path):
+    write_figure(Picture(), tmp_path / f"a.{suffix}")
+    assert (tmp_path / f"a.{suffix}").read_text() == suffix.lower()
+
+
+def test_a_figure_in_an_unknown_format_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"must end in \.png, \.pdf or \.svg"):
+        write_figure(Picture(), tmp_path / "a.jpg")

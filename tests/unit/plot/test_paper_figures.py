@@ -1,0 +1,144 @@
+"""The paper's figures show the runs, the rigid arm dashed, and leave no trace."""
+
+import io
+import re
+
+import matplotlib
+import numpy as np
+import pytest
+
+from flexarm.paper import PaperCase
+from flexarm.plot.paper_data import FIGURE_NAMES, HISTORY_NAMES, PANELS, POSTURES, histories
+from flexarm.plot.paper_figures import FIGURES, paper_book
+
+
+@pytest.fixture(scope="module")
+def case():
+    return PaperCase(2.0)
+
+
+@pytest.fixture(scope="module")
+def slow(case):
+    return histories(case)
+
+
+@pytest.fixture(scope="module")
+def fast():
+    return histories(PaperCase(1.0), ("flexible", "rigid", "second_order"))
+
+
+def lines(axes):
+    """Lines with something in them, but not the mark of the torques' end."""
+    return [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+
+
+def saved(figure, form):
+    stream = io.BytesIO()
+    figure.savefig(stream, format=form)
+    return stream.getvalue()
+
+
+def test_there_is_every_figure_of_the_paper_from_3_to_16():
+    numbers = [int(name[3:5]) for name in FIGURE_NAMES]
+    assert numbers == list(range(3, 17))
+    assert [panel.figure for panel in PANELS] == list(range(5, 17))
+    assert set(FIGURE_NAMES) < set(FIGURES)
+
+
+@pytest.mark.parametrize("name", HISTORY_NAMES)
+def test_a_history_shows_the_flexible_arm_and_the_rigid_arm_dashed(name, case, slow):
+    panel = HISTORY_NAMES[name]
+    (axes,) = FIGURES[name](slow).axes
+    flexible, rigid = lines(axes)
+    for line, result in ((flexible, case.flexible), (rigid, case.rigid)):
+        assert np.array_equal(line.get_xdata(), result["time"])
+        expected = panel.scale * result[panel.channel].isel(link=panel.link)
+        assert np.array_equal(line.get_ydata(), expected)
+    assert rigid.is_dashed()
+    assert not flexible.is_dashed()
+    assert flexible.get_color() != rigid.get_color()
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["flexible", "rigid"]
+
+
+def test_the_rigid_arm_is_the_zero_line_of_deflections(slow):
+    for name, panel in HISTORY_NAMES.items():
+        if panel.channel.startswith("link_tip"):
+            _, rigid = lines(FIGURES[name](slow).axes[0])
+            assert not np.any(rigid.get_ydata())
+
+
+@pytest.mark.parametrize("name", HISTORY_NAMES)
+def test_the_unit_of_an_axis_fits_its_scale(name, slow):
+    panel = HISTORY_NAMES[name]
+    (axes,) = FIGURES[name](slow).axes
+    unit = axes.get_ylabel().split("[")[1].rstrip("]")
+    assert unit.startswith("m") == (panel.scale == 1e3)
+    assert axes.get_xlabel() == "time [s]"
+
+
+def test_figure_3_shows_ten_bent_and_ten_straight_postures(case, slow):
+    (axes,) = FIGURES["fig03_path"](slow).axes
+    links = [line for line in lines(axes) if len(line.get_xdata()) == 50]
+    bent = [line for line in links if not line.is_dashed()]
+    straight = [line for line in links if line.is_dashed()]
+    assert len(bent) == len(straight) == POSTURES == 10
+    first, last = straight[0].get_xydata(), straight[-1].get_xydata()
+    # The rigid arm carries its tip along the line of the scenario; 1e-6 m: its tolerance.
+    assert np.allclose(first[[0, -1]], [[0.0, 0.0], [2.0, 1.0]], atol=1e-6)
+    assert np.allclose(last[[0, -1]], [[0.0, 0.0], [1.0, 2.0]], atol=1e-6)
+    assert axes.get_aspect() == 1.0
+    # A straight link's middle lies on its chord; that of a bent one is off by about a fifth of the
+    # tip deflection (the first mode's shape), at the third posture 17 mm of it.
+    middle, root, tip = bent[2].get_xydata()[[12, 0, 24]]
+    chord = (tip - root) / np.linalg.norm(tip - root)
+    off = abs(chord[0] * (middle - root)[1] - chord[1] * (middle - root)[0])
+    deflection = abs(case.flexible["link_tip_deflection"].sel(time=4 / 9, method="nearest")[0])
+    assert 0.1 * deflection < off < 0.3 * deflection
+
+
+def test_figure_4_shows_the_torques_of_both_joints(case, slow):
+    (axes,) = FIGURES["fig04_torques"](slow).axes
+    for line, joint in zip(lines(axes), (1, 2), strict=True):
+        assert np.array_equal(line.get_ydata(), case.flexible["torque"].sel(joint=joint))
+
+
+def test_the_two_theories_and_their_difference(fast):
+    above, below = FIGURES["theories"](fast).axes
+    linear, second, rigid = (line.get_ydata() for line in lines(above))
+    (difference,) = (line.get_ydata() for line in lines(below))
+    assert np.array_equal(linear - second, difference)
+    assert not np.any(rigid)
+    assert np.max(np.abs(difference)) > 1.0  # mm: visible
+
+
+def test_the_overview_holds_all_of_them(slow):
+    titles = [axes.get_title(loc="left") for axes in FIGURES["overview"](slow).axes]
+    assert [int(title.split()[1]) for title in titles] == list(range(3, 17))
+
+
+def test_the_book_has_a_page_for_each_figure_and_fonts_that_journals_take(slow, fast):
+    data = saved(paper_book(slow, fast), "pdf")
+    assert len(re.findall(rb"/Type /Page\b", data)) == len(FIGURE_NAMES) + 2
+    assert b"/Type3" not in data
+
+
+@pytest.mark.parametrize("form", ["png", "pdf", "svg"])
+def test_the_same_figure_is_the_same_file(form, slow):
+    first, second = (saved(FIGURES["fig09_link1_tip_deflection"](slow), form) for _ in range(2))
+    assert len(first) > 10_000
+    if form != "svg":  # Matplotlib numbers the parts of an SVG at random
+        assert first == second
+
+
+def test_bitmaps_are_sharp_enough_for_print(slow):
+    data = saved(FIGURES["fig09_link1_tip_deflection"](slow), "png")
+    width, height = (int.from_bytes(data[k : k + 4], "big") for k in (16, 20))
+    assert (width, height) == (800, 480)  # 4 by 2.4 inches at 200 dots per inch
+
+
+def test_settings_of_the_user_stay(slow):
+    with matplotlib.rc_context({"font.size": 17.0, "axes.grid": False}):
+        before = dict(matplotlib.rcParams)
+        saved(FIGURES["fig09_link1_tip_deflection"](slow), "png")
+        assert dict(matplotlib.rcParams) == before
