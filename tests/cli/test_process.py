@@ -45,17 +45,13 @@ finally:
 
 
 def test_ctrl_c_during_a_run(tmp_path):
-    # An hour of simulated time; half a second after its start the process gets the signal.
+    # An hour of simulated time; the first report of progress brings the signal.
     path = tmp_path / "long.yaml"
-    path.write_text(GOOD.replace("run: {duration: 0.05, rate: 200}", "run: {duration: 3600}"))
+    path.write_text(GOOD.replace("duration: 0.05, rate: 200}", "duration: 3600, rate: 10}"))
     code = """
-import os, signal, threading
-import flexarm.cli.run as command
-prepare = command.prepare
-def prepare_then_interrupt(scenario):
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-    return prepare(scenario)
-command.prepare = prepare_then_interrupt
+import os, signal
+from flexarm.simulate.meter import Meter
+Meter.update = lambda self, fraction: os.kill(os.getpid(), signal.SIGINT)
 from flexarm.cli.main import main
 main()
 """

@@ -7,6 +7,7 @@ Run this file to write them into the pages: ``python tests/docs/reference_tables
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 from docs_pages import ROOT
@@ -22,10 +23,16 @@ _UNITS = re.compile(
 )
 
 
+@cache
+def _schema() -> dict[str, Any]:
+    return json_schema()
+
+
+@cache
 def generated() -> dict[tuple[str, str], str]:
     """Every generated part: (page, name of the part) to its text."""
-    parts = {(RESULT, "channels"): channel_table(), (FILE_FORMAT, "file"): _keys(json_schema())}
-    for name, definition in json_schema()["$defs"].items():
+    parts = {(RESULT, "channels"): channel_table(), (FILE_FORMAT, "file"): _keys(_schema())}
+    for name, definition in _schema()["$defs"].items():
         if definition["properties"].keys() - {"kind"}:
             parts[FILE_FORMAT, name] = _keys(definition)
     return parts
@@ -93,7 +100,7 @@ def _value(schema: dict[str, Any], many: bool = False) -> str:
 
 
 def _mapping(name: str) -> str:
-    properties = json_schema()["$defs"][name]["properties"]
+    properties = _schema()["$defs"][name]["properties"]
     if properties.keys() == {"kind"}:
         return f"`{{kind: {properties['kind']['const']}}}`"
     words = title(name).lower().replace("pd", "PD")

@@ -15,19 +15,18 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from docs_pages import ROOT, Block, blocks, pages
+from typer.testing import CliRunner
 
+from flexarm.cli.main import app
 from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario
 
 RUNNING = ("yaml", "python", "bash")
@@ -87,16 +86,14 @@ def run_command(block: Block, line: str) -> str:
         chores = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
         assert set(words[1:]) <= set(chores), f"{block}: the Makefile has no such chore: {line}"
         return ""
-    command = Path(sys.executable).with_name("flexarm")
-    environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}
-    done = subprocess.run(
-        [str(command), *words[1:]], capture_output=True, text=True, env=environment, timeout=120
-    )
-    printed = done.stdout + done.stderr
+    done = CliRunner().invoke(app, words[1:], env={"COLUMNS": "100", "NO_COLOR": "1"})
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    printed = done.output
     # A cold cache makes the first run say that it compiles; no page shows that.
     printed = re.sub(r"^flexarm: compiling.*\n", "", printed, flags=re.MULTILINE)
     expected = int(block.option("exit", "0"))
-    assert done.returncode == expected, f"{block}: {line}\nexit {done.returncode}\n{printed}"
+    assert done.exit_code == expected, f"{block}: {line}\nexit {done.exit_code}\n{printed}"
     return printed
 
 

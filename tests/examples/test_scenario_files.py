@@ -47,21 +47,32 @@ def test_single_link_arrives(single_link):
     assert result["tip"].values[-1] == pytest.approx([0.0, 1.0], abs=1e-3)
 
 
-def test_single_link_lags_by_what_its_inertia_bends_it(single_link):
-    _, result = single_link
-    deflection = result["link_tip_deflection"].values[:, 0]
-    assert np.max(np.abs(deflection)) == pytest.approx(0.075, rel=0.02)  # said in the file
-    # Bending moment and strain at the root belong together: strain = (h / 2) M / EI, and M is the
-    # torque less what turns the hub. Half a per cent: the basis has four modes.
+def root_strain(result):
+    """Strain at the root from the torque alone, (T,): moment there = torque less hub."""
     rigidity = 70e9 * 0.04 * 0.004**3 / 12.0
     rate = result["joint_rate"].values[:, 0]
-    time = result["time"].values
-    inside = slice(100, 900)  # where the rate is smooth enough to differentiate
-    hub = 0.02 * np.gradient(rate, time)[inside] + 0.01 * rate[inside]
-    moment = result["torque"].values[inside, 0] - hub
-    strain = result["strain"].values[inside, 0]
-    # A positive moment on the root lags the tip: it strains the side of +y (distance > 0).
-    assert np.allclose(strain, 0.002 * moment / rigidity, atol=0.02 * np.max(np.abs(strain)))
+    hub = 0.02 * np.gradient(rate, result["time"].values) + 0.01 * rate
+    # A positive moment on the root makes the tip lag, and strains the side of +y.
+    return 0.002 * (result["torque"].values[:, 0] - hub) / rigidity
+
+
+def test_single_link_lags_and_strains_as_the_torque_demands(single_link):
+    _, result = single_link
+    deflection = result["link_tip_deflection"].values[:, 0]
+    assert np.max(np.abs(deflection)) == pytest.approx(0.074, rel=0.01)  # said in the file
+    strain = result["strain"].values[:, 0]
+    moving = slice(100, 900)  # without the jerks at both ends, which excite modes left out
+    # 1 % of the largest: four modes approximate the load along the strip
+    largest = np.max(np.abs(strain))
+    assert np.allclose(strain[moving], root_strain(result)[moving], rtol=0.0, atol=0.01 * largest)
+
+
+def test_single_link_in_the_linear_theory_misses_the_centrifugal_force():
+    scenario = prepared("single_link")
+    result = scenario.run(arm=fa.Arm(scenario.arm.spec.replace(theory="linear")))
+    strain = result["strain"].values[:, 0]
+    error = np.max(np.abs(strain - root_strain(result))[100:900]) / np.max(np.abs(strain))
+    assert 0.03 < error < 0.04  # said in the file
 
 
 def test_single_link_rings_at_the_exact_frequency(single_link):
@@ -87,7 +98,7 @@ def boom():
 
 def test_boom_comes_to_rest_at_its_new_angles(boom):
     scenario, result = boom
-    assert result["joint_rate"].values[-1] == pytest.approx(np.zeros(3), abs=1e-4)
+    assert result["joint_rate"].values[-1] == pytest.approx(np.zeros(3), abs=1e-3)
     assert result["joint_angle"].values[-1] == pytest.approx([1.30, -0.70, -0.50], abs=5e-3)
     rigid_tip = scenario.arm.rigid().tip(scenario.arm.rigid().rest([1.30, -0.70, -0.50]))
     assert 0.05 < rigid_tip[1] - result["tip"].values[-1, 1] < 0.5  # m: it hangs lower

@@ -70,10 +70,10 @@ def _summary(result: xr.Dataset) -> list[tuple[str, str]]:
     deflection = np.max(np.abs(result["link_tip_deflection"].values), axis=0)
     worst = int(np.argmax(deflection))
     x, y = result["tip"].values[-1]
-    samples = f"{time.size} samples to t = {time[-1]:g} s"
-    steps = f"{attributes['steps']} steps of {attributes['integrator']}"
+    steps = f"{attributes['steps']} of {attributes['integrator']}"
     rows = [
-        ("run", f"{samples}, {steps}, {attributes['wall_seconds']:.3g} s of computing"),
+        ("run", f"{time.size} samples to t = {time[-1]:g} s"),
+        ("steps", f"{steps}, in {attributes['wall_seconds']:.3g} s"),
         ("tip", f"({x:.6g}, {y:.6g}) m at the end"),
     ]
     if deflection[worst] > 0.0:

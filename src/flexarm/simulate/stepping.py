@@ -30,6 +30,9 @@ _CALL_SECONDS = 0.1
 #: Compiling for one model size takes about ten seconds and saves a third of each step: worth it
 #: where more than this is still ahead (s). Large sizes gain little: their loops are long anyway.
 _WORTH_COMPILING, _MOST_BODIES, _MOST_MODES = 60.0, 8, 16
+#: More steps than this to the end of a run or a sample time (days of computing) mean that
+#: something has gone wrong: an unstable loop turns faster and faster.
+_MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
 _NO_GAUGES = np.zeros(0)
 
 
@@ -72,6 +75,7 @@ class Run:
 
     def carry_to(self, system: System, until: float) -> System:
         """Advance to a time, or raise ``SimulationError``; return the system to go on with."""
+        span = until - self.progress.time
         while True:
             started = time.perf_counter()
             status = self.integrator.advance(
@@ -90,6 +94,12 @@ class Run:
             if time.perf_counter() - started < _CALL_SECONDS:
                 self.max_steps *= 2
             self.meter.update(self.progress.time / self.duration)
+            ahead = (until - self.progress.time) / self.progress.step
+            if ahead > max(_MOST_STEPS * span / self.duration, _MOST_STEPS_A_TICK):
+                raise self._failure(
+                    f"the step has shrunk to {self.progress.step:.2g} s, and t = {until:.6g} s is "
+                    f"{ahead:.1g} such steps away: the motion grows without bound."
+                )
             system = self._specialize(system)
 
     def _failure(self, reason: str) -> SimulationError:

@@ -1,0 +1,143 @@
+"""Small systems to integrate, and plain drivers of an integrator's ``advance``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import flexarm as fa
+from arm_states import state_array
+from flexarm.integrate.base import Drive, Progress, Status, System, Tolerance
+from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.simulate.tolerance import tolerance_of
+
+#: A torque in cubic pieces, on two joints: smooth across the break at 0.5 s.
+BREAKS = np.array([0.0, 0.5, 1.0])
+_FIRST = np.array([[0.6, -0.3], [1.0, 0.5], [-2.0, 0.4], [1.5, -0.8]])
+
+
+def _shifted(cubic: np.ndarray, by: float) -> np.ndarray:
+    """Coefficients of the same cubic about another origin."""
+    c0, c1, c2, c3 = cubic
+    return np.array(
+        [
+            c0 + by * (c1 + by * (c2 + by * c3)),
+            c1 + by * (2 * c2 + 3 * by * c3),
+            c2 + 3 * by * c3,
+            c3,
+        ]
+    )
+
+
+SMOOTH = np.stack([_FIRST, _shifted(_FIRST, 0.5)])
+
+
+def double_pendulum() -> tuple[fa.Arm, np.ndarray]:
+    """Two rigid links swinging wide under gravity, and their state (2, dof)."""
+    links = [
+        fa.Link(length=0.8, mass_per_length=1.0, flexible=False),
+        fa.Link(length=0.5, mass_per_length=0.7, flexible=False),
+    ]
+    arm = fa.Arm(links=links, gravity=(0.0, -9.81))
+    return arm, np.array([[0.4, 1.2], [1.0, -2.0]])
+
+
+def flexible_arm() -> tuple[fa.Arm, np.ndarray]:
+    """Two soft links with damping, bent and turning; vibrations of 5 to 300 rad/s."""
+    links = [
+        fa.Link(length=1.0, flexural_rigidity=3.0, mass_per_length=0.5, elements=1),
+        fa.Link(
+            length=0.6,
+            flexural_rigidity=1.0,
+            mass_per_length=0.4,
+            elements=1,
+            modes=1,
+            damping=fa.ModalDamping(ratio=0.02),
+        ),
+    ]
+    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.02, mass=0.2)]
+    payload = fa.Payload(mass=0.3, inertia=0.01)
+    arm = fa.Arm(links=links, joints=joints, payload=payload, theory="second_order")
+    q = arm.from_nodal([0.2, -0.9], [[[0.01, 0.02]], [[0.002, 0.005]]])
+    return arm, np.stack([q, arm.rest([0.8, -1.5])])
+
+
+PROBLEMS = {"double pendulum": double_pendulum, "flexible arm": flexible_arm}
+
+
+def make_system(
+    arm: fa.Arm,
+    breaks: Any = BREAKS,
+    coefficients: Any = SMOOTH,
+    stops: Any = (),
+    tip_force: Any = (0.0, 0.0, 0.0),
+) -> System:
+    """The arm under a torque in pieces (pieces, 4, joints)."""
+    constants = arm.assembly.constants
+    drive = Drive(
+        np.asarray(breaks, dtype=float),
+        arm.padded_torque(np.asarray(coefficients, dtype=float)),
+        np.asarray(stops, dtype=float),
+        np.asarray(tip_force, dtype=float),
+    )
+    return System(run_time_sizes(constants), constants, drive, new_workspace(constants))
+
+
+def start(arm: fa.Arm, state: np.ndarray) -> Progress:
+    return Progress(0.0, state_array(arm, *state), 0.0)
+
+
+def tolerance(arm: fa.Arm, state: np.ndarray, allowed: float) -> Tolerance:
+    return tolerance_of(arm, state_array(arm, *state), allowed, allowed)
+
+
+def advance(
+    integrator: Any,
+    system: System,
+    allowed: Tolerance,
+    progress: Progress,
+    until: float,
+    times: Any = (),
+    max_steps: int = 10**9,
+) -> tuple[Status, np.ndarray]:
+    """Carry on to a time, however often it pauses: last status and samples (times, 2, n, 1 + m)."""
+    times = np.asarray(times, dtype=float)
+    samples = np.full((len(times), *progress.state.shape), np.nan)
+    status = Status.PAUSED
+    while status == Status.PAUSED:
+        status = integrator.advance(system, allowed, progress, until, times, samples, max_steps)
+    return status, samples
+
+
+def equal_steps(integrator_type: Any, arm: fa.Arm, state: np.ndarray, count: int, times: Any = ()):
+    """Integrate over 1 s in ``count`` equal steps, with step control or without.
+
+    Every end of a step is a stop, and the tolerance accepts whatever comes.
+    """
+    ends = np.arange(1, count + 1) / count
+    system = make_system(arm, stops=ends[:-1])
+    unit = tolerance(arm, state, 1.0)
+    anything = Tolerance(1e300, 0.0, unit.unit, unit.fastest)
+    progress = start(arm, state)
+    status, samples = advance(
+        integrator_type(step=1.0 / count), system, anything, progress, 1.0, times
+    )
+    assert status == Status.DONE
+    assert progress.steps == count
+    return progress, samples
+
+
+def reference(arm: fa.Arm, state: np.ndarray, until: float = 1.0):
+    """The motion under SMOOTH as a function of time, by SciPy on ``Arm.forward_dynamics``."""
+    n = arm.dof
+
+    def slope(t, y):
+        torque = t ** np.arange(4) @ _FIRST
+        return np.concatenate([y[n:], arm.forward_dynamics(y[:n], y[n:], torque)])
+
+    run = solve_ivp(
+        slope, (0.0, until), state.ravel(), "DOP853", rtol=3e-14, atol=1e-15, dense_output=True
+    )
+    return lambda t: state_array(arm, *run.sol(t).reshape(2, n))

@@ -1,0 +1,372 @@
+"""The numbered rules of ``flexarm.integrate.base``, for every integrator of the registry."""
+
+import dataclasses
+import inspect
+from functools import cache
+
+import numpy as np
+import pytest
+from integrator_runs import (
+    PROBLEMS,
+    SMOOTH,
+    advance,
+    double_pendulum,
+    equal_steps,
+    flexible_arm,
+    make_system,
+    reference,
+    start,
+    tolerance,
+)
+
+import flexarm as fa
+from arm_states import state_array
+from flexarm.integrate import INTEGRATORS, Integrator
+from flexarm.integrate.base import Progress, Status
+from flexarm.references import citation
+
+every = pytest.mark.parametrize("name", INTEGRATORS)
+each_problem = pytest.mark.parametrize("problem", PROBLEMS)
+
+
+@cache
+def exact(problem):
+    arm, state = PROBLEMS[problem]()
+    return reference(arm, state)
+
+
+def make(name, allowed=1e-8):
+    """An integrator that meets this accuracy on the problems here."""
+    integrator = INTEGRATORS[name]()
+    return integrator if integrator.adaptive else INTEGRATORS[name](step=2e-4)
+
+
+# The class itself ----------------------------------------------------------------------------
+
+
+@every
+def test_what_it_says_about_itself(name):
+    kind = INTEGRATORS[name]
+    assert issubclass(kind, Integrator)
+    assert kind.name == name
+    assert kind.order >= 1
+    assert isinstance(kind.adaptive, bool)
+    assert inspect.getdoc(kind)
+    assert dataclasses.is_dataclass(kind)
+    assert kind() == kind()  # a value: equal parameters, equal method
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        kind().step = 1.0
+
+
+@every
+def test_its_reference_can_be_cited(name):
+    arm, state = double_pendulum()
+    result = fa.simulate(arm, 0.01, initial=state[0], integrator=name, rate=100.0)
+    assert INTEGRATORS[name].reference
+    text = citation(result)
+    for key in INTEGRATORS[name].reference:
+        assert f"{{{key}," in text
+
+
+# Rule 1: time goes on to the end, in one call or in many ---------------------------------------
+
+
+@every
+@each_problem
+def test_carries_on_to_the_end_and_counts_what_it_does(name, problem):
+    arm, state = PROBLEMS[problem]()
+    progress = start(arm, state)
+    times = np.linspace(0.0, 0.7, 8)
+    status, samples = advance(
+        make(name), make_system(arm), tolerance(arm, state, 1e-8), progress, 0.7, times
+    )
+    assert status == Status.DONE
+    assert progress.time == 0.7
+    assert progress.sample == len(times)
+    assert np.all(np.isfinite(samples))
+    assert 0 < progress.steps < progress.evaluations
+    np.testing.assert_array_equal(samples[0], start(arm, state).state)
+    np.testing.assert_array_equal(samples[-1], progress.state)
+    # Being asked for a time already reached changes nothing.
+    before = dataclasses.replace(progress, state=progress.state.copy())
+    status, _ = advance(
+        make(name), make_system(arm), tolerance(arm, state, 1e-8), progress, 0.7, times
+    )
+    assert status == Status.DONE
+    assert (progress.time, progress.steps) == (before.time, before.steps)
+    np.testing.assert_array_equal(progress.state, before.state)
+
+
+@every
+@each_problem
+def test_pausing_changes_nothing(name, problem):
+    """However the calls are cut (a progress bar cuts them by the clock), the run is the same."""
+    arm, state = PROBLEMS[problem]()
+    times = np.linspace(0.0, 1.0, 23)
+    runs = []
+    for max_steps in (10**9, 7, 1):
+        progress = start(arm, state)
+        # A first step so long that it is refused, so that pauses also fall behind refusals.
+        integrator = make(name)
+        if integrator.adaptive:
+            integrator = INTEGRATORS[name](step=0.3)
+        _, samples = advance(
+            integrator,
+            make_system(arm),
+            tolerance(arm, state, 1e-8),
+            progress,
+            1.0,
+            times,
+            max_steps=max_steps,
+        )
+        runs.append((samples, progress))
+    whole, at_once = runs[0]
+    for samples, progress in runs[1:]:
+        np.testing.assert_array_equal(samples, whole)
+        assert progress.steps == at_once.steps
+        assert progress.rejected == at_once.rejected
+
+
+@every
+def test_pauses_when_told_to(name):
+    arm, state = double_pendulum()
+    progress = start(arm, state)
+    samples = np.zeros((0, *progress.state.shape))
+    status = make(name).advance(
+        make_system(arm), tolerance(arm, state, 1e-8), progress, 1.0, np.zeros(0), samples, 3
+    )
+    assert status == Status.PAUSED
+    assert progress.steps + progress.rejected == 3
+    assert 0.0 < progress.time < 1.0
+
+
+# Rule 2: samples at exactly the asked times ----------------------------------------------------
+
+
+@every
+@each_problem
+def test_samples_are_values_at_the_asked_times(name, problem):
+    arm, state = PROBLEMS[problem]()
+    rng = np.random.default_rng(1)
+    times = np.sort(np.concatenate([[0.0, 1e-9, 0.25, 0.25 + 1e-12, 1.0], rng.random(40)]))
+    _, samples = advance(
+        make(name),
+        make_system(arm, stops=[0.25, 0.6]),
+        tolerance(arm, state, 1e-9),
+        start(arm, state),
+        1.0,
+        times,
+    )
+    wanted = np.array([exact(problem)(t) for t in times])
+    # The tolerance per step, over some hundred steps, with what the motion makes of an error.
+    np.testing.assert_allclose(samples, wanted, rtol=0, atol=3e-6)
+
+
+@every
+def test_samples_between_steps_are_of_third_order_at_least(name):
+    arm, state = double_pendulum()
+    middles = np.array([0.13, 0.37, 0.61, 0.93])
+    wanted = np.array([exact("double pendulum")(t) for t in middles])
+    errors, counts = [], np.array([6, 9, 13, 19, 28, 41, 60, 90])
+    for count in counts:
+        _, samples = equal_steps(INTEGRATORS[name], arm, state, int(count), middles)
+        errors.append(abs(samples - wanted).max())
+    order = observed_order(counts, np.array(errors))
+    assert order > 2.8  # the asymptotic slope is approached from both sides
+
+
+# Rules 3 and 4: stops --------------------------------------------------------------------------
+
+
+def bang_bang():
+    """A rigid link under a torque that jumps: piecewise parabolas, exact for every method here."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
+    edges = np.array([0.0, 0.1234, 0.5, 0.50001, 0.87, 1.0])
+    torque = np.array([1.0, -2.0, 5.0, 0.0, -3.0])
+    coefficients = np.zeros((5, 4, 1))
+    coefficients[:, 0, 0] = torque
+    return arm, edges, torque, coefficients
+
+
+def parabolas(edges, acceleration, t):
+    """Angle and rate of a body started at rest."""
+    angle = rate = 0.0
+    for a, b, value in zip(edges[:-1], edges[1:], acceleration, strict=True):
+        span = np.clip(t, a, b) - a
+        angle += rate * span + value * span**2 / 2
+        rate += value * span
+    return angle, rate
+
+
+@every
+def test_lands_on_stops_with_the_torque_of_the_right_side(name):
+    arm, edges, torque, coefficients = bang_bang()
+    system = make_system(arm, edges, coefficients, stops=edges[1:-1])
+    times = np.array([0.05, 0.1234, 0.3, 0.5, 0.500005, 0.50001, 0.7, 0.87, 0.95, 1.0])
+    state = np.zeros((2, 1))
+    # Steps of a tenth: hardly one would end on an edge by itself.
+    integrator = INTEGRATORS[name](step=0.1)
+    progress = start(arm, state)
+    _, samples = advance(integrator, system, tolerance(arm, state, 1e-3), progress, 1.0, times)
+    wanted = np.array([parabolas(edges, torque, t) for t in times])  # the inertia is 1
+    # Rounding of a few dozen steps: a step across an edge would miss by 1e-3.
+    np.testing.assert_allclose(samples[:, :, 0, 0], wanted, rtol=0, atol=1e-14)
+
+
+@every
+def test_a_stop_that_is_no_edge_does_no_harm(name):
+    arm, state = flexible_arm()
+    allowed = tolerance(arm, state, 1e-10)
+    # At the very start, at the end, twice the same, closer than any step, beyond the end.
+    stops = [0.0, 0.3, 0.3, 0.3 + 1e-13, 0.6, 1.0, 2.0]
+    progress = start(arm, state)
+    status, _ = advance(make(name), make_system(arm, stops=stops), allowed, progress, 1.0)
+    assert status == Status.DONE
+    wanted = exact("flexible arm")(1.0)
+    np.testing.assert_allclose(progress.state, wanted, rtol=0, atol=1e-6)
+
+
+# Rule 5: failing with dignity ------------------------------------------------------------------
+
+
+@every
+def test_torque_without_a_number_ends_the_run_before_it(name):
+    """From 0.4 s on the torque is not a number."""
+    arm, state = double_pendulum()
+    coefficients = SMOOTH.copy()
+    coefficients[1] = np.nan
+    system = make_system(arm, [0.0, 0.4, 1.0], coefficients, stops=[0.4])
+    times = np.linspace(0.0, 1.0, 101)
+    progress = start(arm, state)
+    status, samples = advance(make(name), system, tolerance(arm, state, 1e-8), progress, 1.0, times)
+    assert status == Status.NOT_FINITE
+    assert status.sentence
+    assert progress.time == pytest.approx(0.4, abs=1e-12)
+    assert np.all(np.isfinite(progress.state))
+    assert progress.sample == 41  # those up to 0.4 s, and no further
+    assert np.all(np.isfinite(samples[:41]))
+    wanted = exact("double pendulum")(progress.time)
+    np.testing.assert_allclose(progress.state, wanted, rtol=0, atol=1e-5)
+
+
+@every
+def test_a_torque_that_grows_without_bound_never_makes_a_bad_state(name):
+    arm, state = double_pendulum()
+    coefficients = np.zeros((1, 4, 2))
+    coefficients[0, 3] = 1e300
+    times = np.linspace(0.0, 1.0, 11)
+    progress = start(arm, state)
+    status, samples = advance(
+        make(name),
+        make_system(arm, [0.0, 1.0], coefficients),
+        tolerance(arm, state, 1e-8),
+        progress,
+        1.0,
+        times,
+    )
+    assert status in (Status.NOT_FINITE, Status.STEP_UNDERFLOW)
+    assert progress.time < 1.0
+    assert np.all(np.isfinite(progress.state))
+    assert np.all(np.isfinite(samples[: progress.sample]))
+
+
+@pytest.mark.parametrize("name", [n for n, kind in INTEGRATORS.items() if not kind.adaptive])
+def test_too_long_a_fixed_step_is_told_and_not_hidden(name):
+    arm, state = flexible_arm()
+    allowed = tolerance(arm, state, 1e-8)
+    progress = start(arm, state)
+    integrator = INTEGRATORS[name](step=20.0 / allowed.fastest)
+    status, _ = advance(integrator, make_system(arm), allowed, progress, 50.0)
+    assert status == Status.NOT_FINITE
+    assert np.all(np.isfinite(progress.state))
+
+
+@pytest.mark.parametrize("name", [n for n, kind in INTEGRATORS.items() if kind.adaptive])
+def test_an_accuracy_beyond_double_precision_is_refused(name):
+    arm, state = double_pendulum()
+    allowed = tolerance(arm, state, 1e-30)
+    progress = start(arm, state)
+    status, _ = advance(INTEGRATORS[name](), make_system(arm), allowed, progress, 1.0)
+    assert status == Status.STEP_UNDERFLOW
+    assert np.all(np.isfinite(progress.state))
+
+
+@pytest.mark.parametrize("status", Status)
+def test_every_status_has_its_sentence(status):
+    assert status.sentence.endswith(".")
+
+
+# Rule 6: the order it claims -------------------------------------------------------------------
+
+
+def observed_order(counts, errors):
+    """Slope of error against step where it is asymptotic and above rounding."""
+    seen = (errors < 1e-2) & (errors > 2e-12)
+    assert seen.sum() >= 3, errors
+    return -np.polyfit(np.log(counts[seen]), np.log(errors[seen]), 1)[0]
+
+
+@every
+@each_problem
+def test_observed_order_is_the_claimed_one(name, problem):
+    arm, state = PROBLEMS[problem]()
+    counts = np.unique(np.geomspace(4, 2000, 26).astype(int))
+    wanted = exact(problem)(1.0)
+    errors = []
+    for count in counts:
+        with np.errstate(all="ignore"):
+            progress, _ = equal_steps(INTEGRATORS[name], arm, state, int(count))
+        errors.append(abs(progress.state - wanted).max())
+    errors = np.array(errors)
+    # The last two decades before rounding are the asymptotic ones.
+    small = errors < 1e-5
+    order = observed_order(counts[small], errors[small])
+    assert order == pytest.approx(INTEGRATORS[name].order, abs=0.5)
+
+
+@pytest.mark.parametrize("name", [n for n, kind in INTEGRATORS.items() if kind.adaptive])
+@each_problem
+def test_error_follows_the_tolerance(name, problem):
+    """A thousand times the tolerance, about a thousand times the error."""
+    arm, state = PROBLEMS[problem]()
+    wanted = exact(problem)(1.0)
+    allowed = np.array([1e-4, 1e-6, 1e-8, 1e-10])
+    errors, steps = [], []
+    for level in allowed:
+        progress = start(arm, state)
+        advance(INTEGRATORS[name](), make_system(arm), tolerance(arm, state, level), progress, 1.0)
+        errors.append(abs(progress.state - wanted).max())
+        steps.append(progress.steps)
+    slope = np.polyfit(np.log(allowed), np.log(errors), 1)[0]
+    assert 0.7 < slope < 1.4
+    assert np.all(np.array(errors) < 1e4 * allowed)  # rates in rad/s of vibrations weigh most
+    assert steps == sorted(steps)
+
+
+# Rule 7: nothing per step ----------------------------------------------------------------------
+
+
+@every
+def test_long_runs_use_no_more_objects_than_short_ones(name):
+    """Arrays of an integrator's own live in ``progress.memory``, and stay the same ones."""
+    arm, state = flexible_arm()
+    progress = start(arm, state)
+    system, allowed = make_system(arm), tolerance(arm, state, 1e-6)
+    advance(make(name), system, allowed, progress, 0.1)
+    memory = {key: (id(array), array.shape) for key, array in progress.memory.items()}
+    kept = id(progress.state)
+    advance(make(name), system, allowed, progress, 1.0)
+    assert {key: (id(array), array.shape) for key, array in progress.memory.items()} == memory
+    assert id(progress.state) == kept
+
+
+def test_progress_starts_where_it_is_told():
+    """A run may begin at any time: the torque's clock is not the run's."""
+    arm, state = double_pendulum()
+    halfway = exact("double pendulum")(0.5)
+    for name in INTEGRATORS:
+        progress = Progress(0.5, halfway.copy(), 0.0)
+        advance(make(name), make_system(arm), tolerance(arm, state, 1e-10), progress, 1.0)
+        wanted = exact("double pendulum")(1.0)
+        np.testing.assert_allclose(progress.state, wanted, rtol=0, atol=1e-7)
+    assert state_array(arm, *state).shape == halfway.shape

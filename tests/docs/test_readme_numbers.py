@@ -1,0 +1,91 @@
+"""The numbers by which the README asks to be believed."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+from docs_pages import ROOT, text_of
+
+import flexarm as fa
+
+ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+
+
+class Torque:
+    """One period of a sine on each joint, then nothing."""
+
+    breaks = (1.0,)
+
+    def __call__(self, t: float) -> np.ndarray:
+        return np.array([4.0, 1.5]) * np.sin(2 * np.pi * t) if t <= 1.0 else np.zeros(2)
+
+
+def table_one(theory: str = "linear", gravity: tuple[float, float] = (0.0, 0.0), **mesh) -> fa.Arm:
+    first, second = ({"elements": 2}, {"elements": 1}) if not mesh else (mesh, mesh)
+    links = [fa.Link(length=1.4142, **first, **ROD), fa.Link(length=1.0, **second, **ROD)]
+    return fa.Arm(links=links, theory=theory, gravity=gravity)
+
+
+def largest_tip_error(arm: fa.Arm, solution: str) -> float:
+    stored = json.loads((ROOT / "tests" / "data" / "table_one_tip.json").read_text())
+    start = arm.rest([np.pi / 4, -np.pi / 2])
+    result = fa.simulate(arm, 2.0, torque=Torque(), initial=start, rate=50.0, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(result.time, stored["time"])
+    return float(np.max(np.hypot(*(result.tip.values - stored[solution]).T)))
+
+
+def said(pattern: str) -> list[float]:
+    """Numbers of the README, each as far as it is rounded."""
+    found = re.search(pattern, text_of("README.md"))
+    assert found is not None, f"the README no longer says {pattern!r}"
+    return [float(number) for number in found.groups()]
+
+
+def test_paper_theory() -> None:
+    (bound,) = said(r"tip within (\S+) m \|")
+    assert bound / 10 < largest_tip_error(table_one(), "linear") < bound
+
+
+def test_exact_beam() -> None:
+    second, linear = said(r"tip within (\S+) mm \(second order\), (\S+) mm \(linear\)")
+    mesh = {"elements": 8, "modes": 4}
+    # The bounds said are the errors rounded up.
+    found = 1e3 * largest_tip_error(table_one("second_order", **mesh), "exact")
+    assert 0.7 * second < found < second
+    found = 1e3 * largest_tip_error(table_one(**mesh), "exact")
+    assert 0.9 * linear < found < linear
+
+
+def test_energy() -> None:
+    (drift, size) = said(r"energy constant to (\S+) J, of up to (\S+) J")
+    arm = table_one(gravity=(0.0, -9.81))
+    result = fa.simulate(
+        arm, 10.0, initial=arm.rest([0.3, -0.5]), rate=100.0, rtol=1e-10, atol=1e-12
+    )
+    total = result.kinetic_energy + result.strain_energy + result.gravity_energy
+    assert float(abs(total - total[0]).max()) < drift
+    assert float(result.kinetic_energy.max()) == pytest.approx(size, abs=0.5)
+
+
+def test_cantilever() -> None:
+    elements, error, factor = said(r"Cantilever of (\d+) .*\| (\S+) high; (\S+) times")
+
+    def high(count: int) -> float:
+        beam = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=count)
+        found = 2 * np.pi * fa.modes(fa.Arm(links=[beam])).frequency_hz[0]
+        return float(found / 3.516015268500 - 1.0)  # (beta L)^2 of a uniform clamped-free beam
+
+    assert high(int(elements)) == pytest.approx(error, rel=0.1)
+    assert high(int(elements)) / high(2 * int(elements)) == pytest.approx(factor, rel=0.02)
+
+
+def test_tolerances_of_the_comparison_with_the_oracle() -> None:
+    """The bounds said are those that the comparison asserts."""
+    mass, accelerations = said(r"mass matrices agree to (\S+), accelerations to (\S+) \|")
+    folder = ROOT / "tests" / "oracle_comparison"
+    text = (folder / "test_forward_dynamics_oracle.py").read_text(encoding="utf-8")
+    assert f"exact / scale, rtol=0, atol={mass:.0e})".replace("e-0", "e-") in text
+    assert f"max({accelerations:.0e}, EPSILON * number)" in text
