@@ -137,7 +137,7 @@ def test_pauses_when_told_to(name):
     )
     assert status == Status.PAUSED
     assert progress.steps + progress.rejected == 3
-    assert 0.0 < progress.time < 1.0
+    assert 0.0 <= progress.time < 1.0
 
 
 # Rule 2: samples at exactly the asked times ----------------------------------------------------
@@ -167,12 +167,11 @@ def test_samples_between_steps_are_of_third_order_at_least(name):
     arm, state = double_pendulum()
     middles = np.array([0.13, 0.37, 0.61, 0.93])
     wanted = np.array([exact("double pendulum")(t) for t in middles])
-    errors, counts = [], np.array([6, 9, 13, 19, 28, 41, 60, 90])
+    errors, counts = [], np.unique(np.geomspace(16, 600, 20).astype(int))
     for count in counts:
         _, samples = equal_steps(INTEGRATORS[name], arm, state, int(count), middles)
         errors.append(abs(samples - wanted).max())
-    order = observed_order(counts, np.array(errors))
-    assert order > 2.8  # the asymptotic slope is approached from both sides
+    assert observed_order(counts, np.array(errors)) > 2.8  # the slope tends to it from both sides
 
 
 # Rules 3 and 4: stops --------------------------------------------------------------------------
@@ -300,9 +299,9 @@ def test_every_status_has_its_sentence(status):
 
 
 def observed_order(counts, errors):
-    """Slope of error against step where it is asymptotic and above rounding."""
-    seen = (errors < 1e-2) & (errors > 2e-12)
-    assert seen.sum() >= 3, errors
+    """Slope of error against step at its four smallest steps that stand above rounding."""
+    seen = np.flatnonzero((errors > 2e-12) & (errors < 1e-4))[-4:]
+    assert seen.size == 4, errors
     return -np.polyfit(np.log(counts[seen]), np.log(errors[seen]), 1)[0]
 
 
@@ -310,18 +309,17 @@ def observed_order(counts, errors):
 @each_problem
 def test_observed_order_is_the_claimed_one(name, problem):
     arm, state = PROBLEMS[problem]()
-    counts = np.unique(np.geomspace(4, 2000, 26).astype(int))
+    counts = np.unique(np.geomspace(24, 2000, 24).astype(int))
     wanted = exact(problem)(1.0)
-    errors = []
-    for count in counts:
-        with np.errstate(all="ignore"):
-            progress, _ = equal_steps(INTEGRATORS[name], arm, state, int(count))
-        errors.append(abs(progress.state - wanted).max())
-    errors = np.array(errors)
-    # The last two decades before rounding are the asymptotic ones.
-    small = errors < 1e-5
-    order = observed_order(counts[small], errors[small])
-    assert order == pytest.approx(INTEGRATORS[name].order, abs=0.5)
+    errors = [
+        abs(equal_steps(INTEGRATORS[name], arm, state, int(count))[0].state - wanted).max()
+        for count in counts
+    ]
+    order = observed_order(counts, np.array(errors))
+    # Where the leading error happens to be small, the next order shows for a while: about one
+    # more. Less than the claim is the claim broken.
+    claimed = INTEGRATORS[name].order
+    assert claimed - 0.2 < order < claimed + 1.2
 
 
 @pytest.mark.parametrize("name", [n for n, kind in INTEGRATORS.items() if kind.adaptive])

@@ -28,20 +28,14 @@ def load_plotting() -> None:
 
 
 def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
-    """Save figures of the paper as bitmaps; "overview" and "theories" are names too."""
+    """Save figures of the paper as PNG and PDF; "overview" and "theories" are names too."""
     from flexarm.output import write_figure
     from flexarm.plot.paper_figures import FIGURES
 
     for name in names:
-        write_figure(FIGURES[name](case), folder / f"{name}.png")
-
-
-def draw_book(slow: Histories, fast: Histories, file: Path) -> None:
-    """Save all figures of the paper as the pages of a PDF."""
-    from flexarm.output import write_figure
-    from flexarm.plot.paper_figures import paper_book
-
-    write_figure(paper_book(slow, fast), file)
+        figure = FIGURES[name](case)
+        for suffix in (".png", ".pdf"):
+            write_figure(figure, folder / f"{name}{suffix}")
 
 
 class Drawing:

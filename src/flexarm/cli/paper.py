@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console, Group, RenderableType
 
-from flexarm.cli.drawing import Drawing, draw_book, draw_figures
+from flexarm.cli.drawing import Drawing, draw_figures
 from flexarm.cli.tables import console, numbers
 from flexarm.output.places import check_folder, write_text
 
@@ -46,15 +46,16 @@ def reproduce(folder: Path) -> None:
 
         slow, fast = PaperCase(SLOW), PaperCase(FAST)
         shown = histories(slow)
-        drawing.submit(draw_figures, FIGURE_NAMES, shown, folder)
+        half = len(FIGURE_NAMES) // 2
+        drawing.submit(draw_figures, FIGURE_NAMES[:half], shown, folder)
+        drawing.submit(draw_figures, FIGURE_NAMES[half:], shown, folder)
         drawing.submit(draw_figures, ["overview"], shown, folder)
         compared = histories(fast, ("flexible", "rigid", "second_order"))
-        drawing.submit(draw_book, shown, compared, folder / "figures.pdf")
         drawing.submit(draw_figures, ["theories"], compared, folder)
         report = Group(*_report(slow, fast))
         console().print(report)
-        write_result(slow.flexible, folder / "flexible.csv")
-        write_result(slow.rigid, folder / "rigid.csv")
+        write_result(slow.flexible, folder / "result.nc")
+        write_result(slow.rigid, folder / "result_rigid.nc")
         write_text(_as_text(report), folder / "numbers.txt")
         text = (files("flexarm") / "library" / "paper.yaml").read_text(encoding="utf-8")
         write_text(text, folder / "paper.yaml")

@@ -90,7 +90,8 @@ def _error_norm(
                     return math.inf
     if worst == 0.0:
         return 0.0
-    return worst * worst / math.sqrt(worst * worst + 0.01 * worst_low * worst_low)
+    # As a ratio: the square of a vanishing error would underflow to 0 / 0.
+    return worst / math.sqrt(1.0 + 0.01 * (worst_low / worst) ** 2)
 
 
 @merged

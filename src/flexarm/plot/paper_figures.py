@@ -7,7 +7,7 @@ from functools import partial
 
 from matplotlib.axes import Axes
 
-from flexarm.plot.paper_data import FIGURE_NAMES, HISTORY_NAMES, PANELS, Histories, Panel
+from flexarm.plot.paper_data import HISTORY_NAMES, PANELS, Histories, Panel
 from flexarm.plot.paper_panels import (
     draw_difference,
     draw_history,
@@ -15,7 +15,7 @@ from flexarm.plot.paper_panels import (
     draw_theories,
     draw_torques,
 )
-from flexarm.plot.style import Book, Sheet, legend_above, margins, place_labels, styled
+from flexarm.plot.style import Sheet, legend_above, margins, place_labels, styled
 
 Draw = Callable[..., None]
 
@@ -104,9 +104,3 @@ FIGURES: dict[str, Callable[[Histories], Sheet]] = {
     "overview": overview,
     "theories": theories,
 }
-
-
-def paper_book(slow: Histories, fast: Histories) -> Book:
-    """Draw the overview, every figure of the paper, and the two theories in the fast case."""
-    singles = [FIGURES[name](slow) for name in FIGURE_NAMES]
-    return Book([overview(slow), *singles, theories(fast)])

@@ -6,7 +6,6 @@ Matplotlib settings stay as they are.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -114,22 +113,6 @@ class Sheet(Figure):
             options = {"pil_kwargs": {"compress_level": 1}, **options}
         with styled():
             super().savefig(fname, format=format, **options)
-
-
-class Book:
-    """Figures as the pages of one PDF: their fonts are embedded once, and looked up once."""
-
-    def __init__(self, sheets: Iterable[Sheet]) -> None:
-        self.sheets = tuple(sheets)
-
-    def savefig(self, fname: Any, *, format: str = "pdf") -> None:
-        """Write the pages; ``format`` must be "pdf"."""
-        assert format == "pdf"  # of a fixed file name, never of the user's
-        from matplotlib.backends.backend_pdf import PdfPages
-
-        with styled(), PdfPages(fname, metadata={"CreationDate": None}) as pages:
-            for sheet in self.sheets:
-                pages.savefig(sheet)
 
 
 def margins(

@@ -1,0 +1,253 @@
+"""The numbered rules of ``flexarm.control.base``, for every controller of the registry."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.control import CONTROLLERS, Controller, Measurement
+
+SAMPLE_TIME = 0.004
+
+#: How to make each controller of the registry for an arm of two joints.
+EXAMPLES = {
+    "joint_pd": lambda: fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME),
+}
+
+every = pytest.mark.parametrize("name", CONTROLLERS)
+
+
+def test_every_controller_has_an_example_here():
+    assert set(EXAMPLES) == set(CONTROLLERS), "add the newcomer to EXAMPLES"
+
+
+@pytest.fixture
+def arm():
+    links = [
+        fa.Link(
+            length=0.8,
+            flexural_rigidity=30.0,
+            mass_per_length=0.5,
+            elements=1,
+            gauges=[fa.Gauge(station=0.1, distance=0.005)],
+        ),
+        fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.4, elements=1),
+    ]
+    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+
+
+class Watched:
+    """A controller and a record of what it was asked and what it answered."""
+
+    def __init__(self, controller):
+        self.controller = controller
+        self.sample_time = controller.sample_time
+        self.calls = []
+        self.resets = 0
+
+    def reset(self):
+        self.resets += 1
+        self.controller.reset()
+
+    def update(self, t, measurement, reference):
+        torque = np.array(self.controller.update(t, measurement, reference), dtype=float)
+        self.calls.append((t, measurement, reference, torque))
+        return torque
+
+
+def motion(arm):
+    return fa.joint_motion(arm, [0.2, -0.4], [0.9, 0.5], 0.3)
+
+
+@every
+def test_what_it_says_about_itself(name):
+    kind = CONTROLLERS[name]
+    assert issubclass(kind, Controller)
+    assert kind.name == name
+    assert inspect.getdoc(kind)
+
+
+@every
+def test_sample_time_is_positive_and_stays(name, arm):
+    controller = EXAMPLES[name]()
+    assert controller.sample_time == SAMPLE_TIME
+    fa.simulate(arm, 0.1, controller=controller, reference=motion(arm))
+    assert controller.sample_time == SAMPLE_TIME
+
+
+@every
+@pytest.mark.parametrize("bad", [0.0, -1e-3, np.nan, np.inf])
+def test_no_other_sample_time_is_accepted(name, bad):
+    arguments = dict(vars(EXAMPLES[name]()))
+    wanted = inspect.signature(CONTROLLERS[name]).parameters
+    given = {key: value for key, value in arguments.items() if key in wanted}
+    with pytest.raises(fa.InputError, match="sample_time"):
+        CONTROLLERS[name](**{**given, "sample_time": bad})
+
+
+@every
+def test_reset_makes_two_runs_alike(name, arm):
+    controller = Watched(EXAMPLES[name]())
+    runs = []
+    for start in ([0.2, -0.4], [1.0, 1.0], [0.2, -0.4]):
+        reference = None if start[0] == 1.0 else motion(arm)
+        runs.append(
+            fa.simulate(
+                arm, 0.2, controller=controller, reference=reference, initial=arm.rest(start)
+            )
+        )
+    assert controller.resets == 3
+    fresh = fa.simulate(
+        arm, 0.2, controller=EXAMPLES[name](), reference=motion(arm), initial=arm.rest([0.2, -0.4])
+    )
+    for other in (runs[2], fresh):
+        for channel in ("q", "qd", "torque"):
+            np.testing.assert_array_equal(other[channel].values, runs[0][channel].values)
+
+
+@every
+def test_reset_also_without_a_reference(name, arm):
+    """Whatever it holds on to in a run is forgotten before the next."""
+    controller = EXAMPLES[name]()
+    for start in ([0.3, 0.1], [-0.7, 0.9]):
+        run = fa.simulate(arm, 0.1, controller=controller, initial=arm.rest(start))
+        fresh = fa.simulate(arm, 0.1, controller=EXAMPLES[name](), initial=arm.rest(start))
+        np.testing.assert_array_equal(run.torque.values, fresh.torque.values)
+
+
+@every
+def test_is_called_on_the_grid_of_sample_times_with_what_the_sensors_say(name, arm):
+    controller = Watched(EXAMPLES[name]())
+    reference = motion(arm)
+    result = fa.simulate(arm, 0.1, controller=controller, reference=reference, rate=1000.0)
+    times = np.array([call[0] for call in controller.calls])
+    np.testing.assert_allclose(times, SAMPLE_TIME * np.arange(25), rtol=1e-15)
+    for t, measurement, given, torque in controller.calls:
+        assert isinstance(measurement, Measurement)
+        now = result.sel(time=t, method="nearest")
+        assert float(now.time) == pytest.approx(t, abs=1e-12)
+        # A sensor reads the state at that very moment, which is also recorded.
+        np.testing.assert_allclose(measurement.joint_angle, now.joint_angle, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(measurement.joint_rate, now.joint_rate, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(measurement.strain, now.strain, rtol=0, atol=1e-14)
+        assert torque.shape == (2,)
+        np.testing.assert_array_equal(given.joint_angle(t), reference.joint_angle(t))
+    # The torque is held from call to call.
+    wanted = np.array([call[3] for call in controller.calls])
+    held = np.clip(np.floor(result.time.values / SAMPLE_TIME + 1e-9).astype(int), 0, 24)
+    np.testing.assert_array_equal(result.torque.values, wanted[held])
+
+
+@every
+def test_sees_copies_that_it_cannot_change_the_run_with(name, arm):
+    """Rule 4: a controller that scribbles on its measurement does not move the arm."""
+
+    class Scribbler(Watched):
+        def update(self, t, measurement, reference):
+            torque = super().update(t, measurement, reference)
+            for values in (measurement.joint_angle, measurement.joint_rate, measurement.strain):
+                if values.flags.writeable:
+                    values += 100.0
+            return torque
+
+    runs = [
+        fa.simulate(arm, 0.05, controller=kind(EXAMPLES[name]()), reference=motion(arm))
+        for kind in (Watched, Scribbler)
+    ]
+    np.testing.assert_array_equal(runs[0].q.values, runs[1].q.values)
+
+
+@every
+def test_follows_a_slow_motion(name, arm):
+    """Every controller must be good for something: a gentle motion, a few degrees at most."""
+    slow = fa.joint_motion(arm, [0.2, -0.4], [0.5, 0.1], 2.0)
+    result = fa.simulate(arm, 5.0, controller=EXAMPLES[name](), reference=slow, rate=50.0)
+    wanted = slow.joint_angle(result.time.values)
+    assert abs(result.joint_angle.values - wanted).max() < 0.1
+    assert abs(result.joint_angle.values[-1] - wanted[-1]).max() < 0.02
+
+
+# What ``simulate`` does with bad answers --------------------------------------------------------
+
+
+class Failing:
+    """Holds still, and from 10 ms on answers what it is told to."""
+
+    sample_time = 0.005
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def reset(self):
+        pass
+
+    def update(self, t, measurement, reference):
+        return self.answer if t >= 0.01 else np.array([0.1, -0.1])
+
+
+@pytest.mark.parametrize(
+    ("answer", "word"),
+    [
+        (np.array([np.nan, 0.0]), "nan"),
+        (np.array([0.0, np.inf]), "inf"),
+        (np.zeros(3), "shape"),
+        (0.5, "shape"),
+        (None, "shape"),
+        ("full speed", "full speed"),
+        (np.array([1j, 0.0]), "shape"),
+    ],
+    ids=["nan", "infinity", "too many", "a number", "nothing", "words", "complex"],
+)
+def test_bad_answer_ends_the_run_with_time_and_partial_result(arm, answer, word):
+    with pytest.raises(fa.SimulationError, match=r"controller's answer") as caught:
+        fa.simulate(arm, 1.0, controller=Failing(answer), rate=1000.0)
+    error = caught.value
+    assert error.time == pytest.approx(0.01)
+    assert word in str(error)
+    assert "t = 0.01 s" in str(error)
+    q, qd = error.state
+    assert q.shape == qd.shape == (arm.dof,)
+    assert error.result.sizes["time"] == 11
+    assert np.all(np.isfinite(error.result.q.values))
+    np.testing.assert_array_equal(error.result.q.values[-1], q)
+    assert "controller" in error.result.attrs["failure"]
+
+
+def test_bad_answer_at_the_very_start(arm):
+    class Never(Failing):
+        def update(self, t, measurement, reference):
+            return [np.nan, np.nan]
+
+    with pytest.raises(fa.SimulationError) as caught:
+        fa.simulate(arm, 1.0, controller=Never(None))
+    assert caught.value.time == 0.0
+    assert caught.value.state is not None
+
+
+def test_an_exception_of_the_controller_is_the_users_to_see(arm):
+    class Broken(Failing):
+        def update(self, t, measurement, reference):
+            raise ZeroDivisionError("gain schedule")
+
+    with pytest.raises(ZeroDivisionError, match="gain schedule"):
+        fa.simulate(arm, 1.0, controller=Broken(None))
+
+
+def test_any_object_with_the_three_names_will_do(arm):
+    class Minimal:
+        sample_time = 0.01
+
+        def reset(self):
+            self.count = 0
+
+        def update(self, t, measurement, reference):
+            self.count += 1
+            return [0.1, 0.0]
+
+    controller = Minimal()
+    result = fa.simulate(arm, 0.055, controller=controller)
+    assert controller.count == 6  # the last one for half a sample time
+    steady = fa.simulate(arm, 0.055, torque=lambda t: [0.1, 0.0])
+    # Stops every hundredth of a second against free steps: the tolerance of the run.
+    np.testing.assert_allclose(result.q.values, steady.q.values, rtol=0, atol=1e-8)
