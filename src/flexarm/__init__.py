@@ -1,4 +1,4 @@
-"""Planar serial manipulators with flexible links: model, simulate, linearise, control.
+"""Planar serial manipulators with flexible links: model, simulate, control.
 
 Public names are loaded when they are first used, so that ``import flexarm`` stays fast.
 """

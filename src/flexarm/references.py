@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm.errors import InputError, Problem, shown
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -55,7 +57,12 @@ def citation(result: xr.Dataset) -> str:
 
     Args:
         result: dataset of ``simulate``.
+
+    Raises:
+        InputError: something else was given.
     """
+    if not hasattr(result, "attrs"):
+        raise InputError(Problem("citation", "result", "be a result of simulate", shown(result)))
     keys = ["flexarm", *str(result.attrs.get("references", "")).split()]
     entries = dict(_ENTRIES)
     entries["flexarm"] = _ENTRIES["flexarm"] % result.attrs.get("flexarm_version", "")

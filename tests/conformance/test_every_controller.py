@@ -225,13 +225,14 @@ def test_bad_answer_at_the_very_start(arm):
     assert caught.value.state is not None
 
 
-def test_an_exception_of_the_controller_is_the_users_to_see(arm):
+def test_an_exception_of_the_controller_is_told_and_stays_to_be_seen(arm):
     class Broken(Failing):
         def update(self, t, measurement, reference):
             raise ZeroDivisionError("gain schedule")
 
-    with pytest.raises(ZeroDivisionError, match="gain schedule"):
+    with pytest.raises(fa.SimulationError, match="ZeroDivisionError: gain schedule") as caught:
         fa.simulate(arm, 1.0, controller=Broken(None))
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
 
 
 def test_any_object_with_the_three_names_will_do(arm):

@@ -10,7 +10,6 @@ from flexarm.errors import ModelError
 from flexarm.model import LineMotionSpec, Scenario, load_arm_spec, load_scenario
 from flexarm.model.yaml_text import parse
 from flexarm.simulate import prepare
-from flexarm.simulate.choice import choose_integrator
 
 _MOST_LINKS_SHOWN = 12
 
@@ -26,8 +25,7 @@ def check_file(path: Path) -> None:
         arm = Arm(load_arm_spec(path))
         found = _about_arm(arm)
     else:
-        prepared = prepare(scenario)
-        choose_integrator(scenario.run.integrator, scenario.run.step)
+        prepared = prepare(scenario, str(path))
         found = [*_about_arm(prepared.arm), *_about_run(scenario)]
     screen = console()
     screen.print(facts(found))

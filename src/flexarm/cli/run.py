@@ -13,7 +13,6 @@ from flexarm.errors import InputError, SimulationError
 from flexarm.model import load_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
 from flexarm.simulate import prepare
-from flexarm.simulate.choice import choose_integrator
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,8 +30,7 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
         SimulationError: the run stopped early; what it had is saved beside ``out``.
     """
     scenario = load_scenario(path)
-    prepared = prepare(scenario)
-    choose_integrator(scenario.run.integrator, scenario.run.step)
+    prepared = prepare(scenario, str(path))
     if out is not None:
         check_place(_WHERE, "--out", out, FORMATS)
     if plot is not None:

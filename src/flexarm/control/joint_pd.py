@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.control.base import Controller, FloatArray, Measurement, Reference
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, check_array, shown
 
 
 class JointPD(Controller):
@@ -66,7 +66,8 @@ class JointPD(Controller):
 
 
 def _gain(name: str, value: ArrayLike) -> FloatArray:
-    gain = np.asarray(value, dtype=np.float64)
+    shape = np.shape(value)
+    gain = check_array("JointPD", name, value, shape[:1])
     if not np.all(np.isfinite(gain) & (gain >= 0)):
         raise InputError(Problem("JointPD", name, "hold finite gains >= 0", shown(value)))
     return gain

@@ -42,8 +42,8 @@ DPI = 200
 _LABEL_LEFT, _LABEL_BELOW = 0.41, 0.22
 
 _STYLE: Any = {
-    # Times, as journals set it. It comes with Matplotlib, so figures look alike everywhere, and goes
-    # into a PDF in half the time of the default font, whose tables are far larger.
+    # Times, as journals set it. It comes with Matplotlib, so figures look alike everywhere, and
+    # goes into a PDF in half the time of the default font, whose tables are far larger.
     "font.family": ["STIXGeneral"],
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -75,10 +75,10 @@ _STYLE: Any = {
     "ytick.major.width": 0.6,
     "legend.fontsize": 8.5,
     "legend.frameon": False,
-    "legend.handlelength": 1.8,
+    "legend.handlelength": 1.6,
     "legend.borderpad": 0.0,
     "legend.borderaxespad": 0.65,
-    "legend.columnspacing": 1.2,
+    "legend.columnspacing": 1.0,
     "lines.solid_capstyle": "round",
     "text.color": INK,
     "pdf.fonttype": 42,  # whole fonts: journals refuse Matplotlib's own Type 3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.integrate import INTEGRATORS, DormandPrince8, Integrator, RungeKutta4
 
 
@@ -15,14 +15,16 @@ class Choice(NamedTuple):
     reason: str
 
 
-def choose_integrator(asked: str | Integrator, step: float | None) -> Choice:
+def choose_integrator(
+    asked: str | Integrator, step: float | None, where: str = "simulate"
+) -> Choice:
     """Resolve what the user asked for.
 
     Raises:
         InputError: no integrator has that name, or the step is not a positive time.
     """
-    if step is not None and not 0.0 < step < float("inf"):
-        raise InputError(Problem("simulate", "step", "be a positive time", shown(step)))
+    if step is not None and check_array(where, "step", step, ()) <= 0.0:
+        raise InputError(Problem(where, "step", "be greater than 0", shown(step)))
     if isinstance(asked, Integrator):
         return Choice(asked, "given by the user")
     if asked == "auto":
@@ -32,7 +34,7 @@ def choose_integrator(asked: str | Integrator, step: float | None) -> Choice:
             DormandPrince8(),
             "order 8 with step control: fewest evaluations at the tolerances in use",
         )
-    if asked not in INTEGRATORS:
+    if not isinstance(asked, str) or asked not in INTEGRATORS:
         names = ", ".join(repr(name) for name in ("auto", *INTEGRATORS))
-        raise InputError(Problem("simulate", "integrator", f"be one of {names}", shown(asked)))
+        raise InputError(Problem(where, "integrator", f"be one of {names}", shown(asked)))
     return Choice(INTEGRATORS[asked](step=step), "named by the user")  # type: ignore[call-arg]

@@ -22,6 +22,7 @@ class Meter:
 
     def __init__(self, label: str, shown: bool | None = None) -> None:
         self._label = label
+        self._forced = shown is True
         self._wanted = sys.stderr.isatty() if shown is None else shown
         self._start = time.perf_counter()
         self._bar: Any = None
@@ -50,7 +51,7 @@ class Meter:
             BarColumn(),
             TaskProgressColumn(),
             TimeColumn(),
-            console=Console(stderr=True),
+            console=Console(stderr=True, force_terminal=self._forced or None),
             transient=True,
         )
         self._task = self._bar.add_task(self._label, total=1.0)

@@ -30,6 +30,8 @@ from flexarm.simulate.torque_history import (
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Samples that still fit into memory.
+MOST_SAMPLES = 10**8
 #: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
 RTOL = 1e-7
 ATOL = 1e-9
@@ -92,6 +94,7 @@ def simulate(
         SimulationError: the run stopped early; ``.result`` holds what was computed until then.
     """
     where = "simulate"
+    _check_objects(where, arm, plant, controller)
     if torque is not None and controller is not None:
         raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
     duration = _positive(where, "duration", duration)
@@ -102,9 +105,14 @@ def simulate(
     if simulated.joints != arm.joints:
         rule = f"have the {arm.joints} joints of the arm"
         raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
+    if duration * rate > MOST_SAMPLES:
+        rule = f"be at most {MOST_SAMPLES / duration:g} for this duration"
+        hint = f"More than {MOST_SAMPLES:.0e} samples do not fit into memory."
+        raise InputError(Problem(where, "rate", rule, shown(rate), hint))
     choice = choose_integrator(integrator, step)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
-    times = np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate
+    # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
+    times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     with Meter("simulating", progress) as meter:
         run = Run(
             arm=simulated,
@@ -174,7 +182,23 @@ def _result(
     return make_result(run.arm, times, run.samples[:count], torque_at(times), attributes)
 
 
-def _positive(where: str, name: str, value: float) -> float:
+def _check_objects(
+    where: str, arm: object, plant: object | None, controller: object | None
+) -> None:
+    """Refuse what is no arm or no controller before anything is asked of it."""
+    for name, value in (("arm", arm), ("plant", plant)):
+        if not isinstance(value, Arm) and not (name == "plant" and value is None):
+            raise InputError(Problem(where, name, "be an Arm", shown(value)))
+    if controller is None:
+        return
+    for name in ("reset", "update"):
+        if not callable(getattr(controller, name, None)):
+            rule = f"have the method {name}"
+            raise InputError(Problem(where, "controller", rule, shown(controller)))
+    _positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
+
+
+def _positive(where: str, name: str, value: object) -> float:
     number = float(check_array(where, name, value, ()))
     if number <= 0.0:
         raise InputError(Problem(where, name, "be greater than 0", shown(value)))
@@ -201,7 +225,12 @@ def _initial_state(
     if initial is not None:
         q = check_array(where, "initial", initial, (arm.dof,))
     elif motion is not None:
-        q = arm.rest(motion.joint_angle(0.0))
+        start = np.asarray(motion.joint_angle(0.0))
+        if start.shape != (arm.joints,):
+            name = "reference" if reference is not None else "torque"
+            rule = f"be of an arm with {arm.joints} joints"
+            raise InputError(Problem(where, name, rule, f"of one with {start.size}"))
+        q = arm.rest(start)
     else:
         q = arm.rest(np.zeros(arm.joints))
     qd = np.zeros(arm.dof)

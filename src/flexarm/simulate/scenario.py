@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +13,18 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.control import JointPD
+from flexarm.errors import InputError, SimulationError
 from flexarm.model import (
     JointPDDrive,
     LineMotionSpec,
     RigidInverseDynamicsDrive,
     Scenario,
     TorqueDrive,
+    file_text,
     load_scenario,
 )
 from flexarm.motion import Motion, joint_motion, line_motion, rigid_torque
+from flexarm.simulate.choice import choose_integrator
 from flexarm.simulate.run import simulate
 from flexarm.simulate.torque_history import sampled_torque
 
@@ -33,11 +38,13 @@ class Prepared:
 
     Attributes:
         arm: the arm. motion: what it is asked to do, or None. options: arguments of ``simulate``.
+        text: the scenario as a file, which results keep.
     """
 
     arm: Arm
     motion: Motion | None
     options: dict[str, Any]
+    text: str
 
     def run(self, *, arm: Arm | None = None, progress: bool | None = None) -> xr.Dataset:
         """Simulate, with another ``arm`` of as many joints (its rigid twin, say) if given."""
@@ -47,24 +54,38 @@ class Prepared:
             if "initial_rate" in options:
                 rates = self.arm.joint_angles(options["initial_rate"])
                 options["initial_rate"] = arm.rest(rates)
-        return simulate(arm or self.arm, progress=progress, **options)
+        try:
+            result = simulate(arm or self.arm, progress=progress, **options)
+        except SimulationError as error:
+            if error.result is not None:
+                error.result.attrs["scenario"] = self.text
+            raise
+        result.attrs["scenario"] = self.text
+        return result
 
 
-def prepare(scenario: Scenario) -> Prepared:
+def prepare(scenario: Scenario, where: str = "scenario") -> Prepared:
     """Make the arm, the motion and the drive of a scenario.
+
+    Args:
+        scenario: what to run.
+        where: the file that it comes from, for messages.
 
     Raises:
         InputError: the motion leaves the arm's reach, or the torques do not cover the run.
     """
     arm = Arm(scenario.arm)
-    motion = _motion(arm, scenario)
+    with _told_as(where, "motion"):
+        motion = _motion(arm, scenario)
     run = scenario.run
     options: dict[str, Any] = {"duration": run.duration, "rate": run.rate}
     options["integrator"] = run.integrator
     for name in ("rtol", "atol", "step"):
         if getattr(run, name) is not None:
             options[name] = getattr(run, name)
-    _set_drive(arm, scenario, motion, options)
+    with _told_as(where, "drive"):
+        _set_drive(arm, scenario, motion, options)
+    choose_integrator(run.integrator, run.step, where)
     angles: ArrayLike = np.zeros(arm.joints)
     if scenario.initial.joint_angle is not None:
         angles = scenario.initial.joint_angle
@@ -73,7 +94,7 @@ def prepare(scenario: Scenario) -> Prepared:
     options["initial"] = arm.rest(angles)
     if scenario.initial.joint_rate is not None:
         options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
-    return Prepared(arm, motion, options)
+    return Prepared(arm, motion, options, file_text(scenario))
 
 
 def run_scenario(
@@ -85,9 +106,25 @@ def run_scenario(
         ModelError: the file is wrong; every problem with its line.
         InputError, SimulationError: as ``simulate``.
     """
+    where = "scenario"
     if not isinstance(scenario, Scenario):
+        where = str(scenario)
         scenario = load_scenario(scenario)
-    return prepare(scenario).run(progress=progress)
+    return prepare(scenario, where).run(progress=progress)
+
+
+@contextmanager
+def _told_as(where: str, key: str) -> Iterator[None]:
+    """Name problems by the file and the key path that they come from."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(
+            *(
+                replace(problem, where=where, name=f"{key}.{problem.name}")
+                for problem in error.problems
+            )
+        ) from None
 
 
 def _motion(arm: Arm, scenario: Scenario) -> Motion | None:

@@ -173,7 +173,11 @@ class ClosedLoop:
             joint_rate=state[1, self._bodies, 0],
             strain=arm.strains(state[None])[0] if arm.gauges else _NO_GAUGES,
         )
-        given = self._controller.update(t, measurement, self._reference)
+        try:
+            given = self._controller.update(t, measurement, self._reference)
+        except Exception as error:
+            reason = f"the controller failed with {type(error).__name__}: {error}"
+            raise SimulationError(t, reason, "", run.state()) from error
         try:
             return check_array("controller", "torque", given, (arm.joints,))
         except ValueError as error:

@@ -1,0 +1,158 @@
+"""Tolerances that mean something, and runs that cannot be carried on."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.integrate import RungeKutta4
+from flexarm.simulate.tolerance import fastest_frequency
+
+
+def table_one_arm(**options):
+    section = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+    links = [
+        fa.Link(length=1.4142, elements=2, **section),
+        fa.Link(length=1.0, elements=1, **section),
+    ]
+    return fa.Arm(links=links, **options)
+
+
+def torque(t):
+    return [4.0 * np.sin(6.0 * t), 1.5 * np.sin(6.0 * t)]
+
+
+def run(arm, **options):
+    return fa.simulate(
+        arm, 1.0, torque=torque, initial=arm.rest([0.8, -1.5]), rate=100.0, **options
+    )
+
+
+@pytest.mark.parametrize("integrator", ["dormand_prince_5", "dormand_prince_8"])
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_tip_error_is_proportional_to_the_tolerance(integrator, theory):
+    arm = table_one_arm(theory=theory)
+    exact = run(arm, rtol=1e-12, atol=1e-14).tip.values
+    levels = np.array([1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
+    errors = np.array(
+        [
+            abs(run(arm, integrator=integrator, rtol=r, atol=r / 100).tip.values - exact).max()
+            for r in levels
+        ]
+    )
+    slope = np.polyfit(np.log(levels), np.log(errors), 1)[0]
+    assert 0.75 < slope < 1.25
+    # The promise of the defaults: 1e-6 of the reach at most.
+    assert errors[levels == 1e-7][0] < 2.4e-6
+    assert np.all(errors < 10.0 * levels)  # metres, for a reach of 2.4 m
+
+
+def test_fixed_steps_converge_to_the_same_motion():
+    arm = table_one_arm()
+    exact = run(arm, rtol=1e-12, atol=1e-14).tip.values
+    steps = np.array([4e-4, 2e-4, 1e-4])
+    errors = [abs(run(arm, step=step).tip.values - exact).max() for step in steps]
+    assert run(arm, step=1e-3 / 4).attrs["integrator"] == "rk4"
+    assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(4.0, abs=0.4)
+
+
+@pytest.mark.parametrize("links", [1, 3])
+@pytest.mark.parametrize("elements", [1, 8])
+def test_fastest_frequency_is_the_highest_of_the_free_arm(links, elements):
+    link = fa.Link(length=0.8, flexural_rigidity=30.0, mass_per_length=0.5, elements=elements)
+    arm = fa.Arm(links=[link] * links, payload=fa.Payload(mass=0.5))
+    angles = np.linspace(0.3, 1.0, links)
+    state = arm.padded(np.stack([arm.rest(angles), np.zeros(arm.dof)]))
+    highest = 2 * np.pi * fa.modes(arm, angles, joints="free").frequency_hz[-1]
+    found = fastest_frequency(arm, state)
+    # Growth of an iterate, which a far from symmetric matrix may exaggerate a little.
+    assert 0.9 * highest < found < 1.02 * highest
+
+
+def test_rigid_arm_has_no_fast_frequency():
+    arm = table_one_arm().rigid()
+    state = arm.padded(np.stack([arm.rest([0.0, 0.0]), np.zeros(2)]))
+    assert fastest_frequency(arm, state) == 1.0
+
+
+def test_too_long_a_step_is_told_with_time_reason_hint_and_what_was_computed():
+    """The arm's fastest mode has 3700 rad/s; 10 ms are far too long for it."""
+    arm = table_one_arm()
+    with pytest.raises(fa.SimulationError) as caught:
+        fa.simulate(arm, 5.0, torque=torque, integrator=RungeKutta4(step=0.01), rate=100.0)
+    error = caught.value
+    assert 0.0 < error.time < 5.0
+    assert "no longer finite" in error.reason
+    assert "smaller step" in error.hint
+    assert str(error).startswith(f"stopped at t = {error.time:.6g} s: ")
+    q, qd = error.state
+    assert np.all(np.isfinite(q))
+    assert np.all(np.isfinite(qd))
+    result = error.result
+    assert result.sizes["time"] == int(np.floor(error.time * 100.0 + 1e-9)) + 1
+    assert np.all(np.isfinite(result.q.values))
+    assert result.attrs["failure"] == str(error)
+    np.testing.assert_array_equal(result.q.values[0], np.zeros(arm.dof))
+
+
+def test_partial_result_can_be_written(tmp_path):
+    arm = table_one_arm()
+    with pytest.raises(fa.SimulationError) as caught:
+        fa.simulate(arm, 5.0, torque=torque, step=0.01)
+    caught.value.result.to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
+
+
+def test_end_of_the_second_order_theory_is_called_by_its_name():
+    """A soft link bent until the truncated kinetic energy is no longer positive."""
+    link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=4)
+    arm = fa.Arm(links=[link], theory="second_order")
+    with pytest.raises(fa.SimulationError) as caught:
+        fa.simulate(arm, 10.0, torque=lambda t: [5.0 * t], rtol=1e-6)
+    error = caught.value
+    assert "mass matrix" in error.reason
+    assert "link 1" in error.reason
+    assert "modes=" in error.hint
+    assert error.result.sizes["time"] > 1
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        ({"duration": 0.0}, "duration"),
+        ({"duration": -1.0}, "duration"),
+        ({"duration": np.nan}, "duration"),
+        ({"duration": "long"}, "duration"),
+        ({"rate": 0.0}, "rate"),
+        ({"rtol": 0.0}, "rtol"),
+        ({"atol": -1e-9}, "atol"),
+        ({"step": 0.0}, "step"),
+        ({"step": np.inf}, "step"),
+        ({"integrator": "euler"}, "integrator"),
+        ({"initial": np.zeros(3)}, "initial"),
+        ({"initial": np.full(8, np.nan)}, "initial"),
+        ({"initial_rate": np.zeros(7)}, "initial_rate"),
+        ({"tip_force": [1.0, np.nan]}, "tip_force"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_wrong_arguments_are_named(options, name):
+    arguments = {"duration": 1.0, **options}
+    with pytest.raises(fa.InputError, match=rf"simulate: {name}"):
+        fa.simulate(table_one_arm(), **arguments)
+
+
+def test_unknown_integrator_lists_the_known_ones():
+    with pytest.raises(fa.InputError, match="'auto', 'rk4', 'dormand_prince_5'"):
+        fa.simulate(table_one_arm(), 1.0, integrator="ode45")
+
+
+def test_starts_where_the_motion_starts():
+    arm = table_one_arm()
+    motion = fa.joint_motion(arm, [0.3, -0.4], [0.8, 0.1], 1.0)
+    for options in (
+        {"torque": fa.rigid_torque(arm, motion)},
+        {"controller": fa.JointPD(5.0, 0.5), "reference": motion},
+    ):
+        result = fa.simulate(arm, 0.01, **options)
+        np.testing.assert_allclose(result.joint_angle.values[0], [0.3, -0.4], rtol=1e-12)
+    result = fa.simulate(arm, 0.01)
+    np.testing.assert_array_equal(result.joint_angle.values[0], 0.0)

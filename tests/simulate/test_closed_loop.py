@@ -1,0 +1,182 @@
+"""The loop of controller and arm against an independent one, and what it is good for."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexarm as fa
+from oracles.rigid_double_pendulum import RigidDoublePendulum
+
+LENGTH, MASS = (0.8, 0.6), (0.9, 0.5)
+GAINS = np.array([20.0, 8.0]), np.array([2.0, 0.8])
+SAMPLE_TIME = 0.005
+
+
+def rigid_arm():
+    links = [
+        fa.Link(length=length, mass_per_length=mass / length, flexible=False)
+        for length, mass in zip(LENGTH, MASS, strict=True)
+    ]
+    return fa.Arm(links=links, gravity=(0.0, -9.81))
+
+
+def flexible_arm(**options):
+    links = [
+        fa.Link(length=0.8, flexural_rigidity=40.0, mass_per_length=0.5, elements=1),
+        fa.Link(length=0.6, flexural_rigidity=25.0, mass_per_length=0.4, elements=1),
+    ]
+    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03, mass=0.2)]
+    return fa.Arm(links=links, joints=joints, **options)
+
+
+def test_same_as_an_independent_loop():
+    """SciPy between sample times, the pendulum's equations written out, PD by hand."""
+    arm = rigid_arm()
+    motion = fa.joint_motion(arm, [0.3, -0.5], [1.2, 0.4], 0.5)
+    controller = fa.JointPD(*GAINS, sample_time=SAMPLE_TIME)
+    result = fa.simulate(
+        arm, 0.8, controller=controller, reference=motion, rate=200.0, rtol=1e-10, atol=1e-12
+    )
+    pendulum = RigidDoublePendulum(length=LENGTH, mass=MASS, gravity=(0.0, -9.81))
+    state, wanted = np.array([0.3, -0.5, 0.0, 0.0]), []
+    for tick in range(161):
+        wanted.append(state)
+        t = tick * SAMPLE_TIME
+        error = motion.joint_angle(t) - state[:2]
+        torque = GAINS[0] * error + GAINS[1] * (motion.joint_rate(t) - state[2:])
+
+        def slope(_, y, torque=torque):
+            return np.concatenate([y[2:], pendulum.acceleration(y[:2], y[2:], torque)])
+
+        run = solve_ivp(slope, (0.0, SAMPLE_TIME), state, "DOP853", rtol=1e-12, atol=1e-13)
+        state = run.y[:, -1]
+    found = np.concatenate([result.joint_angle.values, result.joint_rate.values], axis=1)
+    # The tolerance per step over 160 sample times.
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
+
+
+def test_same_as_runs_of_one_sample_time_each():
+    """A flexible arm: the loop cut into open-loop runs that start where the last one ended."""
+    arm = flexible_arm(theory="second_order")
+    motion = fa.joint_motion(arm, [0.3, -0.5], [0.6, -0.1], 0.1)
+    controller = fa.JointPD(*GAINS, sample_time=0.01)
+    tight = {"rtol": 1e-10, "atol": 1e-12}
+    result = fa.simulate(arm, 0.15, controller=controller, reference=motion, rate=100.0, **tight)
+    q, qd = arm.rest([0.3, -0.5]), np.zeros(arm.dof)
+    for tick in range(15):
+        t = tick * 0.01
+        torque = GAINS[0] * (motion.joint_angle(t) - arm.joint_angles(q))
+        torque = torque + GAINS[1] * (motion.joint_rate(t) - arm.joint_angles(qd))
+        np.testing.assert_allclose(result.torque.values[tick], torque, rtol=0, atol=1e-6)
+        piece = fa.simulate(
+            arm,
+            0.01,
+            torque=np.array([torque]),
+            initial=q,
+            initial_rate=qd,
+            rate=100.0,
+            torque_interpolation="hold",
+            **tight,
+        )
+        q, qd = piece.q.values[-1], piece.qd.values[-1]
+    np.testing.assert_allclose(result.q.values[-1], q, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(result.qd.values[-1], qd, rtol=0, atol=1e-6)
+
+
+def test_pd_brings_a_flexible_arm_to_its_goal():
+    arm = flexible_arm()
+    motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, -0.7], 1.0)
+    result = fa.simulate(arm, 6.0, controller=fa.JointPD(*GAINS), reference=motion, rate=100.0)
+    np.testing.assert_allclose(result.joint_angle.values[-1], [1.0, -0.7], atol=1e-3)
+    np.testing.assert_allclose(result.joint_rate.values[-1], 0.0, atol=1e-2)
+    tip = arm.tip(arm.rest([1.0, -0.7]))[:2]
+    np.testing.assert_allclose(result.tip.values[-1], tip, atol=2e-3)
+    energy = (result.kinetic_energy + result.strain_energy).values
+    assert energy[-1] < 1e-3 * energy.max()
+
+
+def test_feedforward_of_rigid_torque_leaves_feedback_little_to_do():
+    arm = flexible_arm()
+    motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, -0.7], 1.0)
+    errors = []
+    for feedforward in (None, fa.rigid_torque(arm, motion)):
+        controller = fa.JointPD(*GAINS, feedforward=feedforward)
+        result = fa.simulate(arm, 1.0, controller=controller, reference=motion, rate=100.0)
+        wanted = motion.joint_angle(result.time.values)
+        errors.append(abs(result.joint_angle.values - wanted).max())
+    assert errors[1] < 0.2 * errors[0]
+
+
+def test_the_plant_is_what_moves():
+    """The controller believes in a rigid arm and drives the flexible one."""
+    plant = flexible_arm()
+    believed = plant.rigid()
+    motion = fa.joint_motion(believed, [0.0, 0.0], [0.5, 0.5], 0.3)
+    controller = fa.JointPD(*GAINS, feedforward=fa.rigid_torque(believed, motion))
+    result = fa.simulate(believed, 0.4, controller=controller, reference=motion, plant=plant)
+    assert result.sizes["coordinate"] == plant.dof
+    assert float(result.strain_energy.max()) > 0.0
+    direct = fa.simulate(plant, 0.4, controller=controller, reference=motion)
+    np.testing.assert_array_equal(result.q.values, direct.q.values)
+    with pytest.raises(fa.InputError, match="plant"):
+        fa.simulate(rigid_arm(), 0.1, controller=controller, plant=one_link())
+
+
+def one_link():
+    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
+
+
+def test_without_a_reference_it_holds_the_first_angles():
+    arm = rigid_arm()
+    level = fa.Arm(arm.spec.model_copy(update={"gravity": (0.0, 0.0)}))
+    result = fa.simulate(
+        level, 8.0, controller=fa.JointPD(*GAINS), initial=[0.4, 0.9], initial_rate=[1.0, -1.0]
+    )
+    np.testing.assert_allclose(result.joint_angle.values[-1], [0.4, 0.9], atol=1e-4)
+
+
+def test_regulated_to_nothing_a_run_goes_on_for_ever():
+    """Angles decay by exp(-10 t) to where squares underflow, and so do the errors of a step."""
+    arm = one_link()
+
+    class Zero:
+        def joint_angle(self, t):
+            return np.zeros(1)
+
+        joint_rate = joint_acceleration = joint_angle
+
+    controller = fa.JointPD(100.0, 15.0, sample_time=0.01)
+    result = fa.simulate(arm, 150.0, controller=controller, reference=Zero(), initial=[0.5], rate=1)
+    assert result.sizes["time"] == 151
+    assert abs(result.joint_angle.values[-1, 0]) < 1e-200
+
+
+def test_sample_times_that_do_not_divide_the_duration():
+    arm = rigid_arm()
+    result = fa.simulate(
+        arm, 0.1, controller=fa.JointPD(*GAINS, sample_time=0.03), initial=[0.1, 0.1], rate=1000.0
+    )
+    assert result.sizes["time"] == 101
+    changes = np.flatnonzero(np.any(np.diff(result.torque.values, axis=0) != 0.0, axis=1)) + 1
+    np.testing.assert_array_equal(changes, [30, 60, 90])
+
+
+def test_torque_and_controller_exclude_each_other():
+    with pytest.raises(fa.InputError, match="torque"):
+        fa.simulate(rigid_arm(), 1.0, torque=lambda t: [0.0, 0.0], controller=fa.JointPD(*GAINS))
+
+
+def test_an_unstable_loop_is_told_and_keeps_what_it_had():
+    """Gains far beyond what the sample time allows."""
+    controller = fa.JointPD(1e6, 1e5, sample_time=0.02)
+    with pytest.raises(fa.SimulationError) as caught:
+        fa.simulate(
+            flexible_arm(), 60.0, controller=controller, initial_rate=flexible_arm().rest([1.0, 0])
+        )
+    error = caught.value
+    assert 0.0 < error.time < 60.0
+    assert error.reason
+    assert error.hint
+    assert error.result.sizes["time"] >= 1
+    assert np.all(np.isfinite(error.result.q.values))
+    assert np.all(np.isfinite(error.state[0]))

@@ -1,0 +1,51 @@
+"""The progress bar: there for long runs on a terminal, and never in the way."""
+
+from __future__ import annotations
+
+import pytest
+
+from flexarm.simulate import meter
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    class Clock:
+        now = 0.0
+
+    monkeypatch.setattr(meter.time, "perf_counter", lambda: Clock.now)
+    return Clock
+
+
+@pytest.fixture
+def screen(monkeypatch, capsys):
+    monkeypatch.setenv("TERM", "xterm")
+    return lambda: capsys.readouterr().err
+
+
+def run(shown, clock, seconds):
+    with meter.Meter("simulating", shown) as bar:
+        for k in range(11):
+            clock.now = seconds * k / 10
+            bar.update(k / 10)
+
+
+def test_appears_after_a_second(clock, screen):
+    run(True, clock, 5.0)
+    assert "simulating" in screen()
+
+
+def test_stays_away_before(clock, screen):
+    run(True, clock, 0.9)
+    assert screen() == ""
+
+
+@pytest.mark.parametrize("shown", [False, None])
+def test_stays_away_unless_wanted_or_on_a_terminal(shown, clock, screen):
+    run(shown, clock, 5.0)
+    assert screen() == ""
+
+
+def test_appears_on_a_terminal_by_itself(clock, screen, monkeypatch):
+    monkeypatch.setattr(meter.sys.stderr, "isatty", lambda: True, raising=False)
+    run(None, clock, 5.0)
+    assert "simulating" in screen()

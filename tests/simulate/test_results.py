@@ -1,0 +1,201 @@
+"""What a run returns: labels, units, attributes, exact times, files."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexarm as fa
+from flexarm.simulate import CHANNELS
+
+
+@pytest.fixture(scope="module")
+def arm():
+    gauges = [fa.Gauge(station=0.05, distance=0.004), fa.Gauge(station=0.5, distance=-0.004)]
+    links = [
+        fa.Link(length=0.8, flexural_rigidity=30.0, mass_per_length=0.5, elements=2, gauges=gauges),
+        fa.Link(length=0.5, mass_per_length=0.3, flexible=False),
+        fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.4, elements=2, modes=3),
+    ]
+    payload = fa.Payload(mass=0.2, inertia=0.001, offset=(0.03, -0.01))
+    return fa.Arm(links=links, payload=payload, gravity=(1.0, -9.0), theory="second_order")
+
+
+@pytest.fixture(scope="module")
+def result(arm):
+    return fa.simulate(
+        arm,
+        0.2,
+        torque=lambda t: [4.0 * np.cos(5 * t), 1.0, -0.5 * t],
+        initial=arm.rest([0.3, -0.2, 0.6]),
+        initial_rate=arm.rest([0.5, 0.0, -0.5]),
+        rate=500.0,
+    )
+
+
+def test_every_channel_has_its_dimensions_units_and_meaning(result, arm):
+    sizes = {"joint": 3, "link": 3, "axis": 2, "coordinate": arm.dof, "gauge": 2}
+    assert set(result.data_vars) == set(CHANNELS)
+    for name, channel in CHANNELS.items():
+        variable = result[name]
+        assert variable.dims == ("time", *channel.dims)
+        assert variable.shape == (101, *(sizes[dim] for dim in channel.dims))
+        assert variable.attrs == {"units": channel.unit, "long_name": channel.meaning}
+        assert variable.dtype == np.float64
+        assert np.all(np.isfinite(variable))
+
+
+def test_coordinates_are_labelled(result):
+    assert set(result.coords) == {"time", "joint", "link", "axis", "coordinate", "gauge"}
+    np.testing.assert_array_equal(result.joint, [1, 2, 3])
+    np.testing.assert_array_equal(result.link, [1, 2, 3])
+    assert result.axis.values.tolist() == ["x", "y"]
+    names = ["joint_1", *(f"link_1_mode_{k}" for k in range(1, 5)), "joint_2", "joint_3"]
+    names += [f"link_3_mode_{k}" for k in range(1, 4)]
+    assert result.coordinate.values.tolist() == names
+    assert result.gauge.values.tolist() == ["link 1 at 0.05 m", "link 1 at 0.5 m"]
+    assert result.time.attrs["units"] == "s"
+
+
+def test_attributes_say_how_it_was_made(result, arm):
+    attributes = result.attrs
+    assert attributes["flexarm_version"] == fa.__version__
+    assert attributes["integrator"] == "dormand_prince_8"
+    assert attributes["integrator_reason"]
+    assert attributes["rtol"] == 1e-7
+    assert attributes["atol"] == 1e-9
+    assert 0 < attributes["steps"] < attributes["evaluations"]
+    assert attributes["rejected_steps"] >= 0
+    assert attributes["wall_seconds"] > 0.0
+    assert attributes["failure"] == ""
+    assert all(isinstance(value, int | float | str) for value in attributes.values())
+    assert "lengths" not in attributes["arm"]
+    assert "flexural_rigidity: 30" in attributes["arm"]
+
+
+def test_the_arm_is_stored_inside(result, arm, tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(result.attrs["arm"], encoding="utf-8")
+    assert fa.load_arm(path).spec == arm.spec
+
+
+def test_netcdf_round_trip(result, tmp_path):
+    path = tmp_path / "run.nc"
+    result.to_netcdf(path, engine="h5netcdf")
+    with xr.open_dataset(path, engine="h5netcdf") as file:
+        back = file.load()
+    xr.testing.assert_identical(back, result)
+
+
+def test_dataframe(result):
+    frame = result[["tip_angle", "kinetic_energy"]].to_dataframe()
+    assert list(frame.columns) == ["tip_angle", "kinetic_energy"]
+    assert frame.index.name == "time"
+
+
+def test_channels_are_what_the_arm_says_of_the_states(result, arm):
+    """Every sample against the arm's own methods, one state at a time."""
+    lengths = arm.lengths
+    for k in range(0, 101, 10):
+        now = result.isel(time=k)
+        q, qd = now.q.values, now.qd.values
+        exact = {"rtol": 0, "atol": 1e-14}
+        np.testing.assert_array_equal(now.joint_angle, arm.joint_angles(q))
+        np.testing.assert_array_equal(now.joint_rate, arm.joint_angles(qd))
+        tip, velocity = arm.tip(q), arm.tip_velocity(q, qd)
+        np.testing.assert_allclose(now.tip, tip[:2], **exact)
+        np.testing.assert_allclose(now.tip_angle, tip[2], **exact)
+        np.testing.assert_allclose(now.tip_velocity, velocity[:2], **exact)
+        np.testing.assert_allclose(now.tip_angle_rate, velocity[2], **exact)
+        energy = arm.energy(q, qd)
+        np.testing.assert_allclose(
+            [now.kinetic_energy, now.strain_energy, now.gravity_energy], energy[:3], rtol=1e-14
+        )
+        np.testing.assert_allclose(now.strain, arm.strain(q), rtol=1e-14)
+        tips, rates = arm.nodal(q), arm.nodal(qd)
+        deflection, slope = np.array([nodal[-1] for nodal in tips]).T
+        np.testing.assert_allclose(now.link_tip_deflection, deflection, **exact)
+        np.testing.assert_allclose(now.link_tip_slope, slope, **exact)
+        deflection_rate, slope_rate = np.array([nodal[-1] for nodal in rates]).T
+        np.testing.assert_allclose(now.link_tip_deflection_rate, deflection_rate, rtol=1e-12)
+        np.testing.assert_allclose(now.link_tip_slope_rate, slope_rate, rtol=1e-12)
+        # Absolute angles: each joint turns from the bent tip before it.
+        inboard = np.concatenate([[0.0], slope[:-1]])
+        np.testing.assert_allclose(
+            now.link_angle, np.cumsum(now.joint_angle.values + inboard), **exact
+        )
+        inboard = np.concatenate([[0.0], slope_rate[:-1]])
+        np.testing.assert_allclose(
+            now.link_rate, np.cumsum(now.joint_rate.values + inboard), rtol=0, atol=1e-13
+        )
+        shape = arm.shape(q, stations=2)
+        np.testing.assert_allclose(shape[-1, -1], now.tip, rtol=0, atol=1e-13)
+        chord = np.linalg.norm(shape[:, 1] - shape[:, 0], axis=1)
+        assert np.all(abs(chord - lengths) < 0.01)
+
+
+def test_rates_are_the_slopes_of_their_channels(arm):
+    """Differences at 20 kHz, where the fastest mode of this arm turns by a radian a sample."""
+    result = fa.simulate(
+        arm, 0.02, initial_rate=arm.rest([0.5, 0.0, -0.5]), rate=20_000.0, rtol=1e-9, atol=1e-11
+    )
+    for name, rate in [
+        ("joint_angle", "joint_rate"),
+        ("link_angle", "link_rate"),
+        ("link_tip_deflection", "link_tip_deflection_rate"),
+        ("link_tip_slope", "link_tip_slope_rate"),
+        ("tip", "tip_velocity"),
+        ("tip_angle", "tip_angle_rate"),
+        ("q", "qd"),
+    ]:
+        values, slopes = result[name].values, result[rate].values
+        gained = (values[2:] - values[:-2]) * 10_000.0
+        mean = (slopes[2:] + 4 * slopes[1:-1] + slopes[:-2]) / 6  # Simpson's rule
+        assert abs(gained - mean).max() < 0.01 * abs(slopes).max(), name
+
+
+def one_link():
+    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
+
+
+@settings(max_examples=60)
+@given(st.integers(1, 400), st.sampled_from([1.0, 3.0, 10.0, 30.0, 44.1, 100.0, 1000.0, 1 / 3]))
+def test_samples_lie_at_multiples_of_the_period_whatever_the_rounding(count, rate):
+    """Durations that are sums of periods, as a user's loop would make them."""
+    duration = float(np.sum([1.0 / rate] * count))
+    result = fa.simulate(one_link(), duration, initial_rate=[1.0], rate=rate)
+    assert result.sizes["time"] == count + 1
+    np.testing.assert_allclose(result.time, np.arange(count + 1) / rate, rtol=1e-13)
+    np.testing.assert_allclose(result.joint_angle[:, 0], result.time, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("duration", "rate", "count"),
+    [(1.0, 1000.0, 1001), (0.25, 10.0, 3), (0.05, 10.0, 1), (1 / 3, 30.0, 11), (2.0, 0.3, 1)],
+)
+def test_the_last_sample_is_the_last_that_fits(duration, rate, count):
+    result = fa.simulate(one_link(), duration, initial_rate=[1.0], rate=rate)
+    assert result.sizes["time"] == count
+    np.testing.assert_allclose(result.joint_angle[:, 0], np.arange(count) / rate, rtol=1e-12)
+
+
+def test_recording_more_or_less_does_not_change_the_motion(arm):
+    fine = fa.simulate(arm, 0.1, initial_rate=arm.rest([1.0, 0.0, 0.0]), rate=2000.0)
+    coarse = fa.simulate(arm, 0.1, initial_rate=arm.rest([1.0, 0.0, 0.0]), rate=10.0)
+    np.testing.assert_array_equal(fine.q.values[-1], coarse.q.values[-1])
+    assert fine.attrs["steps"] == coarse.attrs["steps"]
+
+
+def test_same_call_same_digits(arm):
+    runs = [fa.simulate(arm, 0.3, initial_rate=arm.rest([1.0, 0.0, 0.0])) for _ in range(2)]
+    for name in CHANNELS:
+        np.testing.assert_array_equal(runs[0][name].values, runs[1][name].values)
+
+
+def test_rigid_arms_and_arms_without_gauges():
+    result = fa.simulate(one_link(), 0.01, rate=100.0)
+    assert "strain" not in result
+    assert "gauge" not in result.dims
+    assert result.coordinate.values.tolist() == ["joint_1"]
+    assert np.all(result.strain_energy == 0.0)

@@ -1,0 +1,135 @@
+"""What ``simulate`` is given beside the torque: another plant, a tip force, sizes; and nonsense."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+
+def one_link(**options) -> fa.Arm:
+    rod = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
+    return fa.Arm(links=[fa.Link(length=1.0, elements=1, **rod)], **options)
+
+
+def test_the_plant_is_simulated_and_the_arm_is_not():
+    arm, heavy = one_link(), one_link(payload=fa.Payload(mass=1.0))
+    found = fa.simulate(arm, 0.2, torque=lambda t: [1.0], plant=heavy)
+    wanted = fa.simulate(heavy, 0.2, torque=lambda t: [1.0])
+    assert found.identical(wanted.assign_attrs(wall_seconds=found.attrs["wall_seconds"]))
+    assert not np.allclose(found.tip, fa.simulate(arm, 0.2, torque=lambda t: [1.0]).tip)
+
+
+def test_a_tip_force_pulls_like_the_torque_of_its_lever():
+    """On a rigid link at right angles a force F at length L is a torque F L."""
+    arm = one_link().rigid()
+    pulled = fa.simulate(arm, 1e-3, tip_force=(0.0, 2.0), rate=1e4)
+    driven = fa.simulate(arm, 1e-3, torque=[[2.0]] * 11, rate=1e4)
+    # The link turns by a few microradians, by which the lever shortens to second order.
+    np.testing.assert_allclose(pulled.joint_angle, driven.joint_angle, rtol=1e-9, atol=1e-18)
+    twisted = fa.simulate(arm, 1e-3, tip_force=(0.0, 0.0, 2.0), rate=1e4)
+    np.testing.assert_allclose(twisted.joint_angle, driven.joint_angle, rtol=1e-9, atol=1e-18)
+
+
+def test_sizes_known_to_the_compiler_give_the_same_motion():
+    arm = one_link(gravity=(0.0, -9.81))
+    free, fixed = (fa.simulate(arm, 0.3, specialized=given) for given in (False, True))
+    # The same formulas, added in another order: rounding grows over the run.
+    np.testing.assert_allclose(fixed.tip, free.tip, atol=1e-9)
+
+
+def test_a_scenario_stays_with_its_result(tmp_path):
+    text = (
+        "flexarm: 1\n"
+        "arm: {links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5}]}\n"
+        "run: {duration: 0.01}\n"
+    )
+    (tmp_path / "run.yaml").write_text(text)
+    result = fa.run_scenario(tmp_path / "run.yaml")
+    (tmp_path / "again.yaml").write_text(result.attrs["scenario"])
+    again = fa.run_scenario(tmp_path / "again.yaml")
+    assert again.attrs["scenario"] == result.attrs["scenario"]
+    np.testing.assert_array_equal(again.tip, result.tip)
+
+
+def test_a_motion_out_of_reach_is_told_by_file_and_key(tmp_path):
+    text = (
+        "flexarm: 1\n"
+        "arm: {links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5},"
+        " {length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5}]}\n"
+        "motion: {kind: line, start: [1.0, 0.5], end: [3.0, 0.0], duration: 1.0}\n"
+        "drive: {kind: rigid_inverse_dynamics}\n"
+        "run: {duration: 0.01}\n"
+    )
+    path = tmp_path / "far.yaml"
+    path.write_text(text)
+    with pytest.raises(fa.InputError, match=r"far\.yaml: motion\.end must .* reach"):
+        fa.run_scenario(path)
+
+
+class Silent:
+    """A controller that keeps its promises but for what a test takes away."""
+
+    sample_time = 1e-3
+
+    def reset(self):
+        pass
+
+    def update(self, t, measurement, reference):
+        return [0.0]
+
+
+def broken(**attributes):
+    return type("Broken", (Silent,), attributes)()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"step": "abc"}, "step must be"),
+        ({"step": -1.0}, "step must be greater than 0"),
+        ({"integrator": ["rk4"]}, "integrator must be one of"),
+        ({"controller": object()}, "controller must have the method reset"),
+        ({"controller": broken(sample_time=float("nan"))}, "controller.sample_time must be"),
+        ({"controller": broken(sample_time=0.0)}, "controller.sample_time must be greater than 0"),
+        ({"rate": 1e12}, "rate must be at most"),
+        ({"plant": "arm"}, "plant must be an Arm"),
+        ({"torque": np.zeros((5, 3))}, "torque must be numbers of shape"),
+        ({"torque": np.zeros((5, 1))}, "torque must hold at least"),
+        ({"torque": np.zeros((200, 1)), "torque_interpolation": "spline"}, "torque_interpolation"),
+        ({"tip_force": [1.0]}, "tip_force must be"),
+    ],
+)
+def test_nonsense_is_refused_in_one_form(arguments, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.simulate(one_link(), 0.1, **arguments)
+
+
+def test_no_arm_is_refused():
+    with pytest.raises(fa.InputError, match="arm must be an Arm, but is nothing"):
+        fa.simulate(None, 0.1)
+
+
+def test_a_controller_that_raises_stops_the_run_with_its_time():
+    def update(self, t, measurement, reference):
+        if t > 0.0045:
+            raise KeyError("gain")
+        return [0.0]
+
+    with pytest.raises(fa.SimulationError, match="KeyError: 'gain'") as caught:
+        fa.simulate(one_link(), 0.1, controller=broken(update=update))
+    assert caught.value.time == pytest.approx(0.005)
+    assert caught.value.result.sizes["time"] == 6
+
+
+def test_an_open_loop_run_that_fails_keeps_what_it_had():
+    arm = one_link(gravity=(0.0, -9.81))
+    with pytest.raises(fa.SimulationError, match="no longer finite") as caught:
+        fa.simulate(arm, 50.0, integrator="rk4", step=0.05, rate=100.0)
+    error = caught.value
+    assert 0.0 < error.time < 50.0
+    assert "Try" in error.hint
+    assert np.all(np.isfinite(error.state[0]))
+    assert 0 < error.result.sizes["time"] < 5001
+    assert error.result.attrs["failure"] == str(error)

@@ -1,0 +1,294 @@
+"""Ways of giving a torque: samples held, joined or smoothed, and functions of time."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+
+import flexarm as fa
+from flexarm.simulate.torque_history import (
+    constant_torque,
+    find_kinks,
+    function_torque,
+    sampled_torque,
+)
+
+
+def unit_link():
+    """One rigid link whose inertia about its joint is 1 kg m^2: acceleration is torque."""
+    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
+
+
+def turned(edges, values, t):
+    """Angle and rate at t (s) under torques held between edges, from rest."""
+    angle = rate = 0.0
+    for start, end, value in zip(edges[:-1], edges[1:], values, strict=True):
+        span = np.clip(t, start, end) - start
+        angle += rate * span + value * span**2 / 2
+        rate += value * span
+    return angle, rate
+
+
+def end_of(result):
+    return result.joint_angle.values[-1, 0], result.joint_rate.values[-1, 0]
+
+
+# Samples -----------------------------------------------------------------------------------------
+
+RNG = np.random.default_rng(3)
+SAMPLES = RNG.normal(size=(41, 2))
+RATE = 40.0
+
+
+def test_hold_keeps_each_sample_until_the_next():
+    history = sampled_torque(SAMPLES, RATE, 1.0, 2, "hold")
+    times = np.array([0.0, 0.01, 0.024999, 0.025, 0.03, 0.999, 1.0])
+    index = [0, 0, 0, 1, 1, 39, 40]
+    np.testing.assert_array_equal(history.at(times), SAMPLES[index])
+    np.testing.assert_allclose(history.stops, np.arange(1, 41) / RATE, rtol=1e-15)
+
+
+def test_hold_stops_only_where_something_changes():
+    samples = np.repeat([[1.0], [2.0]], [10, 11], axis=0)
+    history = sampled_torque(samples, 20.0, 1.0, 1, "hold")
+    np.testing.assert_array_equal(history.stops, [0.5])
+
+
+def test_linear_joins_the_samples():
+    history = sampled_torque(SAMPLES, RATE, 1.0, 2, "linear")
+    times = np.linspace(0.0, 1.0, 333)
+    wanted = [np.interp(times, np.arange(41) / RATE, column) for column in SAMPLES.T]
+    np.testing.assert_allclose(history.at(times), np.transpose(wanted), rtol=0, atol=1e-13)
+
+
+def test_linear_stops_only_at_bends():
+    ramp = np.minimum(np.arange(21.0), 12.0)[:, None]
+    history = sampled_torque(ramp, 20.0, 1.0, 1, "linear")
+    np.testing.assert_array_equal(history.stops, [12 / 20])
+
+
+def test_cubic_is_the_spline_of_smooth_samples():
+    times = np.arange(101) / 100.0
+    samples = np.stack([np.sin(7 * times), np.exp(-times)], axis=1)
+    history = sampled_torque(samples, 100.0, 1.0, 2, "cubic")
+    fine = np.linspace(0.0, 1.0, 777)
+    np.testing.assert_allclose(
+        history.at(fine), CubicSpline(times, samples)(fine), rtol=0, atol=1e-13
+    )
+    # h^4/384 of the fourth derivative, and more near the ends.
+    exact = np.stack([np.sin(7 * fine), np.exp(-fine)], axis=1)
+    np.testing.assert_allclose(history.at(fine), exact, rtol=0, atol=1e-6)
+    assert history.stops.size == 0
+
+
+def test_cubic_goes_through_every_sample_and_reaches_past_the_last():
+    history = sampled_torque(SAMPLES, RATE, 1.0, 2, "cubic")
+    np.testing.assert_allclose(history.at(np.arange(41) / RATE), SAMPLES, rtol=0, atol=1e-12)
+    shorter = sampled_torque(SAMPLES[:40], RATE, 1.0, 2, "cubic")
+    assert np.all(np.isfinite(shorter.at(np.array([1.0]))))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("interpolation", ["hold", "linear", "cubic"])
+def test_few_samples(count, interpolation):
+    samples = SAMPLES[:count]
+    history = sampled_torque(samples, float(count), 1.0, 2, interpolation)
+    times = np.arange(count) / count
+    np.testing.assert_allclose(history.at(times), samples, rtol=0, atol=1e-12)
+
+
+@settings(max_examples=60)
+@given(st.integers(3, 96), st.integers(3, 96), st.floats(0.5, 20.0), st.floats(-30, 30))
+def test_kinks_are_found_where_they_are_and_not_elsewhere(first, second, frequency, slope):
+    """Smooth samples with a bend at two of them, twenty times as sharp as the curvature."""
+    times = np.arange(100) / 1000.0
+    assume(abs(first - second) > 4 and abs(slope) > 20.0 * frequency**2 / 1000.0 + 1e-3)
+    bends = np.maximum(times - times[first], 0.0) + np.maximum(times - times[second], 0.0)
+    samples = np.sin(frequency * times) + slope * bends
+    np.testing.assert_array_equal(find_kinks(samples[:, None]), sorted([first, second]))
+    assert find_kinks(np.sin(frequency * times)[:, None]).size == 0
+    assert find_kinks(np.zeros((100, 1))).size == 0
+
+
+def test_spline_does_not_ring_at_a_kink():
+    """A triangle: parted at its corner, each side is the straight line it is."""
+    times = np.arange(201) / 200.0
+    samples = (1.0 - 2.0 * abs(times - 0.5))[:, None]
+    history = sampled_torque(samples, 200.0, 1.0, 1, "cubic")
+    np.testing.assert_array_equal(history.stops, [0.5])
+    fine = np.linspace(0.0, 1.0, 1999)
+    np.testing.assert_allclose(
+        history.at(fine)[:, 0], 1.0 - 2.0 * abs(fine - 0.5), rtol=0, atol=1e-13
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "interpolation", "name"),
+    [
+        (np.zeros((5, 1)), "quintic", "torque_interpolation"),
+        (np.zeros((5, 2)), "cubic", "torque"),
+        (np.zeros(5), "hold", "torque"),
+        (np.zeros((3, 1)), "linear", "torque"),
+        (np.full((5, 1), np.nan), "cubic", "torque"),
+        (np.zeros((0, 1)), "hold", "torque"),
+    ],
+)
+def test_samples_that_cannot_be_used(values, interpolation, name):
+    with pytest.raises(fa.InputError, match=f"simulate: {name}"):
+        fa.simulate(unit_link(), 1.0, torque=values, rate=4.0, torque_interpolation=interpolation)
+
+
+@pytest.mark.parametrize("interpolation", ["hold", "linear", "cubic"])
+def test_a_run_under_samples_is_the_integral_of_them(interpolation):
+    """Rate and angle of a unit inertia: first and second integral of the interpolation."""
+    samples = np.cumsum(SAMPLES[:, :1], axis=0)
+    history = sampled_torque(samples, RATE, 1.0, 1, interpolation)
+    result = fa.simulate(
+        unit_link(),
+        1.0,
+        torque=samples,
+        rate=RATE,
+        torque_interpolation=interpolation,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(result.torque.values, samples, rtol=0, atol=1e-11)
+    node, weight = np.polynomial.legendre.leggauss(4)
+    starts = np.arange(40) / RATE
+    points = starts[:, None] + (node + 1) / 2 / RATE
+    values = history.at(points.ravel()).reshape(points.shape)
+    rate = values @ weight / 2 / RATE
+    # A random walk in cubic pieces is rough, and the integrator does not stop at every knot.
+    close = 1e-6 if interpolation == "cubic" else 1e-11
+    assert result.joint_rate.values[-1, 0] == pytest.approx(rate.sum(), abs=close)
+    angle = ((1.0 - points) * values) @ weight / 2 / RATE
+    assert result.joint_angle.values[-1, 0] == pytest.approx(angle.sum(), abs=close)
+
+
+# Functions of time -------------------------------------------------------------------------------
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.floats(0.001, 0.999), min_size=1, max_size=4),
+    st.lists(st.floats(-5.0, 5.0), min_size=5, max_size=5),
+    st.booleans(),
+)
+def test_jumps_at_awkward_times(places, values, closed):
+    """A function that jumps anywhere, to either side: as exact as if the times had been told."""
+    edges = np.concatenate([[0.0], np.sort(places), [1.0]])
+    assume(np.all(np.diff(edges[1:-1]) > 1 / 30))  # nearer ones need ``breaks``
+    values = np.array(values[: len(edges) - 1])
+    side = "left" if closed else "right"
+
+    def torque(t):
+        return [values[np.searchsorted(edges[1:-1], t, side=side)]]
+
+    result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
+    # The jump is located to 1e-12 of the duration; the rest is rounding.
+    np.testing.assert_allclose(end_of(result), turned(edges, values, 1.0), rtol=0, atol=2e-11)
+
+
+@pytest.mark.parametrize("place", [1.0, 0.5, 1 / 3, 1 / 64, 0.1, 1e-9, 1.0 - 1e-9])
+@pytest.mark.parametrize("closed", [True, False])
+def test_jumps_at_special_times(place, closed):
+    """On the edges of its own pieces, on samples, beside the ends."""
+
+    def torque(t):
+        return [1.0 if (t <= place if closed else t < place) else -2.0]
+
+    result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
+    wanted = turned([0.0, place, 1.0], [1.0, -2.0], 1.0)
+    np.testing.assert_allclose(end_of(result), wanted, rtol=0, atol=2e-11)
+
+
+def test_jumps_nearer_than_it_looks_are_told_by_breaks():
+    class Pulse:
+        """On for a ten thousandth of a second."""
+
+        breaks = (0.70001, 0.70011)
+
+        def __call__(self, t):
+            return [1e4 if 0.70001 <= t < 0.70011 else 0.0]
+
+    result = fa.simulate(unit_link(), 1.0, torque=Pulse(), rate=10.0)
+    np.testing.assert_allclose(
+        end_of(result), turned([0.0, 0.70001, 0.70011, 1.0], [0.0, 1e4, 0.0], 1.0), atol=1e-9
+    )
+
+
+class Sine:
+    """sin(frequency t + phase), for one time or for many at once."""
+
+    vectorized = True
+
+    def __init__(self, frequency, phase):
+        self.frequency, self.phase = frequency, phase
+
+    def __call__(self, times):
+        return np.sin(self.frequency * times + self.phase)[..., None]
+
+
+@settings(max_examples=20)
+@given(st.floats(1.0, 300.0), st.floats(-3.0, 3.0))
+def test_smooth_functions_are_followed_to_the_runs_tolerance(frequency, phase):
+    torque = Sine(frequency, phase)
+    history = function_torque(torque, 1.0, 1, 1e-9)
+    times = np.linspace(0.0, 1.0, 1001)
+    exact = np.sin(frequency * times + phase)
+    # Tested at three points of each piece: between them a cubic errs hardly more.
+    np.testing.assert_allclose(history.at(times)[:, 0], exact, rtol=0, atol=3e-9)
+    assert history.stops.size == 0
+    result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
+    rate = (np.cos(phase) - np.cos(frequency + phase)) / frequency
+    # The run's tolerance per step, 1e-9 of the rate and more.
+    assert result.joint_rate.values[-1, 0] == pytest.approx(rate, abs=1e-7)
+
+
+def test_function_of_many_times_at_once_is_called_once_for_them():
+    calls = []
+
+    class Vectorized:
+        vectorized = True
+
+        def __call__(self, times):
+            calls.append(np.shape(times))
+            return np.stack([np.sin(times), np.cos(times)], axis=1)
+
+    history = function_torque(Vectorized(), 2.0, 2, 1e-8)
+    assert len(calls) < 30
+    assert all(len(shape) == 1 for shape in calls)
+    plain = function_torque(lambda t: [np.sin(t), np.cos(t)], 2.0, 2, 1e-8)
+    times = np.linspace(0, 2, 50)
+    np.testing.assert_allclose(history.at(times), plain.at(times), rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("answer", [1.0, [1.0, 2.0], [np.nan], None, "1"], ids=str)
+def test_function_that_returns_something_else(answer):
+    with pytest.raises(fa.InputError, match=r"simulate: torque\("):
+        fa.simulate(unit_link(), 1.0, torque=lambda t: answer)
+
+
+def test_torque_history_and_constant():
+    history = sampled_torque(SAMPLES[:, :1], RATE, 1.0, 1, "linear")
+    direct = fa.simulate(unit_link(), 1.0, torque=history)
+    again = fa.simulate(
+        unit_link(), 1.0, torque=SAMPLES[:, :1], rate=RATE, torque_interpolation="linear"
+    )
+    assert end_of(direct) == pytest.approx(end_of(again), abs=1e-12)
+    steady = fa.simulate(unit_link(), 1.0, torque=constant_torque(np.array([2.0])))
+    np.testing.assert_allclose(end_of(steady), [1.0, 2.0], rtol=1e-13)
+    free = fa.simulate(unit_link(), 1.0, initial_rate=[0.5])
+    np.testing.assert_allclose(end_of(free), [0.5, 0.5], rtol=1e-13)
+
+
+def test_constant_tip_force():
+    """A force fixed in the world on a link turning under it: energy tells its work."""
+    arm = unit_link()
+    result = fa.simulate(arm, 1.0, tip_force=(2.0, -1.0, 0.3), rtol=1e-11, atol=1e-13)
+    tip = result.tip.values
+    work = (tip - tip[0]) @ [2.0, -1.0] + 0.3 * (result.tip_angle.values - 0.0)
+    np.testing.assert_allclose(result.kinetic_energy.values, work, rtol=0, atol=1e-10)
+    with pytest.raises(fa.InputError, match="tip_force"):
+        fa.simulate(arm, 1.0, tip_force=[1.0])
