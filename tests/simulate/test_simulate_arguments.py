@@ -133,3 +133,16 @@ def test_an_open_loop_run_that_fails_keeps_what_it_had():
     assert np.all(np.isfinite(error.state[0]))
     assert 0 < error.result.sizes["time"] < 5001
     assert error.result.attrs["failure"] == str(error)
+
+
+def test_noise_is_refused_as_a_function_of_time():
+    rng = np.random.default_rng(0)
+    with pytest.raises(fa.InputError, match="pass noise as samples"):
+        fa.simulate(one_link(), 0.1, torque=lambda t: [rng.normal()])
+    # The same noise as samples is welcome.
+    fa.simulate(one_link(), 0.1, torque=rng.normal(size=(101, 1)), torque_interpolation="hold")
+
+
+def test_joint_angles_in_place_of_coordinates_are_told_what_to_do():
+    with pytest.raises(fa.InputError, match=r"Arm\.rest\(joint_angles\)"):
+        fa.simulate(one_link(), 0.1, initial=[0.3])

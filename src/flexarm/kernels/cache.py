@@ -150,7 +150,7 @@ class _CompileNotice(event.Listener):
             if not self._announced:
                 self._announced = True
                 print(
-                    "flexarm: compiling for this machine; later runs load it from disk ...",
+                    "flexarm: compiling for this machine, once; it may take a minute ...",
                     file=sys.stderr,
                     flush=True,
                 )

@@ -223,6 +223,11 @@ def _initial_state(
     where = "simulate"
     motion = reference if reference is not None else getattr(torque, "motion", None)
     if initial is not None:
+        if np.shape(initial) != (arm.dof,):
+            hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
+            rule = f"hold the arm's {arm.dof} coordinates"
+            problem = Problem(where, "initial", rule, f"of shape {np.shape(initial)}", hint)
+            raise InputError(problem)
         q = check_array(where, "initial", initial, (arm.dof,))
     elif motion is not None:
         start = np.asarray(motion.joint_angle(0.0))

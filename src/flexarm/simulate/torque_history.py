@@ -21,6 +21,8 @@ INTERPOLATIONS = ("cubic", "linear", "hold")
 #: A second difference that stands out this much from both neighbours is a kink, not curvature:
 #: between samples fine enough for a cubic, curvature changes by far less.
 _KINK = 10.0
+#: Pieces being halved at once. Few jumps keep few pieces open; noise keeps all of them.
+_MOST_PIECES = 50_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,8 @@ def function_torque(
         breaks: times (s) known to be kinks or jumps.
 
     Raises:
-        InputError: the function returns something else than ``joints`` finite numbers.
+        InputError: the function returns something else than ``joints`` finite numbers, or is
+            rough everywhere.
     """
     follower = _Follower(function, duration, joints)
     known = np.asarray(breaks, dtype=np.float64).ravel()
@@ -158,6 +161,11 @@ def function_torque(
         done = good | hopeless
         kept.append((starts[done], coefficients[done]))
         a, b = starts[~done], ends[~done]
+        if a.size > _MOST_PIECES:
+            rule = "be a function of time that is smooth but for a few jumps"
+            value = f"still not followed at steps of {(b - a).min():.2g} s"
+            hint = "It must give one answer at one time: pass noise as samples at a rate."
+            raise InputError(Problem("simulate", "torque", rule, value, hint))
         middle = 0.5 * (a + b)
         starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])
     times = np.concatenate([start for start, _ in kept])
