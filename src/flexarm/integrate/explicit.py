@@ -3,7 +3,7 @@
 =============  =============================================================================
 symbol         meaning
 =============  =============================================================================
-``clock``      (2,) time t and next step h, s
+``clock``      (3,) time t and next step h, s; 1.0 where the last step was refused
 ``counts``     (4,) samples filled, steps, rejected steps, evaluations of the dynamics
 ``stages``     (r, 2, n, 1 + m) derivatives; stage s belongs to the new point
 ``weights``    (1, r) scratch for dense output
@@ -169,7 +169,6 @@ def advance_explicit(
     slope_at(system, t, from_right, state, torque, stages, zero)
     counts[3] += 1
     exponent = 1.0 / order
-    just_rejected = False
     for _ in range(max_steps):
         stop = _next_stop(system.drive.stops, t, until)
         h = clock[1]
@@ -191,7 +190,7 @@ def advance_explicit(
             norm = _error_norm(system, tolerance, state, new, stages, error, error_low, h)
             if not norm <= 1.0:
                 counts[2] += 1
-                just_rejected = True
+                clock[2] = 1.0
                 shrink = _SHRINK
                 if math.isfinite(norm):
                     shrink = max(_SHRINK, _SAFETY * norm ** (-exponent))
@@ -201,9 +200,9 @@ def advance_explicit(
                 continue
             grow = _GROW if norm == 0.0 else min(_GROW, _SAFETY * norm ** (-exponent))
             grow = max(_SHRINK, grow)
-            if just_rejected:
+            if clock[2] > 0.0:  # do not grow at once after a refusal
                 grow = min(1.0, grow)
-            just_rejected = False
+            clock[2] = 0.0
         elif not _all_finite(system, new):
             return _NOT_FINITE
         if adaptive and not error_needs_new:

@@ -47,7 +47,7 @@ class ExplicitRungeKutta(Integrator):
         memory = progress.memory
         if not memory:
             step = self.step or progress.step or self.step_per_radian / tolerance.fastest
-            memory["clock"] = np.array([progress.time, step])
+            memory["clock"] = np.array([progress.time, step, 0.0])
             memory["counts"] = np.zeros(4, dtype=np.int64)
             memory["new"] = np.empty_like(progress.state)
             memory["torque"] = np.zeros(progress.state.shape[1])
