@@ -19,6 +19,7 @@ from flexarm.integrate.base import (
     System,
     Tolerance,
 )
+from flexarm.kernels.cache import compile_seconds
 from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.sampled_reference import sampled_reference
@@ -52,6 +53,7 @@ class Run:
     specialized: bool | None = None  # compile for this model size; None decides by the time ahead
     max_steps: int = 64
     started: float = field(default_factory=time.perf_counter)
+    compiled_before: float = field(default_factory=compile_seconds)
 
     def system(self, history: TorqueHistory) -> System:
         """Join the arm with a torque history (its joints placed at the bodies)."""
@@ -67,8 +69,10 @@ class Run:
         if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
             return system
         done = self.progress.time / self.duration
-        ahead = (time.perf_counter() - self.started) * (1.0 / max(done, 1e-9) - 1.0)
-        if ahead < _WORTH_COMPILING or time.perf_counter() - self.started < 1.0:
+        # Time spent compiling says nothing about how long the steps take.
+        running = time.perf_counter() - self.started - (compile_seconds() - self.compiled_before)
+        ahead = running * (1.0 / max(done, 1e-9) - 1.0)
+        if ahead < _WORTH_COMPILING or running < 1.0:
             return system
         self.specialized = True
         return system._replace(sizes=compile_time_sizes(system.constants))
