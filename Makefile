@@ -7,7 +7,7 @@ WORKERS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format types imports bench clean
+.PHONY: help demo test lint format types imports bench peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -21,6 +21,11 @@ $(VENV)/.ready-demo: pyproject.toml
 $(VENV)/.ready-dev: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	touch $@
+
+# The programs that `make peers` compares with; their tests then run in `make test` too.
+$(VENV)/.ready-peers: $(VENV)/.ready-dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[peers]"
 	touch $@
 
 demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper
@@ -41,6 +46,12 @@ format: $(VENV)/.ready-dev ## put the code into the project's format
 
 bench: $(VENV)/.ready-dev ## measure speed; tables and figures in docs/performance
 	$(BIN)/python -m benchmarks
+
+peers: $(VENV)/.ready-peers ## compare trajectories with Exudyn and MuJoCo, fetched from PyPI (100 MB)
+	$(BIN)/python -m peers
+
+gallery: $(VENV)/.ready-dev ## compare with known answers; tables and pictures in docs/gallery
+	$(BIN)/python -m gallery
 
 clean: ## forget the environment and everything made
 	rm -rf $(VENV) out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

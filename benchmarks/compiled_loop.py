@@ -7,13 +7,19 @@ from numba import njit
 
 import flexarm as fa
 from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.layout import Sizes, compile_time_sizes, new_workspace, run_time_sizes
+from flexarm.kernels.layout import (
+    Sizes,
+    compile_time_sizes,
+    new_workspace,
+    no_loads,
+    run_time_sizes,
+)
 
 
 @njit(_nrt=False)
-def _repeat(sizes, constants, state, torque, tip_force, work, calls):  # type: ignore[no-untyped-def]
+def _repeat(sizes, constants, state, torque, loads, work, calls):  # type: ignore[no-untyped-def]
     for _ in range(calls):
-        forward_dynamics(sizes, constants, state, torque, tip_force, work)
+        forward_dynamics(sizes, constants, state, torque, loads, work)
         # Feed the result back, or the compiler may drop all calls but one.
         state[0, 0, 0] += 1e-12 * work.acceleration[0, 0]
 
@@ -25,6 +31,7 @@ class ForwardDynamics:
         self._constants = arm.assembly.constants
         self._state = arm.padded(np.stack([q, qd]))
         self._torque = arm.padded_torque(torque)
+        self._unloaded = no_loads(self._constants)
         self._work = new_workspace(self._constants)
 
     def run_time_sizes(self) -> Sizes:
@@ -36,4 +43,5 @@ class ForwardDynamics:
         return compile_time_sizes(self._constants)
 
     def __call__(self, sizes: Sizes, calls: int) -> None:
-        _repeat(sizes, self._constants, self._state, self._torque, np.zeros(3), self._work, calls)
+        c = self._constants
+        _repeat(sizes, c, self._state, self._torque, self._unloaded, self._work, calls)

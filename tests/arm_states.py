@@ -10,8 +10,15 @@ from scipy.linalg import eigh
 
 import flexarm as fa
 from flexarm.kernels.composite_body import mass_matrix
-from flexarm.kernels.layout import ArmConstants, Workspace, new_workspace, run_time_sizes
+from flexarm.kernels.layout import (
+    ArmConstants,
+    Loads,
+    Workspace,
+    new_workspace,
+    run_time_sizes,
+)
 from flexarm.kernels.observables import POSE_COLUMNS, energies
+from flexarm.loads import place_loads, tip_load
 from random_arms import NodalState, random_spec, random_state
 
 #: Perturbation along the imaginary axis: derivatives exact to rounding.
@@ -72,6 +79,12 @@ def parts(arm: fa.Arm, dtype: Any = float) -> tuple[Any, ArmConstants, Workspace
     """Sizes, constants and fresh scratch, as kernels take them."""
     constants = arm.assembly.constants
     return run_time_sizes(constants), constants, new_workspace(constants, dtype)
+
+
+def tip_loads(arm: fa.Arm, force: Any = (0.0, 0.0, 0.0)) -> Loads:
+    """The kernels' loads of a force (Fx, Fy, Mz) on the last tip; of any number type."""
+    placed = place_loads(arm, "test", tip_load(arm, "test", np.ones(3)))
+    return placed._replace(value=np.asarray(force)[None])
 
 
 def modal_parts(arm: fa.Arm) -> np.ndarray:

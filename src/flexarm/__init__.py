@@ -21,12 +21,18 @@ if TYPE_CHECKING:
     from flexarm.errors import InputError as InputError
     from flexarm.errors import ModelError as ModelError
     from flexarm.errors import SimulationError as SimulationError
+    from flexarm.linear import Equilibrium as Equilibrium
+    from flexarm.linear import EquilibriumError as EquilibriumError
     from flexarm.linear import Modes as Modes
+    from flexarm.linear import equilibrium as equilibrium
     from flexarm.linear import modes as modes
+    from flexarm.loads import Load as Load
     from flexarm.model import Box as Box
     from flexarm.model import Circle as Circle
+    from flexarm.model import Friction as Friction
     from flexarm.model import Gauge as Gauge
     from flexarm.model import Joint as Joint
+    from flexarm.model import JointLimits as JointLimits
     from flexarm.model import Link as Link
     from flexarm.model import Material as Material
     from flexarm.model import ModalDamping as ModalDamping
@@ -39,6 +45,7 @@ if TYPE_CHECKING:
     from flexarm.motion import line_motion as line_motion
     from flexarm.motion import rigid_torque as rigid_torque
     from flexarm.references import citation as citation
+    from flexarm.simulate import PrescribedAngle as PrescribedAngle
     from flexarm.simulate import run_scenario as run_scenario
     from flexarm.simulate import simulate as simulate
 
@@ -48,24 +55,31 @@ _HOME = {
     "Box": "model",
     "Circle": "model",
     "Controller": "control",
+    "Equilibrium": "linear",
+    "EquilibriumError": "linear",
     "FlexarmError": "errors",
+    "Friction": "model",
     "Gauge": "model",
     "InputError": "errors",
     "Joint": "model",
+    "JointLimits": "model",
     "JointPD": "control",
     "Link": "model",
+    "Load": "loads",
     "Material": "model",
     "Measurement": "control",
     "ModalDamping": "model",
     "ModelError": "errors",
     "Modes": "linear",
     "Payload": "model",
+    "PrescribedAngle": "simulate",
     "RayleighDamping": "model",
     "Rectangle": "model",
     "SectionTable": "model",
     "SimulationError": "errors",
     "Tube": "model",
     "citation": "references",
+    "equilibrium": "linear",
     "joint_motion": "motion",
     "line_motion": "motion",
     "load_arm": "arm",

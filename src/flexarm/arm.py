@@ -5,6 +5,7 @@ Thin methods over the kernels: they check shapes, place coordinates and take the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -17,11 +18,12 @@ from flexarm.coordinates import Coordinates
 from flexarm.errors import check_array
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.composite_body import mass_matrix
-from flexarm.kernels.layout import Workspace, new_workspace, run_time_sizes
+from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.newton_euler import inverse_dynamics, inverse_dynamics_many
 from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
 from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
 from flexarm.kernels.shapes import axis_points, gauge_strains
+from flexarm.loads import Load, place_loads, tip_load
 from flexarm.model import ArmSpec, load_arm_spec, save_arm_spec
 
 
@@ -76,7 +78,7 @@ class Arm(Coordinates):
     def rigid(self) -> Arm:
         """Make the rigid twin: the same masses and inertias, no bending."""
         links = tuple(
-            link.model_copy(update={"flexible": False, "modes": None, "gauges": ()})
+            link.model_copy(update={"flexible": False, "segments": 1, "modes": None, "gauges": ()})
             for link in self.spec.links
         )
         return Arm(self.spec.model_copy(update={"links": links}))
@@ -101,6 +103,8 @@ class Arm(Coordinates):
         qd: ArrayLike,
         torque: ArrayLike,
         tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
     ) -> FloatArray:
         """Return the accelerations qdd (dof,) under joint torques.
 
@@ -108,6 +112,8 @@ class Arm(Coordinates):
             q, qd: (dof,) coordinates and rates.
             torque: (joints,) N m, acting on each link and back on the tip of the one before.
             tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
+            loads: further forces and moments; factors of time are left aside.
+            base_acceleration: (ax, ay) of the base joint, world axes, m/s^2.
 
         Raises:
             InputError: wrong shape, NaN or infinity.
@@ -118,12 +124,19 @@ class Arm(Coordinates):
         state = self._state(where, q, qd)
         tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
         work = self._work()
-        force = _tip_force(where, tip_force)
-        forward_dynamics(self._sizes, self.assembly.constants, state, tau, force, work)
+        acting = [*tip_load(self, where, tip_force), *loads]
+        placed = place_loads(self, where, acting, base_acceleration)
+        forward_dynamics(self._sizes, self.assembly.constants, state, tau, placed, work)
         return self.unpadded(work.acceleration)
 
     def inverse_dynamics(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_force: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
     ) -> FloatArray:
         """Return the generalised force (dof,) that a motion takes: M qdd + bias.
 
@@ -131,7 +144,9 @@ class Arm(Coordinates):
         ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
         """
         return self.unpadded(
-            self._newton_euler("Arm.inverse_dynamics", q, qd, qdd, tip_force).force
+            self._newton_euler(
+                "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration
+            ).force
         )
 
     def inverse_dynamics_many(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> FloatArray:
@@ -148,31 +163,47 @@ class Arm(Coordinates):
             self.assembly.constants,
             states,
             accelerations,
-            np.zeros(3),
+            no_loads(self.assembly.constants),
             self._work(),
             forces,
         )
         return self.unpadded(forces)
 
     def _newton_euler(
-        self, where: str, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_force: ArrayLike | None
+        self,
+        where: str,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
     ) -> Workspace:
         state = self._state(where, q, qd)
         acceleration = self.padded(check_array(where, "qdd", qdd, (self.dof,)))
         work = self._work()
-        force = _tip_force(where, tip_force)
-        inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, force, work)
+        acting = [*tip_load(self, where, tip_force), *loads]
+        placed = place_loads(self, where, acting, base_acceleration)
+        inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, placed, work)
         return work
 
     def joint_reactions(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_force: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
     ) -> FloatArray:
         """Return what each joint gives to its outboard link: (joints, 3), Fx, Fy, Mz.
 
         World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment is the
         motor's torque less the joint's friction.
         """
-        work = self._newton_euler("Arm.joint_reactions", q, qd, qdd, tip_force)
+        work = self._newton_euler(
+            "Arm.joint_reactions", q, qd, qdd, tip_force, loads, base_acceleration
+        )
         angle = np.cumsum(np.arctan2(work.rotation[:, 1], work.rotation[:, 0]))
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y, moment = work.wrench.T
@@ -188,20 +219,28 @@ class Arm(Coordinates):
         kept = self.assembly.coordinates
         return M.reshape(n * width, n * width)[np.ix_(kept, kept)]
 
-    def stiffness_matrix(self, q: ArrayLike) -> FloatArray:
-        """Return the Hessian (dof, dof) of strain and gravity energy, exact to rounding."""
-        state = self._state("Arm.stiffness_matrix", q, None)
+    def stiffness_matrix(
+        self, q: ArrayLike, tip_force: ArrayLike | None = None, loads: Sequence[Load] = ()
+    ) -> FloatArray:
+        """Return the static stiffness (dof, dof): change of the generalised force by q, at rest.
+
+        Without loads the Hessian of strain and gravity energy; symmetric but for follower loads.
+        Exact to rounding. Arguments as in ``forward_dynamics``.
+        """
+        where = "Arm.stiffness_matrix"
+        state = self._state(where, q, None)
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         constants = self.assembly.constants
-        if np.any(constants.gravity):
+        acting = [*tip_load(self, where, tip_force), *loads]
+        if np.any(constants.gravity) or constants.joint_laws.size or acting:
             K = np.zeros((n, width, n, width))
             work = self._work(complex)
-            at_rest, no_force = np.zeros((n, width)), np.zeros(3)
+            at_rest, placed = np.zeros((n, width)), place_loads(self, where, acting)
             potential_hessian(
-                self._sizes, constants, state.astype(complex), at_rest, no_force, work, K
+                self._sizes, constants, state.astype(complex), at_rest, placed, work, K
             )
         else:
-            springs = np.concatenate([np.zeros((n, 1)), constants.w2], axis=1)
+            springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
             K = np.diag(springs.ravel())
         kept = self.assembly.coordinates
         return K.reshape(n * width, n * width)[np.ix_(kept, kept)]
@@ -236,7 +275,7 @@ class Arm(Coordinates):
             self.assembly.constants,
             state,
             tau.astype(complex),
-            np.zeros(3),
+            no_loads(self.assembly.constants),
             self._work(complex),
             by_state,
             by_torque,
@@ -279,21 +318,23 @@ class Arm(Coordinates):
         """
         state = self._state("Arm.shape", q, None)
         body_poses, _ = self._poses(state)
-        n, m = self.assembly.bodies, self.assembly.modes
-        g = self.assembly.constants.D0.shape[1]
-        along = np.zeros((n, stations))
-        rows = np.zeros((n, stations, m))
-        matrices = np.zeros((n, stations, g, g))
-        for i, link in enumerate(self.assembly.links):
-            k = link.w2.size
-            along[i] = np.linspace(0.0, link.length, stations)
-            if k:
-                rows[i, :, :k] = link.deflection(along[i])
-            if k and g:
-                matrices[i, :, :k, :k] = shortening_matrices(link, along[i])
-        points = np.zeros((n, stations, 2))
-        axis_points(self._sizes, state, body_poses, along, rows, matrices, points)
-        return points[self.assembly.link_body]
+        m, g = self.assembly.modes, self.assembly.constants.D0.shape[1]
+        count = self.joints * stations
+        bodies = np.zeros(count, dtype=np.intp)
+        along, rows, matrices = np.zeros(count), np.zeros((count, m)), np.zeros((count, g, g))
+        for i, link in enumerate(self.spec.links):
+            for row, x in enumerate(np.linspace(0.0, link.length, stations), i * stations):
+                piece = self.assembly.piece_at(i, x)
+                bodies[row], along[row] = piece.body, x - piece.start
+        for piece in self.assembly.pieces:
+            own, k = np.flatnonzero(bodies == piece.body), piece.shapes.w2.size
+            if k and own.size:
+                rows[own, :k] = piece.shapes.deflection(along[own])
+            if k and g and own.size:
+                matrices[own, :k, :k] = shortening_matrices(piece.shapes, along[own])
+        points = np.zeros((count, 2))
+        axis_points(self._sizes, state, body_poses, bodies, along, rows, matrices, points)
+        return points.reshape(self.joints, stations, 2)
 
     def strain(self, q: ArrayLike) -> FloatArray:
         """Return the strain at each declared gauge, (gauges,): -distance * v''."""
@@ -308,20 +349,14 @@ class Arm(Coordinates):
 
     def _place_gauges(self) -> tuple[FloatArray, NDArray[np.intp]]:
         rows = np.zeros((len(self.gauges), self.assembly.modes))
-        for row, (i, station, distance) in zip(rows, self.gauges, strict=True):
-            link = self.assembly.links[i]
-            if link.w2.size:
-                row[: link.w2.size] = -distance * link.curvature([station])[0]
-        return rows, np.array([i for i, _, _ in self.gauges], dtype=np.intp)
-
-
-def _tip_force(where: str, value: ArrayLike | None) -> FloatArray:
-    if value is None:
-        return np.zeros(3)
-    array = np.asarray(value)
-    size = 2 if array.shape == (2,) else 3
-    checked = check_array(where, "tip_force", value, (size,))
-    return checked if size == 3 else np.append(checked, 0.0)
+        bodies = np.zeros(len(self.gauges), dtype=np.intp)
+        for k, (i, station, distance) in enumerate(self.gauges):
+            piece = self.assembly.piece_at(i, station)
+            bodies[k] = piece.body
+            if piece.shapes.w2.size:
+                curvature = piece.shapes.curvature([station - piece.start])[0]
+                rows[k, : curvature.size] = -distance * curvature
+        return rows, bodies
 
 
 def load_arm(path: str | PathLike[str]) -> Arm:

@@ -60,32 +60,32 @@ class Coordinates:
         Args:
             joint_angles: (joints,) relative, rad.
             nodal: for each link (elements, 2): deflection (m) and slope (rad) at its free nodes,
-                from its root tangent; anything for a rigid link. With reduced modes, the nearest
+                from its root tangent, or from the root tangent of the segment that the node is
+                on; anything for a rigid link. With reduced modes, the nearest
                 shape in the mean square weighted by mass.
         """
         q = self.rest(joint_angles)
         if len(nodal) != self.joints:
             rule = f"hold one array for each of the {self.joints} links"
             raise InputError(Problem("Arm.from_nodal", "nodal", rule, shown(len(nodal))))
-        for i, link in enumerate(self.assembly.links):
-            if link.w2.size:
-                shape = (self.spec.links[i].elements, 2)
-                values = check_array("Arm.from_nodal", f"nodal[{i}]", nodal[i], shape)
-                start = self.joint_index[i] + 1
-                q[start : start + link.w2.size] = link.projector @ values.ravel()
+        values = {
+            i: check_array("Arm.from_nodal", f"nodal[{i}]", nodal[i], (link.elements, 2))
+            for i, link in enumerate(self.spec.links)
+            if link.flexible
+        }
+        for piece in self.assembly.pieces:
+            if piece.shapes.w2.size:
+                q[piece.modal] = piece.shapes.projector @ values[piece.link][piece.rows].ravel()
         return q
 
     def nodal(self, q: ArrayLike) -> list[FloatArray]:
         """Return deflection (m) and slope (rad) at the free nodes: (elements, 2) for each link."""
         values = check_array("Arm.nodal", "q", q, (self.dof,))
-        shapes: list[FloatArray] = []
-        for i, link in enumerate(self.assembly.links):
-            start = self.joint_index[i] + 1
-            eta = values[start : start + link.w2.size]
-            if self.spec.links[i].flexible:
-                shapes.append((link.basis @ eta).reshape(-1, 2))
-            else:
-                shapes.append(np.zeros((self.spec.links[i].elements, 2)))
+        shapes = [np.zeros((link.elements, 2)) for link in self.spec.links]
+        for piece in self.assembly.pieces:
+            if piece.shapes.w2.size:
+                bent = piece.shapes.basis @ values[piece.modal]
+                shapes[piece.link][piece.rows] = bent.reshape(-1, 2)
         return shapes
 
     def padded(self, vector: FloatArray) -> FloatArray:

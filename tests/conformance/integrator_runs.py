@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import flexarm as fa
 from arm_states import state_array
 from flexarm.integrate.base import Drive, Progress, Status, System, Tolerance
-from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 from flexarm.simulate.tolerance import tolerance_of
 
 #: A torque in cubic pieces, on two joints: smooth across the break at 0.5 s.
@@ -72,7 +72,6 @@ def make_system(
     breaks: Any = BREAKS,
     coefficients: Any = SMOOTH,
     stops: Any = (),
-    tip_force: Any = (0.0, 0.0, 0.0),
 ) -> System:
     """The arm under a torque in pieces (pieces, 4, joints)."""
     constants = arm.assembly.constants
@@ -80,7 +79,10 @@ def make_system(
         np.asarray(breaks, dtype=float),
         arm.padded_torque(np.asarray(coefficients, dtype=float)),
         np.asarray(stops, dtype=float),
-        np.asarray(tip_force, dtype=float),
+        loads=no_loads(constants),
+        amplitude=np.zeros((0, 3)),
+        factor_breaks=np.array([0.0, 1.0]),
+        factor_coefficients=np.zeros((1, 4, 0)),
     )
     return System(run_time_sizes(constants), constants, drive, new_workspace(constants))
 

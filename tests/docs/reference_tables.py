@@ -18,7 +18,7 @@ from flexarm.simulate.channels import CHANNELS
 FILE_FORMAT = "docs/reference/file-format.md"
 RESULT = "docs/how-to/read-the-result.md"
 _UNITS = re.compile(
-    r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N m|N m\^2|N m/rad|"
+    r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N|N m|N m\^2|N m/rad|"
     r"N m s/rad)\)"
 )
 
@@ -121,7 +121,7 @@ def _scalar(schema: dict[str, Any], many: bool) -> str:
     word += "s" * many
     if "minimum" in schema and "maximum" in schema:
         return f"{word} from {schema['minimum']} to {schema['maximum']}"
-    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<"}
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
     bounds = [f"{sign} {schema[name]}" for name, sign in signs.items() if name in schema]
     return f"{word} {', '.join(bounds)}".strip()
 

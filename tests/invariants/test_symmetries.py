@@ -9,7 +9,8 @@ import flexarm as fa
 from arm_states import changed, drawn, parts, state_array
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.composite_body import mass_matrix
-from flexarm.kernels.layout import ArmConstants, new_workspace, run_time_sizes
+from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.loads import place_loads, tip_load
 
 EPSILON = np.finfo(float).eps
 seeds = st.integers(0, 10**6)
@@ -91,17 +92,17 @@ def test_gravity_is_an_accelerated_base(seed, gx, gy):
     np.testing.assert_allclose(moving, resting, rtol=0, atol=1e-13 * size)
 
 
-def widened(constants, extra):
-    """The same arm with ``extra`` more padded modes on every body."""
+def widened(arrays, extra):
+    """The same arm, or loads on it, with ``extra`` more padded modes on every body."""
     wide = []
-    for name, array in zip(ArmConstants._fields, constants, strict=True):
+    for name, array in zip(arrays._fields, arrays, strict=True):
         growing = [(0, 0)] * array.ndim
         for axis in range(1, array.ndim):
-            modal = name in ("S", "a", "P", "dP", "w2", "damping")
+            modal = name in ("S", "a", "P", "dP", "w2", "damping", "rows", "slopes")
             square = array.ndim == 3 and array.shape[axis] > 0
             growing[axis] = (0, extra if modal or square else 0)
         wide.append(np.pad(array, growing))
-    return ArmConstants(*wide)
+    return type(arrays)(*wide)
 
 
 @settings(max_examples=30)
@@ -112,11 +113,12 @@ def test_padding_changes_nothing(seed, extra):
     sizes, constants, work = parts(d.arm)
     state = state_array(d.arm, d.q, d.qd)
     torque = d.arm.padded_torque(d.torque)
-    forward_dynamics(sizes, constants, state, torque, d.tip_force, work)
+    loads = place_loads(d.arm, "test", tip_load(d.arm, "test", d.tip_force))
+    forward_dynamics(sizes, constants, state, torque, loads, work)
     wide = widened(constants, extra)
     more = new_workspace(wide)
     wide_state = np.pad(state, [(0, 0), (0, 0), (0, extra)])
-    forward_dynamics(run_time_sizes(wide), wide, wide_state, torque, d.tip_force, more)
+    forward_dynamics(run_time_sizes(wide), wide, wide_state, torque, widened(loads, extra), more)
     width = state.shape[2]
     np.testing.assert_array_equal(more.acceleration[:, :width], work.acceleration)
     assert np.all(more.acceleration[:, width:] == 0.0)  # at rest, and staying there

@@ -5,30 +5,51 @@ material point in the world and adds up kinetic, strain and gravity energy; numb
 differentiate (``jets``) do the rest. No symbol of the package's recursion appears.
 
 World axes: x right, y up, base joint at the origin. Coordinates, in this order for each link: the
-relative joint angle (rad), then its nodal coordinates [v_2, phi_2, v_3, phi_3, ...] (m, rad).
+relative joint angle (rad), then its nodal coordinates [v_2, phi_2, v_3, phi_3, ...] (m, rad); those
+of a link in segments one segment after the other, each from its own root tangent.
+
+For loads, moving bases and reactions every joint may also *slide*: two more coordinates each, world
+x and y of the joint from where the link before puts it. They are held at zero (the first moves with
+the base), and the force that holds them is the joint's reaction.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
 
+from .chain import cut
 from .jets import Jet, Rate, cos, sin
+from .joint_laws import joint_energy, joint_loss
+from .load_points import load_points
 from .material_points import MaterialPoints, material_points
 
 
 @dataclass
 class Energies:
-    """Energies in J and the pose of the tip: x, y in m, angle in rad."""
+    """Energies in J and the pose of the tip: x, y in m, angle in rad. roots: place and
+    tangent angle of the root of every piece; coordinates: what all of it was computed from."""
 
     kinetic: Any = 0.0
     strain: Any = 0.0
     gravity: Any = 0.0
     tip: tuple[Any, Any, Any] = (0.0, 0.0, 0.0)
+    roots: list[tuple[tuple[Rate, Rate], Rate]] = field(default_factory=list)
+    coordinates: Any = None
+
+
+class Moving(NamedTuple):
+    """Accelerations (dof,), motor torques (joints,) N m, forces of the joints on their outboard
+    links (joints, 2), world axes, N."""
+
+    acceleration: np.ndarray
+    torque: np.ndarray
+    joint_force: np.ndarray
 
 
 def half(weight: Any, speed: Any) -> Any:
@@ -39,8 +60,9 @@ def half(weight: Any, speed: Any) -> Any:
 class LagrangianOracle:
     """Dynamics of an arm from its energies.
 
-    spec: the arm's specification. basis: for each link None (nodal coordinates) or the shapes of a
-    reduced model, (2 * elements, m); the coordinates are then the factors of those shapes.
+    spec: the arm's specification. basis: for each link, or segment of one, None (nodal coordinates)
+    or the shapes of a reduced model, (2 * elements, m); the coordinates are then the factors of
+    those shapes.
     precision: number type of the arithmetic inside; results are float64. Mass matrices of serial
     arms have condition numbers up to 1e6, so that accelerations computed from float64 entries are
     good to 1e-10 only: extended numbers keep the oracle out of the error of a comparison, and
@@ -55,19 +77,27 @@ class LagrangianOracle:
     ) -> None:
         self.spec = spec
         self.precision = precision
-        bases = basis if basis is not None else [None] * len(spec.links)
+        self.pieces = cut(spec)
+        self.bases = basis if basis is not None else [None] * len(self.pieces)
         self.points = [
-            material_points(link, shapes, precision)
-            for link, shapes in zip(spec.links, bases, strict=True)
+            material_points(piece.link, shapes, precision)
+            for piece, shapes in zip(self.pieces, self.bases, strict=True)
         ]
         sizes = [points.deflection.shape[1] for points in self.points]
-        starts = np.concatenate([[0], np.cumsum([1 + m for m in sizes])])
+        jointed = [int(piece.joint is not None) for piece in self.pieces]
+        starts = np.concatenate([[0], np.cumsum(np.add(jointed, sizes))]).astype(int)
         self.dof = int(starts[-1])
-        self.joint_index = starts[:-1].astype(int)
-        self.shape_slice = [slice(int(i) + 1, int(j)) for i, j in pairwise(starts)]
+        self.joint_index = starts[:-1][np.array(jointed) == 1]
+        self.shape_slice = [
+            slice(int(i) + jump, int(j))
+            for (i, j), jump in zip(pairwise(starts), jointed, strict=True)
+        ]
         self.stiffness = self._linkwise([p.stiffness_matrix for p in self.points])
         self.damping = self._linkwise(
-            [damping_matrix(link, p) for link, p in zip(spec.links, self.points, strict=True)]
+            [
+                damping_matrix(piece.link, p)
+                for piece, p in zip(self.pieces, self.points, strict=True)
+            ]
         )
         self.damping[self.joint_index, self.joint_index] = [j.damping for j in spec.joints]
 
@@ -81,9 +111,11 @@ class LagrangianOracle:
         """Joint angles (n,) and per link an array of its coordinates, (elements, 2) say, as q."""
         q = np.zeros(self.dof)
         q[self.joint_index] = angles
-        for where, shape in zip(self.shape_slice, shapes, strict=True):
+        for where, piece in zip(self.shape_slice, self.pieces, strict=True):
             if where.stop > where.start:
-                q[where] = np.ravel(shape)
+                shape = np.asarray(shapes[piece.owner])
+                whole = self.spec.links[piece.owner].segments == 1
+                q[where] = np.ravel(shape if whole else shape[piece.rows])
         return q
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
@@ -98,19 +130,67 @@ class LagrangianOracle:
         self, q: np.ndarray, qd: np.ndarray, torque: Any, tip_force: Any = None
     ) -> np.ndarray:
         """qdd (dof,) under joint torques (n,) in N m and a tip load (Fx, Fy) or (Fx, Fy, Mz)."""
-        mass, bias, tip_jacobian = self._lagrange(q, qd)
+        mass, bias, total = self._lagrange(q, qd)
         force = -bias
         force[self.joint_index] += torque
         if tip_force is not None:
-            force += np.asarray(tip_force) @ tip_jacobian[: len(tip_force)]
-        # Unit diagonal: metres and radians would otherwise set the scale of the rounding.
-        scale = 1 / np.sqrt(abs(np.diag(mass)))
-        scaled, force = (scale[:, None] * mass * scale).astype(float), scale * force
-        solution = np.linalg.solve(scaled, force.astype(float))
-        for _ in range(2):  # refinement: reaches the precision of `mass`, not of the solver
-            residual = force - scale[:, None] * mass * scale @ solution
-            solution = solution + np.linalg.solve(scaled, residual.astype(float))
-        return (scale * solution).astype(float)
+            jacobian = np.array([pose.value.first[self.dof :] for pose in total.tip])
+            force += np.asarray(tip_force) @ jacobian[: len(tip_force)]
+        return solved(mass, force)
+
+    def moving(
+        self,
+        q: np.ndarray,
+        qd: np.ndarray,
+        torque: Any,
+        *,
+        loads: Sequence[Any] = (),
+        base_velocity: Any = (0.0, 0.0),
+        base_acceleration: Any = (0.0, 0.0),
+        given: Mapping[int, float] | None = None,
+    ) -> Moving:
+        """What the arm does under loads, on a moving base, with joints that follow a motion.
+
+        torque: (joints,) N m, ignored for the joints that ``given`` (by number from 1) assigns an
+        acceleration, rad/s^2.
+        """
+        n, k = self.dof, 2 * len(self.joint_index)
+        slid, sliding = np.zeros(k), np.zeros(k)
+        sliding[:2] = base_velocity
+        mass, bias, total = self._lagrange(np.append(q, slid), np.append(qd, sliding))
+        force = self._load_force(total, loads, n + k) - bias
+        motor = np.array(torque, dtype=float)
+        qdd = np.zeros(n + k)
+        qdd[n : n + 2] = base_acceleration
+        free = np.ones(n + k, dtype=bool)
+        free[n:] = False
+        for joint, acceleration in (given or {}).items():
+            free[self.joint_index[joint - 1]] = False
+            qdd[self.joint_index[joint - 1]] = acceleration
+            motor[joint - 1] = 0.0
+        force[self.joint_index] += motor
+        part = np.ix_(free, free)
+        qdd[free] = solved(mass[part], force[free] - mass[np.ix_(free, ~free)] @ qdd[~free])
+        missing = mass @ qdd - force  # what the constraints give
+        for joint in given or {}:
+            motor[joint - 1] = float(missing[self.joint_index[joint - 1]])
+        return Moving(qdd[:n], motor, missing[n:].astype(float).reshape(-1, 2))
+
+    def _load_force(self, total: Energies, loads: Sequence[Any], size: int) -> np.ndarray:
+        """Generalised force (size,) of loads on the coordinates, slides included."""
+        force = np.zeros(size, dtype=self.precision)
+        own = slice(size, 2 * size)  # derivatives by coordinates follow those by rates
+        for load in load_points(loads, self.pieces, self.bases, self.precision):
+            root, frame = total.roots[load.piece]
+            shape = total.coordinates[self.shape_slice[load.piece]]
+            x = load.x
+            if self.spec.theory == "second_order":
+                slope = load.inner_slope @ shape
+                x = load.running @ (slope * slope) * -0.5 + x
+            at = place(root, frame, x, load.deflection @ shape)
+            section = frame + load.slope @ shape
+            force += load.generalised_force(at, section, frame, own)
+        return force
 
     def energy(self, q: np.ndarray, qd: np.ndarray) -> tuple[float, float, float]:
         """Kinetic, strain and gravity energy in J; gravity is zero for mass at the origin."""
@@ -129,36 +209,44 @@ class LagrangianOracle:
         x, y, angle = self._energies(Rate(np.asarray(q, dtype=float), np.zeros(self.dof))).tip
         return float(x.value), float(y.value), float(angle.value)
 
-    def _lagrange(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mass matrix, bias force and Jacobian of the tip pose (3, dof).
+    def _lagrange(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, Energies]:
+        """Mass matrix and bias force of coordinates with or without slides, and the energies.
 
         d/dt dT/dqd - dT/dq + dU/dq = Q, with d/dt dT/dqd = T_{qd qd} qdd + T_{qd q} qd.
         """
-        n = self.dof
+        n = len(q)
         variables = Jet.variables(np.concatenate([qd, q]).astype(self.precision), rows=n)
         total = self._energies(Rate(value=variables[n:], rate=variables[:n]))
         kinetic, potential = total.kinetic, total.strain + total.gravity
         mass = kinetic.second[:, :n]
         bias = kinetic.second[:, n:] @ qd - kinetic.first[n:] + potential.first[n:]
-        jacobian = np.array([pose.value.first[n:] for pose in total.tip])
-        return mass, bias + self.damping @ qd, jacobian
+        bias[: self.dof] += self.damping @ qd[: self.dof]
+        for joint, place_in_q in zip(self.spec.joints, self.joint_index, strict=True):
+            bias[place_in_q] -= joint_loss(joint, q[place_in_q], qd[place_in_q])
+        return mass, bias, total
 
     def _energies(self, q: Rate) -> Energies:
         """Walk outward and add up. ``q`` holds the coordinates and their rates."""
-        spec, total = self.spec, Energies()
+        spec, total = self.spec, Energies(coordinates=q)
+        slides = np.shape(getattr(q.value, "value", q.value))[0] > self.dof
         origin, angle = (q[0] * 0.0, q[0] * 0.0), q[0] * 0.0  # joint, and what carries it
-        for i, (link, joint, points) in enumerate(
-            zip(spec.links, spec.joints, self.points, strict=True)
-        ):
-            if i > 0:
-                self._point_mass(total, joint.mass, origin)
-                total.kinetic += half(joint.housing_inertia, angle.rate)
-            angle = angle + q[self.joint_index[i]]
-            total.kinetic += half(joint.hub_inertia, angle.rate)
+        for i, (piece, points) in enumerate(zip(self.pieces, self.points, strict=True)):
+            if piece.joint is not None:
+                if i > 0:
+                    self._point_mass(total, piece.joint.mass, origin)
+                    total.kinetic += half(piece.joint.housing_inertia, angle.rate)
+                if slides:
+                    slide = self.dof + 2 * piece.owner
+                    origin = (origin[0] + q[slide], origin[1] + q[slide + 1])
+                turned = q[self.joint_index[piece.owner]]
+                angle = angle + turned
+                total.strain += joint_energy(piece.joint, turned.value)
+                total.kinetic += half(piece.joint.hub_inertia, angle.rate)
+            total.roots.append((origin, angle))
             shape = q[self.shape_slice[i]]
             self._link(total, points, origin, angle, shape)
 
-            tip_x: Any = link.length
+            tip_x: Any = piece.link.length
             if spec.theory == "second_order":
                 tip_x = foreshortening(points.whole, points, shape) + tip_x
             origin = place(origin, angle, tip_x, points.tip_deflection @ shape)
@@ -200,6 +288,18 @@ class LagrangianOracle:
         u = foreshortening(points.running, points, shape)
         total.kinetic += truncated_kinetic(points, origin, angle, u, v)
         total.gravity += self._gravity(points.mass, place(origin, angle, u + points.x, v))
+
+
+def solved(mass: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """``mass^-1 force`` to the precision of the two, float64."""
+    # Unit diagonal: metres and radians would otherwise set the scale of the rounding.
+    scale = 1 / np.sqrt(abs(np.diag(mass)))
+    scaled, force = (scale[:, None] * mass * scale).astype(float), scale * force
+    solution = np.linalg.solve(scaled, force.astype(float))
+    for _ in range(2):  # refinement: reaches the precision of `mass`, not of the solver
+        residual = force - scale[:, None] * mass * scale @ solution
+        solution = solution + np.linalg.solve(scaled, residual.astype(float))
+    return (scale * solution).astype(float)
 
 
 def place(origin: tuple[Rate, Rate], angle: Rate, x: Any, y: Any) -> tuple[Rate, Rate]:

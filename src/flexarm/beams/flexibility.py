@@ -4,6 +4,7 @@ On a fine mesh the stiffness matrix is ill conditioned (its condition number gro
 power of the number of elements), and frequencies taken from it are blurred by that much rounding:
 with 256 elements the lowest one keeps five digits. A clamped root makes a better way possible: the
 curvature, linear in each element, is integrated twice from the root. Such sums lose nothing.
+With shear the angle of an element, which follows from its curvature, is integrated along.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from flexarm.beams.hermite import FloatArray
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature
+from flexarm.beams.shear import element_integrals, shear_parameters
 
 
 def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
@@ -21,10 +23,11 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     In element e (length h, xi from 0 to 1) the curvature is `c_0 + c_1 sqrt(3) (2 xi - 1)`, and
     `z_e = sqrt(h) R c` with `R^T R` the integral of EI over the products of the two functions, so
     the strain energy is |z|^2 / 2. Hence `F^T K F = 1` and `F F^T` is the flexibility matrix.
+    With shear the angle `-Phi_s h c_1 / (2 sqrt(3))` adds its energy and its deflection; (B.32).
 
     Returns:
-        (n, n) F, with n = 2 * elements; rows `[v_2, phi_2 h, v_3, phi_3 h, ...]`: slopes times
-        the element length (m), so that all rows are lengths.
+        (n, n) F, with n = 2 * elements; rows `[v_2, phi_2 h, v_3, phi_3 h, ...]`: rotations
+        times the element length (m), so that all rows are lengths.
 
     Raises:
         numpy.linalg.LinAlgError: the bending stiffness of an element is not positive.
@@ -39,14 +42,22 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
         quadrature.element,
         (quadrature.weights * stiffness)[:, None, None] * basis[:, :, None] * basis[:, None, :],
     )
+    parameters = shear_parameters(table, quadrature)
+    if table.shear_rigidity is not None:
+        shear = np.interp(quadrature.points, table.x, table.shear_rigidity)
+        gram[:, 1, 1] += element_integrals(quadrature, shear) * (parameters * h) ** 2 / 12.0
     # z = R c sqrt(h) with gram = h R^T R = lower lower^T, so c = lower^-T z.
     curvature = np.linalg.inv(np.linalg.cholesky(gram)).transpose(0, 2, 1)
-    # Gains of (v, phi h) over an element from its curvature: slope h^2 c_0, deflection
-    # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi.
-    gains = h**2 * np.array([[0.5, -np.sqrt(3.0) / 6.0], [1.0, 0.0]]) @ curvature
+    # Gains of (v, phi h) over an element from its curvature: rotation h^2 c_0, deflection
+    # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi. The shear
+    # angle times h adds Phi_s times the part with c_1.
+    from_curvature = np.zeros((elements, 2, 2))
+    from_curvature[:, 0, 0], from_curvature[:, 1, 0] = 0.5, 1.0
+    from_curvature[:, 0, 1] = -np.sqrt(3.0) / 6.0 * (1.0 + parameters)
+    gains = h**2 * from_curvature @ curvature
     spread = np.zeros((elements, 2, elements, 2))
     each = np.arange(elements)
     spread[each, :, each, :] = gains
-    slope = np.cumsum(spread[:, 1], axis=0)
-    deflection = np.cumsum(spread[:, 0] + slope - spread[:, 1], axis=0)
-    return np.stack([deflection, slope], axis=1).reshape(2 * elements, 2 * elements)
+    rotation = np.cumsum(spread[:, 1], axis=0)
+    deflection = np.cumsum(spread[:, 0] + rotation - spread[:, 1], axis=0)
+    return np.stack([deflection, rotation], axis=1).reshape(2 * elements, 2 * elements)

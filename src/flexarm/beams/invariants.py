@@ -6,12 +6,18 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from flexarm.beams.assembly import beam_matrices, nodal_shapes, product_integral
+from flexarm.beams.assembly import (
+    beam_matrices,
+    nodal_rotations,
+    nodal_shapes,
+    product_integral,
+)
 from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.hermite import FloatArray
 from flexarm.beams.modes import beam_basis
 from flexarm.beams.properties import BeamTable, beam_table
 from flexarm.beams.quadrature import BeamQuadrature, beam_quadrature
+from flexarm.beams.shear import PointShapes, point_shapes, shear_parameters
 from flexarm.errors import InputError, Problem, check_array, shown
 
 
@@ -19,9 +25,10 @@ from flexarm.errors import InputError, Problem, check_array, shown
 class LinkConstants:
     """Floating-frame integrals of one link over its m mass-normalised shapes Phi.
 
-    Frame: origin at the root, x along the tangent there, deflection `v(x) = Phi(x)^T eta`. mu is
-    the mass per length, rho I the rotary inertia per length. Over these shapes the link's own
-    mass matrix is the identity and its stiffness diag(w2). Arrays are read-only.
+    Frame: origin at the root, x normal to the section there, deflection `v(x) = Phi(x)^T eta`,
+    rotation of the section `phi(x) = Psi(x)^T eta`; without shear Psi = Phi', and x is along the
+    tangent. mu is the mass per length, rho I the rotary inertia per length. Over these shapes the
+    link's own mass matrix is the identity and its stiffness diag(w2). Arrays are read-only.
 
     Attributes:
         length: L (m).
@@ -29,22 +36,23 @@ class LinkConstants:
         first_moment: integral of mu x (kg m).
         inertia: integral of mu x^2 + rho I (kg m^2), about the root.
         S: (m,) integral of mu Phi.
-        a: (m,) integral of mu x Phi + rho I Phi'.
+        a: (m,) integral of mu x Phi + rho I Psi.
         P: (m,) Phi at the tip.
-        dP: (m,) Phi' at the tip.
+        dP: (m,) Psi at the tip.
         w2: (m,) stiffness (rad^2/s^2), increasing.
-        rotary: (m, m) integral of rho I Phi' Phi'^T, contained in the identity above.
+        rotary: (m, m) integral of rho I Psi Psi^T, contained in the identity above.
         D0: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x.
         D1: (m, m) integral of mu x g(x).
         residual_inertia: (3,) inertia that is left of a rigid translation and rotation about the
             root once the shapes have followed as well as they can: translation, coupling,
             rotation (kg, kg m, kg m^2); theory page "recursion", (R.6).
-        residual_tip: (2, 2) tip deflection and slope (rows) of what is left of a unit
+        residual_tip: (2, 2) tip deflection and rotation (rows) of what is left of a unit
             translation and rotation (columns).
         G: (m, m) g(L). A bent link is shorter by eta^T G eta / 2 along its root tangent.
         basis: (2 * elements, m) shapes at the nodes: `basis @ eta` is
             `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is left out.
         projector: (m, 2 * elements) `basis^T M`, the way back (mass-orthogonal).
+        shear_parameter: (elements,) 12 EI / (k G A h^2) of each element; 0 without shear.
 
     A rigid link has m = 0 and the same arrays, empty.
     """
@@ -66,6 +74,7 @@ class LinkConstants:
     residual_tip: FloatArray
     basis: FloatArray
     projector: FloatArray
+    shear_parameter: FloatArray
 
     def __post_init__(self) -> None:
         m = self.w2.size
@@ -78,6 +87,7 @@ class LinkConstants:
                     "projector": (m, len(self.basis)),
                     "residual_inertia": (3,),
                     "residual_tip": (2, 2),
+                    "shear_parameter": (self.elements,),
                 }
                 square = field.name in ("rotary", "D0", "D1", "G")
                 shape = wanted.get(field.name, (m, m) if square else (m,))
@@ -93,17 +103,35 @@ class LinkConstants:
         return self._shapes(x, 0)
 
     def slope(self, x: object) -> FloatArray:
-        """Evaluate Phi' at stations x (k,), 0 to length (m): (k, m), rad per unit of eta."""
+        """Evaluate Phi' at stations x (k,), 0 to length (m): (k, m), rad per unit of eta.
+
+        With shear it jumps at element ends; there the value is the outboard element's.
+        """
         return self._shapes(x, 1)
 
+    def rotation(self, x: object) -> FloatArray:
+        """Evaluate Psi, the rotation of the section, as `slope`: which it is without shear."""
+        stations = self._stations(x)
+        return (
+            nodal_rotations(stations, self.length, self.elements, self.shear_parameter) @ self.basis
+        )
+
     def curvature(self, x: object) -> FloatArray:
-        """Evaluate Phi'' at stations x (k,), 0 to length (m): (k, m), 1/m per unit of eta.
+        """Evaluate Psi' at stations x (k,), 0 to length (m): (k, m), 1/m per unit of eta.
 
         It jumps at element ends; there the value is the outboard element's.
         """
         return self._shapes(x, 2)
 
     def _shapes(self, x: object, derivative: int) -> FloatArray:
+        stations = self._stations(x)
+        return (
+            nodal_shapes(stations, self.length, self.elements, derivative, self.shear_parameter)
+            @ self.basis
+        )
+
+    def _stations(self, x: object) -> FloatArray:
+        """Check stations, and move those on the link that rounding has put beside it."""
         stations = check_array("LinkConstants", "x", x, (-1,))
         slack = 1e-9 * self.length  # stations computed as sums may miss the tip by rounding
         outside = (stations < -slack) | (stations > self.length + slack)
@@ -111,8 +139,7 @@ class LinkConstants:
             rule = f"lie between 0 and the length {self.length:g}"
             value = shown(float(stations[outside][0]))
             raise InputError(Problem("LinkConstants", "x", rule, value))
-        inside = np.clip(stations, 0.0, self.length)
-        return nodal_shapes(inside, self.length, self.elements, derivative) @ self.basis
+        return np.clip(stations, 0.0, self.length)
 
 
 def link_constants(
@@ -123,6 +150,7 @@ def link_constants(
     *,
     elements: int,
     modes: int | None = None,
+    shear_rigidity: object = None,
     where: str = "link_constants",
 ) -> LinkConstants:
     """Compute the constants of a flexible link; exact for tables linear between stations.
@@ -132,6 +160,7 @@ def link_constants(
         flexural_rigidity: (p,) EI (N m^2), positive.
         mass_per_length: (p,) mu (kg/m).
         rotary_inertia_per_length: (p,) rho I (kg m); zeros for an Euler-Bernoulli beam.
+        shear_rigidity: (p,) k G A (N), positive, for a Timoshenko beam; None: no shear.
         elements: number of finite elements of equal length.
         modes: reduced shapes to keep, 1 to 2 * elements (see `beams.modes.beam_basis`); None
             keeps the full finite element model.
@@ -140,12 +169,14 @@ def link_constants(
     Raises:
         InputError: a rule above is broken, or the mass matrix is not positive definite.
     """
-    table = beam_table(where, x, flexural_rigidity, mass_per_length, rotary_inertia_per_length)
+    table = beam_table(
+        where, x, flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity
+    )
     _check_count(where, "elements", elements, None)
     if modes is not None:
         _check_count(where, "modes", modes, 2 * elements)
     quadrature = beam_quadrature(table.x, elements)
-    matrices = beam_matrices(table, quadrature)
+    matrices, local = beam_matrices(table, quadrature), point_shapes(table, quadrature)
     shapes = beam_basis(
         matrices, strain_to_nodal(table, quadrature), quadrature.element_length, modes, where
     )
@@ -169,13 +200,14 @@ def link_constants(
         dP=basis[-1].copy(),
         w2=shapes.w2,
         rotary=reduced(matrices.rotary_mass),
-        D0=reduced(product_integral(quadrature, table.outboard_moment(s, 0), 1)),
-        D1=reduced(product_integral(quadrature, table.outboard_moment(s, 1), 1)),
-        G=reduced(product_integral(quadrature, np.ones_like(s), 1)),
-        residual_inertia=_residual_inertia(table, quadrature, left),
+        D0=reduced(product_integral(quadrature, table.outboard_moment(s, 0), local.slope)),
+        D1=reduced(product_integral(quadrature, table.outboard_moment(s, 1), local.slope)),
+        G=reduced(product_integral(quadrature, np.ones_like(s), local.slope)),
+        residual_inertia=_residual_inertia(table, quadrature, local, left),
         residual_tip=left[-2:].copy(),
         basis=basis,
         projector=shapes.projector,
+        shear_parameter=shear_parameters(table, quadrature),
     )
 
 
@@ -219,6 +251,7 @@ def rigid_constants(
         residual_tip=np.array([[1.0, length], [0.0, 1.0]]),
         basis=np.zeros((2 * elements, 0)),
         projector=np.zeros((0, 2 * elements)),
+        shear_parameter=np.zeros(elements),
     )
 
 
@@ -254,13 +287,15 @@ def _left_of_rigid_motion(
     return left
 
 
-def _residual_inertia(table: BeamTable, quadrature: BeamQuadrature, left: FloatArray) -> FloatArray:
+def _residual_inertia(
+    table: BeamTable, quadrature: BeamQuadrature, local: PointShapes, left: FloatArray
+) -> FloatArray:
     """Inertia (3,) of the nodal motions ``left`` (n + 2, 2): translation, coupling, rotation."""
     x = quadrature.points
     mass = np.interp(x, table.x, table.mass_per_length)
     rotary = np.interp(x, table.x, table.rotary_inertia_per_length)
-    M = product_integral(quadrature, mass, 0, with_root=True)
-    M += product_integral(quadrature, rotary, 1, with_root=True)
+    M = product_integral(quadrature, mass, local.deflection, with_root=True)
+    M += product_integral(quadrature, rotary, local.rotation, with_root=True)
     inertia = left.T @ M @ left
     return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])
 

@@ -71,7 +71,7 @@ def beam_basis(
     Args:
         matrices: of the link.
         strain_to_nodal: (n, n) F of `flexibility.strain_to_nodal`.
-        element_length: h (m), the unit of its slope rows.
+        element_length: h (m), the unit of its rotation rows.
         modes: m, or None for all n. One keeps the tip force shape, two the moment shape too.
         where: the link's name, for messages.
 
@@ -82,7 +82,7 @@ def beam_basis(
         R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses",
         AIAA Journal 6(7), 1968, 1313-1319.
     """
-    # Slopes times the element length keep the mass matrix well conditioned on any mesh.
+    # Rotations times the element length keep the mass matrix well conditioned on any mesh.
     units = np.tile([1.0, element_length], len(strain_to_nodal) // 2)
     root_mass = _mass_factor(matrices.mass / np.outer(units, units), where)
     # With M = G G^T and K^-1 = F F^T the modes are the left singular vectors of G^T F, and the

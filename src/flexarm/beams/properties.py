@@ -21,8 +21,10 @@ class BeamTable:
         x: (p,) stations (m), p >= 2, from 0, strictly increasing; the last one is the length.
         flexural_rigidity: (p,) EI (N m^2), positive.
         mass_per_length: (p,) mu (kg/m), not negative, positive somewhere.
-        rotary_inertia_per_length: (p,) rho I (kg m), not negative; zero is Euler-Bernoulli,
-            anything else Rayleigh's beam.
+        rotary_inertia_per_length: (p,) rho I (kg m), not negative; without shear, zero is
+            Euler-Bernoulli, anything else Rayleigh's beam.
+        shear_rigidity: (p,) k G A (N), positive: Timoshenko's beam; None where sections stay
+            normal to the axis.
 
     Build one with `beam_table`, which checks all of this.
     """
@@ -31,6 +33,7 @@ class BeamTable:
     flexural_rigidity: FloatArray
     mass_per_length: FloatArray
     rotary_inertia_per_length: FloatArray
+    shear_rigidity: FloatArray | None = None
 
     @property
     def length(self) -> float:
@@ -68,13 +71,14 @@ def beam_table(
     flexural_rigidity: object,
     mass_per_length: object,
     rotary_inertia_per_length: object,
+    shear_rigidity: object = None,
 ) -> BeamTable:
     """Check a table of section properties and turn it into arrays.
 
     Args:
         where: the link's name, for messages.
-        x, flexural_rigidity, mass_per_length, rotary_inertia_per_length: array-likes of equal
-            length, see `BeamTable`.
+        x, flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity:
+            array-likes of equal length, see `BeamTable`.
 
     Raises:
         InputError: a column has another length than `x`, is not finite or breaks its rule; all
@@ -85,6 +89,8 @@ def beam_table(
     stiffness = check_array(where, "flexural_rigidity", flexural_rigidity, size)
     mass = check_array(where, "mass_per_length", mass_per_length, size)
     rotary = check_array(where, "rotary_inertia_per_length", rotary_inertia_per_length, size)
+    shears = shear_rigidity is not None
+    shear = check_array(where, "shear_rigidity", shear_rigidity, size) if shears else np.ones(size)
     problems = [
         Problem(where, name, rule, _listed(column))
         for name, column, rule, kept in (
@@ -99,12 +105,13 @@ def beam_table(
                 bool(np.all(mass >= 0.0) and np.any(mass > 0.0)),
             ),
             ("rotary_inertia_per_length", rotary, "not be negative", bool(np.all(rotary >= 0.0))),
+            ("shear_rigidity", shear, "be positive", bool(np.all(shear > 0.0))),
         )
         if not kept
     ]
     if problems:
         raise InputError(*problems)
-    return BeamTable(stations, stiffness, mass, rotary)
+    return BeamTable(stations, stiffness, mass, rotary, shear if shears else None)
 
 
 def _listed(column: FloatArray) -> str:

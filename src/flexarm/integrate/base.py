@@ -24,7 +24,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.kernels.layout import ArmConstants, Sizes, Workspace
+from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +36,7 @@ class Status(IntEnum):
     PAUSED = 1
     STEP_UNDERFLOW = 2
     NOT_FINITE = 3
+    INERTIA_LOST = 4
 
     @property
     def sentence(self) -> str:
@@ -49,11 +50,12 @@ _SENTENCES = {
     Status.STEP_UNDERFLOW: "the step size fell below what double precision resolves.",
     Status.NOT_FINITE: "the state is no longer finite: the step is too long for the stiffest "
     "mode, or the arm is unstable.",
+    Status.INERTIA_LOST: "a joint no longer feels any inertia.",
 }
 
 
 class Drive(NamedTuple):
-    """Torques and tip force over time, as the kernels read them.
+    """Torques and loads over time, as the kernels read them.
 
     The torque is a piecewise cubic: on piece k, ``sum_p coefficients[k, p] (t - breaks[k])^p``.
     Before the first break the first piece goes on, after the last break the last piece.
@@ -62,7 +64,10 @@ class Drive(NamedTuple):
     breaks: FloatArray  # (pieces + 1,) s, ascending
     coefficients: FloatArray  # (pieces, 4, n) N m / s^p
     stops: FloatArray  # (stops,) s, ascending: times where the torque is not smooth
-    tip_force: FloatArray  # (3,) N, N, N m, world axes
+    loads: Loads  # ``value`` and ``base_acceleration`` are overwritten as time goes on
+    amplitude: FloatArray  # (k, 3) of the loads at factor one
+    factor_breaks: FloatArray  # (pieces + 1,) s
+    factor_coefficients: FloatArray  # (pieces, 4, k + 2) factors, base acceleration x, y
 
 
 class System(NamedTuple):

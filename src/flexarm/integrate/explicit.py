@@ -21,7 +21,7 @@ from flexarm.integrate.torque import rates_of, slope_at
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.layout import Array, Sizes
 
-_DONE, _PAUSED, _STEP_UNDERFLOW, _NOT_FINITE = 0, 1, 2, 3
+_DONE, _PAUSED, _STEP_UNDERFLOW, _NOT_FINITE, _INERTIA_LOST = 0, 1, 2, 3, 4
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 #: A step shorter than this part of the clock's reading no longer moves it reliably.
@@ -102,6 +102,16 @@ def _all_finite(system: System, state: Array) -> bool:
                 if not math.isfinite(state[level, i, j]):
                     return False
     return True
+
+
+@merged
+def _inertia_left(system: System) -> bool:
+    """Whether every free joint felt a positive inertia when the dynamics was evaluated last."""
+    lowest = 1.0
+    for i in range(len(system.sizes.bodies)):
+        if system.constants.free[i] != 0.0:
+            lowest = min(lowest, system.work.joint[i, 2])
+    return lowest > 0.0
 
 
 @merged
@@ -208,6 +218,10 @@ def advance_explicit(
         if adaptive and not error_needs_new:
             rates_of(system, t_new, from_left, new, torque, stages, s)
             counts[3] += 1
+
+        # The last evaluation was at the new point: do not step past a singular mass matrix.
+        if not _inertia_left(system):
+            return _INERTIA_LOST
 
         # The step stands: samples inside it, then on.
         extra = False

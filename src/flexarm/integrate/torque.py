@@ -36,6 +36,25 @@ def torque_at(system: System, t: float, from_left: bool, torque: Array) -> None:
 
 
 @merged
+def loads_at(system: System, t: float, from_left: bool) -> None:
+    """Set the loads and the base acceleration of time t."""
+    drive = system.drive
+    count = drive.amplitude.shape[0]
+    k = piece_of(drive.factor_breaks, t, from_left)
+    x = t - drive.factor_breaks[k]
+    for j in range(drive.factor_coefficients.shape[2]):
+        value = drive.factor_coefficients[k, 0, j] + x * (
+            drive.factor_coefficients[k, 1, j]
+            + x * (drive.factor_coefficients[k, 2, j] + x * drive.factor_coefficients[k, 3, j])
+        )
+        if j < count:
+            for p in range(3):
+                drive.loads.value[j, p] = drive.amplitude[j, p] * value
+        else:
+            drive.loads.base_acceleration[j - count] = value
+
+
+@merged
 def rates_of(
     system: System,
     t: float,
@@ -47,9 +66,9 @@ def rates_of(
 ) -> None:
     """Write the time derivative of a state (2, n, 1 + m) into ``stages[stage]``."""
     torque_at(system, t, from_left, torque)
-    forward_dynamics(
-        system.sizes, system.constants, state, torque, system.drive.tip_force, system.work
-    )
+    if system.drive.factor_coefficients.shape[2] > 0:
+        loads_at(system, t, from_left)
+    forward_dynamics(system.sizes, system.constants, state, torque, system.drive.loads, system.work)
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             stages[stage, 0, i, j] = state[1, i, j]

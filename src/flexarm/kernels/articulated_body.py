@@ -30,8 +30,10 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.external import apply_loads
+from flexarm.kernels.joint_law import passive_torque
 from flexarm.kernels.kinematics import link_terms
-from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
 
 @compiled
@@ -40,17 +42,18 @@ def forward_dynamics(
     constants: ArmConstants,
     state: Array,
     torque: Array,
-    tip_force: Array,
+    loads: Loads,
     work: Workspace,
 ) -> None:
     """Write the accelerations of a state under joint torques into ``work.acceleration``.
 
-    ``state`` (2, n, 1 + m); ``torque`` (n,) N m on the relative joint angles; ``tip_force``
-    (Fx, Fy, Mz) on the last tip, world axes, N and N m.
+    ``state`` (2, n, 1 + m); ``torque`` (n,) N m on the relative joint angles; of a joint that is
+    not free its acceleration, rad/s^2 (zero for a fixed one).
     """
     link_terms(sizes, constants, state, work)
-    _inward(sizes, constants, state, torque, tip_force, work)
-    _outward(sizes, constants, work)
+    apply_loads(sizes, loads, state, work)
+    _inward(sizes, constants, state, torque, work)
+    _outward(sizes, constants, loads, work)
 
 
 @merged
@@ -88,32 +91,15 @@ def _woodbury(
 
 
 @merged
-def _forces_at_tips(sizes: Sizes, tip_force: Array, work: Workspace) -> None:
-    """Turn the external force from world axes into the axes of each body."""
-    fx = tip_force[0]
-    fy = tip_force[1]
-    for i in range(len(sizes.bodies)):
-        cosine = work.rotation[i, 0]
-        sine = work.rotation[i, 1]
-        turned = cosine * fx + sine * fy
-        fy = cosine * fy - sine * fx
-        fx = turned
-        work.tip_force[i, 0] = fx
-        work.tip_force[i, 1] = fy
-
-
-@merged
 def _inward(
     sizes: Sizes,
     constants: ArmConstants,
     state: Array,
     torque: Array,
-    tip_force: Array,
     work: Workspace,
 ) -> None:
     """From the last body to the first: (R.5) to (R.11)."""
     c = constants
-    _forces_at_tips(sizes, tip_force, work)
     last = len(sizes.bodies) - 1
     Wxx = 0.0
     Wxy = 0.0
@@ -121,9 +107,9 @@ def _inward(
     Wxw = 0.0
     Wyw = 0.0
     Www = 0.0
-    kx = -work.tip_force[last, 0]
-    ky = -work.tip_force[last, 1]
-    kw = -tip_force[2]
+    kx = 0.0
+    ky = 0.0
+    kw = 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
         Wxx = Wxx + c.tip_mass[i]
@@ -258,24 +244,27 @@ def _inward(
         work.drift[i, 1] = bias_y - zy
         work.drift[i, 2] = -zw
 
-        # Eliminate the joint (a fixed one passes everything on), then turn inboard.
+        # Eliminate the joint (one that is not free passes everything on), then turn inboard.
         free = c.free[i]
         inverse = free / (Hww + (1.0 - free))
-        drive = torque[i] - c.joint_damping[i] * state[1, i, 0] - hw
+        given = torque[i] * (1.0 - free)
+        passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
+        drive = torque[i] + passive - hw
         work.joint[i, 0] = Hxw
         work.joint[i, 1] = Hyw
         work.joint[i, 2] = Hww
         work.joint[i, 3] = inverse
         work.joint[i, 4] = drive
+        work.joint[i, 5] = given
         Rxx = Hxx - Hxw * Hxw * inverse
         Rxy = Hxy - Hxw * Hyw * inverse
         Ryy = Hyy - Hyw * Hyw * inverse
         Rxw = Hxw * (1.0 - free)
         Ryw = Hyw * (1.0 - free)
         Rww = Hww * (1.0 - free)
-        hx += Hxw * drive * inverse
-        hy += Hyw * drive * inverse
-        kw = hw * (1.0 - free) + free * (hw + drive)
+        hx += Hxw * (drive * inverse + given)
+        hy += Hyw * (drive * inverse + given)
+        kw = hw + Hww * given + free * drive
         cosine = work.rotation[i, 0]
         sine = work.rotation[i, 1]
         cross = 2.0 * cosine * sine * Rxy
@@ -290,11 +279,11 @@ def _inward(
 
 
 @merged
-def _outward(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None:
+def _outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspace) -> None:
     """From the base to the tip: (R.12) to (R.14). Gravity is an acceleration of the base."""
     c = constants
-    Ax = -c.gravity[0]
-    Ay = -c.gravity[1]
+    Ax = loads.base_acceleration[0] - c.gravity[0]
+    Ay = loads.base_acceleration[1] - c.gravity[1]
     Aw = 0.0
     for i in range(len(sizes.bodies)):
         cosine = work.rotation[i, 0]
@@ -303,7 +292,7 @@ def _outward(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None:
         Ay = cosine * Ay - sine * Ax
         Ax = turned
         pull = work.joint[i, 0] * Ax + work.joint[i, 1] * Ay + work.joint[i, 2] * Aw
-        joint_acceleration = (work.joint[i, 4] - pull) * work.joint[i, 3]
+        joint_acceleration = (work.joint[i, 4] - pull) * work.joint[i, 3] + work.joint[i, 5]
         work.acceleration[i, 0] = joint_acceleration
         Aw = Aw + joint_acceleration
 

@@ -10,6 +10,7 @@ index       meaning
 ``m``       modes of the widest body
 ``c``       ``m`` where some body has a centrifugal matrix other than the identity, else 0
 ``g``       ``m`` with the second-order theory, else 0
+``laws``    1 where some joint has friction or stops, else 0
 ==========  =====================================================================================
 
 The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates; in each
@@ -38,6 +39,7 @@ class Sizes(NamedTuple):
     modes: Any
     centrifugal: Any
     geometric: Any
+    joint_laws: Any
 
 
 class ArmConstants(NamedTuple):
@@ -62,9 +64,32 @@ class ArmConstants(NamedTuple):
     N: Array  # (n, 3) P.P, P.dP, dP.dP
     tip_mass: Array  # (n,) kg, point mass carried by the body's tip
     tip_inertia: Array  # (n,) kg m^2, turning with the tip section
-    free: Array  # (n,) 1.0 for a joint that turns, 0.0 for a fixed one
-    joint_damping: Array  # (n,) N m s
+    free: Array  # (n,) 1.0 for a joint moved by forces, 0.0: fixed, or its motion is given
+    joint_damping: Array  # (n,) N m s/rad
+    joint_stiffness: Array  # (n,) N m/rad, spring beside the motor
+    joint_rest: Array  # (n,) rad, where that spring is free
+    friction: Array  # (n, 4) Coulomb N m, rise to static N m, Stribeck and smoothing rate rad/s
+    limits: Array  # (n, 4) lower, upper rad, stiffness N m/rad, damping s/rad
+    joint_laws: Array  # (1,) where some joint has friction or stops, else (0,)
     gravity: Array  # (2,) m/s^2, world axes
+
+
+class Loads(NamedTuple):
+    """External loads at one instant, besides gravity and the joint torques.
+
+    A load is a force and a moment at a station of a body, or spread along it; spread ones are
+    stored as integrals of their density p(x).
+    """
+
+    body: Array  # (k,) integers
+    weight: Array  # (k,) 1 at a station; int p dx
+    lever: Array  # (k,) m, station x; int p x dx
+    rows: Array  # (k, m) Phi(x); int p Phi dx
+    slopes: Array  # (k, m) Phi'(x), for the moment
+    shortening: Array  # (k, g, g) g(x); int p g dx
+    follower: Array  # (k,) 1.0: force in the axes of the body; 0.0: in world axes
+    value: Array  # (k, 3) Fx, Fy, Mz: N, N, N m (spread: per unit of the density)
+    base_acceleration: Array  # (2,) m/s^2 of the base joint, world axes
 
 
 class Workspace(NamedTuple):
@@ -86,10 +111,10 @@ class Workspace(NamedTuple):
     Nx: Array  # (n, 3) first row of N = F F'
     drift: Array  # (n, 3) tip acceleration at zero root acceleration and zero tip force
     gain: Array  # (n, 3, 4) tip force per root acceleration, and at none
-    joint: Array  # (n, 5) U_x, U_y, U_w, free / D, tau - h_w
+    joint: Array  # (n, 6) U_x, U_y, U_w, free / D, tau - h_w, given acceleration
     root_acceleration: Array  # (n, 3) of the joint less gravity, body axes (inverse dynamics)
     tip_acceleration: Array  # (n, 3) of the tip, likewise
-    tip_force: Array  # (n, 2) external force at the tip, in each body's axes, N
+    world: Array  # (n, 2) cosine, sine of the absolute angle of the body axes (with loads)
 
 
 def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace:
@@ -117,10 +142,31 @@ def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace
         Nx=zeros(n, 3),
         drift=zeros(n, 3),
         gain=zeros(n, 3, 4),
-        joint=zeros(n, 5),
+        joint=zeros(n, 6),
         root_acceleration=zeros(n, 3),
         tip_acceleration=zeros(n, 3),
-        tip_force=zeros(n, 2),
+        world=zeros(n, 2),
+    )
+
+
+def no_loads(constants: ArmConstants) -> Loads:
+    """Return the loads of an arm that nothing acts on."""
+    return empty_loads(constants, 0)
+
+
+def empty_loads(constants: ArmConstants, count: int) -> Loads:
+    """Allocate ``count`` loads of no magnitude on the first body's root, to be filled in."""
+    m, g = constants.S.shape[1], constants.D0.shape[1]
+    return Loads(
+        body=np.zeros(count, dtype=np.intp),
+        weight=np.zeros(count),
+        lever=np.zeros(count),
+        rows=np.zeros((count, m)),
+        slopes=np.zeros((count, m)),
+        shortening=np.zeros((count, g, g)),
+        follower=np.zeros(count),
+        value=np.zeros((count, 3)),
+        base_acceleration=np.zeros(2),
     )
 
 
@@ -135,6 +181,7 @@ def compile_time_sizes(constants: ArmConstants) -> Sizes:
     return Sizes(*((0,) * count for count in _counts(constants)))
 
 
-def _counts(constants: ArmConstants) -> tuple[int, int, int, int]:
+def _counts(constants: ArmConstants) -> tuple[int, ...]:
     n, m = constants.S.shape
-    return n, m, constants.centrifugal.shape[1], constants.D0.shape[1]
+    c, g = constants.centrifugal.shape[1], constants.D0.shape[1]
+    return n, m, c, g, constants.joint_laws.size

@@ -6,8 +6,10 @@ Theory page "recursion", (R.15) to (R.17). Symbols as in ``articulated_body``.
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.external import apply_loads
+from flexarm.kernels.joint_law import passive_torque
 from flexarm.kernels.kinematics import link_terms
-from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
 
 @compiled
@@ -16,7 +18,7 @@ def inverse_dynamics(
     constants: ArmConstants,
     state: Array,
     acceleration: Array,
-    tip_force: Array,
+    loads: Loads,
     work: Workspace,
 ) -> None:
     """Write generalised forces (n, 1 + m) into ``work.force`` and reactions into ``work.wrench``.
@@ -25,18 +27,19 @@ def inverse_dynamics(
     wrench (n, 3) is what the joint gives to its body, at the joint, in the body's axes.
     """
     link_terms(sizes, constants, state, work)
-    _accelerations(sizes, constants, acceleration, work)
-    _wrenches(sizes, constants, state, acceleration, tip_force, work)
+    apply_loads(sizes, loads, state, work)
+    _accelerations(sizes, constants, acceleration, loads, work)
+    _wrenches(sizes, constants, state, acceleration, work)
 
 
 @merged
 def _accelerations(
-    sizes: Sizes, constants: ArmConstants, acceleration: Array, work: Workspace
+    sizes: Sizes, constants: ArmConstants, acceleration: Array, loads: Loads, work: Workspace
 ) -> None:
     """Outwards: accelerations of each body's root and tip, in the body's axes."""
     c = constants
-    Ax = -c.gravity[0]
-    Ay = -c.gravity[1]
+    Ax = loads.base_acceleration[0] - c.gravity[0]
+    Ay = loads.base_acceleration[1] - c.gravity[1]
     Aw = 0.0
     for i in range(len(sizes.bodies)):
         cosine = work.rotation[i, 0]
@@ -70,24 +73,14 @@ def _wrenches(
     constants: ArmConstants,
     state: Array,
     acceleration: Array,
-    tip_force: Array,
     work: Workspace,
 ) -> None:
     """Inwards: wrench at each root, generalised force of each coordinate."""
     c = constants
     last = len(sizes.bodies) - 1
-    # Towards the base the external force turns with the axes: start from its image at the tip.
-    fx = tip_force[0]
-    fy = tip_force[1]
-    for i in range(len(sizes.bodies)):
-        cosine = work.rotation[i, 0]
-        sine = work.rotation[i, 1]
-        turned = cosine * fx + sine * fy
-        fy = cosine * fy - sine * fx
-        fx = turned
-    kx = -fx
-    ky = -fy
-    kw = -tip_force[2]
+    kx = 0.0
+    ky = 0.0
+    kw = 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
         Ax = work.root_acceleration[i, 0]
@@ -118,7 +111,8 @@ def _wrenches(
         for j in range(len(sizes.geometric)):
             rx -= work.shortening[i, j] * acceleration[i, 1 + j]
             work.force[i, 1 + j] += work.Fx[i, j] * kx - work.shortening[i, j] * Ax
-        work.force[i, 0] = c.free[i] * (rw + c.joint_damping[i] * state[1, i, 0])
+        passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
+        work.force[i, 0] = c.free[i] * (rw - passive)
         work.wrench[i, 0] = rx
         work.wrench[i, 1] = ry
         work.wrench[i, 2] = rw
@@ -135,13 +129,13 @@ def inverse_dynamics_many(
     constants: ArmConstants,
     states: Array,
     accelerations: Array,
-    tip_force: Array,
+    loads: Loads,
     work: Workspace,
     forces: Array,
 ) -> None:
     """Inverse dynamics of many states: (samples, 2, n, 1 + m), (samples, n, 1 + m)."""
     for k in range(states.shape[0]):
-        inverse_dynamics(sizes, constants, states[k], accelerations[k], tip_force, work)
+        inverse_dynamics(sizes, constants, states[k], accelerations[k], loads, work)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
                 forces[k, i, j] = work.force[i, j]

@@ -9,6 +9,7 @@ rates; then deflection and slope of its tip from the root tangent (m, rad), and 
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled
+from flexarm.kernels.joint_law import joint_energy
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.numbers import cos, sin
 
@@ -86,6 +87,8 @@ def energies(
 ) -> None:
     """Fill ``energy`` (3,): kinetic, strain, gravity, in J; zero gravity energy at the base.
 
+    Strain energy includes that of springs and stops at the joints.
+
     Also fills ``body_poses`` and ``tip`` as ``poses`` does.
     """
     c = constants
@@ -95,6 +98,7 @@ def energies(
     potential = 0.0
     last = len(sizes.bodies) - 1
     for i in range(len(sizes.bodies)):
+        strain += joint_energy(sizes, c, i, state[0, i, 0])
         angle = body_poses[i, 2]
         w = body_poses[i, 5]
         cosine = cos(angle)

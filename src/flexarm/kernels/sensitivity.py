@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled
-from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
 
 #: Small enough that its square vanishes beside any number, far from the smallest double.
@@ -21,7 +21,7 @@ def forward_jacobian(
     constants: ArmConstants,
     state: Array,
     torque: Array,
-    tip_force: Array,
+    loads: Loads,
     work: Workspace,
     by_state: Array,
     by_torque: Array,
@@ -36,7 +36,7 @@ def forward_jacobian(
             for j in range(1 + len(sizes.modes)):
                 kept = state[level, i, j]
                 state[level, i, j] = kept + STEP * 1j
-                forward_dynamics(sizes, constants, state, torque, tip_force, work)
+                forward_dynamics(sizes, constants, state, torque, loads, work)
                 state[level, i, j] = kept
                 for k in range(len(sizes.bodies)):
                     for p in range(1 + len(sizes.modes)):
@@ -44,7 +44,7 @@ def forward_jacobian(
     for i in range(len(sizes.bodies)):
         kept = torque[i]
         torque[i] = kept + STEP * 1j
-        forward_dynamics(sizes, constants, state, torque, tip_force, work)
+        forward_dynamics(sizes, constants, state, torque, loads, work)
         torque[i] = kept
         for k in range(len(sizes.bodies)):
             for p in range(1 + len(sizes.modes)):
@@ -57,7 +57,7 @@ def potential_hessian(
     constants: ArmConstants,
     state: Array,
     acceleration: Array,
-    tip_force: Array,
+    loads: Loads,
     work: Workspace,
     K: Array,
 ) -> None:
@@ -70,7 +70,7 @@ def potential_hessian(
         for j in range(1 + len(sizes.modes)):
             kept = state[0, i, j]
             state[0, i, j] = kept + STEP * 1j
-            inverse_dynamics(sizes, constants, state, acceleration, tip_force, work)
+            inverse_dynamics(sizes, constants, state, acceleration, loads, work)
             state[0, i, j] = kept
             for k in range(len(sizes.bodies)):
                 for p in range(1 + len(sizes.modes)):

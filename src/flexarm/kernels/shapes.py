@@ -16,29 +16,30 @@ def axis_points(
     sizes: Sizes,
     state: Array,
     body_poses: Array,
+    bodies: Array,
     stations: Array,
     rows: Array,
     shortening: Array,
     points: Array,
 ) -> None:
-    """Fill ``points`` (n, k, 2): world coordinates of the neutral axis, m.
+    """Fill ``points`` (k, 2): world coordinates of the neutral axis, m.
 
-    ``body_poses`` from ``observables.poses``; ``stations`` (n, k) m from the joint; ``rows``
-    (n, k, m); ``shortening`` (n, k, g, g), the matrices g(x).
+    ``body_poses`` from ``observables.poses``; ``bodies`` (k,) integers; ``stations`` (k,) m from
+    the body's root; ``rows`` (k, m); ``shortening`` (k, g, g), the matrices g(x).
     """
-    for i in range(len(sizes.bodies)):
+    for k in range(stations.shape[0]):
+        i = bodies[k]
+        v = 0.0
+        for j in range(len(sizes.modes)):
+            v += rows[k, j] * state[0, i, 1 + j]
+        x = stations[k]
+        for j in range(len(sizes.geometric)):
+            for p in range(len(sizes.geometric)):
+                x -= 0.5 * state[0, i, 1 + j] * shortening[k, j, p] * state[0, i, 1 + p]
         cosine = cos(body_poses[i, 2])
         sine = sin(body_poses[i, 2])
-        for k in range(stations.shape[1]):
-            v = 0.0
-            for j in range(len(sizes.modes)):
-                v += rows[i, k, j] * state[0, i, 1 + j]
-            x = stations[i, k]
-            for j in range(len(sizes.geometric)):
-                for p in range(len(sizes.geometric)):
-                    x -= 0.5 * state[0, i, 1 + j] * shortening[i, k, j, p] * state[0, i, 1 + p]
-            points[i, k, 0] = body_poses[i, 0] + cosine * x - sine * v
-            points[i, k, 1] = body_poses[i, 1] + sine * x + cosine * v
+        points[k, 0] = body_poses[i, 0] + cosine * x - sine * v
+        points[k, 1] = body_poses[i, 1] + sine * x + cosine * v
 
 
 @compiled

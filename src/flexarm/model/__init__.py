@@ -11,7 +11,9 @@ from flexarm.model.files import load_arm_spec as load_arm_spec
 from flexarm.model.files import load_scenario as load_scenario
 from flexarm.model.files import save_arm_spec as save_arm_spec
 from flexarm.model.files import save_scenario as save_scenario
+from flexarm.model.joints import Friction as Friction
 from flexarm.model.joints import Joint as Joint
+from flexarm.model.joints import JointLimits as JointLimits
 from flexarm.model.joints import Payload as Payload
 from flexarm.model.links import Gauge as Gauge
 from flexarm.model.links import Link as Link

@@ -1,10 +1,10 @@
-"""A link: an Euler-Bernoulli beam, or a rigid bar, between two joints."""
+"""A link: an Euler-Bernoulli or Timoshenko beam, or a rigid bar, between two joints."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -13,11 +13,16 @@ from flexarm.model.checks import Given, Record
 from flexarm.model.damping import Damping
 from flexarm.model.quantities import Count, Flag, Listed, NonNegative, Number, Positive, plain
 from flexarm.model.sections import MaterialOrName, Section, SectionTable
-from flexarm.model.wording import Fault, refuse
+from flexarm.model.wording import Fault, Path, refuse
 
 MOST_ELEMENTS = 256
 
-_CONSTANTS = ("flexural_rigidity", "mass_per_length", "rotary_inertia_per_length")
+_CONSTANTS = (
+    "flexural_rigidity",
+    "mass_per_length",
+    "rotary_inertia_per_length",
+    "shear_rigidity",
+)
 _WAYS = (
     "A link is described by flexural_rigidity and mass_per_length, by material and section, "
     "or by table."
@@ -43,7 +48,7 @@ Elements = Annotated[
 
 
 class Gauge(Record):
-    """A strain gauge; it reads ``-distance * v''`` at its station."""
+    """A strain gauge; it reads ``-distance`` times the curvature at its station."""
 
     station: NonNegative = Field(description="Distance from the root along the link (m).")
     distance: Number = Field(
@@ -56,7 +61,7 @@ class Link(Record):
 
     Constants (`flexural_rigidity` and `mass_per_length`), `material` and `section`, or a `table`
     along the link. A rigid link (``flexible=False``) needs no `flexural_rigidity` and ignores
-    `elements`, `modes` and `damping`.
+    `elements`, `segments`, `modes` and `damping`.
     """
 
     length: Positive = Field(description="Length (m).")
@@ -69,6 +74,10 @@ class Link(Record):
     rotary_inertia_per_length: NonNegative | None = Field(
         default=None, description="Constant rotary inertia rho I of the section per length (kg m)."
     )
+    shear_rigidity: Positive | None = Field(
+        default=None,
+        description="Constant shear stiffness k G A (N); for links with element: timoshenko.",
+    )
     material: MaterialOrName | None = Field(
         default=None, description="Material, or the name of a preset: steel, aluminium."
     )
@@ -78,10 +87,21 @@ class Link(Record):
     table: SectionTable | None = Field(
         default=None, description="Section properties along the link."
     )
+    element: Literal["euler_bernoulli", "timoshenko"] = Field(
+        default="euler_bernoulli",
+        description="Whether sections stay normal to the axis (euler_bernoulli) or shear "
+        "(timoshenko).",
+    )
     elements: Elements = Field(default=4, description="Number of equal beam elements.")
+    segments: Count = Field(
+        default=1,
+        description="Number of equal pieces, rigidly joined, for large deflection; divides "
+        "elements.",
+    )
     modes: Count | None = Field(
         default=None,
-        description="Number of reduced modes kept; all 2 * elements coordinates where left out.",
+        description="Number of reduced modes kept on each segment; all of its coordinates, two "
+        "for each element, where left out.",
     )
     flexible: Flag = Field(default=True, description="Whether the link bends.")
     rotary_inertia: Flag | None = Field(
@@ -94,21 +114,24 @@ class Link(Record):
     )
     gauges: Listed[Gauge] = Field(default=(), description="Strain gauges on the link.")
 
+    _hints: ClassVar[dict[str, str]] = {"element": "How many there are is said by elements."}
+
     @property
     def coordinates(self) -> int:
-        """Number of elastic coordinates: 0 for a rigid link, `modes`, or ``2 * elements``."""
+        """Number of elastic coordinates: 0 for a rigid link, else those of its segments."""
         if not self.flexible:
             return 0
-        return self.modes or 2 * self.elements
+        return self.segments * (self.modes or 2 * (self.elements // self.segments))
 
     def beam(self) -> SectionTable:
         """Return the section properties along the link, whichever way it is described.
 
         Returns:
             A table from 0 to `length` with at least two points and a column of rotary inertia,
-            zero where switched off; a rigid link may have no `flexural_rigidity`.
+            zero where switched off; `shear_rigidity` for the Timoshenko element alone; a rigid
+            link may have neither `flexural_rigidity` nor `shear_rigidity`.
         """
-        x, rigidity, mass, rotary = self._columns()
+        x, rigidity, mass, rotary, shear = self._columns()
         if self.rotary_inertia is False or rotary is None:
             rotary = (0.0,) * len(x)
         return SectionTable(
@@ -116,10 +139,13 @@ class Link(Record):
             flexural_rigidity=rigidity,
             mass_per_length=mass,
             rotary_inertia_per_length=rotary,
+            shear_rigidity=shear if self.element == "timoshenko" else None,
         )
 
-    def _columns(self) -> tuple[_Column, _Column | None, _Column, _Column | None]:
-        """Return x, flexural rigidity, mass and rotary inertia per length."""
+    def _columns(
+        self,
+    ) -> tuple[_Column, _Column | None, _Column, _Column | None, _Column | None]:
+        """Return x, flexural rigidity, mass, rotary inertia per length, and shear rigidity."""
         if self.table is not None:
             # The last point may differ from the length by the rounding of whoever computed it.
             x = (*self.table.x[:-1], self.length)
@@ -128,26 +154,31 @@ class Link(Record):
                 self.table.flexural_rigidity,
                 self.table.mass_per_length,
                 self.table.rotary_inertia_per_length,
+                self.table.shear_rigidity,
             )
         rigidity, mass = self.flexural_rigidity, self.mass_per_length
-        rotary = self.rotary_inertia_per_length
+        rotary, shear = self.rotary_inertia_per_length, self.shear_rigidity
         if self.material is not None and self.section is not None:
             rigidity = self.material.youngs_modulus * self.section.second_moment
             mass = self.material.density * self.section.area
             rotary = self.material.density * self.section.second_moment
+            effective = self.section.shear_coefficient * self.section.area
+            shear = self.material.shear_modulus * effective
         assert mass is not None  # a link without any description is refused
-        return (0.0, self.length), _twice(rigidity), (mass, mass), _twice(rotary)
+        x = (0.0, self.length)
+        return x, _twice(rigidity), (mass, mass), _twice(rotary), _twice(shear)
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         yield from _description_faults(given)
         yield from _rigid_or_flexible_faults(given)
+        yield from _shear_faults(given)
         if given.has("rotary_inertia") and given.rotary_inertia:
             yield from _rotary_inertia_faults(given)
         if given.has("length", "table"):
             yield from _table_end_faults(given.length, given.table.x[-1])
-        if given.has("elements"):
-            yield from _modes_faults(given)
+        if given.has("elements", "segments"):
+            yield from _mesh_faults(given)
         if given.has("length", "gauges"):
             for i, gauge in enumerate(given.gauges):
                 if gauge.station > given.length:
@@ -199,6 +230,28 @@ def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
         yield Fault(where, "be greater than 0", "0", hint)
 
 
+def _shear_faults(given: Given) -> Iterator[Fault]:
+    """Yield what is missing from a link that shears, or given to one that does not."""
+    if not given.has("element"):
+        return
+    constants = all(given.absent(name) for name in ("table", "material", "section"))
+    if given.has("table"):
+        path: Path = ("table", "shear_rigidity")
+        value, needed = given.table.shear_rigidity, True
+    elif constants:
+        path, value = ("shear_rigidity",), given.raw("shear_rigidity")
+        needed = not given.absent("mass_per_length")
+    else:
+        return
+    if given.element == "euler_bernoulli" and value is not None:
+        hint = "To let the link shear, set element: timoshenko."
+        yield Fault(path, "be left out of an Euler-Bernoulli link", shown(value), hint)
+    flexible = given.has("flexible") and given.flexible
+    if given.element == "timoshenko" and value is None and needed and flexible:
+        hint = "It is k G A, which material and section would give too."
+        yield Fault(path, "be given", "missing", hint)
+
+
 def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
     """Yield a fault where rotary inertia is asked for and nothing gives it."""
     in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
@@ -217,12 +270,18 @@ def _table_end_faults(length: float, end: float) -> Iterator[Fault]:
         yield Fault(("table", "x"), rule, shown(end), "A table reaches from the root to the tip.")
 
 
-def _modes_faults(given: Given) -> Iterator[Fault]:
-    """Yield a fault where more modes are asked for, or damped, than the link has."""
-    most = 2 * given.elements
+def _mesh_faults(given: Given) -> Iterator[Fault]:
+    """Yield a fault where segments do not divide the mesh, or have fewer modes than asked for."""
+    if given.elements % given.segments:
+        rule = f"divide elements, which is {given.elements}"
+        yield Fault(
+            ("segments",), rule, shown(given.segments), "Each segment is a mesh of its own."
+        )
+        return
+    most = 2 * (given.elements // given.segments)
     modes = given.modes if given.has("modes") else None
     if modes is not None and modes > most:
-        rule = f"be at most {most}, twice the number of elements"
+        rule = f"be at most {most}, twice the number of elements of a segment"
         yield Fault(("modes",), rule, shown(modes), "Use more elements, or fewer modes.")
         return
     ratio = given.damping.ratio if given.has("damping") and given.damping.kind == "modal" else ()

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Listed, NonNegative, Number, Positive
+from flexarm.model.quantities import Listed, NonNegative, Number, Positive, finite
 from flexarm.model.wording import Fault, refuse, suggestion
 
 
@@ -23,6 +23,7 @@ def _of_a_section(value: float) -> float:
 
 
 Dimension = Annotated[Positive, AfterValidator(_of_a_section)]
+PoissonsRatio = Annotated[float, Field(gt=-1, le=0.5), BeforeValidator(finite)]
 
 
 class Material(Record):
@@ -30,12 +31,20 @@ class Material(Record):
 
     density: Positive = Field(description="Mass per volume (kg/m^3).")
     youngs_modulus: Positive = Field(description="Young's modulus (Pa).")
+    poissons_ratio: PoissonsRatio = Field(
+        default=0.3, description="Poisson's ratio; counts in links that shear."
+    )
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus (Pa)."""
+        return self.youngs_modulus / (2 * (1 + self.poissons_ratio))
 
 
 MATERIALS = {
     # Round handbook values for structural alloys; a measured modulus belongs in the file.
-    "steel": Material(density=7850.0, youngs_modulus=210e9),
-    "aluminium": Material(density=2700.0, youngs_modulus=70e9),
+    "steel": Material(density=7850.0, youngs_modulus=210e9, poissons_ratio=0.3),
+    "aluminium": Material(density=2700.0, youngs_modulus=70e9, poissons_ratio=0.33),
 }
 
 
@@ -72,6 +81,11 @@ class Rectangle(Record):
         return self.width * self.height**3 / 12
 
     @property
+    def shear_coefficient(self) -> float:
+        """Part of the area that shears as if evenly stressed; theory page "beams", (B.35)."""
+        return 5 / 6
+
+    @property
     def depth(self) -> float:
         """Extent in the plane of motion (m)."""
         return self.height
@@ -92,6 +106,11 @@ class Circle(Record):
     def second_moment(self) -> float:
         """Second moment of area about the bending axis (m^4)."""
         return math.pi * self.diameter**4 / 64
+
+    @property
+    def shear_coefficient(self) -> float:
+        """Part of the area that shears as if evenly stressed; theory page "beams", (B.35)."""
+        return 6 / 7
 
     @property
     def depth(self) -> float:
@@ -128,6 +147,12 @@ class Tube(Record):
         return self.area * squares / 16
 
     @property
+    def shear_coefficient(self) -> float:
+        """Part of the area that shears as if evenly stressed: 6/7 (solid) to 1/2; (B.35)."""
+        ratio = (self._inner_diameter / self.outer_diameter) ** 2
+        return 6 * (1 + ratio) ** 2 / (7 * (1 + ratio) ** 2 + 20 * ratio)
+
+    @property
     def depth(self) -> float:
         """Extent in the plane of motion (m)."""
         return self.outer_diameter
@@ -162,6 +187,15 @@ class Box(Record):
         return self.thickness * (inner_width * squares + self.height**3) / 6
 
     @property
+    def shear_coefficient(self) -> float:
+        """Part of the area that shears as if evenly stressed, for thin walls; (B.35).
+
+        Little else than the two walls of the `height` shears, 5/6 of them in a narrow box.
+        """
+        m = (self.width - self.thickness) / (self.height - self.thickness)
+        return 10 * (1 + 3 * m) ** 2 / (12 + 72 * m + 150 * m**2 + 120 * m**3 + 30 * m**4)
+
+    @property
     def depth(self) -> float:
         """Extent in the plane of motion (m)."""
         return self.height
@@ -186,6 +220,10 @@ class SectionTable(Record):
     rotary_inertia_per_length: Listed[NonNegative] | None = Field(
         default=None, description="Rotary inertia rho I per length at each point (kg m)."
     )
+    shear_rigidity: Listed[Positive] | None = Field(
+        default=None,
+        description="Shear stiffness k G A at each point (N); for links with element: timoshenko.",
+    )
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -193,7 +231,12 @@ class SectionTable(Record):
             return
         yield from _points_faults(given.x)
         points = len(given.x)
-        columns = ("flexural_rigidity", "mass_per_length", "rotary_inertia_per_length")
+        columns = (
+            "flexural_rigidity",
+            "mass_per_length",
+            "rotary_inertia_per_length",
+            "shear_rigidity",
+        )
         for name in filter(given.has, columns):
             if len(getattr(given, name)) != points:
                 value = f"{len(getattr(given, name))} long"

@@ -26,9 +26,11 @@ _SYNONYMS = {
     "ei": "flexural_rigidity",
     "g": "gravity",
     "i": "second_moment",
+    "kga": "shear_rigidity",
     "l": "length",
     "mu": "mass_per_length",
     "nel": "elements",
+    "nu": "poissons_ratio",
     "rho": "density",
     "rhoa": "mass_per_length",
 }

@@ -1,12 +1,13 @@
 """A table for spreadsheets and MATLAB: one row for each time, one column for each number.
 
-The header names every column after its channel, with the unit: ``joint_angle_1 [rad]``, ``tip_x
-[m]``, ``strain_1 [1]``.
+The header names every column after its channel, with the unit: ``joint_angle_1 [rad]``,
+``tip_x [m]``, ``strain_1 [1]``, ``joint_force_2_x [N]``.
 """
 
 from __future__ import annotations
 
 import csv
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,22 +35,28 @@ def columns(result: xr.Dataset) -> list[str]:
 def _parts(result: xr.Dataset, variable: xr.DataArray) -> Iterator[tuple[str, str]]:
     """Yield what tells the columns of a channel apart, and the unit of each."""
     unit = str(variable.attrs.get("units", "1"))
-    if variable.ndim == 1:
-        yield "", unit
-        return
-    (dimension,) = variable.dims[1:]
-    for number, label in enumerate(result[dimension].values, start=1):
-        if dimension == "coordinate":
+    labels = [_labels(result, str(dimension)) for dimension in variable.dims[1:]]
+    for parts in itertools.product(*labels):
+        part = "".join(f"_{label}" for label in parts)
+        if variable.dims[1:] == ("coordinate",):
             # Joint angles and modal coordinates share a channel: "rad or m kg^0.5".
             angle, _, modal = unit.partition(" or ")
-            yield f"_{label}", angle if str(label).startswith("joint") else modal
+            yield part, angle if part.startswith("_joint") else modal
         else:
-            yield f"_{label if dimension == 'axis' else number}", unit
+            yield part, unit
+
+
+def _labels(result: xr.Dataset, dimension: str) -> list[object]:
+    """Axes and coordinates have names; joints, links and gauges are counted from 1."""
+    values = result[dimension].values
+    named = dimension in ("axis", "coordinate")
+    return list(values) if named else list(range(1, values.size + 1))
 
 
 def _write(result: xr.Dataset, path: Path) -> None:
-    blocks = [result["time"].values, *(result[name].values for name in result.data_vars)]
-    table = np.column_stack(blocks)
+    times = result["time"].values
+    blocks = [result[name].values.reshape(times.size, -1) for name in result.data_vars]
+    table = np.column_stack([times, *blocks])
     with open(path, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns(result))

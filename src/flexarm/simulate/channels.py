@@ -28,6 +28,8 @@ _TABLE = (
     Channel("tip_angle", (), "rad", "absolute angle of the last tip tangent"),
     Channel("tip_angle_rate", (), "rad/s", "rate of the tip angle"),
     Channel("torque", ("joint",), "N m", "torque of the joint motors"),
+    Channel("joint_force", ("joint", "axis"), "N", "what the joint gives its outboard link, world"),
+    Channel("joint_moment", ("joint",), "N m", "likewise: torque less the joint's own friction"),
     Channel("kinetic_energy", (), "J", "kinetic energy"),
     Channel("strain_energy", (), "J", "strain energy of bending"),
     Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),

@@ -19,6 +19,15 @@ def channels_of(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
 
 
+def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
+    """Return the absolute angles (samples, links) of root tangents, rad."""
+    constants = arm.assembly.constants
+    slopes = np.einsum("nm,tnm->tn", constants.dP, states[:, 0, :, 1:])
+    joints = np.cumsum(states[:, 0, :, 0], axis=1)
+    before = np.cumsum(slopes, axis=1) - slopes
+    return np.asarray((joints + before)[:, arm.assembly.link_body])
+
+
 def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     assembly = arm.assembly
     count = len(states)
@@ -28,16 +37,17 @@ def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     constants = assembly.constants
     observe_many(run_time_sizes(constants), constants, states, poses, tips, energy)
     link = poses[:, assembly.link_body]
+    bent = _link_tips(arm, poses, tips)
     q, qd = arm.unpadded(states[:, 0]), arm.unpadded(states[:, 1])
     channels = {
         "joint_angle": q[:, assembly.joint_index],
         "joint_rate": qd[:, assembly.joint_index],
         "link_angle": link[:, :, 2],
         "link_rate": link[:, :, 5],
-        "link_tip_deflection": link[:, :, 6],
-        "link_tip_slope": link[:, :, 7],
-        "link_tip_deflection_rate": link[:, :, 8],
-        "link_tip_slope_rate": link[:, :, 9],
+        "link_tip_deflection": bent[:, :, 0],
+        "link_tip_slope": bent[:, :, 1],
+        "link_tip_deflection_rate": bent[:, :, 2],
+        "link_tip_slope_rate": bent[:, :, 3],
         "tip": tips[:, :2],
         "tip_velocity": tips[:, 3:5],
         "tip_angle": tips[:, 2],
@@ -52,3 +62,31 @@ def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
         channels["strain"] = arm.strains(states)
     # Copies, not views: the pose array of a chunk must not stay alive behind a column of it.
     return {name: np.array(values) for name, values in channels.items()}
+
+
+def _link_tips(arm: Arm, poses: FloatArray, tips: FloatArray) -> FloatArray:
+    """Deflection and slope of each link's tip from its root tangent, and their rates.
+
+    (samples, links, 4). Of a link in one piece they are the body's own; over several pieces the
+    slopes add, and the deflection is the tip's distance from the line of the root tangent.
+    """
+    assembly = arm.assembly
+    bent = np.empty((len(poses), arm.joints, 4))
+    for i in range(arm.joints):
+        pieces = assembly.pieces_of(i)
+        first, last = pieces[0].body, pieces[-1].body
+        if first == last:
+            bent[:, i] = poses[:, first, 6:10]
+            continue
+        root = poses[:, first, :6]
+        end = poses[:, last + 1, :6] if last + 1 < len(assembly.pieces) else tips
+        angle = poses[:, last, 2] + poses[:, last, 7] - root[:, 2]
+        rate = poses[:, last, 5] + poses[:, last, 9] - root[:, 5]
+        x, y = (end[:, :2] - root[:, :2]).T
+        vx, vy = (end[:, 3:5] - root[:, 3:5]).T
+        cosine, sine = np.cos(root[:, 2]), np.sin(root[:, 2])
+        along = cosine * x + sine * y
+        deflection = cosine * y - sine * x
+        deflection_rate = cosine * vy - sine * vx - root[:, 5] * along
+        bent[:, i] = np.stack([deflection, angle, deflection_rate, rate], axis=1)
+    return bent

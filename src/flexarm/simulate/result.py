@@ -20,19 +20,20 @@ def make_result(
     arm: Arm,
     times: FloatArray,
     states: FloatArray,
-    torques: FloatArray,
+    forces: dict[str, FloatArray],
     attributes: dict[str, Any],
 ) -> xr.Dataset:
     """Label the samples of a run.
 
     Args:
-        times: (samples,) s. states: (samples, 2, n, 1 + m). torques: (samples, joints) N m.
+        times: (samples,) s. states: (samples, 2, n, 1 + m). forces: channels of joint torques
+            and reactions.
         attributes: plain numbers and strings, so that every file format can keep them.
     """
     import xarray as xr
 
     values = channels_of(arm, states)
-    values["torque"] = torques
+    values |= forces
     variables = {
         name: (("time", *CHANNELS[name].dims), array, _labels(name))
         for name, array in values.items()
@@ -48,10 +49,15 @@ def _labels(name: str) -> dict[str, str]:
 
 def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
     numbers = np.arange(1, arm.joints + 1)
-    names = []
-    for joint, modes in enumerate(arm.assembly.link_modes, start=1):
-        names.append(f"joint_{joint}")
-        names += [f"link_{joint}_mode_{mode}" for mode in range(1, modes + 1)]
+    names = [""] * arm.dof
+    for joint, place in enumerate(arm.joint_index, start=1):
+        names[place] = f"joint_{joint}"
+    for piece in arm.assembly.pieces:
+        label = f"link_{piece.link + 1}"
+        if arm.spec.links[piece.link].segments > 1:
+            label += f"_segment_{piece.body - arm.assembly.link_body[piece.link] + 1}"
+        for mode, place in enumerate(range(arm.dof)[piece.modal], start=1):
+            names[place] = f"{label}_mode_{mode}"
     coordinates: dict[str, Any] = {
         "time": ("time", times, {"units": "s", "long_name": "time"}),
         "joint": ("joint", numbers, {"long_name": "joint, counted from the base"}),

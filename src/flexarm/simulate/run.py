@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,11 @@ from flexarm.control import Controller, Reference
 from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
+from flexarm.loads import Load, tip_load
 from flexarm.simulate.choice import Choice, choose_integrator
+from flexarm.simulate.load_history import load_history
 from flexarm.simulate.meter import Meter
+from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import make_result
 from flexarm.simulate.stepping import ClosedLoop, Run, run_open_loop
 from flexarm.simulate.tolerance import tolerance_of
@@ -49,9 +52,12 @@ def simulate(
     controller: Controller | None = None,
     reference: Reference | None = None,
     plant: Arm | None = None,
+    prescribed: Prescribed | None = None,
     initial: ArrayLike | None = None,
     initial_rate: ArrayLike | None = None,
     tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: ArrayLike | Callable[[float], ArrayLike] | None = None,
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
     step: float | None = None,
@@ -73,10 +79,15 @@ def simulate(
             ``flexarm.Controller``); instead of ``torque``.
         reference: motion for the controller; the arm starts at its beginning.
         plant: the arm that is really simulated, where it differs from ``arm``.
+        prescribed: joints, by number from 1, that follow a given motion exactly; the result's
+            torque is what that takes. Not together with a controller.
         initial: q (dof,), by default straight links at the start of the reference, or of
             ``torque`` where that comes from a motion, else all angles zero.
         initial_rate: qd (dof,), zero by default.
         tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
+        loads: forces and moments anywhere on the arm, constant or with a factor of time.
+        base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it;
+            positions stay relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
         step: fixed step, or first step of a method with step control, s.
@@ -97,6 +108,9 @@ def simulate(
     _check_objects(where, arm, plant, controller)
     if torque is not None and controller is not None:
         raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
+    if prescribed and controller is not None:
+        rule = "be left out where a controller acts"
+        raise InputError(Problem(where, "prescribed", rule, "given"))
     duration = _positive(where, "duration", duration)
     rate = _positive(where, "rate", rate)
     rtol = _positive(where, "rtol", rtol)
@@ -122,13 +136,23 @@ def simulate(
             duration=duration,
             sample_times=times,
             samples=np.empty((len(times), *state.shape)),
-            tip_force=_force(where, tip_force),
+            loads=load_history(
+                simulated,
+                [*tip_load(simulated, where, tip_force), *loads],
+                base_acceleration,
+                duration,
+                max(rtol * _TORQUE_SHARE, 1e-12),
+            ),
             meter=meter,
             specialized=specialized,
         )
         if controller is not None:
             return _closed_loop(run, controller, reference, choice)
         history = _history(where, torque, duration, rate, arm.joints, rtol, torque_interpolation)
+        if prescribed:
+            share = max(rtol * _TORQUE_SHARE, 1e-12)
+            history = prescribe(simulated, prescribed, state, history, duration, share)
+            run.prescribed = tuple(prescribed)
         return _open_loop(run, history, choice)
 
 
@@ -179,7 +203,9 @@ def _result(
         "references": " ".join(integrator.reference),
         "failure": failure,
     }
-    return make_result(run.arm, times, run.samples[:count], torque_at(times), attributes)
+    motor, force, moment = run.reactions(times, torque_at(times))
+    forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
+    return make_result(run.arm, times, run.samples[:count], forces, attributes)
 
 
 def _check_objects(
@@ -203,14 +229,6 @@ def _positive(where: str, name: str, value: object) -> float:
     if number <= 0.0:
         raise InputError(Problem(where, name, "be greater than 0", shown(value)))
     return number
-
-
-def _force(where: str, tip_force: ArrayLike | None) -> FloatArray:
-    if tip_force is None:
-        return np.zeros(3)
-    size = 2 if np.shape(tip_force) == (2,) else 3
-    force = check_array(where, "tip_force", tip_force, (size,))
-    return np.append(force, np.zeros(3 - size))
 
 
 def _initial_state(

@@ -19,11 +19,19 @@ from flexarm.integrate.base import (
     System,
     Tolerance,
 )
+from flexarm.integrate.reactions import reactions_many
 from flexarm.kernels.cache import compile_seconds
-from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
+from flexarm.kernels.layout import (
+    ArmConstants,
+    compile_time_sizes,
+    new_workspace,
+    run_time_sizes,
+)
+from flexarm.simulate.load_history import LoadHistory
 from flexarm.simulate.meter import Meter
+from flexarm.simulate.record import absolute_angles
 from flexarm.simulate.sampled_reference import sampled_reference
-from flexarm.simulate.torque_history import TorqueHistory
+from flexarm.simulate.torque_history import TorqueHistory, constant_torque
 from flexarm.simulate.validity import weakest_joint
 
 #: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
@@ -48,8 +56,9 @@ class Run:
     duration: float
     sample_times: FloatArray
     samples: FloatArray
-    tip_force: FloatArray
+    loads: LoadHistory
     meter: Meter
+    prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is given
     specialized: bool | None = None  # compile for this model size; None decides by the time ahead
     max_steps: int = 64
     started: float = field(default_factory=time.perf_counter)
@@ -57,11 +66,58 @@ class Run:
 
     def system(self, history: TorqueHistory) -> System:
         """Join the arm with a torque history (its joints placed at the bodies)."""
-        constants = self.arm.assembly.constants
+        constants = self._constants()
         coefficients = self.arm.padded_torque(history.coefficients)
-        drive = Drive(history.breaks, coefficients, history.stops, self.tip_force)
+        loads = self.loads
+        stops = np.unique(np.concatenate([history.stops, loads.factors.stops]))
+        drive = Drive(
+            history.breaks,
+            coefficients,
+            stops,
+            # Values of its own: they are overwritten as time goes on.
+            loads.placed._replace(
+                value=loads.placed.value.copy(),
+                base_acceleration=loads.placed.base_acceleration.copy(),
+            ),
+            loads.placed.value,
+            loads.factors.breaks,
+            loads.factors.coefficients,
+        )
         sizes = compile_time_sizes if self.specialized else run_time_sizes
         return System(sizes(constants), constants, drive, new_workspace(constants))
+
+    def _constants(self) -> ArmConstants:
+        """Constants of the arm, with the joints whose motion is given taken from the forces."""
+        constants = self.arm.assembly.constants
+        if not self.prescribed:
+            return constants
+        free = constants.free.copy()
+        free[self.arm.assembly.link_body[np.array(self.prescribed) - 1]] = 0.0
+        free.setflags(write=False)
+        return constants._replace(free=free)
+
+    def reactions(
+        self, times: FloatArray, given: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Motor torques (T, joints), joint forces (T, joints, 2) in world axes, moments.
+
+        ``given`` (T, joints): torques, or accelerations of joints whose motion is given.
+        """
+        arm, states = self.arm, self.samples[: len(times)]
+        n = arm.assembly.bodies
+        system = self.system(constant_torque(np.zeros(arm.joints)))
+        wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
+        torques = arm.padded_torque(given)
+        scratch = np.zeros(states.shape[2:])
+        reactions_many(system, times, states, torques, scratch, wrench, motor)
+        bodies = arm.assembly.link_body
+        angle = absolute_angles(arm, states)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
+        force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
+        # A torque that was given is the motor's to the last digit.
+        moved = np.isin(np.arange(1, arm.joints + 1), self.prescribed)
+        return np.where(moved, motor[:, bodies], given), force, wrench[:, bodies, 2]
 
     def _specialize(self, system: System) -> System:
         """Switch a long run over to code for its own model size; the state does not change."""
@@ -117,7 +173,7 @@ class Run:
                 f" The second-order theory's mass matrix is about to lose its sign at link "
                 f"{link + 1}: it bends more than its mesh allows."
             )
-            hint = "Use modes=2 to 4 on that link, or fewer elements, or theory='linear'."
+            hint = "Give that link segments=2 or more, or modes=2 to 4, or use theory='linear'."
         return SimulationError(self.progress.time, reason, hint, self.state())
 
     def state(self) -> tuple[FloatArray, FloatArray]:

@@ -7,7 +7,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 
 #: A mode that hardly moves the tip still bends the link: its own amplitude counts this much.
 _INTERIOR = 0.1
@@ -46,12 +46,12 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
         return 1.0
     sizes, work = run_time_sizes(c), new_workspace(c)
     n = c.mass.size
-    no_torque, no_force = np.zeros(n), np.zeros(3)
+    no_torque, unloaded = np.zeros(n), no_loads(c)
     at_rest = np.stack([state[0], np.zeros_like(state[0])])
 
     def accelerations(coordinates: FloatArray) -> FloatArray:
         moved = np.stack([coordinates, np.zeros_like(coordinates)])
-        forward_dynamics(sizes, c, moved, no_torque, no_force, work)
+        forward_dynamics(sizes, c, moved, no_torque, unloaded, work)
         return work.acceleration.copy()
 
     origin = accelerations(at_rest[0])

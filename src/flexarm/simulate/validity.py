@@ -7,14 +7,14 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 
 #: A joint that feels less than this part of its inertia at straight links is about to feel none.
 _LEFT = 0.1
 
 
 def weakest_joint(arm: Arm, state: FloatArray) -> int | None:
-    """Return the joint (from 0) whose inertia has all but vanished by bending, or None.
+    """Return the link (from 0) whose joint's inertia has all but vanished by bending, or None.
 
     The second-order theory truncates the kinetic energy, and what it drops keeps the mass matrix
     positive at large deflection (theory page "link"). The articulated inertia D of a joint is its
@@ -31,13 +31,13 @@ def weakest_joint(arm: Arm, state: FloatArray) -> int | None:
     ratio = bent / _joint_inertias(arm, straight)
     ratio[arm.assembly.constants.free == 0.0] = 1.0
     lowest = int(np.argmin(ratio))
-    return lowest if ratio[lowest] < _LEFT else None
+    return arm.assembly.pieces[lowest].link if ratio[lowest] < _LEFT else None
 
 
 def _joint_inertias(arm: Arm, coordinates: FloatArray) -> FloatArray:
     constants = arm.assembly.constants
     work = new_workspace(constants)
     at_rest = np.stack([coordinates, np.zeros_like(coordinates)])
-    no_torque, no_force = np.zeros(arm.assembly.bodies), np.zeros(3)
-    forward_dynamics(run_time_sizes(constants), constants, at_rest, no_torque, no_force, work)
+    no_torque, unloaded = np.zeros(arm.assembly.bodies), no_loads(constants)
+    forward_dynamics(run_time_sizes(constants), constants, at_rest, no_torque, unloaded, work)
     return work.joint[:, 2].copy()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from arm_states import parts, state_array
+from arm_states import parts, state_array, tip_loads
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
@@ -31,9 +31,9 @@ def test_sizes_count_bodies_and_modes():
         run_time_sizes(arm.assembly.constants),
         compile_time_sizes(arm.assembly.constants),
     ):
-        assert [len(part) for part in sizes] == [2, 3, 3, 3]
+        assert [len(part) for part in sizes] == [2, 3, 3, 3, 0]
     sizes = run_time_sizes(two_link_arm("linear").assembly.constants)
-    assert [len(part) for part in sizes] == [2, 3, 0, 0]
+    assert [len(part) for part in sizes] == [2, 3, 0, 0, 0]
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
@@ -44,14 +44,14 @@ def test_compile_time_sizes_give_the_same_numbers(theory):
     rng = np.random.default_rng(2)
     q, qd, qdd = rng.normal(size=(3, arm.dof)) * [[0.02], [0.5], [1.0]]
     state = state_array(arm, q, qd)
-    torque, tip_force = rng.normal(size=2), rng.normal(size=3)
-    forward_dynamics(sizes, constants, state, torque, tip_force, work)
-    forward_dynamics(fixed, constants, state, torque, tip_force, other)
+    torque, loads = rng.normal(size=2), tip_loads(arm, rng.normal(size=3))
+    forward_dynamics(sizes, constants, state, torque, loads, work)
+    forward_dynamics(fixed, constants, state, torque, loads, other)
     # Unrolled sums may be added in another order and fused: rounding of a few dozen terms.
     np.testing.assert_allclose(other.acceleration, work.acceleration, rtol=1e-11)
     acceleration = arm.padded(qdd)
-    inverse_dynamics(sizes, constants, state, acceleration, tip_force, work)
-    inverse_dynamics(fixed, constants, state, acceleration, tip_force, other)
+    inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+    inverse_dynamics(fixed, constants, state, acceleration, loads, other)
     np.testing.assert_allclose(other.force, work.force, rtol=0, atol=1e-13 * abs(work.force).max())
     np.testing.assert_allclose(other.wrench, work.wrench, rtol=1e-12)
     M, same = np.zeros((2, 4, 2, 4)), np.zeros((2, 4, 2, 4))

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from arm_states import changed, drawn, exact_derivative, parts, state_array
+from arm_states import changed, drawn, exact_derivative, parts, state_array, tip_loads
 from flexarm.kernels.articulated_body import forward_dynamics
 
 seeds = st.integers(0, 10**6)
@@ -14,8 +14,8 @@ def complex_accelerations(arm, state, torque, tip_force=(0.0, 0.0, 0.0)):
     """Accelerations (dof,) at a complex state (2, dof)."""
     sizes, constants, work = parts(arm, complex)
     tau = arm.padded_torque(np.asarray(torque)).astype(complex)
-    force = np.asarray(tip_force, dtype=float)
-    forward_dynamics(sizes, constants, state_array(arm, *state).astype(complex), tau, force, work)
+    loads = tip_loads(arm, np.asarray(tip_force, dtype=float))
+    forward_dynamics(sizes, constants, state_array(arm, *state).astype(complex), tau, loads, work)
     return arm.unpadded(work.acceleration)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from arm_states import parts, state_array
+from arm_states import parts, state_array, tip_loads
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import undecorated
 from flexarm.kernels.composite_body import mass_matrix
@@ -61,6 +61,9 @@ class Symbols:
     def state(self):
         return state_array(self.arm, entries(self.q), entries(self.qd))
 
+    def loads(self):
+        return tip_loads(self.arm, entries(self.force))
+
     def work(self):
         return new_workspace(self.arm.assembly.constants, object)
 
@@ -90,9 +93,7 @@ def test_forward_dynamics(arm):
     sizes, constants, _ = parts(arm)
     work = symbols.work()
     torque = arm.padded_torque(entries(symbols.torque))
-    undecorated(forward_dynamics)(
-        sizes, constants, symbols.state(), torque, entries(symbols.force), work
-    )
+    undecorated(forward_dynamics)(sizes, constants, symbols.state(), torque, symbols.loads(), work)
     for q, qd, qdd, tau, force in states(arm):
         found = symbols.values(arm.unpadded(work.acceleration), q, qd, qdd, tau, force)
         # The same operations in the same order, but for fused multiply-adds of the machine code.
@@ -110,7 +111,7 @@ def test_inverse_dynamics(arm):
         constants,
         symbols.state(),
         arm.padded(entries(symbols.qdd)),
-        entries(symbols.force),
+        symbols.loads(),
         work,
     )
     for q, qd, qdd, tau, force in states(arm):

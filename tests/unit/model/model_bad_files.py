@@ -65,8 +65,9 @@ arm:
             ),
             (
                 "9: arm.links[0].colour must be a known key, but is unknown. Known: length, "
-                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, material, section, "
-                "table, elements, modes, flexible, rotary_inertia, damping, gauges."
+                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity, "
+                "material, section, table, element, elements, segments, modes, flexible, "
+                "rotary_inertia, damping, gauges."
             ),
         ],
     ),
@@ -152,8 +153,8 @@ arm:
                 "A ratio is a fraction: 0.01 is one per cent of critical damping."
             ),
             (
-                "20: arm.links[2].modes must be at most 8, twice the number of elements, but is 9. "
-                "Use more elements, or fewer modes."
+                "20: arm.links[2].modes must be at most 8, twice the number of elements of a "
+                "segment, but is 9. Use more elements, or fewer modes."
             ),
             (
                 "23: arm.links[2].gauges[1].station must be at most 2, the length of the link, "
@@ -163,6 +164,53 @@ arm:
             (
                 "25: arm.links[3].section.kind must be one of 'rectangle', 'circle', 'tube', "
                 "'box', but is 'I-beam'."
+            ),
+        ],
+    ),
+    "links that shear": (
+        """\
+flexarm: 1
+arm:
+  links:
+    - {length: 1, flexural_rigidity: 1, mass_per_length: 1, element: timoshenko}
+    - length: 1
+      flexural_rigidity: 1
+      mass_per_length: 1
+      kGA: 1
+    - length: 1
+      flexural_rigidity: 1
+      mass_per_length: 1
+      shear_rigidity: 5
+    - length: 1
+      element: timoshenko
+      table:
+        x: [0, 1]
+        mass_per_length: [1, 1]
+        flexural_rigidity: [1, 1]
+        shear_rigidity: [1, 0]
+    - length: 1
+      material: {density: 1, youngs_modulus: 1, poissons_ratio: 0.6}
+      section: {kind: circle, diameter: 0.1}
+      element: timoshenco
+""",
+        [
+            (
+                "4: arm.links[0].shear_rigidity must be given, but is missing. "
+                "It is k G A, which material and section would give too."
+            ),
+            (
+                "8: arm.links[1].kGA must be a known key, but is unknown. "
+                "Did you mean 'shear_rigidity'?"
+            ),
+            (
+                "12: arm.links[2].shear_rigidity must be left out of an Euler-Bernoulli link, "
+                "but is 5. To let the link shear, set element: timoshenko."
+            ),
+            "19: arm.links[3].table.shear_rigidity[1] must be greater than 0, but is 0.",
+            "21: arm.links[4].material.poissons_ratio must be at most 0.5, but is 0.6.",
+            (
+                "23: arm.links[4].element must be one of 'euler_bernoulli', 'timoshenko', "
+                "but is 'timoshenco'. Did you mean 'timoshenko'?"
             ),
         ],
     ),
@@ -190,8 +238,9 @@ arm:
             ),
             (
                 "5: arm.links[1].5 must be a known key, but is unknown. Known: length, "
-                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, material, section, "
-                "table, elements, modes, flexible, rotary_inertia, damping, gauges."
+                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity, "
+                "material, section, table, element, elements, segments, modes, flexible, "
+                "rotary_inertia, damping, gauges."
             ),
         ],
     ),

@@ -36,7 +36,7 @@ pairs = st.tuples(numbers, numbers)
 walls = st.floats(0.01, 0.49)  # thickness as a part of the outer size; from 0.5 on there is no room
 
 materials = st.sampled_from(["steel", "aluminium"]) | st.builds(
-    Material, density=positive, youngs_modulus=positive
+    Material, density=positive, youngs_modulus=positive, poissons_ratio=st.floats(-0.9, 0.5)
 )
 sections = st.one_of(
     st.builds(Rectangle, width=sizes, height=sizes),
@@ -49,16 +49,17 @@ sections = st.one_of(
 
 
 @st.composite
-def tables(draw, length):
+def tables(draw, length, shears):
     """Draw a section table over [0, length]."""
-    inner = draw(st.lists(st.floats(0.01, 0.99), max_size=3, unique=True))
-    x = [0.0, *(part * length for part in sorted(inner)), length]
+    inner = draw(st.lists(st.integers(1, 99), max_size=3, unique=True))
+    x = [0.0, *(part / 100 * length for part in sorted(inner)), length]
     column = st.lists(positive, min_size=len(x), max_size=len(x))
     return SectionTable(
         x=x,
         flexural_rigidity=draw(column),
         mass_per_length=draw(column),
         rotary_inertia_per_length=draw(st.none() | column),
+        shear_rigidity=draw(column) if shears else None,
     )
 
 
@@ -75,8 +76,11 @@ def links(draw):
         st.builds(RayleighDamping, mass_coefficient=not_negative),
         st.builds(RayleighDamping, stiffness_coefficient=not_negative),
     )
+    element = draw(st.sampled_from(["euler_bernoulli", "timoshenko"]))
+    shears = element == "timoshenko"
     common = {
         "length": length,
+        "element": element,
         "elements": elements,
         "modes": modes,
         "flexible": draw(st.booleans()),
@@ -93,13 +97,14 @@ def links(draw):
             flexural_rigidity=draw(positive),
             mass_per_length=draw(positive),
             rotary_inertia_per_length=rotary,
+            shear_rigidity=draw(positive) if shears else None,
             rotary_inertia=draw(st.none() | st.just(False)),
         )
     rotary = draw(st.none() | st.just(False))
     if way == "section":
         shape = {"material": draw(materials), "section": draw(sections)}
         return Link(**common, **shape, rotary_inertia=rotary)
-    return Link(**common, table=draw(tables(length)), rotary_inertia=rotary)
+    return Link(**common, table=draw(tables(length, shears)), rotary_inertia=rotary)
 
 
 joints = st.builds(

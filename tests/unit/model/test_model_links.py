@@ -159,7 +159,7 @@ def test_coordinates():
             {**CONSTANTS, "elements": 3, "modes": 7},
             [
                 (
-                    "modes must be at most 6, twice the number of elements, but is 7. "
+                    "modes must be at most 6, twice the number of elements of a segment, but is 7. "
                     "Use more elements, or fewer modes."
                 )
             ],

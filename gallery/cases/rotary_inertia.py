@@ -1,0 +1,137 @@
+"""Thick beams: rotary inertia of the sections, and shear."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from flexarm.plot.style import SERIES
+from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
+from gallery.case import Case, Row
+from gallery.drawing import OURS
+from gallery.references import Reference, reference
+
+ELEMENTS, SHEAR_ELEMENTS = 64, 128
+#: EI / kGA over the squared radius of gyration: 2 (1 + 0.3) / (5/6).
+SHEAR = 3.12
+#: Modes shown of (root, slenderness).
+TABLE = {("clamped", 10.0): 4, ("clamped", 100.0): 2, ("pinned", 10.0): 3}
+
+PHYSICS = r"""
+Slender beams bend, and that is all. In a thick one the sections also turn with noticeable inertia
+(*Rayleigh's* beam) and shear against the axis (*Timoshenko's*). Both slow the beam down, the
+higher modes most. With the radius of gyration $r = \sqrt{I/A}$ the *slenderness* is $L/r$; at 10
+these are hardly beams any more, at 100 a typical robot link.
+
+Here $\rho I = \mu r^2$ and, for the shear coefficient 5/6 and Poisson's ratio 0.3,
+$EI/kGA = 3.12\,r^2$.
+
+The package: `rotary_inertia_per_length=...` on a link, and `element="timoshenko"` with
+`shear_rigidity=...`.
+"""
+
+
+@cache
+def lambdas(root: str, slenderness: float, kind: str) -> FloatArray:
+    """Frequencies of the thick beam, kind "rayleigh" or "timoshenko"."""
+    radius_squared = slenderness**-2
+    fields: dict[str, Any] = {"rotary_inertia_per_length": radius_squared}
+    count = ELEMENTS
+    if kind == "timoshenko":
+        count = SHEAR_ELEMENTS
+        fields |= {"element": "timoshenko", "shear_rigidity": 1 / (SHEAR * radius_squared)}
+    return frequencies(unit_beam(count, **fields), joints="locked" if root == "clamped" else "free")
+
+
+def _slender_beta(root: str, mode: int) -> float:
+    """beta L of the slender beam, which decides what a mesh gives."""
+    if root == "clamped":
+        return float(np.sqrt(reference("beams", "clamped").values["lambda"][mode]))
+    return float(reference("beams", "hub").values[0]["beta_L"][mode])
+
+
+def shear_digits(frequency: float, slenderness: float) -> float:
+    """Digits that elements with shear give.
+
+    A mesh misses, in each element, what inertia forces bend and shear an element whose ends are
+    held: per length (mu omega^2 v)^2 (h^4 / 1440 EI + h^2 / 24 kGA) of energy at most. Against the
+    kinetic energy that is lambda^2 (h^4 / 1440 + h^2 EI / 24 kGA) of lambda, L = EI = mu = 1.
+    """
+    h = 1 / SHEAR_ELEMENTS
+    missed = frequency**2 * (h**4 / 1440 + h**2 * SHEAR / slenderness**2 / 24)
+    return -math.log10(missed) - 0.05
+
+
+def quantities() -> list[Row]:
+    rows = []
+    for kind in ("rayleigh", "timoshenko"):
+        known: Reference = reference("beams", kind)
+        for case in known.values:
+            root, slenderness = case["root"], case["slenderness"]
+            for k in range(TABLE.get((root, slenderness), 0)):
+                slender = _slender_beta(root, k)
+                if kind == "rayleigh":
+                    digits, reason = mesh_digits(slender, ELEMENTS), mesh_reason(ELEMENTS)
+                else:
+                    digits = shear_digits(case["lambda"][k], slenderness)
+                    reason = (
+                        f"with shear, a mesh of {SHEAR_ELEMENTS} elements gives λ too high by up "
+                        "to λ² (h⁴/1440 + h² EI/24kGA), with L = EI = μ = 1"
+                    )
+                rows.append(
+                    Row(
+                        f"{kind.capitalize()}, {root}, L/r = {slenderness:g}, λ of mode {k + 1}",
+                        "1",
+                        known.source,
+                        case["lambda"][k],
+                        float(lambdas(root, slenderness, kind)[k]),
+                        digits,
+                        reason,
+                    )
+                )
+    return rows
+
+
+def draw(figure: Figure) -> None:
+    axes = figure.subplots()
+    slenderness = np.geomspace(8, 250, 24)
+    slender = reference("beams", "clamped").values["lambda"]
+    styles = {"rayleigh": (0, (4, 2)), "timoshenko": "solid"}
+    for kind, style in styles.items():
+        found = np.array([lambdas("clamped", float(s), kind)[:3] for s in slenderness])
+        for k in range(3):
+            label = {"rayleigh": "rotary inertia", "timoshenko": "and shear"}[kind]
+            axes.plot(
+                slenderness,
+                found[:, k] / slender[k],
+                color=SERIES[k],
+                linewidth=1.2,
+                linestyle=style,
+                label=f"mode {k + 1}, {label}",
+            )
+        for case in reference("beams", kind).values:
+            if case["root"] == "clamped":
+                for k in range(3):
+                    ratio = case["lambda"][k] / slender[k]
+                    axes.plot(case["slenderness"], ratio, **OURS, color=SERIES[k])
+    axes.set(xscale="log", xlabel="slenderness $L/r$", ylabel="$\\lambda$ / slender beam's")
+    axes.set_xticks([10, 20, 50, 100, 200], ["10", "20", "50", "100", "200"], minor=False)
+    axes.minorticks_off()
+    axes.set_ylim(0.4, 1.02)
+    axes.legend(loc="lower right", ncols=2)
+
+
+CASE = Case(
+    name="rotary-inertia",
+    title="Thick beam",
+    physics=PHYSICS,
+    quantities=quantities,
+    draw=draw,
+    caption="Clamped beam: how far rotary inertia alone (dashed) and shear with it (solid) lower "
+    "the frequencies. Points: known values.",
+    module="gallery/cases/rotary_inertia.py",
+)

@@ -1,0 +1,118 @@
+"""Write the pages of the gallery: a table of everything, and a page with a picture per case."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from flexarm.plot.style import styled
+from gallery.case import Case, Row
+
+FOLDER = Path(__file__).resolve().parent.parent / "docs" / "gallery"
+DPI = 160
+
+#: Rows of a case beside the case.
+Results = Sequence[tuple[Case, Sequence[Row]]]
+
+_INDEX = """# Validation gallery
+
+When two simulators disagree, which one is right? Here are problems whose answers are known, the
+known answers, and what this package makes of them. Every number is computed anew by `make gallery`,
+and by the tests.
+
+*Difference* is relative to the reference value; for distances and for values that pass through zero
+it is relative to a scale: the reach of the arm, the length of the beam. *Digits* are those that
+agree, -log₁₀ of the difference, and in brackets those that must agree for the tests to pass. The
+page of each case says why so many and no more: a mesh, a truncated theory, or the last printed
+digit of the reference.
+
+{count} quantities of {cases} cases; enough digits agree in {good}.
+
+"""
+
+
+def table_row(cells: Sequence[str]) -> str:
+    """One line of a Markdown table."""
+    return "| " + " | ".join(cells) + " |"
+
+
+def shown_values(row: Row) -> tuple[str, str]:
+    """Reference and computed value, to one digit more than agree or are asked for."""
+    digits = max(6, math.ceil(max(row.digits_agreed, row.digits_required)) + 1)
+    count = min(15, digits)
+    if row.theirs == 0.0:
+        return "0", f"{row.ours:.2g}"
+    return f"{row.theirs:.{count}g}", f"{row.ours:.{count}g}"
+
+
+def shown_digits(row: Row) -> str:
+    """Digits that agree, and in brackets those required, both rounded down."""
+    agreed, required = (math.floor(10 * d) / 10 for d in (row.digits_agreed, row.digits_required))
+    return f"{agreed:.1f} ({required:.1f})"
+
+
+def index_text(results: Results) -> str:
+    """The page that lists every quantity of every case."""
+    rows = [row for _, rows in results for row in rows]
+    good = sum(row.agrees for row in rows)
+    head = ("case", "quantity", "unit", "source", "reference", "flexarm", "difference", "digits")
+    lines = [table_row(head), table_row(["---"] * len(head))]
+    for case, own in results:
+        for k, row in enumerate(own):
+            link = f"[{case.title}]({case.name}.md)" if k == 0 else ""
+            lines.append(table_row((link, *_cells(row))))
+    counted = "all" if good == len(rows) else f"{good} of them"
+    text = _INDEX.format(count=len(rows), cases=len(results), good=counted)
+    return text + "\n".join(lines) + "\n"
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    theirs, ours = shown_values(row)
+    difference = f"{row.difference:.1e}"
+    return row.quantity, row.unit, row.source.cite, theirs, ours, difference, shown_digits(row)
+
+
+def case_text(case: Case, rows: Sequence[Row]) -> str:
+    """The page of one case."""
+    reasons = list(dict.fromkeys(row.reason for row in rows))
+    head = ("quantity", "unit", "source", "reference", "flexarm", "difference", "digits", "why")
+    lines = [table_row(head), table_row(["---"] * len(head))]
+    lines += [table_row((*_cells(row), f"({reasons.index(row.reason) + 1})")) for row in rows]
+    why = [f"{k}. {reason}" for k, reason in enumerate(reasons, start=1)]
+    sources = dict.fromkeys(row.source for row in rows)
+    parts = [
+        f"# {case.title}",
+        case.physics.strip(),
+        f"![{case.title}]({case.name}.png)",
+        f"*{case.caption}*",
+        "\n".join(lines),
+        "**Why so many digits**",
+        "\n".join(why),
+        "**Sources**",
+        "\n".join(f"- {source.cite}: {source.full}" for source in sources),
+        f"The case in code: [`{case.module}`](../../{case.module}). [All cases](index.md).",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def picture(case: Case, path: Path) -> None:
+    """Draw the picture of a case into a PNG file."""
+    with styled():
+        figure = Figure(figsize=case.size, dpi=DPI, layout="constrained")
+        case.draw(figure)
+        figure.savefig(path, metadata={"Software": None})
+
+
+def write_case(folder: Path, case: Case, rows: Sequence[Row]) -> None:
+    """Write the page and the picture of one case."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{case.name}.md").write_text(case_text(case, rows), encoding="utf-8")
+    picture(case, folder / f"{case.name}.png")
+
+
+def write_index(folder: Path, results: Results) -> None:
+    """Write the table of all cases."""
+    (folder / "index.md").write_text(index_text(results), encoding="utf-8")

@@ -1,0 +1,112 @@
+"""Shear of an element: the sections turn by one angle against the normals of the axis.
+
+The deflection v stays the cubic Hermite polynomial, between end slopes that are the rotations phi
+of the end sections plus this angle. Balance of moments inside the element makes the angle linear
+in the nodal coordinates; theory page "beams", section 9. Without shear the angle is zero and the
+element is Euler and Bernoulli's.
+
+Reference:
+    Z. Friedman and J. B. Kosmatka, "An improved two-node Timoshenko beam finite element",
+    Computers & Structures 47(3), 1993, 473-481.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.beams.hermite import FloatArray, shape_functions
+from flexarm.beams.properties import BeamTable
+from flexarm.beams.quadrature import BeamQuadrature
+
+
+def shear_parameters(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
+    """Return Phi_s = 12 EI / (k G A h^2) of each element (elements,), from its mean rigidities.
+
+    Zero for an Euler-Bernoulli beam. The choice decides which shapes are used, not what they
+    weigh: energies are integrated over the table as it is.
+    """
+    if table.shear_rigidity is None:
+        return np.zeros(quadrature.elements)
+    bending, shear = (
+        element_integrals(quadrature, np.interp(quadrature.points, table.x, column))
+        for column in (table.flexural_rigidity, table.shear_rigidity)
+    )
+    return 12.0 * bending / (shear * quadrature.element_length**2)
+
+
+def element_integrals(quadrature: BeamQuadrature, density: FloatArray) -> FloatArray:
+    """Integrate a density, (q,) at the points, over each element: (elements,)."""
+    totals = np.zeros(quadrature.elements)
+    np.add.at(totals, quadrature.element, quadrature.weights * density)
+    return totals
+
+
+def shear_angles(parameters: FloatArray, length: float) -> FloatArray:
+    """Return the rows that make the shear angle v' - phi of nodal coordinates; (B.30).
+
+    Args:
+        parameters: (k,) Phi_s of k elements.
+        length: of an element (m).
+
+    Returns:
+        (k, 4): columns belong to v_1, phi_1, v_2, phi_2.
+    """
+    share = parameters / (1.0 + parameters)
+    rows: FloatArray = share[:, None] * np.array([-1.0 / length, -0.5, 1.0 / length, -0.5])
+    return rows
+
+
+def deflection_shapes(
+    xi: FloatArray, length: float, angles: FloatArray, derivative: int = 0
+) -> FloatArray:
+    """Evaluate the shapes of the deflection, or a derivative of them; (B.31).
+
+    Args:
+        xi: (k,) positions in their elements, 0 to 1.
+        length: of an element (m).
+        angles: (k, 4) rows of `shear_angles` of the elements that the positions lie in.
+        derivative: 0 deflection v, 1 slope v', 2 curvature v'' = phi'.
+
+    Returns:
+        (k, 4): columns belong to v_1, phi_1, v_2, phi_2.
+    """
+    local = shape_functions(xi, length, derivative)
+    turned: FloatArray = local + (local[:, 1] + local[:, 3])[:, None] * angles
+    return turned
+
+
+def rotation_shapes(xi: FloatArray, length: float, angles: FloatArray) -> FloatArray:
+    """Evaluate the shapes (k, 4) of the section's rotation phi; as `deflection_shapes`."""
+    rotation: FloatArray = deflection_shapes(xi, length, angles, 1) - angles
+    return rotation
+
+
+@dataclass(frozen=True, eq=False)
+class PointShapes:
+    """Shapes of each quadrature point's element there, (q, 4): v_1, phi_1, v_2, phi_2.
+
+    Attributes:
+        deflection: v. slope: v'. rotation: phi of the section. curvature: phi', which is v''.
+        shear: the angle v' - phi.
+    """
+
+    deflection: FloatArray
+    slope: FloatArray
+    rotation: FloatArray
+    curvature: FloatArray
+    shear: FloatArray
+
+
+def point_shapes(table: BeamTable, quadrature: BeamQuadrature) -> PointShapes:
+    """Evaluate the shapes of a link's elements at its quadrature points."""
+    xi, length = quadrature.xi, quadrature.element_length
+    angles = shear_angles(shear_parameters(table, quadrature), length)[quadrature.element]
+    return PointShapes(
+        deflection=deflection_shapes(xi, length, angles),
+        slope=deflection_shapes(xi, length, angles, 1),
+        rotation=rotation_shapes(xi, length, angles),
+        curvature=deflection_shapes(xi, length, angles, 2),
+        shear=angles,
+    )

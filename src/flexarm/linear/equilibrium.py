@@ -1,0 +1,191 @@
+"""Static equilibrium of an arm under gravity, loads and joint torques."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import LinAlgError, eigh, solve
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import FlexarmError, InputError, Problem, check_array
+from flexarm.loads import Load, place_loads, tip_load
+
+#: Residual forces below this part of the largest force present count as none.
+_RESIDUAL = 1e-11
+_NEWTON_STEPS = 30
+_SMALLEST_STEP = 1e-4
+
+
+class EquilibriumError(FlexarmError, RuntimeError):
+    """No equilibrium was found.
+
+    Attributes:
+        load_fraction: part of gravity and loads up to which one was found.
+        q: (dof,) equilibrium under that part.
+    """
+
+    def __init__(self, load_fraction: float, q: FloatArray, reason: str) -> None:
+        super().__init__(load_fraction, q, reason)
+        self.load_fraction = load_fraction
+        self.q = q
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return (
+            f"equilibrium found up to {self.load_fraction:.4g} of gravity and loads, then not: "
+            f"{self.reason}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A state of rest.
+
+    Attributes:
+        q: (dof,) coordinates.
+        torque: (joints,) N m that the motors give: those asked for, or those that hold the angles.
+        stable: whether every small disturbance is drawn back (locked joints cannot be disturbed).
+        lowest_eigenvalue: of stiffness over mass, rad^2/s^2: the lowest squared frequency;
+            negative where unstable.
+    """
+
+    q: FloatArray
+    torque: FloatArray
+    stable: bool
+    lowest_eigenvalue: float
+
+
+def equilibrium(
+    arm: Arm,
+    joint_angles: ArrayLike | None = None,
+    *,
+    torque: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    start: ArrayLike | None = None,
+) -> Equilibrium:
+    """Find where an arm rests.
+
+    Args:
+        arm: the arm, with its gravity.
+        joint_angles: (joints,) relative, rad: joints locked there, the links sag. The default,
+            all zero, applies where ``torque`` is not given either.
+        torque: (joints,) N m: joints free under these torques. With ``joint_angles`` too, those
+            are where the search starts.
+        tip_force, loads: as in ``Arm.forward_dynamics``; factors of time are left aside.
+        start: q (dof,) to start from under the full load, instead of straight links under none.
+
+    Raises:
+        InputError: an argument has the wrong shape or is not finite.
+        EquilibriumError: none was found; it holds the last one along the way.
+
+    Newton's method with the exact stiffness, gravity and loads growing from zero in steps that
+    adapt, so that links that sag far are followed.
+    """
+    where = "equilibrium"
+    if torque is not None and joint_angles is None and start is None:
+        joint_angles = np.zeros(arm.joints)
+    angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
+    q = arm.rest(check_array(where, "joint_angles", angles, (arm.joints,)))
+    if start is not None:
+        q = check_array(where, "start", start, (arm.dof,))
+    search = _Search(arm, [*tip_load(arm, where, tip_force), *loads], q)
+    if torque is not None:
+        search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
+        search.unknown = np.arange(arm.dof)
+    q = search.follow(q, at_once=start is not None)
+    return search.result(q)
+
+
+class _Search:
+    """Residual, stiffness and load stepping of one problem."""
+
+    def __init__(self, arm: Arm, loads: list[Load], q: FloatArray) -> None:
+        self.arm, self.loads = arm, loads
+        self.force = np.zeros(arm.dof)
+        self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+        if any(load.factor is not None for load in loads):
+            rule = "be constant in time for an equilibrium"
+            raise InputError(Problem("equilibrium", "Load.factor", rule, "a function"))
+        place_loads(arm, "equilibrium", loads)  # refuses what is not on the arm
+
+    def _scaled(self, fraction: float) -> tuple[Arm, list[Load]]:
+        if fraction == 1.0:
+            return self.arm, self.loads
+        gravity = tuple(fraction * g for g in self.arm.spec.gravity)
+        arm = Arm(self.arm.spec.replace(gravity=gravity))
+        loads = [
+            replace(load, force=fraction * np.asarray(load.force), moment=fraction * load.moment)
+            for load in self.loads
+        ]
+        return arm, loads
+
+    def newton(self, q: FloatArray, fraction: float) -> FloatArray:
+        """Solve at a part of the load, from q; LinAlgError where it does not converge."""
+        arm, loads = self._scaled(fraction)
+        free = self.unknown
+        if free.size == 0:
+            return q
+        rest = np.zeros(arm.dof)
+        q = q.copy()
+        part = np.ix_(free, free)
+
+        def residual(at: FloatArray) -> FloatArray:
+            missing = arm.inverse_dynamics(at, rest, rest, loads=loads) - fraction * self.force
+            return np.asarray(missing[free])
+
+        missing = residual(q)
+        scale = np.max(np.abs(missing), initial=0.0)
+        for _ in range(_NEWTON_STEPS):
+            K = arm.stiffness_matrix(q, loads=loads)[part]
+            step = solve(K, -missing)
+            # The stiffest modes take forces that are huge beside those of the lowest: judge by
+            # the displacement that is still missing.
+            size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(q[free])))
+            shortened = 1.0
+            while shortened > 1e-3:
+                trial = q.copy()
+                trial[free] += shortened * step
+                left = residual(trial)
+                if np.max(np.abs(left)) <= max(np.max(np.abs(missing)), _RESIDUAL * scale):
+                    break
+                shortened *= 0.5
+            q, missing = trial, left
+            scale = max(scale, float(np.max(np.abs(K @ q[free]))))
+            if shortened == 1.0 and (size < 1e-12 or np.max(np.abs(missing)) <= _RESIDUAL * scale):
+                return q
+        raise LinAlgError("Newton's method does not converge")
+
+    def follow(self, q: FloatArray, at_once: bool) -> FloatArray:
+        """Grow the load from zero to one, or give up if the whole does not go at once."""
+        done, step = 0.0, 1.0
+        while done < 1.0:
+            wanted = min(1.0, done + step)
+            try:
+                q = self.newton(q, wanted)
+            except (LinAlgError, ValueError):
+                step *= 0.25
+                if at_once or step < _SMALLEST_STEP:
+                    reason = "the arm buckles, swings away, or bends more than its mesh allows."
+                    raise EquilibriumError(done, q, reason) from None
+            else:
+                done, step = wanted, 2.0 * step
+        return q
+
+    def result(self, q: FloatArray) -> Equilibrium:
+        """Judge stability and collect the torques."""
+        arm, free = self.arm, self.unknown
+        rest = np.zeros(arm.dof)
+        holding = arm.inverse_dynamics(q, rest, rest, loads=self.loads)[arm.joint_index]
+        lowest = np.inf
+        if free.size:
+            part = np.ix_(free, free)
+            K = arm.stiffness_matrix(q, loads=self.loads)[part]
+            M = arm.mass_matrix(q)[part]
+            # Only the symmetric part stores energy; a follower load's rest may still flutter.
+            lowest = float(eigh((K + K.T) / 2.0, M, eigvals_only=True, subset_by_index=[0, 0])[0])
+        return Equilibrium(q, holding, lowest > 0.0, lowest)

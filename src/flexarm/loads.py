@@ -1,0 +1,177 @@
+"""Forces and moments that act on an arm from outside, and their place in the kernels' arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.assemble import FloatArray
+from flexarm.beams.shortening import shortening_matrices
+from flexarm.coordinates import Coordinates
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.kernels.layout import Loads, empty_loads
+
+FRAMES = ("world", "link")
+#: Gauss points along each piece of a spread load: exact for the cubic shapes of an element.
+_POINTS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A force and a moment at a station of a link, or a force spread along part of it.
+
+    Args:
+        link: number of the link, counted from 1 at the base, as in results.
+        force: (Fx, Fy) N; for a spread load N/m.
+        moment: N m, at the station; zero for a spread load.
+        station: distance from the link's root, m; None for its tip.
+        spread: (start, end), m from the link's root: the force is per length between them.
+        frame: "world" keeps the direction, "link" turns it with the link's root tangent (of the
+            segment that carries it).
+        factor: function of time that scales the load; None for a constant one.
+
+    Raises:
+        InputError: a value is not finite, a station is negative, or the frame is unknown.
+    """
+
+    link: int
+    force: ArrayLike = (0.0, 0.0)
+    moment: float = 0.0
+    station: float | None = None
+    spread: tuple[float, float] | None = None
+    frame: str = "world"
+    factor: Callable[[float], float] | None = None
+
+    def __post_init__(self) -> None:
+        check_array("Load", "force", self.force, (2,))
+        check_array("Load", "moment", self.moment, ())
+        problems = []
+        if self.frame not in FRAMES:
+            rule = "be one of " + ", ".join(map(repr, FRAMES))
+            problems.append(Problem("Load", "frame", rule, shown(self.frame)))
+        if self.spread is not None:
+            start, end = check_array("Load", "spread", self.spread, (2,))
+            if not 0.0 <= start < end:
+                rule = "be a start and an end beyond it, from the link's root"
+                problems.append(Problem("Load", "spread", rule, shown(self.spread)))
+            if self.station is not None or self.moment != 0.0:
+                rule = "be left out of a load that has a station or a moment"
+                problems.append(Problem("Load", "spread", rule, shown(self.spread)))
+        if self.station is not None and not float(self.station) >= 0.0:
+            problems.append(Problem("Load", "station", "be at least 0", shown(self.station)))
+        if problems:
+            raise InputError(*problems)
+
+    @property
+    def value(self) -> FloatArray:
+        """Fx, Fy, Mz (3,)."""
+        return np.append(np.asarray(self.force, dtype=np.float64), self.moment)
+
+
+def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[Load]:
+    """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a load; none for None."""
+    if tip_force is None:
+        return []
+    size = 2 if np.shape(tip_force) == (2,) else 3
+    force = check_array(where, "tip_force", tip_force, (size,))
+    moment = float(force[2]) if size == 3 else 0.0
+    return [Load(link=arm.joints, force=force[:2], moment=moment)]
+
+
+def place_loads(
+    arm: Coordinates,
+    where: str,
+    loads: Sequence[Load],
+    base_acceleration: ArrayLike | None = None,
+) -> Loads:
+    """Find the bodies and shapes of loads.
+
+    Raises:
+        InputError: a load is on no link of the arm, or beyond its length.
+    """
+    parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
+    for load in loads:
+        _check_place(arm, where, load)
+        if load.spread is None:
+            parts.append(_point(arm, load))
+        else:
+            parts += _spread(arm, load)
+    placed = empty_loads(arm.assembly.constants, len(parts))
+    for k, (body, weight, lever, row, slope, matrix, load) in enumerate(parts):
+        placed.body[k], placed.weight[k], placed.lever[k] = body, weight, lever
+        placed.rows[k, : row.size] = row
+        placed.slopes[k, : slope.size] = slope
+        if placed.shortening.shape[1]:
+            placed.shortening[k, : row.size, : row.size] = matrix
+        placed.follower[k] = float(load.frame == "link")
+        placed.value[k] = load.value
+    if base_acceleration is not None:
+        placed.base_acceleration[:] = check_array(
+            where, "base_acceleration", base_acceleration, (2,)
+        )
+    return placed
+
+
+def parts_of(arm: Coordinates, loads: Sequence[Load]) -> list[Load]:
+    """Return for each placed load the one that it is a part of: spread ones reach over segments."""
+    found: list[Load] = []
+    for load in loads:
+        found += [load] * (1 if load.spread is None else len(_spread(arm, load)))
+    return found
+
+
+def _check_place(arm: Coordinates, where: str, load: Load) -> None:
+    if not 1 <= load.link <= arm.joints:
+        rule = f"be the number of a link, 1 to {arm.joints}"
+        raise InputError(Problem(where, "Load.link", rule, shown(load.link)))
+    length = arm.spec.links[load.link - 1].length
+    furthest = load.station if load.spread is None else load.spread[1]
+    if furthest is not None and furthest > length * (1.0 + 1e-9):
+        rule = f"lie within the link, whose length is {length:g}"
+        name = "Load.station" if load.spread is None else "Load.spread"
+        raise InputError(Problem(where, name, rule, shown(furthest)))
+
+
+def _point(
+    arm: Coordinates, load: Load
+) -> tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]:
+    link = load.link - 1
+    station = arm.spec.links[link].length if load.station is None else float(load.station)
+    piece = arm.assembly.piece_at(link, station)
+    if load.station is None:
+        piece = arm.assembly.pieces_of(link)[-1]
+    x = np.array([min(station - piece.start, piece.shapes.length)])
+    shapes = piece.shapes
+    row, slope = shapes.deflection(x)[0], shapes.slope(x)[0]
+    if load.station is None:
+        row, slope = shapes.P, shapes.dP
+    matrix = shortening_matrices(shapes, x)[0]
+    return piece.body, 1.0, float(x[0]), row, slope, matrix, load
+
+
+def _spread(
+    arm: Coordinates, load: Load
+) -> list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]]:
+    """Integrate over the part of each piece that the load covers, element by element."""
+    assert load.spread is not None
+    parts = []
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    for piece in arm.assembly.pieces_of(load.link - 1):
+        shapes = piece.shapes
+        a = max(load.spread[0] - piece.start, 0.0)
+        b = min(load.spread[1] - piece.start, shapes.length)
+        if b <= a:
+            continue
+        ends = np.linspace(0.0, shapes.length, shapes.elements + 1)
+        cuts = np.concatenate([[a], ends[(ends > a) & (ends < b)], [b]])
+        half = np.diff(cuts)[:, None] / 2
+        x = (cuts[:-1, None] + half + half * points).ravel()
+        w = (half * weights).ravel()
+        row = w @ shapes.deflection(x)
+        matrix = np.einsum("k,kij->ij", w, shortening_matrices(shapes, x))
+        none = np.zeros_like(row)
+        parts.append((piece.body, float(w.sum()), float(w @ x), row, none, matrix, load))
+    return parts

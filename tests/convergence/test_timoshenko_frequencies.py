@@ -1,0 +1,241 @@
+"""Frequencies of links that shear against Timoshenko's equations, and how fast a mesh gets there.
+
+Uniform beams with L = EI = mu = 1: rotary inertia 1/slenderness^2, shear stiffness
+slenderness^2/3.12 (shear coefficient 5/6, Poisson's ratio 0.3).
+"""
+
+import json
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigvalsh
+from scipy.optimize import brentq
+
+import flexarm as fa
+from flexarm.beams.invariants import link_constants
+
+CASES = json.loads(
+    (Path(__file__).parents[1] / "data" / "beam_reference.json").read_text(encoding="utf-8")
+)["timoshenko"]
+CLAMPED = [case for case in CASES if case["root"] == "clamped"]
+SHEAR = 3.12
+
+
+def label(case):
+    return f"{case['root']} L/r={case['slenderness']:g}"
+
+
+def characteristic(lam, slenderness, root):
+    """Determinant of the four boundary conditions of the exact solution at frequencies lam (k,).
+
+    k (v'' - phi') + lam^2 v = 0 and phi'' + k (v' - phi) + (lam r)^2 phi = 0 have, below the
+    frequency slenderness^2/sqrt(3.12), solutions v = exp(p (x - 1)), exp(-p x), cos(q x),
+    sin(q x), with phi = v' + (lam^2/k) * (integral of v).
+    """
+    lam = np.asarray(lam, float)
+    rotary, shear = (lam / slenderness) ** 2, SHEAR * (lam / slenderness) ** 2
+    middle = (rotary + shear) / 2
+    root_of = np.sqrt(middle**2 + lam**2 - rotary * shear)
+    p, q = np.sqrt(root_of - middle), np.sqrt(root_of + middle)
+
+    def derivatives(x, order):
+        """The four functions, derived or, at order -1, integrated."""
+        turn = order * np.pi / 2
+        return np.stack(
+            [
+                p**order * np.exp(p * (x - 1)),
+                (-1.0) ** order * p**order * np.exp(-p * x),
+                q**order * np.cos(q * x + turn),
+                q**order * np.sin(q * x + turn),
+            ],
+            axis=-1,
+        )
+
+    def rotation(x, order):
+        return derivatives(x, order + 1) + shear[..., None] * derivatives(x, order - 1)
+
+    conditions = [
+        derivatives(0, 0),
+        rotation(0, 0 if root == "clamped" else 1),
+        rotation(1, 1),
+        derivatives(1, 1) - rotation(1, 0),
+    ]
+    rows = [row / np.linalg.norm(row, axis=-1, keepdims=True) for row in conditions]
+    return np.linalg.det(np.stack(rows, axis=-2))
+
+
+def exact_lambda(slenderness, root, highest):
+    """All frequencies up to a highest one."""
+    beta = np.linspace(0.05, np.sqrt(highest) * 1.02, 3000)
+    brackets = np.flatnonzero(np.diff(np.sign(characteristic(beta**2, slenderness, root))))
+    roots = [
+        brentq(
+            lambda b: characteristic(b**2, slenderness, root),
+            beta[k],
+            beta[k + 1],
+            xtol=1e-14,
+            rtol=1e-14,
+        )
+        for k in brackets
+    ]
+    return np.square(roots)
+
+
+@cache
+def uniform(elements, slenderness):
+    two = np.ones(2)
+    return link_constants(
+        [0.0, 1.0],
+        two,
+        two,
+        two / slenderness**2,
+        elements=elements,
+        shear_rigidity=two * slenderness**2 / SHEAR,
+    )
+
+
+def mesh_lambda(case, elements, count=3):
+    """Lowest frequencies of the finite element model."""
+    link = uniform(elements, case["slenderness"])
+    if case["root"] == "clamped":
+        return np.sqrt(link.w2[:count])
+    m = link.w2.size
+    inertia = np.eye(m + 1)
+    inertia[0, 0] = link.inertia
+    inertia[0, 1:] = inertia[1:, 0] = link.a
+    stiffness = np.diag(np.append(0.0, link.w2))
+    # The shift keeps the free rotation, the largest value, in the finite.
+    inverse = eigvalsh(inertia, stiffness + inertia)[::-1][1 : 1 + count]
+    return np.sqrt(1.0 / inverse - 1.0)
+
+
+def missed(lam, elements, slenderness, rotary=0.0):
+    """Relative error of a frequency by (B.34); its largest value is that of no rotary share."""
+    h = 1.0 / elements
+    parameter = 12 * SHEAR / (slenderness * h) ** 2
+    bending = h**4 / 1440 * (1 + 5 * parameter) * (1 - rotary)
+    return lam**2 * (bending + (h / slenderness) ** 2 / 24 * parameter / (1 + parameter) * rotary)
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_reference_numbers_are_the_roots_in_order_and_none_is_missing(case):
+    found = exact_lambda(case["slenderness"], case["root"], case["lambda"][-1])
+    # Thirteen printed digits; in beta L they are squared, and the determinant rounds a little.
+    np.testing.assert_allclose(found[: len(case["lambda"])], case["lambda"], rtol=5e-12)
+
+
+@pytest.mark.parametrize("joints", ["locked", "free"])
+@pytest.mark.parametrize("slenderness", [10.0, 100.0, 200.0])
+def test_modes_of_an_arm_of_one_link(slenderness, joints):
+    """A locked joint clamps the link, a free one hinges it, with a free rotation more."""
+    link = fa.Link(
+        length=1.0,
+        flexural_rigidity=1.0,
+        mass_per_length=1.0,
+        rotary_inertia_per_length=slenderness**-2,
+        shear_rigidity=slenderness**2 / SHEAR,
+        element="timoshenko",
+        elements=48,
+    )
+    root = "clamped" if joints == "locked" else "pinned"
+    (case,) = [c for c in CASES if c["root"] == root and c["slenderness"] == slenderness]
+    rigid = 0 if joints == "locked" else 1
+    found = 2 * np.pi * fa.modes(fa.Arm(links=[link]), joints=joints).frequency_hz[rigid:]
+    exact = np.array(case["lambda"])
+    error = found[: exact.size] / exact - 1
+    assert np.all(error > 0.0)  # finite element frequencies are upper bounds
+    assert np.all(error < 1.02 * missed(exact, 48, slenderness))  # next order in h
+
+
+@pytest.mark.parametrize("elements", [16, 64])
+@pytest.mark.parametrize("case", CLAMPED, ids=label)
+def test_error_has_the_size_theory_gives(case, elements):
+    exact, link = np.array(case["lambda"][:3]), uniform(elements, case["slenderness"])
+    error = mesh_lambda(case, elements) / exact - 1
+    expected = missed(exact, elements, case["slenderness"], np.diag(link.rotary)[:3])
+    np.testing.assert_allclose(error, expected, rtol=0.02)  # next order: (beta h)^2/20
+
+
+@pytest.mark.parametrize("root", ["clamped", "pinned"])
+@pytest.mark.parametrize(("slenderness", "order"), [(10.0, 2.0), (5000.0, 4.0)])
+def test_order_is_two_where_elements_are_stocky_and_four_where_they_are_slender(
+    slenderness, order, root
+):
+    case = {"root": root, "slenderness": slenderness}
+    exact = exact_lambda(slenderness, root, 105.0 if slenderness > 10 else 48.0)[:3]
+    counts = np.array([12, 16, 24, 32])
+    errors = np.array([mesh_lambda(case, int(n)) / exact - 1 for n in counts])
+    assert np.all(errors > 0.0)
+    orders = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    np.testing.assert_allclose(orders, order, atol=0.06)  # the next order, at the third mode
+
+
+@pytest.mark.parametrize("slenderness", [1e3, 1e4, 1e6])
+@pytest.mark.parametrize("elements", [1, 2, 4])
+def test_slender_links_do_not_lock_on_coarse_meshes(slenderness, elements):
+    """Elements that lock are stiffer by a factor of the order of slenderness^2/elements^2."""
+    two = np.ones(2)
+    bending = np.sqrt(link_constants([0, 1], two, two, 0 * two, elements=elements).w2[:2])
+    found = np.sqrt(uniform(elements, slenderness).w2[:2])
+    # What shear and rotary inertia do: the first two frequencies of the exact solution fall by
+    # 9.6 and 66.5 over slenderness^2, those of one element by 8.7 and 43.7.
+    lowered = (1 - found / bending) * slenderness**2
+    rounding = 1e-13 * slenderness**2
+    np.testing.assert_allclose(lowered[0], 9.6, rtol=0.1, atol=rounding)
+    np.testing.assert_allclose(lowered[1], 66.5, rtol=0.35, atol=rounding)
+
+
+def shooting_root(x, columns, guess):
+    """Frequency of a clamped tapered beam near `guess`, by integrating from root to tip."""
+
+    def slope(s, y, square):
+        v, turn, moment, force = y[0::4], y[1::4], y[2::4], y[3::4]
+        rigidity, mass, rotary, shear = (np.interp(s, x, column) for column in columns)
+        # EI phi' = M, k G A (v' - phi) = Q, M' + Q = -w^2 rho I phi, Q' = -w^2 mu v
+        return np.stack(
+            [
+                turn + force / shear,
+                moment / rigidity,
+                -force - square * rotary * turn,
+                -square * mass * v,
+            ],
+            axis=1,
+        ).ravel()
+
+    def mismatch(frequency):
+        y = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # unit root moment, unit root force
+        for start, end in pairwise(x):
+            run = solve_ivp(
+                slope, (start, end), y, "DOP853", args=(frequency**2,), rtol=1e-11, atol=1e-11
+            )
+            y = run.y[:, -1]
+        return y[2] * y[7] - y[3] * y[6]
+
+    return brentq(mismatch, 0.98 * guess, 1.01 * guess, xtol=1e-12, rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("x", "columns"),
+    [
+        ([0.0, 1.0], ([2.0, 0.25], [1.5, 0.5], [0.02, 0.004], [40.0, 9.0])),
+        (
+            [0.0, 0.25, 0.5, 1.0],
+            ([4.0, 1.0, 2.0, 0.5], [1.0, 2.0, 0.3, 0.8], [0.0, 0.03, 0.01, 0.0], [90, 30, 60, 10]),
+        ),
+    ],
+    ids=["linear taper", "kinked table"],
+)
+def test_tapered_beams_converge_to_an_independent_integration(x, columns):
+    found = [
+        np.sqrt(link_constants(x, *columns[:3], elements=n, shear_rigidity=columns[3]).w2[:3])
+        for n in (32, 64)
+    ]
+    exact = np.array([shooting_root(np.array(x), columns, w) for w in found[-1]])
+    errors = np.array(found) / exact - 1
+    assert np.all(errors > 0.0)
+    np.testing.assert_allclose(np.log2(errors[0] / errors[1]), 2.0, atol=0.05)
+    assert np.all(errors[1] < 2e-3)

@@ -1,0 +1,125 @@
+"""Every case of the gallery agrees with what is known, and its pages say so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from gallery.case import Case, Row, Source
+from gallery.cases import CASES
+from gallery.report import FOLDER, case_text, write_case, write_index
+
+from gallery import __main__ as chore
+
+ROOT = Path(__file__).parents[2]
+#: Larger pictures make a slow page.
+LARGEST_PICTURE = 120_000  # bytes
+
+
+def allowed(row: Row) -> float:
+    """Difference between values that still agree to the digits required."""
+    scale = abs(row.theirs) if row.scale is None else row.scale
+    return 10.0**-row.digits_required * scale
+
+
+def committed_rows(case: Case) -> list[list[str]]:
+    """Cells of a case's rows in the table at the front: quantity, unit, source, values, ..."""
+    rows: dict[str, list[list[str]]] = {}
+    name = ""
+    for line in (FOLDER / "index.md").read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if not line.startswith("|") or cells[0] in ("case", "---"):
+            continue
+        if cells[0]:
+            name = cells[0].partition("](")[2].removesuffix(".md)")
+        rows.setdefault(name, []).append(cells[1:])
+    return rows[case.name]
+
+
+def prose(text: str) -> list[str]:
+    """Lines of a page that hold no numbers of a run."""
+    return [line for line in text.splitlines() if not line.startswith("|")]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_case(case: Case, tmp_path: Path) -> None:
+    rows = case.quantities()
+    for row in rows:
+        assert row.agrees, (
+            f"{row.quantity}: {row.ours!r}, but {row.theirs!r} is known: "
+            f"{row.digits_agreed:.2f} digits of {row.digits_required:.2f}"
+        )
+        perturbed = replace(row, ours=row.theirs + 1.05 * allowed(row))
+        assert not perturbed.agrees, f"{row.quantity}: a wrong value passes"
+
+    committed = committed_rows(case)
+    assert [cells[:3] for cells in committed] == [
+        [row.quantity, row.unit, row.source.cite] for row in rows
+    ]
+    for row, cells in zip(rows, committed, strict=True):
+        for text, value in ((cells[3], row.theirs), (cells[4], row.ours)):
+            assert abs(float(text) - value) <= allowed(row), f"{row.quantity}: run `make gallery`"
+
+    write_case(tmp_path, case, rows)
+    page = (FOLDER / f"{case.name}.md").read_text(encoding="utf-8")
+    assert prose(page) == prose((tmp_path / f"{case.name}.md").read_text(encoding="utf-8"))
+    for folder in (tmp_path, FOLDER):
+        assert 10_000 < (folder / f"{case.name}.png").stat().st_size < LARGEST_PICTURE
+
+
+def test_cases_are_told_apart() -> None:
+    assert len({case.name for case in CASES}) == len({case.title for case in CASES}) == len(CASES)
+    for case in CASES:
+        assert (ROOT / case.module).exists(), case.module
+
+
+ROW = Row("length", "m", Source("ruler", "A ruler."), 2.0, 2.0 + 1e-5, 5.0, "a thick pencil")
+
+
+def test_digits() -> None:
+    assert ROW.digits_agreed == pytest.approx(-math.log10(5e-6))
+    assert ROW.agrees
+    assert not replace(ROW, ours=2.0 + 3e-5).agrees
+    assert replace(ROW, scale=10.0).digits_agreed == pytest.approx(6.0)
+    assert replace(ROW, ours=2.0).digits_agreed == 15.0
+    for wrong in (math.nan, math.inf, -2.0):
+        assert not replace(ROW, ours=wrong).agrees
+    assert replace(ROW, theirs=0.0, ours=1e-7, scale=1.0).digits_agreed == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize(("ours", "status"), [(2.0 + 1e-5, 0), (2.0 + 3e-5, 1)])
+def test_chore_fails_where_a_value_does(
+    ours: float,
+    status: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    case = Case(
+        name="ruler",
+        title="Ruler",
+        physics="A length.",
+        quantities=lambda: [replace(ROW, ours=ours)],
+        draw=lambda figure: figure.subplots().plot([0, 1]),
+        caption="Nothing.",
+        module="gallery/case.py",
+    )
+    monkeypatch.setattr(chore, "CASES", (case,))
+    monkeypatch.setattr(chore, "FOLDER", tmp_path)
+    assert chore.main([]) == status
+    assert ("is known" in capsys.readouterr().err) == bool(status)
+    table = (tmp_path / "index.md").read_text(encoding="utf-8")
+    assert "| [Ruler](ruler.md) | length | m | ruler | 2 | 2.0000" in table
+    assert ("agree in all" in table) == (status == 0)
+    assert chore.main(["rule"]) == 2
+
+
+def test_pages_hold_the_reasons_and_sources(tmp_path: Path) -> None:
+    case = replace(CASES[0], quantities=lambda: [ROW])
+    text = case_text(case, [ROW])
+    for part in (case.title, "a thick pencil", "A ruler.", case.module, f"{case.name}.png"):
+        assert part in text
+    write_index(tmp_path, [(case, [ROW])])
+    assert "1 quantities of 1 cases" in (tmp_path / "index.md").read_text(encoding="utf-8")

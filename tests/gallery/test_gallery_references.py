@@ -1,0 +1,229 @@
+"""The reference values of the gallery, recomputed without the package."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exact_beam import RitzBeam, TangentAngle, two_link_frequencies
+from gallery.references import DATA, history, reference
+from gallery.two_link import LENGTHS, ROD
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc, jv
+
+#: Ritz's method with sixteen polynomials and the references' last printed digits.
+CLOSE = {"rtol": 2e-10, "atol": 0.0}
+
+
+def values(file, group):
+    return reference(file, group).values
+
+
+def test_every_group_names_its_source():
+    for path in DATA.glob("*.json"):
+        for group in json.loads(path.read_text(encoding="utf-8")):
+            source = reference(path.stem, group).source
+            assert source.cite
+            assert len(source.full) > 40, (path.name, group)
+
+
+def test_plain_beams():
+    clamped = values("beams", "clamped")["lambda"]
+    np.testing.assert_allclose(RitzBeam("clamped").frequencies()[:4], clamped, **CLOSE)
+    free = values("beams", "free")["beta_L"]
+    found = RitzBeam("free", 20).frequencies(rigid=2)[:4]
+    np.testing.assert_allclose(np.sqrt(found), free, **CLOSE)
+
+
+def test_one_element_in_closed_form():
+    exact = np.sqrt(612 + 96 * np.sqrt(39) * np.array([-1, 1]))
+    np.testing.assert_allclose(values("beams", "hermite_mesh")["1"], exact, rtol=2e-11)
+
+
+@pytest.mark.parametrize("group", ["hub", "payload", "hub_and_payload"])
+def test_beams_with_bodies(group):
+    for case in values("beams", group):
+        bodies = {key: case.get(key, 0.0) for key in ("hub", "tip_mass", "tip_inertia")}
+        root = "pinned" if "hub" in case else "clamped"
+        found = RitzBeam(root, 20, **bodies).frequencies(rigid=root == "pinned")
+        np.testing.assert_allclose(np.sqrt(found[:4]), case["beta_L"], err_msg=str(case), **CLOSE)
+
+
+@pytest.mark.parametrize(("group", "shear"), [("rayleigh", 0.0), ("timoshenko", 3.12)])
+def test_thick_beams(group, shear):
+    for case in values("beams", group):
+        r2 = case["slenderness"] ** -2
+        beam = RitzBeam(case["root"], 18, rotary=r2, shear=shear * r2)
+        found = beam.frequencies(rigid=case["root"] == "pinned")[: len(case["lambda"])]
+        # Shear at slenderness 200 is stiff: its matrices round to 1e-9.
+        np.testing.assert_allclose(found, case["lambda"], rtol=2e-9, err_msg=str(case))
+
+
+def test_rotating_beam():
+    for lag, flap in zip(values("rotating", "lag"), values("rotating", "flap"), strict=True):
+        gamma = lag["gamma"]
+        beam = RitzBeam("clamped", 18, tension=lambda s, g=gamma: g**2 * (1 - s**2) / 2)
+        np.testing.assert_allclose(beam.frequencies()[:3], flap["lambda"], rtol=5e-10)
+        np.testing.assert_allclose(beam.frequencies(spin=gamma)[:3], lag["lambda"], rtol=5e-10)
+
+
+def test_own_weight_and_the_mast():
+    for case in values("gravity", "hanging"):
+        beam = RitzBeam("clamped", 18, tension=lambda s, g=case["weight"]: g * (1 - s))
+        np.testing.assert_allclose(beam.frequencies()[:3], case["lambda"], rtol=5e-10)
+    zero = brentq(lambda x: jv(-1 / 3, x), 1.5, 2.2, xtol=1e-15)
+    assert values("gravity", "buckling") == pytest.approx(9 / 4 * zero**2, rel=1e-13)
+
+
+def test_two_link_frequencies():
+    for case in values("two_link", "exact"):
+        found = two_link_frequencies(
+            np.radians(case["elbow_deg"]),
+            case["first"],
+            case["second"],
+            LENGTHS,
+            ROD["flexural_rigidity"],
+            ROD["mass_per_length"],
+        )
+        np.testing.assert_allclose(found[:3], case["omega"], rtol=3e-10, err_msg=str(case))
+
+
+def test_link_modes():
+    # Elbow motor, second link about the joint, payload: what the first link carries.
+    carried = 0.1 + 0.2 * 0.5**3 / 3 + 0.1 * 0.5**2 + 0.0005
+    exact, published = values("link_modes", "exact"), values("link_modes", "published")
+    assert exact[0]["tip_inertia"] == pytest.approx(carried, rel=1e-11)
+    for case, printed in zip(exact, published, strict=True):
+        beam = RitzBeam(
+            length=0.5,
+            rigidity=1.0,
+            mass=0.2,
+            tip_mass=case["tip_mass"],
+            tip_inertia=case["tip_inertia"],
+        )
+        found = beam.frequencies()[:2] / (2 * np.pi)
+        np.testing.assert_allclose(found, case["hertz"], **CLOSE)
+        np.testing.assert_allclose(found, printed["hertz"], rtol=0.0, atol=0.0051)
+
+
+def test_large_deflection_by_elliptic_integrals():
+    def load(slope):
+        p2 = (1 + math.sin(slope)) / 2
+        start = math.asin(1 / math.sqrt(2 * p2))
+        return (ellipk(p2) - ellipkinc(start, p2)) ** 2
+
+    for case in values("statics", "bisshopp_drucker"):
+        slope = brentq(lambda a, w=case["load"]: load(a) - w, 1e-3, 1.5, xtol=1e-15)
+        p2, root = (1 + math.sin(slope)) / 2, math.sqrt(case["load"])
+        start = math.asin(1 / math.sqrt(2 * p2))
+        deflection = 1 - 2 * (ellipe(p2) - ellipeinc(start, p2)) / root
+        draw_in = 1 - math.sqrt(2 * math.sin(slope)) / root
+        found = [deflection, draw_in, slope]
+        known = [case["deflection"], case["draw_in"], case["slope"]]
+        np.testing.assert_allclose(found, known, rtol=0.0, atol=0.6e-9)
+
+
+def test_two_link_sag_from_beam_formulas():
+    (a, b), EI = LENGTHS, ROD["flexural_rigidity"]
+    w = ROD["mass_per_length"] * 9.81
+    force, moment = w * b, w * b**2 / 2
+    elbow = w * a**4 / (8 * EI) + force * a**3 / (3 * EI) + moment * a**2 / (2 * EI)
+    slope = w * a**3 / (6 * EI) + force * a**2 / (2 * EI) + moment * a / EI
+    tip = elbow + slope * b + w * b**4 / (8 * EI)
+    known = values("statics", "two_link_sag")
+    found = [known["elbow_sag"], known["elbow_slope"], known["tip_sag"]]
+    np.testing.assert_allclose(found, [elbow, slope, tip], rtol=0.0, atol=0.6e-10)
+
+
+def test_step_of_torque_by_modes():
+    beam = RitzBeam("pinned", 48, hub=0.1)
+    inverse, shapes = eigh(beam.M, beam.K + 10.0 * beam.M)  # the low modes keep their digits
+    squared, shapes = 1 / inverse[::-1] - 10.0, (shapes / np.sqrt(inverse))[:, ::-1]
+    force = shapes.T @ beam.root_turn  # unit torque on the root
+    known = values("slewing", "step")
+    for name, t in (("half", 0.5), ("one", 1.0)):
+        response = np.full_like(squared, t**2 / 2)
+        response[1:] = (1 - np.cos(np.sqrt(squared[1:]) * t)) / squared[1:]
+        q = shapes @ (force * response)
+        angle = beam.root_turn @ q
+        deflection = beam.tip @ q - angle
+        assert angle == pytest.approx(known[f"angle_{name}"], abs=1e-9)
+        assert deflection == pytest.approx(known[f"deflection_{name}"], abs=1e-9)
+    assert values("slewing", "mean") == pytest.approx(-11 / 120 / (0.1 + 1 / 3), abs=5e-9)
+
+
+def spin_rate(t):
+    return 0.4 * (t - 15 / (2 * math.pi) * math.sin(2 * math.pi * t / 15))
+
+
+def spin_acceleration(t):
+    return 0.4 * (1 - math.cos(2 * math.pi * t / 15))
+
+
+@pytest.mark.parametrize("group", ["stiffened", "softened"])
+def test_spin_up_of_the_linear_beam(group):
+    tension = (lambda s: (100 - s**2) / 2 * 1.2) if group == "stiffened" else (lambda s: 0 * s)
+    beam = RitzBeam("clamped", 6, length=10.0, rigidity=1.4e4, mass=1.2)
+    spun = RitzBeam("clamped", 6, length=10.0, rigidity=1.4e4, mass=1.2, tension=tension)
+    _, X = eigh(beam.K, beam.M)
+    K, G = X.T @ beam.K @ X, X.T @ (spun.K - beam.K - beam.axis_mass) @ X
+    moment, tip = X.T @ beam.moment, beam.tip @ X
+
+    def rates(t, state):
+        q, qd = state[:6], state[6:]
+        return np.append(qd, -(K + spin_rate(t) ** 2 * G) @ q - moment * spin_acceleration(t))
+
+    known = values("spin_up", group)
+    times = {"v5": 5.0, "v75": 7.5, "v10": 10.0} | (
+        {"extreme": known["extreme_time"]} if group == "stiffened" else {}
+    )
+    run = solve_ivp(
+        rates, (0, 10), np.zeros(12), "DOP853", dense_output=True, rtol=1e-9, atol=1e-11
+    )
+    for name, t in times.items():
+        # Six polynomials give seven digits.
+        assert tip @ run.sol(t)[:6] == pytest.approx(known[name], rel=3e-7), name
+
+
+def test_spin_up_of_the_exact_beam():
+    known = values("spin_up", "elastica")
+    beam = TangentAngle(5, 10.0, 1.4e4, 1.2, prescribed=(spin_rate, spin_acceleration))
+    times = [5.0, known["extreme_time"], 7.5]
+    found = beam.tips(times, rtol=1e-8)[:, 1]
+    # Five polynomials give seven digits.
+    wanted = [known["v5"], known["extreme"], known["v75"]]
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-7)
+
+
+def test_falling_pendulum():
+    beam = TangentAngle(8, 1.0, 2.0, 0.2, gravity=9.81)
+    known = values("pendulum", "falling")[:2]
+    found = beam.tips([case["t"] for case in known], rtol=1e-8)
+    # Eight polynomials here, sixteen there: the release at the pin excites high modes.
+    np.testing.assert_allclose(found, [case["tip"] for case in known], rtol=0.0, atol=1e-5)
+
+
+def test_histories_are_whole():
+    for name in ("exact", "linear_fine", "linear_paper"):
+        columns = history(f"two_link_{name}")
+        np.testing.assert_allclose(columns["t"], np.arange(201) / 100, atol=1e-12)
+        assert set(columns) == {"t", "theta1", "theta2", "tipx", "tipy", "defl1", "defl2"}
+
+
+def test_beam_values_are_those_of_the_beam_tests():
+    """Two files hold the same numbers, for users and for the tests of the beams."""
+    path = Path(__file__).parents[1] / "data" / "beam_reference.json"
+    other = json.loads(path.read_text(encoding="utf-8"))
+    assert values("beams", "payload") == other["clamped"][1:]
+    assert values("beams", "rayleigh") == other["rayleigh"]
+    pinned = {
+        (case["hub"], case.get("tip_mass", 0.0), case.get("tip_inertia", 0.0)): case["beta_L"]
+        for case in [*values("beams", "hub"), *values("beams", "hub_and_payload")]
+    }
+    for case in other["pinned"]:
+        assert pinned[case["hub"], case["tip_mass"], case["tip_inertia"]] == case["beta_L"]

@@ -1,0 +1,221 @@
+"""A link in segments: the same link for small motions, a chain like any other for large ones."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+TAPERED = {
+    "table": {
+        "x": [0.0, 0.37, 1.2],
+        "flexural_rigidity": [30.0, 20.0, 8.0],
+        "mass_per_length": [0.6, 0.5, 0.3],
+        "rotary_inertia_per_length": [1e-3, 5e-4, 2e-4],
+    }
+}
+UNIFORM = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
+SOFT = {"flexural_rigidity": 1.0, "mass_per_length": 0.5}
+THEORIES = ("linear", "second_order")
+
+
+def arm(segments, theory="linear", description=TAPERED, **fields):
+    """Two links with everything that hangs on their ends, the first one cut."""
+    first = fa.Link(length=1.2, elements=8, segments=segments, **description, **fields)
+    return fa.Arm(
+        links=[first, fa.Link(length=0.8, elements=2, **UNIFORM)],
+        joints=[fa.Joint(hub_inertia=0.02), fa.Joint(mass=0.4, housing_inertia=0.01)],
+        payload=fa.Payload(mass=0.3, inertia=0.002, offset=(0.05, 0.02)),
+        theory=theory,
+    )
+
+
+def whole_shape(of, nodal):
+    """Deflection and slope at the first link's nodes from the link's own root tangent.
+
+    To first order in the bending, from values that each segment counts from its own root.
+    """
+    link = of.spec.links[0]
+    per = link.elements // link.segments
+    h = link.length / link.elements
+    deflection, slope, seen = 0.0, 0.0, []
+    for k in range(link.segments):
+        own = nodal[k * per : (k + 1) * per]
+        x = h * np.arange(1, per + 1)
+        seen.append(np.stack([deflection + slope * x + own[:, 0], slope + own[:, 1]], axis=1))
+        deflection, slope = seen[-1][-1]
+    return np.concatenate(seen)
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+@pytest.mark.parametrize("segments", [2, 4, 8])
+@pytest.mark.parametrize("joints", ["locked", "free"])
+def test_small_vibrations_do_not_know_of_the_cuts(segments, theory, joints):
+    """At straight links both span the same shapes: cubic on each element, smooth at the nodes."""
+    whole = fa.modes(arm(1, theory), [0.3, -0.8], joints)
+    cut = fa.modes(arm(segments, theory), [0.3, -0.8], joints)
+    # The stiffest modes hold 1e-9 of their digits on either side.
+    np.testing.assert_allclose(cut.frequency_hz, whole.frequency_hz, rtol=1e-7, atol=1e-4)
+    np.testing.assert_allclose(cut.frequency_hz[2:6], whole.frequency_hz[2:6], rtol=1e-9)
+
+
+@pytest.mark.parametrize("segments", [2, 4, 8])
+def test_small_static_bending(segments):
+    """The same loads bend them alike, in the limit of small ones: 1e-5 of a visible one."""
+    loads = [fa.Load(1, (0.0, -3e-5), 2e-5, station=0.5), fa.Load(2, (1e-5, 2e-5))]
+    whole, cut = arm(1), arm(segments)
+    wanted = whole.nodal(fa.equilibrium(whole, loads=loads).q)[0]
+    found = whole_shape(cut, cut.nodal(fa.equilibrium(cut, loads=loads).q)[0])
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
+
+
+@pytest.mark.parametrize("segments", [2, 4, 8])
+def test_rigid_motion_is_the_same(segments):
+    """Straight links: energies, tip and the inertia that each joint feels."""
+    whole, cut = arm(1), arm(segments)
+    angles, rates = [0.4, 1.1], [2.0, -3.0]
+    one, other = (of.energy(of.rest(angles), of.rest(rates)).kinetic for of in (whole, cut))
+    assert other == pytest.approx(one, rel=1e-13)
+    np.testing.assert_allclose(cut.tip(cut.rest(angles)), whole.tip(whole.rest(angles)), rtol=1e-14)
+    M, N = (of.mass_matrix(of.rest(angles)) for of in (whole, cut))
+    i, j = whole.joint_index, cut.joint_index
+    np.testing.assert_allclose(N[np.ix_(j, j)], M[np.ix_(i, i)], rtol=1e-13)
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+def test_large_motion_conserves_energy(theory):
+    """A soft link in eight pieces, thrown so that its ends turn by half a right angle."""
+    of = arm(8, theory, SOFT)
+    rates = of.rest([8.0, -20.0])
+    result = fa.simulate(of, 0.5, initial_rate=rates, rate=500, rtol=1e-9, atol=1e-11)
+    energy = (result.kinetic_energy + result.strain_energy).values
+    assert abs(result.link_tip_slope.values[:, 0]).max() > 0.5
+    # A tolerance of 1e-9 a step.
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+def test_work_of_the_torques_is_the_energy_gained(theory):
+    """Against the relative joint rates, which contain the slope of the whole link before."""
+    of = arm(4, theory)
+
+    def torque(t):
+        return [3.0 * np.sin(6 * t), -1.5 * np.cos(5 * t)]
+
+    result = fa.simulate(of, 0.5, torque=torque, rate=4000, rtol=1e-9, atol=1e-11)
+    power = np.sum(result.torque.values * result.joint_rate.values, axis=1)
+    work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 / 4000)])
+    energy = (result.kinetic_energy + result.strain_energy).values
+    assert energy.max() > 0.5
+    # The trapezoidal rule at 4 kHz.
+    np.testing.assert_allclose(energy, work, rtol=0, atol=2e-4 * energy.max())
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+def test_pieces_converge_to_one_motion(theory):
+    """Linear pieces with second order, second-order pieces with third, over a large motion."""
+    tips = []
+    for segments in (2, 4, 8, 16):
+        link = fa.Link(length=1.0, elements=16, segments=segments, modes=2, **SOFT)
+        of = fa.Arm(links=[link], payload=fa.Payload(mass=0.2), theory=theory)
+        result = fa.simulate(of, 0.4, torque=lambda t: [0.5], rate=50, rtol=1e-8, atol=1e-10)
+        tips.append(result.tip.values)
+    assert abs(result.link_tip_slope.values).max() > 0.2
+    steps = np.linalg.norm(np.diff(tips, axis=0), axis=(1, 2))
+    order = {"linear": 2, "second_order": 3}[theory]
+    assert np.log2(steps[1] / steps[2]) == pytest.approx(order, abs=0.5)
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+@pytest.mark.parametrize("segments", [2, 8])
+def test_the_axis_is_smooth_across_the_cuts(segments, theory):
+    of = arm(segments, theory)
+    rng = np.random.default_rng(1)
+    q = of.rest([0.5, -0.4])
+    for piece in of.assembly.pieces:
+        q[piece.modal] = 0.1 * rng.normal(size=piece.shapes.w2.size) / np.sqrt(piece.shapes.w2)
+    axis = of.shape(q, 2401)[0]
+    step = np.diff(axis, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    np.testing.assert_allclose(length, 1.2 / 2400, rtol=0.1)  # no gap, no overlap
+    turn = np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
+    # Curvature times half a millimetre: no corner.
+    assert abs(turn).max() < 0.01
+    first, second = of.shape(q, 2)
+    np.testing.assert_allclose(first[1], second[0], atol=1e-14)
+    np.testing.assert_allclose(second[1], of.tip(q)[:2], atol=1e-14)
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+def test_what_a_result_says_of_a_bent_link(theory):
+    """Deflection and slope of the whole link from its root tangent, with true rates."""
+    gauge = fa.Gauge(station=0.0, distance=0.01)
+    of = arm(4, theory, gauges=(gauge, gauge.replace(station=0.7)))
+    whole = arm(1, theory, gauges=(gauge, gauge.replace(station=0.7)))
+
+    def torque(t):
+        return [0.3 * (1 - np.cos(20 * t)), 0.1 * (np.cos(13 * t) - 1)]
+
+    found = fa.simulate(of, 0.2, torque=torque, rate=2000)
+    wanted = fa.simulate(whole, 0.2, torque=torque, rate=2000)
+    for name in ("link_tip_deflection", "link_tip_slope", "link_angle", "tip", "strain"):
+        size = abs(wanted[name].values).max()
+        # They differ by the square of slopes of a hundredth.
+        np.testing.assert_allclose(found[name].values, wanted[name].values, atol=5e-3 * size)
+    for name in ("link_tip_deflection", "link_tip_slope"):
+        rate = np.gradient(found[name].values, found.time.values, axis=0, edge_order=2)
+        exact = found[f"{name}_rate"].values
+        # Differences at 2 kHz.
+        np.testing.assert_allclose(rate[5:-5], exact[5:-5], atol=5e-3 * abs(exact).max())
+
+
+def test_names_of_the_coordinates():
+    result = fa.simulate(arm(2, modes=2), 0.01, rate=100)
+    assert list(result.coordinate.values) == [
+        "joint_1",
+        "link_1_segment_1_mode_1",
+        "link_1_segment_1_mode_2",
+        "link_1_segment_2_mode_1",
+        "link_1_segment_2_mode_2",
+        "joint_2",
+        *(f"link_2_mode_{k}" for k in range(1, 5)),
+    ]
+
+
+def test_nodal_values_there_and_back():
+    of = arm(4)
+    rng = np.random.default_rng(3)
+    nodal = [0.01 * rng.normal(size=(link.elements, 2)) for link in of.spec.links]
+    q = of.from_nodal([0.2, 0.4], nodal)
+    np.testing.assert_allclose(of.joint_angles(q), [0.2, 0.4])
+    for found, given in zip(of.nodal(q), nodal, strict=True):
+        np.testing.assert_allclose(found, given, atol=1e-12)
+
+
+def test_counts_and_the_rigid_twin():
+    of = arm(4, modes=3)
+    assert of.dof == 2 + 4 * 3 + 4
+    assert of.spec.links[0].coordinates == 12
+    assert list(of.joint_index) == [0, 13]
+    rigid = of.rigid()
+    assert rigid.dof == 2
+    rates = [1.0, 2.0]
+    kinetic = of.energy(of.rest([0.1, 0.2]), of.rest(rates)).kinetic
+    assert rigid.energy([0.1, 0.2], rates).kinetic == pytest.approx(kinetic, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"segments": 3, "elements": 8}, "segments must divide elements, which is 8, but is 3."),
+        ({"segments": 0}, "segments must be"),
+        ({"segments": 2, "elements": 4, "modes": 5}, "twice the number of elements of a segment"),
+        (
+            {"segments": 2, "elements": 4, "damping": {"kind": "modal", "ratio": [0.1] * 5}},
+            "must be at most 4 long",
+        ),
+    ],
+)
+def test_wrong_segments_are_refused(fields, message):
+    with pytest.raises(fa.ModelError) as told:
+        fa.Link(length=1.0, **UNIFORM, **fields)
+    assert message in str(told.value)

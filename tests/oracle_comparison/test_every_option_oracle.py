@@ -1,0 +1,150 @@
+"""Segments, joint laws, loads, moving bases and prescribed joints against Lagrange's equations.
+
+The oracle shares no formula with the package: segments are links of their own, spring and stops
+energies, loads virtual work on material points, the base's motion two more coordinates, reactions
+the forces of constraints. Its base also has a velocity, which must not matter.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from arm_states import parts, state_array
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.loads import place_loads
+from oracles.joint_laws import passive_torque
+from oracles.lagrangian import LagrangianOracle
+from random_options import busy
+
+EPSILON = np.finfo(float).eps
+SEEDS = range(1000, 1030)
+
+
+@cache
+def case(seed):
+    """A random arm, its oracle, and its state in the oracle's coordinates."""
+    b = busy(seed, theory=["linear", "second_order"][seed % 2])
+    oracle = LagrangianOracle(b.arm.spec)
+    q = oracle.coordinates(b.state.angles, b.state.nodal)
+    qd = oracle.coordinates(b.state.angle_rates, b.state.nodal_rates)
+    return b, oracle, q, qd
+
+
+def surroundings(b):
+    return {
+        "loads": b.all_loads,
+        "base_velocity": b.base_velocity,
+        "base_acceleration": b.base_acceleration,
+    }
+
+
+def assert_close(found, exact, mass):
+    """Measured as kinetic energy, so that metres and radians weigh alike."""
+    scale = np.sqrt(np.diag(mass))
+    # 1e-10 is asked of the recursion; an ill-conditioned arm has no better answer in doubles than
+    # the rounding of its state and of its forces, times the condition number.
+    limit = max(1e-10, 2.0 * EPSILON * np.linalg.cond(mass / np.outer(scale, scale)))
+    assert np.linalg.norm(scale * (found - exact)) < limit * np.linalg.norm(scale * exact)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_accelerations(seed):
+    b, oracle, q, qd = case(seed)
+    exact = oracle.moving(q, qd, b.torque, **surroundings(b)).acceleration
+    found = b.arm.forward_dynamics(b.q, b.qd, b.torque, b.tip_force, b.loads, b.base_acceleration)
+    found = oracle.coordinates(b.arm.joint_angles(found), b.arm.nodal(found))
+    assert_close(found, exact, oracle.mass_matrix(q))
+
+
+@pytest.mark.parametrize("seed", range(1100, 1106))
+def test_accelerations_of_reduced_segments(seed):
+    """Segments that keep some of their shapes: the oracle takes the very same as its basis."""
+    b = busy(seed, reduced=True)
+    basis = [piece.basis if piece.w2.size else None for piece in b.arm.assembly.links]
+    oracle = LagrangianOracle(b.arm.spec, basis=basis)
+    exact = oracle.moving(b.q, b.qd, b.torque, **surroundings(b)).acceleration
+    found = b.arm.forward_dynamics(b.q, b.qd, b.torque, b.tip_force, b.loads, b.base_acceleration)
+    assert_close(found, exact, oracle.mass_matrix(b.q))
+
+
+def prescribed_accelerations(b):
+    """Accelerations (dof,) with the joints of ``b.given`` made to follow."""
+    sizes, constants, work = parts(b.arm)
+    free, drive = constants.free.copy(), b.torque.copy()
+    for joint, acceleration in b.given.items():
+        free[b.arm.assembly.link_body[joint - 1]] = 0.0
+        drive[joint - 1] = acceleration
+    loads = place_loads(b.arm, "test", b.all_loads, b.base_acceleration)
+    state, torque = state_array(b.arm, b.q, b.qd), b.arm.padded_torque(drive)
+    forward_dynamics(sizes, constants._replace(free=free), state, torque, loads, work)
+    return b.arm.unpadded(work.acceleration)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_prescribed_joints_and_reactions(seed):
+    """What the others do, the torque that it takes, and what every joint transmits."""
+    b, oracle, q, qd = case(seed)
+    exact = oracle.moving(q, qd, b.torque, given=b.given, **surroundings(b))
+    qdd = prescribed_accelerations(b)
+    found = oracle.coordinates(b.arm.joint_angles(qdd), b.arm.nodal(qdd))
+    for joint, acceleration in b.given.items():
+        assert b.arm.joint_angles(qdd)[joint - 1] == acceleration
+    mass = oracle.mass_matrix(q)
+    assert_close(found, exact.acceleration, mass)
+    acting = (b.q, b.qd, qdd, b.tip_force, b.loads, b.base_acceleration)
+    motor = b.arm.inverse_dynamics(*acting)[b.arm.joint_index]
+    # Far below what a wrong term would leave, far above rounding of the forces in balance.
+    weight = 1e-12 * np.linalg.norm(np.sqrt(np.diag(mass)) * exact.acceleration)
+    reach = np.sqrt(np.diag(mass)[oracle.joint_index].max())
+    np.testing.assert_allclose(motor, exact.torque, rtol=1e-10, atol=weight * reach)
+    reactions = b.arm.joint_reactions(*acting)
+    heaviness = np.sqrt(b.arm.assembly.constants.mass.sum() + 10.0)
+    np.testing.assert_allclose(
+        reactions[:, :2], exact.joint_force, rtol=1e-10, atol=weight * heaviness
+    )
+    given = [
+        passive_torque(joint, angle, rate)
+        for joint, angle, rate in zip(
+            b.arm.spec.joints, b.state.angles, b.state.angle_rates, strict=True
+        )
+    ]
+    np.testing.assert_allclose(
+        reactions[:, 2], exact.torque + given, rtol=1e-10, atol=weight * reach
+    )
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_energy_with_springs_and_stops(seed):
+    b, oracle, q, qd = case(seed)
+    exact = oracle.energy(q, qd)
+    # Rounding of the modal basis; single numbers.
+    np.testing.assert_allclose(
+        b.arm.energy(b.q, b.qd)[:3], exact, rtol=1e-12, atol=1e-12 * max(map(abs, exact))
+    )
+    np.testing.assert_allclose(b.arm.tip(b.q), oracle.tip(q), rtol=0, atol=1e-13)
+
+
+def test_every_option_had_its_turn():
+    arms = [case(seed)[0] for seed in SEEDS]
+    joints = [joint for b in arms for joint in b.arm.spec.joints]
+    assert {bool(j.stiffness) for j in joints} == {True, False}
+    assert {j.friction is None for j in joints} == {True, False}
+    assert {j.friction.static is None for j in joints if j.friction} == {True, False}
+    reached = set()
+    for b in arms:
+        for joint, angle, rate in zip(
+            b.arm.spec.joints, b.state.angles, b.state.angle_rates, strict=True
+        ):
+            if joint.limits is not None:
+                side = int(angle > joint.limits.upper) - int(angle < joint.limits.lower)
+                reached.add((side, joint.limits.damping * side * rate < -1.0))
+    assert {side for side, _ in reached} == {-1, 0, 1}
+    assert {lets_go for _, lets_go in reached} == {True, False}  # leaves faster than it springs
+    assert {link.segments for b in arms for link in b.arm.spec.links} == {1, 2, 3, 4}
+    loads = [load for b in arms for load in b.loads]
+    assert {(load.frame, load.spread is None) for load in loads} == {
+        (frame, point) for frame in ("world", "link") for point in (True, False)
+    }
+    assert {any(b.base_acceleration) for b in arms} == {True, False}
+    assert {len(b.given) for b in arms} >= {0, 1, 2}

@@ -1,0 +1,54 @@
+"""An arm as a chain of pieces: whole links, or the segments that a link is cut into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexarm.model import ArmSpec, Joint, Link, SectionTable
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One piece: ``link`` describes it by itself; ``joint`` is at its root, None where it goes on
+    rigidly from the piece before. owner: index of the link it belongs to, start: distance of its
+    root from that link's, m. rows: which nodes of that link are its own."""
+
+    link: Link
+    joint: Joint | None
+    owner: int
+    start: float
+    rows: slice
+
+
+def cut(spec: ArmSpec) -> list[Piece]:
+    """All pieces of an arm from the base outwards."""
+    pieces = []
+    for owner, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
+        count = link.segments if link.flexible else 1
+        nodes = link.elements // count
+        for k in range(count):
+            start = link.length * k / count
+            part = link if count == 1 else segment(link, start, link.length * (k + 1) / count)
+            rows = slice(k * nodes, (k + 1) * nodes)
+            pieces.append(Piece(part, joint if k == 0 else None, owner, start, rows))
+    return pieces
+
+
+def segment(link: Link, start: float, end: float) -> Link:
+    """The stretch of a link between two distances from its root (m), as a link of its own."""
+    beam = link.beam()
+    x = np.array(beam.x)
+    stations = np.concatenate([[start], x[(x > start) & (x < end)], [end]])
+    columns: dict[str, Any] = {
+        name: np.interp(stations, x, getattr(beam, name)).tolist()
+        for name in ("flexural_rigidity", "mass_per_length", "rotary_inertia_per_length")
+    }
+    return Link(
+        length=end - start,
+        table=SectionTable(x=(stations - start).tolist(), **columns),
+        elements=link.elements // link.segments,
+        damping=link.damping,
+    )

@@ -1,0 +1,56 @@
+"""What joints do besides their motors, as the handbook writes it: with sharp corners."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flexarm.model import Joint
+
+
+def joint_energy(joint: Joint, angle: Any) -> Any:
+    """Energy of spring and stops (J) at an angle that may be a jet."""
+    turned = angle + -joint.rest_angle
+    energy = turned * turned * (0.5 * joint.stiffness)
+    for beyond in _beyond(joint, angle):
+        energy = energy + beyond * beyond * (0.5 * joint.limits.stiffness)
+    return energy
+
+
+def joint_loss(joint: Joint, angle: float, rate: float) -> float:
+    """Torque (N m) of dry friction and of the stops' damping; viscous damping not included."""
+    torque = 0.0
+    if joint.friction is not None:
+        f = joint.friction
+        static = f.coulomb if f.static is None else f.static
+        level = f.coulomb + (static - f.coulomb) * np.exp(-((rate / f.stribeck_rate) ** 2))
+        torque -= level * np.tanh(rate / f.smoothing_rate)
+    if joint.limits is not None:
+        stop = joint.limits
+        inward = 1.0 if angle < stop.lower else -1.0
+        approach = -inward * rate
+        for beyond in _beyond(joint, angle):
+            push = stop.stiffness * beyond * max(0.0, 1.0 + stop.damping * approach)
+            torque += inward * (push - stop.stiffness * beyond)  # the elastic part is an energy
+    return float(torque)
+
+
+def passive_torque(joint: Joint, angle: float, rate: float) -> float:
+    """Everything the joint gives by itself (N m)."""
+    torque = joint_loss(joint, angle, rate) - joint.damping * rate
+    torque -= joint.stiffness * (angle - joint.rest_angle)
+    if joint.limits is not None:
+        inward = 1.0 if angle < joint.limits.lower else -1.0
+        torque += sum(inward * joint.limits.stiffness * p for p in _beyond(joint, angle))
+    return float(torque)
+
+
+def _beyond(joint: Joint, angle: Any) -> list[Any]:
+    """How far the joint is beyond a stop; empty within its range."""
+    if joint.limits is None:
+        return []
+    value = getattr(angle, "value", angle)
+    if value < joint.limits.lower:
+        return [-angle + joint.limits.lower]
+    return [angle + -joint.limits.upper] if value > joint.limits.upper else []

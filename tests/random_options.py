@@ -1,0 +1,151 @@
+"""Arms with every option switched on at random, in surroundings that load and shake them.
+
+On top of ``random_arms``: links in segments, joints with springs, dry friction and stops, loads at
+stations and spread ones in both frames, an accelerating base, joints that follow a motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import flexarm as fa
+from flexarm.model import ArmSpec, Friction, Joint, JointLimits, Link
+from oracles.chain import cut
+from random_arms import MODERATE, NodalState, decide, maybe, random_bending, random_spec
+
+
+@dataclass(frozen=True)
+class Busy:
+    """An arm with a state (package's coordinates and nodal ones) and all that acts on it.
+
+    torque (joints,) N m; tip_force (3,); loads without the tip force; base_velocity and
+    base_acceleration (2,); given: joint number from 1 to acceleration, rad/s^2.
+    """
+
+    arm: fa.Arm
+    state: NodalState
+    q: np.ndarray
+    qd: np.ndarray
+    torque: np.ndarray
+    tip_force: np.ndarray
+    loads: list[fa.Load]
+    base_velocity: np.ndarray
+    base_acceleration: np.ndarray
+    given: dict[int, float]
+
+    @property
+    def all_loads(self) -> list[fa.Load]:
+        """The loads and the tip force."""
+        force = fa.Load(link=self.arm.joints, force=self.tip_force[:2], moment=self.tip_force[2])
+        return [*self.loads, force]
+
+
+def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
+    """Draw an arm, its state and its surroundings."""
+    rng = np.random.default_rng(seed)
+    plain = random_spec(rng, theory=theory)
+    links = [in_segments(rng, link, reduced) for link in plain.links]
+    angles = rng.uniform(-np.pi, np.pi, len(links))
+    joints = [
+        with_laws(rng, joint, angle) for joint, angle in zip(plain.joints, angles, strict=True)
+    ]
+    spec = ArmSpec(
+        links=links,
+        joints=joints,
+        payload=plain.payload,
+        gravity=plain.gravity,
+        theory=plain.theory,
+    )
+    arm = fa.Arm(spec)
+    state = NodalState(
+        angles=angles,
+        nodal=bent(rng, spec, MODERATE[spec.theory]),
+        angle_rates=rng.uniform(-2, 2, len(links)),
+        nodal_rates=bent(rng, spec, 0.1),
+    )
+    moved = [j + 1 for j in range(len(links)) if rng.random() < 0.3]
+    return Busy(
+        arm=arm,
+        state=state,
+        q=arm.from_nodal(state.angles, state.nodal),
+        qd=arm.from_nodal(state.angle_rates, state.nodal_rates),
+        torque=rng.normal(size=arm.joints) * 5.0,
+        tip_force=rng.normal(size=3) * [3.0, 3.0, 1.0],
+        loads=random_loads(rng, spec),
+        base_velocity=rng.normal(size=2) * 3.0,
+        base_acceleration=rng.normal(size=2) * 5.0 if decide(rng, None) else np.zeros(2),
+        given={joint: float(rng.normal() * 5.0) for joint in moved},
+    )
+
+
+def in_segments(rng: np.random.Generator, link: Link, reduced: bool) -> Link:
+    """The same link, as a chain of 1 to 4 segments."""
+    if not link.flexible:
+        return link
+    count = int(rng.integers(1, 5))
+    mesh = int(rng.integers(1, 4 if count < 3 else 2))
+    modes = int(rng.integers(1, 2 * mesh + 1)) if reduced else None
+    damping = link.damping
+    if getattr(damping, "kind", None) == "modal" and isinstance(damping.ratio, tuple):
+        damping = damping.replace(ratio=damping.ratio[0])  # segments have fewer modes
+    return link.replace(segments=count, elements=count * mesh, modes=modes, damping=damping)
+
+
+def bent(rng: np.random.Generator, spec: ArmSpec, size: float) -> list[np.ndarray]:
+    """Nodal values per link, every segment bent from its own root tangent."""
+    nodal = [np.zeros((link.elements, 2)) for link in spec.links]
+    for piece in cut(spec):
+        if piece.link.flexible:
+            nodal[piece.owner][piece.rows] = random_bending(rng, piece.link, size)
+    return nodal
+
+
+def with_laws(rng: np.random.Generator, joint: Joint, angle: float) -> Joint:
+    """The joint with a spring, friction and stops, at the given angle beyond one of them or not.
+
+    Always some way off a stop's corner, which the package rounds.
+    """
+    friction, limits = None, None
+    if decide(rng, None):
+        coulomb = float(rng.uniform(0.1, 3.0))
+        friction = Friction(
+            coulomb=coulomb,
+            static=coulomb + maybe(rng, 0.1, 2.0) if decide(rng, None) else None,
+            stribeck_rate=float(rng.uniform(0.1, 2.0)),
+            smoothing_rate=float(rng.uniform(0.01, 2.0)),
+        )
+    if decide(rng, None):
+        # Angle less a stop: within the range, beyond the lower one, beyond the upper one.
+        below, above = [(-1.0, 1.0), (0.2, 1.0), (-1.0, -0.3)][int(rng.integers(3))]
+        limits = JointLimits(
+            lower=angle + below,
+            upper=angle + above,
+            stiffness=float(rng.uniform(10.0, 1e3)),
+            damping=maybe(rng, 0.1, 3.0),
+        )
+    return joint.replace(
+        stiffness=maybe(rng, 0.5, 50.0),
+        rest_angle=float(rng.normal()),
+        friction=friction,
+        limits=limits,
+    )
+
+
+def random_loads(rng: np.random.Generator, spec: ArmSpec) -> list[fa.Load]:
+    """Up to four loads anywhere: at tips and stations, with moments, or spread over a stretch."""
+    loads = []
+    for _ in range(int(rng.integers(0, 5))):
+        link = int(rng.integers(1, len(spec.links) + 1))
+        length = spec.links[link - 1].length
+        frame = str(rng.choice(["world", "link"]))
+        force = rng.normal(size=2) * 4.0
+        if decide(rng, None):
+            start, end = np.sort(rng.uniform(0.0, length, 2))
+            loads.append(fa.Load(link, force=force, spread=(start, end), frame=frame))
+        else:
+            station = float(rng.uniform(0.0, length)) if decide(rng, None) else None
+            moment = float(rng.normal())
+            loads.append(fa.Load(link, force=force, moment=moment, station=station, frame=frame))
+    return loads

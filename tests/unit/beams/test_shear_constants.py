@@ -1,0 +1,256 @@
+"""Constants of links that shear against brute-force integrals, and the limit without shear."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec
+from scipy.interpolate import PPoly
+
+from flexarm.beams.invariants import link_constants
+from flexarm.beams.shortening import shortening_matrices
+from flexarm.errors import InputError
+
+INTEGRATION = 1e-9  # what the adaptive integrals are asked for is ten times less
+L = 1.3
+
+
+class Table:
+    """A random link, its deflection and rotation made anew from their definition."""
+
+    def __init__(self, seed, elements, modes=None):
+        rng = np.random.default_rng(seed)
+        self.x = np.array([0.0, *np.sort(rng.uniform(0.1, 1.2, 2)), L])
+        self.bending = rng.uniform(0.5, 3.0, 4)
+        self.mass = rng.uniform(0.2, 2.0, 4)
+        self.rotary = rng.uniform(0.01, 0.05, 4)
+        self.shear = rng.uniform(5.0, 60.0, 4)
+        self.link = link_constants(
+            self.x,
+            self.bending,
+            self.mass,
+            self.rotary,
+            elements=elements,
+            modes=modes,
+            shear_rigidity=self.shear,
+        )
+        nodal = self.link.basis.reshape(elements, 2, -1)
+        nodal = np.concatenate([np.zeros((1, *nodal.shape[1:])), nodal])
+        nodes = np.linspace(0.0, L, elements + 1)
+        cubics, angles = zip(
+            *(self.field(nodes[k : k + 2], nodal[k : k + 2]) for k in range(elements)), strict=True
+        )
+        self.shapes = PPoly(np.stack(cubics, axis=1), nodes)
+        self.angle = PPoly(np.stack(angles)[None], nodes)
+        self.slopes = self.shapes.derivative()
+        self.kinks = np.union1d(nodes, self.x)
+
+    def field(self, ends, nodal):
+        """Cubic v (4, m), highest power first, and the angle (m,) of one element.
+
+        Four unknowns of v and the angle from v and v' - angle at both ends, and from
+        EI v''' + kGA angle = 0 with the element's mean EI and kGA.
+        """
+        h = ends[1] - ends[0]
+        dense = np.union1d(ends, self.x[(self.x > ends[0]) & (self.x < ends[1])])
+        bending, shear = (
+            np.trapezoid(np.interp(dense, self.x, column), dense) / h
+            for column in (self.bending, self.shear)
+        )
+        conditions = np.array(
+            [
+                [0.0, 0.0, 0.0, 1.0, 0.0],
+                [0.0, 0.0, 1.0, 0.0, -1.0],
+                [h**3, h**2, h, 1.0, 0.0],
+                [3 * h**2, 2 * h, 1.0, 0.0, -1.0],
+                [6 * bending, 0.0, 0.0, 0.0, shear],
+            ]
+        )
+        wanted = np.vstack([nodal.reshape(4, -1), np.zeros(nodal.shape[-1])])
+        solved = np.linalg.solve(conditions, wanted)
+        return solved[:4], solved[4]
+
+    def rotation(self, x):
+        return self.slopes(x) - self.angle(x)
+
+    def integral(self, function, end=L):
+        points = self.kinks[(self.kinks > 0.0) & (self.kinks < end)]
+        return quad_vec(function, 0.0, end, epsabs=1e-11, epsrel=1e-10, points=points)[0]
+
+    def mu(self, x):
+        return np.interp(x, self.x, self.mass)
+
+    def rho_i(self, x):
+        return np.interp(x, self.x, self.rotary)
+
+    def shortening(self, x):
+        """g(x), by its definition: the integral from the root."""
+        return self.integral(lambda s: np.outer(self.slopes(s), self.slopes(s)), x)
+
+
+@pytest.fixture(scope="module", params=[(1, 1, None), (2, 3, None), (3, 4, 4)], ids=str)
+def table(request):
+    return Table(*request.param)
+
+
+class TestIntegrals:
+    def test_momentum(self, table):
+        close = {"rtol": INTEGRATION, "atol": INTEGRATION}
+        linear = table.integral(lambda x: table.mu(x) * table.shapes(x))
+        np.testing.assert_allclose(table.link.S, linear, **close)
+        angular = table.integral(
+            lambda x: table.mu(x) * x * table.shapes(x) + table.rho_i(x) * table.rotation(x)
+        )
+        np.testing.assert_allclose(table.link.a, angular, **close)
+
+    def test_tip_turns_with_its_section(self, table):
+        np.testing.assert_allclose(table.link.P, table.shapes(L), rtol=1e-11)
+        scale = np.abs(table.link.dP).max()
+        np.testing.assert_allclose(table.link.dP, table.rotation(L), atol=1e-11 * scale)
+        assert np.abs(table.link.dP - table.slopes(L)).max() > 1e-3 * scale
+
+    def test_mass_matrix_is_the_unit_matrix(self, table):
+        m = table.link.w2.size
+        rotary = table.integral(
+            lambda x: table.rho_i(x) * np.outer(table.rotation(x), table.rotation(x))
+        )
+        scale = np.abs(rotary).max()
+        np.testing.assert_allclose(table.link.rotary, rotary, atol=INTEGRATION * scale)
+        translational = table.integral(
+            lambda x: table.mu(x) * np.outer(table.shapes(x), table.shapes(x))
+        )
+        np.testing.assert_allclose(translational + rotary, np.eye(m), atol=INTEGRATION * m)
+
+    def test_stiffness_is_that_of_bending_and_shear(self, table):
+        curvature = table.slopes.derivative()
+
+        def density(x):
+            bent, sheared = curvature(x), table.angle(x)
+            return np.interp(x, table.x, table.bending) * np.outer(bent, bent) + np.interp(
+                x, table.x, table.shear
+            ) * np.outer(sheared, sheared)
+
+        found = table.integral(density)
+        np.testing.assert_allclose(
+            found, np.diag(table.link.w2), atol=INTEGRATION * table.link.w2[-1]
+        )
+
+    @pytest.mark.parametrize("name", ["D0", "D1", "G"])
+    def test_the_axis_draws_back_by_its_slope(self, table, name):
+        if name == "G":
+            exact = table.shortening(L)
+        else:
+            power = int(name[1])
+            exact = table.integral(lambda x: table.mu(x) * x**power * table.shortening(x))
+        found = getattr(table.link, name)
+        np.testing.assert_allclose(found, exact, atol=INTEGRATION * np.abs(exact).max())
+
+    def test_what_rigid_motions_leave(self, table):
+        """1 and x less what the shapes make of them, with rotations 0 and 1."""
+        link = table.link
+        followed = np.stack([link.S, link.a], axis=1)
+
+        def motion(x):
+            left = np.array([[1.0, x], [0.0, 1.0]])
+            left[0] -= table.shapes(x) @ followed
+            left[1] -= table.rotation(x) @ followed
+            return left
+
+        def density(x):
+            moved, turned = motion(x)
+            return table.mu(x) * np.outer(moved, moved) + table.rho_i(x) * np.outer(turned, turned)
+
+        inertia = table.integral(density)
+        expected = [inertia[0, 0], inertia[0, 1], inertia[1, 1]]
+        np.testing.assert_allclose(link.residual_inertia, expected, rtol=1e-7, atol=INTEGRATION)
+        np.testing.assert_allclose(link.residual_tip, motion(L), atol=1e-11)
+
+
+def test_shapes_between_the_nodes(table):
+    inside = np.linspace(0.0, L, 14)[:-1] + 0.01  # off the element ends, where slopes jump
+    curvature = table.slopes.derivative()(inside)
+    close = {"atol": 1e-11 * np.abs(curvature).max()}
+    np.testing.assert_allclose(table.link.deflection(inside), table.shapes(inside), **close)
+    np.testing.assert_allclose(table.link.slope(inside), table.slopes(inside), **close)
+    np.testing.assert_allclose(table.link.rotation(inside), table.rotation(inside), **close)
+    np.testing.assert_allclose(table.link.curvature(inside), curvature, **close)
+
+
+def test_shortening_up_to_a_station(table):
+    stations = np.array([0.0, 0.31, 0.9, L])
+    exact = np.array([table.shortening(x) if x else 0.0 * table.link.G for x in stations])
+    found = shortening_matrices(table.link, stations)
+    np.testing.assert_allclose(found, exact, atol=INTEGRATION * np.abs(exact).max())
+
+
+def test_rotation_is_the_slope_without_shear():
+    two = np.ones(2)
+    link = link_constants([0.0, L], two, two, 0 * two, elements=3)
+    x = np.linspace(0.0, L, 7)
+    np.testing.assert_array_equal(link.rotation(x), link.slope(x))
+    np.testing.assert_array_equal(link.shear_parameter, np.zeros(3))
+
+
+X = np.array([0.0, 0.4, 0.55, 1.3])
+COLUMNS = (np.array([5.0, 4.0, 8.0, 2.0]), np.array([3.0, 1.0, 1.5, 0.2]), np.full(4, 0.02))
+
+
+@pytest.mark.parametrize("modes", [None, 3])
+@pytest.mark.parametrize("elements", [2, 16])
+def test_a_link_too_stiff_to_shear_is_an_euler_bernoulli_beam(elements, modes):
+    plain = link_constants(X, *COLUMNS, elements=elements, modes=modes)
+    # Shear parameters of 1e-18 and less: nothing is left of them beside one.
+    stiff = link_constants(
+        X, *COLUMNS, elements=elements, modes=modes, shear_rigidity=np.full(4, 1e24)
+    )
+    assert 0.0 < stiff.shear_parameter.max() < 1e-17
+    for field in fields(plain):
+        if field.name != "shear_parameter":
+            exact, found = getattr(plain, field.name), getattr(stiff, field.name)
+            scale = np.abs(exact).max()
+            np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11 * scale, err_msg=field.name)
+
+
+def test_difference_to_an_euler_bernoulli_beam_falls_with_the_stiffness():
+    plain = link_constants(X, *COLUMNS, elements=4).w2[:3]
+    drops = [
+        1 - link_constants(X, *COLUMNS, elements=4, shear_rigidity=np.full(4, k)).w2[:3] / plain
+        for k in (1e6, 1e7)
+    ]
+    np.testing.assert_allclose(drops[0] / drops[1], 10.0, rtol=1e-2)
+
+
+def test_the_rigid_body_does_not_know_of_shear():
+    plain = link_constants(X, *COLUMNS, elements=4)
+    soft = link_constants(X, *COLUMNS, elements=4, shear_rigidity=[30.0, 5.0, 8.0, 20.0])
+    for name in ("length", "mass", "first_moment", "inertia"):
+        assert getattr(soft, name) == getattr(plain, name)
+
+
+@pytest.mark.parametrize(
+    ("shear", "message"),
+    [
+        ([1.0, 0.0, 1.0, 1.0], r"shear_rigidity must be positive, but is \[1, 0, 1, 1\]"),
+        ([1.0, 1.0], "shear_rigidity must be numbers of shape"),
+        ([1.0, np.inf, 1.0, 1.0], r"shear_rigidity\[1\] must be finite"),
+    ],
+)
+def test_wrong_shear_rigidity_is_refused(shear, message):
+    with pytest.raises(InputError, match=f"link 3: {message}"):
+        link_constants(X, *COLUMNS, elements=2, shear_rigidity=shear, where="link 3")
+
+
+@pytest.mark.parametrize("slenderness", [1.0, 3.0, 30.0])
+@pytest.mark.parametrize("rotary", [0.0, 1.0])
+def test_the_finest_mesh_of_a_stocky_link_passes_the_checks_of_its_own_algebra(slenderness, rotary):
+    """Shear parameters up to two million, with and without inertia of the rotations."""
+    two = np.ones(2)
+    link = link_constants(
+        [0.0, 1.0],
+        two,
+        two,
+        rotary * two / slenderness**2,
+        elements=256,
+        shear_rigidity=two * slenderness**2 / 3.12,
+    )
+    assert np.all(np.isfinite(link.w2))

@@ -1,0 +1,224 @@
+"""Where loads act, what they are refused for, and how they add up."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.loads import place_loads
+
+ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
+
+
+def arm(segments=1, theory="second_order"):
+    links = [
+        fa.Link(length=1.2, elements=4, segments=segments, **ROD),
+        fa.Link(length=0.7, flexible=False, mass_per_length=0.4),
+        fa.Link(length=0.9, elements=2, **ROD),
+    ]
+    return fa.Arm(links=links, theory=theory)
+
+
+def bent(of):
+    """The arm at some angles, its links bent a little; at rest."""
+    rng = np.random.default_rng(5)
+    q = of.rest([0.4, -0.9, 1.3])
+    for piece in of.assembly.pieces:
+        q[piece.modal] = 0.02 * rng.normal(size=piece.shapes.w2.size) / np.sqrt(piece.shapes.w2)
+    return q
+
+
+def force_of(of, *loads):
+    """Generalised force of loads, at a bent posture."""
+    q, zero = bent(of), np.zeros(of.dof)
+    without = of.inverse_dynamics(q, zero, zero)
+    return without - of.inverse_dynamics(q, zero, zero, loads=loads)
+
+
+# Two forces of about 10 N and N m subtracted, beside stiffness forces of 1e3: a dozen digits.
+ROUNDING = 1e-11
+
+
+@pytest.mark.parametrize("segments", [1, 2, 4])
+def test_a_tip_force_is_a_load_at_the_end_of_the_last_link(segments):
+    of = arm(segments)
+    q, zero = bent(of), np.zeros(of.dof)
+    by_tip = of.inverse_dynamics(q, zero, zero, (1.0, -2.0, 0.5))
+    by_load = of.inverse_dynamics(q, zero, zero, loads=[fa.Load(3, (1.0, -2.0), 0.5)])
+    np.testing.assert_array_equal(by_tip, by_load)
+    at_station = fa.Load(3, (1.0, -2.0), 0.5, station=0.9)
+    found = of.inverse_dynamics(q, zero, zero, loads=[at_station])
+    np.testing.assert_allclose(found, by_tip, rtol=0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("link", [1, 2])
+def test_a_load_on_an_inner_tip_does_not_reach_beyond(link):
+    of = arm()
+    force = force_of(of, fa.Load(link, (1.0, -2.0), 0.5))
+    beyond = of.joint_index[link]
+    assert abs(force[:beyond]).max() > 0.1
+    assert abs(force[beyond:]).max() < ROUNDING
+
+
+@pytest.mark.parametrize("frame", ["world", "link"])
+@pytest.mark.parametrize("segments", [1, 2, 4])
+def test_a_spread_load_is_the_sum_of_its_parts(segments, frame):
+    of, force = arm(segments), np.array([2.0, -3.0])
+    whole = force_of(of, fa.Load(1, force, spread=(0.1, 1.1), frame=frame))
+    parts = [fa.Load(1, force, spread=ends, frame=frame) for ends in ((0.1, 0.5), (0.5, 1.1))]
+    np.testing.assert_allclose(whole, force_of(of, *parts), rtol=0, atol=ROUNDING)
+    # And of point loads: many Gauss points on each element.
+    node, weight = np.polynomial.legendre.leggauss(6)
+    cuts = [0.1, 0.3, 0.6, 0.9, 1.1]
+    points = []
+    for a, b in pairwise(cuts):
+        for s, w in zip(node, weight, strict=True):
+            station = (a + b) / 2 + (b - a) / 2 * s
+            points.append(fa.Load(1, force * w * (b - a) / 2, station=station, frame=frame))
+    np.testing.assert_allclose(whole, force_of(of, *points), rtol=0, atol=ROUNDING)
+
+
+def test_loads_add_up():
+    of = arm(2)
+    loads = [
+        fa.Load(1, (1.0, 2.0), 0.3, station=0.45),
+        fa.Load(2, (0.0, -1.0), spread=(0.0, 0.7)),
+        fa.Load(3, (2.0, 0.0), -0.2, frame="link"),
+    ]
+    single = sum(force_of(of, load) for load in loads)
+    np.testing.assert_allclose(force_of(of, *loads), single, rtol=0, atol=ROUNDING)
+    three = [fa.Load(2, (3.0, 6.0), station=0.2)]
+    one = [fa.Load(2, (1.0, 2.0), station=0.2)]
+    np.testing.assert_allclose(force_of(of, *three), 3 * force_of(of, *one), atol=ROUNDING)
+
+
+def test_a_follower_load_turns_with_its_link():
+    """Turning the base joint turns a follower load with the arm; a dead load stays behind."""
+    of = arm(theory="linear")
+    q, zero = of.rest([0.0, 0.2, 0.3]), np.zeros(of.dof)
+    turned = q.copy()
+    turned[0] = 0.7
+    c, s = np.cos(0.7), np.sin(0.7)
+    follower = [fa.Load(2, (1.5, -0.5), frame="link")]
+    np.testing.assert_allclose(
+        of.inverse_dynamics(turned, zero, zero, loads=follower),
+        of.inverse_dynamics(q, zero, zero, loads=follower),
+        rtol=0,
+        atol=ROUNDING,
+    )
+    dead = [fa.Load(2, (1.5, -0.5))]
+    with_arm = [fa.Load(2, (c * 1.5 + s * 0.5, s * 1.5 - c * 0.5))]
+    np.testing.assert_allclose(
+        of.inverse_dynamics(turned, zero, zero, loads=with_arm),
+        of.inverse_dynamics(q, zero, zero, loads=dead),
+        rtol=0,
+        atol=ROUNDING,
+    )
+
+
+def test_a_station_between_two_segments_belongs_to_either():
+    of = arm(2)
+    at = [force_of(of, fa.Load(1, (1.0, 2.0), 0.5, station=0.6 + d)) for d in (-1e-9, 0.0, 1e-9)]
+    # A nanometre to either side changes the shapes there by a part in 1e8.
+    np.testing.assert_allclose(at[0], at[1], rtol=1e-7, atol=1e-6)
+    np.testing.assert_allclose(at[2], at[1], rtol=1e-7, atol=1e-6)
+
+
+def test_base_acceleration_is_a_gravity_the_other_way():
+    of = arm()
+    falling = fa.Arm(of.spec.replace(gravity=(1.0, -9.0)))
+    rng = np.random.default_rng(2)
+    q, qd, qdd = bent(of), *(0.1 * rng.normal(size=(2, of.dof)))
+    np.testing.assert_array_equal(
+        falling.inverse_dynamics(q, qd, qdd),
+        of.inverse_dynamics(q, qd, qdd, base_acceleration=(-1.0, 9.0)),
+    )
+    np.testing.assert_array_equal(
+        falling.forward_dynamics(q, qd, [1.0, 2.0, 3.0]),
+        of.forward_dynamics(q, qd, [1.0, 2.0, 3.0], base_acceleration=(-1.0, 9.0)),
+    )
+
+
+def test_nothing_acts_where_nothing_is_given():
+    of = arm()
+    placed = place_loads(of, "test", [])
+    assert placed.body.size == 0
+    assert np.all(placed.base_acceleration == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"force": (1.0, np.nan)}, "Load: force[1] must be finite, but is nan."),
+        ({"force": 3.0}, "Load: force must be numbers of shape (2,), but is a number."),
+        ({"moment": np.inf}, "Load: moment must be finite, but is inf."),
+        ({"frame": "body"}, "Load: frame must be one of 'world', 'link', but is 'body'."),
+        ({"station": -0.1}, "Load: station must be at least 0, but is -0.1."),
+        ({"station": np.nan}, "Load: station must be at least 0, but is nan."),
+        (
+            {"spread": (0.5, 0.2)},
+            (
+                "Load: spread must be a start and an end beyond it, from the link's root, "
+                "but is (0.5, 0.2)."
+            ),
+        ),
+        (
+            {"spread": (0.1, 0.2), "moment": 1.0},
+            (
+                "Load: spread must be left out of a load that has a station or a moment, "
+                "but is (0.1, 0.2)."
+            ),
+        ),
+        (
+            {"spread": (0.1, 0.2), "station": 0.1},
+            (
+                "Load: spread must be left out of a load that has a station or a moment, "
+                "but is (0.1, 0.2)."
+            ),
+        ),
+    ],
+)
+def test_wrong_loads_are_refused(fields, message):
+    with pytest.raises(fa.InputError) as told:
+        fa.Load(1, **fields)
+    assert str(told.value) == message
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        (fa.Load(0), "Load.link must be the number of a link, 1 to 3, but is 0."),
+        (fa.Load(4), "Load.link must be the number of a link, 1 to 3, but is 4."),
+        (
+            fa.Load(2, station=0.71),
+            "Load.station must lie within the link, whose length is 0.7, but is 0.71.",
+        ),
+        (
+            fa.Load(1, spread=(0.2, 1.3)),
+            "Load.spread must lie within the link, whose length is 1.2, but is 1.3.",
+        ),
+    ],
+)
+def test_loads_that_are_not_on_the_arm_are_refused(load, message):
+    of = arm()
+    zero = np.zeros(of.dof)
+    calls = {
+        "Arm.forward_dynamics": lambda: of.forward_dynamics(zero, zero, [0, 0, 0], loads=[load]),
+        "equilibrium": lambda: fa.equilibrium(of, loads=[load]),
+        "simulate": lambda: fa.simulate(of, 0.1, loads=[load]),
+    }
+    for where, call in calls.items():
+        with pytest.raises(fa.InputError) as told:
+            call()
+        assert str(told.value) == f"{where}: {message}"
+
+
+@pytest.mark.parametrize("tip_force", [(1.0,), (1.0, 2.0, 3.0, 4.0), (1.0, np.nan)])
+def test_wrong_tip_forces_are_refused(tip_force):
+    of = arm()
+    zero = np.zeros(of.dof)
+    with pytest.raises(fa.InputError, match=r"Arm.forward_dynamics: tip_force"):
+        of.forward_dynamics(zero, zero, [0, 0, 0], tip_force)
+    with pytest.raises(fa.InputError, match=r"Arm.inverse_dynamics: base_acceleration"):
+        of.inverse_dynamics(zero, zero, zero, base_acceleration=tip_force[:1])

@@ -1,0 +1,222 @@
+"""Links that shear: shear coefficients of sections, the beam a link makes, what is refused."""
+
+import numpy as np
+import pytest
+
+from flexarm.errors import ModelError
+from flexarm.model import (
+    MATERIALS,
+    Box,
+    Circle,
+    Link,
+    Material,
+    Rectangle,
+    SectionTable,
+    Tube,
+    json_schema,
+)
+
+CONSTANTS = {"length": 2.0, "flexural_rigidity": 3.0, "mass_per_length": 0.5}
+TABLE = {"x": [0, 2], "flexural_rigidity": [3, 1], "mass_per_length": [0.5, 0.2]}
+SHEARED = {**TABLE, "shear_rigidity": [40, 20]}
+GIVE = "It is k G A, which material and section would give too."
+SET = "To let the link shear, set element: timoshenko."
+WAYS = (
+    "A link is described by flexural_rigidity and mass_per_length, by material and section, "
+    "or by table."
+)
+EULER = "must be left out of an Euler-Bernoulli link"
+
+
+def problems_of(**values):
+    with pytest.raises(ModelError) as caught:
+        Link(**values)
+    return [line.removeprefix("Link: ") for line in str(caught.value).splitlines()]
+
+
+def annulus(inner, outer=1.0):
+    """Shear coefficient of a ring: Saint-Venant's stresses at a Poisson's ratio of zero.
+
+    Stresses are V/I times the gradient of cos(t) (a r + b/r - r^3/8): its divergence -r cos(t)
+    balances the bending stress, and a and b free both edges of radial stress.
+    """
+    edges = np.array([[1.0, -1 / r**2] for r in (inner, outer)])
+    a, b = np.linalg.solve(edges, [3 * inner**2 / 8, 3 * outer**2 / 8])
+    node, weight = np.polynomial.legendre.leggauss(200)
+    r, dr = (outer + inner) / 2 + (outer - inner) / 2 * node, (outer - inner) / 2 * weight
+    radial, hoop = a - b / r**2 - 3 * r**2 / 8, a + b / r**2 - r**2 / 8
+    energy = np.pi * np.sum(dr * r * (radial**2 + hoop**2))
+    area, second_moment = np.pi * (outer**2 - inner**2), np.pi / 4 * (outer**4 - inner**4)
+    return second_moment**2 / (area * energy)
+
+
+def thin_box(width, height, thickness):
+    """Shear coefficient of a thin box, width and height between the middles of its walls.
+
+    Shear flow grows from the middle of a flange to the corner and on to the middle of the web.
+    """
+    node, weight = np.polynomial.legendre.leggauss(8)
+    s, ds = (node + 1) / 2, weight / 2
+    area = 2 * thickness * (width + height)
+    second_moment = thickness * (height**3 / 6 + width * height**2 / 2)
+    flange = thickness * height / 2 * s * width / 2
+    along = s * height / 2
+    web = thickness * (height / 2 * width / 2 + along * (height - along) / 2)
+    energy = 4 * (ds @ flange**2 * width / 2 + ds @ web**2 * height / 2) / thickness
+    return second_moment**2 / (area * energy)
+
+
+class TestShearCoefficients:
+    def test_solid_sections(self):
+        # Jourawski's parabola: the mean square of 3/2 (1 - y^2) is 6/5.
+        assert Rectangle(width=0.02, height=0.05).shear_coefficient == pytest.approx(5 / 6)
+        assert Circle(diameter=0.04).shear_coefficient == pytest.approx(6 / 7)
+        assert annulus(1e-6) == pytest.approx(6 / 7, rel=1e-6)
+
+    @pytest.mark.parametrize("part", [0.01, 0.1, 0.25, 0.4, 0.49])
+    def test_tubes_have_the_energy_of_saint_venants_stresses(self, part):
+        tube = Tube(outer_diameter=2.0, thickness=2.0 * part)
+        assert tube.shear_coefficient == pytest.approx(annulus(1.0 - 2.0 * part), rel=1e-12)
+
+    def test_thin_and_thick_tubes(self):
+        thin, thick = (Tube(outer_diameter=1.0, thickness=t) for t in (1e-6, 0.4999999))
+        assert thin.shear_coefficient == pytest.approx(1 / 2, rel=1e-5)
+        assert thick.shear_coefficient == pytest.approx(6 / 7, rel=1e-6)
+
+    @pytest.mark.parametrize(("width", "height"), [(0.1, 0.1), (0.05, 0.2), (0.3, 0.1)])
+    def test_boxes_have_the_energy_of_their_shear_flow(self, width, height):
+        t = 0.002
+        box = Box(width=width + t, height=height + t, thickness=t)
+        assert box.shear_coefficient == pytest.approx(thin_box(width, height, t), rel=1e-12)
+
+    def test_square_box(self):
+        square = Box(width=0.1, height=0.1, thickness=0.001)
+        assert square.shear_coefficient == pytest.approx(5 / 12, rel=1e-12)
+
+
+def test_shear_modulus():
+    assert Material(density=1, youngs_modulus=5.2).shear_modulus == pytest.approx(2.0)
+    free = Material(density=1, youngs_modulus=5.0, poissons_ratio=0.25)
+    assert free.shear_modulus == pytest.approx(2.0)
+    assert (MATERIALS["steel"].poissons_ratio, MATERIALS["aluminium"].poissons_ratio) == (0.3, 0.33)
+
+
+class TestBeam:
+    def test_of_constants(self):
+        link = Link(**CONSTANTS, element="timoshenko", shear_rigidity=40)
+        assert link.beam() == SectionTable(
+            x=[0, 2],
+            flexural_rigidity=[3, 3],
+            mass_per_length=[0.5, 0.5],
+            rotary_inertia_per_length=[0, 0],
+            shear_rigidity=[40, 40],
+        )
+
+    def test_of_material_and_section(self):
+        """A solid rectangle of Poisson's ratio 0.3: kGA = E A/3.12; its rotary inertia counts."""
+        section = Rectangle(width=0.02, height=0.05)
+        link = Link(length=1, material="steel", section=section, element="timoshenko")
+        beam = link.beam()
+        assert beam.shear_rigidity == pytest.approx((210e9 * section.area / 3.12,) * 2)
+        assert beam.rotary_inertia_per_length == (7850 * section.second_moment,) * 2
+        assert link.replace(element="euler_bernoulli").beam().shear_rigidity is None
+
+    def test_of_a_table(self):
+        link = Link(length=2, table=SHEARED, element="timoshenko")
+        assert link.beam().shear_rigidity == (40.0, 20.0)
+
+    def test_bending_alone_is_the_default(self):
+        assert Link(**CONSTANTS).element == "euler_bernoulli"
+        assert Link(**CONSTANTS).beam().shear_rigidity is None
+
+    def test_a_rigid_link_needs_no_shear_rigidity(self):
+        rigid = Link(**CONSTANTS, element="timoshenko", flexible=False)
+        assert rigid.beam().shear_rigidity is None
+        table = Link(length=2, table=TABLE, element="timoshenko", flexible=False)
+        assert table.beam().shear_rigidity is None
+
+
+@pytest.mark.parametrize(
+    ("values", "problems"),
+    [
+        (
+            {**CONSTANTS, "element": "timoshenko"},
+            [f"shear_rigidity must be given, but is missing. {GIVE}"],
+        ),
+        (
+            {**CONSTANTS, "shear_rigidity": 40},
+            [f"shear_rigidity {EULER}, but is 40. {SET}"],
+        ),
+        (
+            {"length": 2, "table": TABLE, "element": "timoshenko"},
+            [f"table.shear_rigidity must be given, but is missing. {GIVE}"],
+        ),
+        (
+            {"length": 2, "table": SHEARED},
+            [f"table.shear_rigidity {EULER}, but is (40, 20). {SET}"],
+        ),
+        (
+            {"length": 2, "table": SHEARED, "element": "timoshenko", "shear_rigidity": 1},
+            [f"shear_rigidity must be left out of a link that has table, but is 1. {WAYS}"],
+        ),
+        (
+            {
+                "length": 2,
+                "material": "steel",
+                "section": {"kind": "circle", "diameter": 0.1},
+                "shear_rigidity": 1,
+            },
+            [
+                (
+                    "shear_rigidity must be left out of a link that has material and section, "
+                    f"but is 1. {WAYS}"
+                )
+            ],
+        ),
+        (
+            {"length": 2, "table": {**TABLE, "shear_rigidity": [1]}, "element": "timoshenko"},
+            [
+                (
+                    "table.shear_rigidity must have a value for each of the 2 points of x, "
+                    "but is 1 long."
+                )
+            ],
+        ),
+        (
+            {**CONSTANTS, "element": 3},
+            [
+                (
+                    "element must be one of 'euler_bernoulli', 'timoshenko', but is 3. "
+                    "How many there are is said by elements."
+                )
+            ],
+        ),
+        (
+            {**CONSTANTS, "element": "timoshenko", "shear_rigidity": -1},
+            ["shear_rigidity must be greater than 0, but is -1."],
+        ),
+    ],
+)
+def test_wrong_links_are_refused_with_every_reason(values, problems):
+    assert problems_of(**values) == problems
+
+
+def test_a_link_of_nothing_is_told_what_it_lacks_first():
+    (problem,) = problems_of(length=1, element="timoshenko")
+    assert problem.startswith("mass_per_length must be given")
+
+
+@pytest.mark.parametrize("ratio", [-1, 0.51])
+def test_impossible_poissons_ratios(ratio):
+    with pytest.raises(ModelError, match=r"Material: poissons_ratio must be "):
+        Material(density=1, youngs_modulus=1, poissons_ratio=ratio)
+
+
+def test_schema_knows_the_choice_and_the_limits():
+    definitions = json_schema("arm")["$defs"]
+    link = definitions["Link"]["properties"]
+    assert link["element"]["enum"] == ["euler_bernoulli", "timoshenko"]
+    assert link["element"]["default"] == "euler_bernoulli"
+    ratio = definitions["Material"]["properties"]["poissons_ratio"]
+    assert (ratio["exclusiveMinimum"], ratio["maximum"], ratio["default"]) == (-1, 0.5, 0.3)
+    assert "shear_rigidity" in definitions["SectionTable"]["properties"]
