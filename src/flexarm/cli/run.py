@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.cli.failures import say
 from flexarm.cli.tables import console, facts
 from flexarm.errors import InputError, SimulationError
-from flexarm.model import load_scenario
+from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
 from flexarm.simulate import prepare
 
@@ -29,8 +29,7 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
         InputError: a wrong file, or a place that cannot be written.
         SimulationError: the run stopped early; what it had is saved beside ``out``.
     """
-    scenario = load_scenario(path)
-    prepared = prepare(scenario, str(path))
+    prepared = prepare(*locate_scenario(path))
     if out is not None:
         check_place(_WHERE, "--out", out, FORMATS)
     if plot is not None:

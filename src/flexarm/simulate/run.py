@@ -16,8 +16,9 @@ from flexarm.errors import InputError, Problem, SimulationError, check_array, sh
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, tip_load
+from flexarm.model.scenario import sample_fault
 from flexarm.simulate.choice import Choice, choose_integrator
-from flexarm.simulate.load_history import load_history
+from flexarm.simulate.load_history import BaseAcceleration, load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import make_result
@@ -33,8 +34,6 @@ from flexarm.simulate.torque_history import (
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Samples that still fit into memory.
-MOST_SAMPLES = 10**8
 #: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
 RTOL = 1e-7
 ATOL = 1e-9
@@ -57,7 +56,7 @@ def simulate(
     initial_rate: ArrayLike | None = None,
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
-    base_acceleration: ArrayLike | Callable[[float], ArrayLike] | None = None,
+    base_acceleration: BaseAcceleration | None = None,
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
     step: float | None = None,
@@ -86,8 +85,8 @@ def simulate(
         initial_rate: qd (dof,), zero by default.
         tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
         loads: forces and moments anywhere on the arm, constant or with a factor of time.
-        base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it;
-            positions stay relative to the base.
+        base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it,
+            or a table ``(times, values)``; positions stay relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
         step: fixed step, or first step of a method with step control, s.
@@ -119,10 +118,9 @@ def simulate(
     if simulated.joints != arm.joints:
         rule = f"have the {arm.joints} joints of the arm"
         raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
-    if duration * rate > MOST_SAMPLES:
-        rule = f"be at most {MOST_SAMPLES / duration:g} for this duration"
-        hint = f"More than {MOST_SAMPLES:.0e} samples do not fit into memory."
-        raise InputError(Problem(where, "rate", rule, shown(rate), hint))
+    fault = sample_fault(duration, rate)
+    if fault is not None:
+        raise InputError(fault.problem(where))
     choice = choose_integrator(integrator, step)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
