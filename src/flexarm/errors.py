@@ -146,6 +146,24 @@ def check_array(
     return array
 
 
+def check_result(where: str, result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:
+    """Return a result computed of the arguments `given`, or say that it is not finite.
+
+    Raises:
+        InputError: an argument is too large to compute with, or the mass matrix is singular.
+    """
+    import numpy as np
+
+    if np.isfinite(result).all():
+        return result
+    arrays = [np.asarray(value, dtype=np.float64) for value in given if value is not None]
+    largest = max(float(np.abs(array).max(initial=0.0)) for array in arrays)
+    hint = f"The largest number given is {largest:.3g}."
+    if largest < 1e50:
+        hint += " If that is not too much, a joint feels no inertia in this posture."
+    raise InputError(Problem(where, "the result", "be finite", "infinite or undefined", hint))
+
+
 def _described(shape: tuple[int, ...]) -> str:
     """Name a shape in words: `a number`, or `numbers of shape (any, 2)`."""
     if not shape:
