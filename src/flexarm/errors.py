@@ -1,7 +1,8 @@
 """What can go wrong, in words: the exceptions every layer raises, and the one format of a problem.
 
 Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
-value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then.
+value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then;
+a run that went on beyond its theory is a `LargeDeflectionWarning`.
 """
 
 from __future__ import annotations
@@ -109,6 +110,10 @@ class SimulationError(FlexarmError, RuntimeError):
     def __str__(self) -> str:
         text = f"stopped at t = {self.time:.6g} s: {self.reason}"
         return f"{text} {self.hint}" if self.hint else text
+
+
+class LargeDeflectionWarning(UserWarning):
+    """Links in a run of the linear theory have bent by more than it holds for."""
 
 
 def check_array(

@@ -12,11 +12,11 @@ flexarm: 1
 arm:
   gravity: [0, -9.81]
   links:
-    - {length: 1.2, flexural_rigidity: 105.0, mass_per_length: 0.6, elements: 2}
-    - {length: 1.0, flexural_rigidity: 105.0, mass_per_length: 0.6, elements: 1}
+    - {length: 1.2, flexural_rigidity: 1000.0, mass_per_length: 0.6, elements: 2}
+    - {length: 1.0, flexural_rigidity: 1000.0, mass_per_length: 0.6, elements: 1}
   joints:
     - {hub_inertia: 0.5, damping: 0.1}
-    - {hub_inertia: 0.2, mass: 0.3, stiffness: 2.0, rest_angle: 0.1}
+    - {hub_inertia: 0.2, housing_inertia: 0.05, mass: 0.3, stiffness: 2.0, rest_angle: 0.1}
 run: {duration: 0.4, rate: 100, rtol: 1.0e-9, atol: 1.0e-11}
 """
 FINE = {"duration": 0.4, "rate": 100, "rtol": 1e-9, "atol": 1e-11}
@@ -67,10 +67,10 @@ def test_prescribed_joints(run, arm):
     found = run(
         MOTION
         + "prescribed:\n"
-        + "  - {joint: 1, kind: table, times: [0, 0.1, 0.3], angles: [0.1, 0.2, 0.1]}\n"
+        + "  - {joint: 1, kind: table, times: [0, 0.1, 0.3], angles: [0.1, 0.15, 0.1]}\n"
         + "  - {joint: 2, kind: motion}\n"
     )
-    table = fa.PrescribedAngle.table([0, 0.1, 0.3], [0.1, 0.2, 0.1])
+    table = fa.PrescribedAngle.table([0, 0.1, 0.3], [0.1, 0.15, 0.1])
     motion = fa.joint_motion(arm, [0.3, -0.5], [0.6, -0.2], 0.4)
     start = arm.rest([0.1, -0.5])
     wanted = fa.simulate(arm, prescribed={1: table, 2: motion}, initial=start, **FINE)
@@ -110,7 +110,7 @@ class TestEquilibrium:
         wanted = fa.equilibrium(arm, [0.3, -0.5], **ACTING)
         np.testing.assert_array_equal(found.q[0], wanted.q)
         np.testing.assert_array_equal(found.torque, 0.0)  # nobody asked for it to be held
-        assert abs(found.link_tip_deflection[0]).min() > 1e-3
+        assert abs(found.link_tip_deflection.values[0]).min() > 5e-4
         plain = fa.equilibrium(arm, [0.3, -0.5])
         assert abs(wanted.q - plain.q).max() > 1e-3
 
@@ -202,7 +202,7 @@ class TestEquilibrium:
         np.testing.assert_array_equal(found.q[0], wanted.q)
 
     def test_there_may_be_none(self, write):
-        path = write("initial: {equilibrium: true}\nloads: [{link: 2, force: [0, 1.0e+4]}]\n")
+        path = write("initial: {equilibrium: true}\nloads: [{link: 2, force: [0, 1.0e+5]}]\n")
         path.write_text(path.read_text().replace("gravity", "theory: second_order\n  gravity"))
         with pytest.raises(fa.EquilibriumError, match="bend more than their mesh allows"):
             prepare(load_scenario(path))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.cli.failures import say
+from flexarm.cli.failures import say, warn
 from flexarm.cli.tables import console, facts
-from flexarm.errors import InputError, SimulationError
+from flexarm.errors import InputError, LargeDeflectionWarning, SimulationError
 from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
 from flexarm.simulate import prepare
@@ -35,13 +36,17 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
     try:
-        result = prepared.run()
+        with warnings.catch_warnings():  # told below, in one line
+            warnings.simplefilter("ignore", LargeDeflectionWarning)
+            result = prepared.run()
     except SimulationError as error:
         if out is not None and error.result is not None:
             _save_part(error.result, out)
         raise
     screen = console()
     screen.print(facts(_summary(result)))
+    if result.attrs["warning"]:
+        warn(result.attrs["warning"])
     if out is not None:
         write_result(result, out)
         screen.print(f"result in {out}", soft_wrap=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,14 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.control import Controller, Reference
-from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.errors import (
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, tip_load
@@ -30,6 +38,7 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
+from flexarm.simulate.validity import too_far_bent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,6 +111,9 @@ def simulate(
     Raises:
         InputError: an argument has the wrong shape, is not finite, or contradicts another.
         SimulationError: the run stopped early; ``.result`` holds what was computed until then.
+
+    Warns:
+        LargeDeflectionWarning: a link has bent too far for the linear theory.
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller)
@@ -145,13 +157,19 @@ def simulate(
             specialized=specialized,
         )
         if controller is not None:
-            return _closed_loop(run, controller, reference, choice)
-        history = _history(where, torque, duration, rate, arm.joints, rtol, torque_interpolation)
-        if prescribed:
-            share = max(rtol * _TORQUE_SHARE, 1e-12)
-            history = prescribe(simulated, prescribed, state, history, duration, share)
-            run.prescribed = tuple(prescribed)
-        return _open_loop(run, history, choice)
+            result = _closed_loop(run, controller, reference, choice)
+        else:
+            history = _history(
+                where, torque, duration, rate, arm.joints, rtol, torque_interpolation
+            )
+            if prescribed:
+                share = max(rtol * _TORQUE_SHARE, 1e-12)
+                history = prescribe(simulated, prescribed, state, history, duration, share)
+                run.prescribed = tuple(prescribed)
+            result = _open_loop(run, history, choice)
+    if result.attrs["warning"]:
+        warnings.warn(result.attrs["warning"], LargeDeflectionWarning, stacklevel=2)
+    return result
 
 
 def _open_loop(run: Run, history: TorqueHistory, choice: Choice) -> xr.Dataset:
@@ -200,6 +218,7 @@ def _result(
         "wall_seconds": time.perf_counter() - started,
         "references": " ".join(integrator.reference),
         "failure": failure,
+        "warning": too_far_bent(run.arm, run.samples[:count]),
     }
     motor, force, moment = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
