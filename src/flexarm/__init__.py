@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flexarm.control import Measurement as Measurement
     from flexarm.errors import FlexarmError as FlexarmError
     from flexarm.errors import InputError as InputError
+    from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
     from flexarm.errors import ModelError as ModelError
     from flexarm.errors import SimulationError as SimulationError
     from flexarm.linear import Equilibrium as Equilibrium
@@ -64,6 +65,7 @@ _HOME = {
     "Joint": "model",
     "JointLimits": "model",
     "JointPD": "control",
+    "LargeDeflectionWarning": "errors",
     "Link": "model",
     "Load": "loads",
     "Material": "model",

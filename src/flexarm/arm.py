@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.assemble import FloatArray, assemble
 from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
-from flexarm.errors import check_array
+from flexarm.errors import InputError, Problem, check_array, check_result, shown
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
@@ -131,7 +131,7 @@ class Arm(Coordinates):
         acting = [*tip_load(self, where, tip_force), *loads]
         placed = place_loads(self, where, acting, base_acceleration)
         forward_dynamics(self._sizes, self.assembly.constants, state, tau, placed, work)
-        return self.unpadded(work.acceleration)
+        return check_result(where, self.unpadded(work.acceleration), q, qd, torque)
 
     def inverse_dynamics(
         self,
@@ -171,7 +171,7 @@ class Arm(Coordinates):
             self._work(),
             forces,
         )
-        return self.unpadded(forces)
+        return check_result(where, self.unpadded(forces), q, qd, qdd)
 
     def _newton_euler(
         self,
@@ -189,6 +189,7 @@ class Arm(Coordinates):
         acting = [*tip_load(self, where, tip_force), *loads]
         placed = place_loads(self, where, acting, base_acceleration)
         inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, placed, work)
+        check_result(where, work.force, q, qd, qdd)
         return work
 
     def joint_reactions(
@@ -216,10 +217,12 @@ class Arm(Coordinates):
 
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
         """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd; (R.18), (R.19)."""
-        state = self._state("Arm.mass_matrix", q, None)
+        where = "Arm.mass_matrix"
+        state = self._state(where, q, None)
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         M = np.zeros((n, width, n, width))
         mass_matrix(self._sizes, self.assembly.constants, state, self._work(), M)
+        check_result(where, M, q)
         kept = self.assembly.coordinates
         return M.reshape(n * width, n * width)[np.ix_(kept, kept)]
 
@@ -243,6 +246,7 @@ class Arm(Coordinates):
             potential_hessian(
                 self._sizes, constants, state.astype(complex), at_rest, placed, work, K
             )
+            check_result(where, K, q)
         else:
             springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
             K = np.diag(springs.ravel())
@@ -284,6 +288,7 @@ class Arm(Coordinates):
             by_state,
             by_torque,
         )
+        check_result(where, by_state, q, qd, torque)
         kept = self.assembly.coordinates
         jacobian = by_state.reshape(n * width, 2, n * width)[kept]
         torques = by_torque.reshape(n * width, n)[np.ix_(kept, self.assembly.joint_body)]
@@ -293,35 +298,46 @@ class Arm(Coordinates):
 
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Energy:
         """Return kinetic, strain and gravity energy (J), and their ``total``."""
-        state = self._state("Arm.energy", q, qd)
+        where = "Arm.energy"
+        state = self._state(where, q, qd)
         body_poses, tip, values = self._pose_arrays()
         energies(self._sizes, self.assembly.constants, state, body_poses, tip, values)
-        return Energy(*(float(value) for value in values))
+        return Energy(*(float(value) for value in check_result(where, values, q, qd)))
 
     def _pose_arrays(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         return np.zeros((self.assembly.bodies, POSE_COLUMNS)), np.zeros(6), np.zeros(3)
 
-    def _poses(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _poses(
+        self, where: str, q: ArrayLike, qd: ArrayLike | None = None
+    ) -> tuple[FloatArray, ...]:
+        state = self._state(where, q, qd)
         body_poses, tip, _ = self._pose_arrays()
         poses(self._sizes, self.assembly.constants, state, body_poses, tip)
-        return body_poses, tip
+        check_result(where, tip, q, qd)
+        return state, body_poses, tip
 
     def tip(self, q: ArrayLike) -> FloatArray:
         """Return x, y (m) and angle (rad) of the last tip in world axes, (3,)."""
-        return self._poses(self._state("Arm.tip", q, None))[1][:3]
+        return self._poses("Arm.tip", q)[2][:3]
 
     def tip_velocity(self, q: ArrayLike, qd: ArrayLike) -> FloatArray:
         """Return the rates of x, y (m/s) and angle (rad/s) of the last tip, (3,)."""
-        return self._poses(self._state("Arm.tip_velocity", q, qd))[1][3:]
+        return self._poses("Arm.tip_velocity", q, qd)[2][3:]
 
     def shape(self, q: ArrayLike, stations: int = 50) -> FloatArray:
         """Return points of the neutral axis in world axes: (links, stations, 2) m.
 
         The stations of a link divide it evenly, root and tip included. With the second-order
         theory each point also draws back along the root tangent as the link shortens.
+
+        Raises:
+            InputError: wrong shape, NaN, infinity, or fewer than two stations.
         """
-        state = self._state("Arm.shape", q, None)
-        body_poses, _ = self._poses(state)
+        where = "Arm.shape"
+        if not isinstance(stations, int | np.integer) or stations < 2:
+            rule = "be a whole number of at least 2: root and tip"
+            raise InputError(Problem(where, "stations", rule, shown(stations)))
+        state, body_poses, _ = self._poses(where, q)
         m, g = self.assembly.modes, self.assembly.constants.D0.shape[1]
         count = self.links * stations
         bodies = np.zeros(count, dtype=np.intp)

@@ -70,7 +70,8 @@ class Coordinates:
 
         Args:
             joint_angles: (joints,) relative, rad.
-            nodal: for each link (elements, 2): deflection (m) and slope (rad) at its free nodes,
+            nodal: for each link (elements, 2): deflection (m) and rotation of the section (rad; the
+                slope, but for links that shear) at its free nodes,
                 from its root tangent, or from the root tangent of the segment that the node is
                 on; anything for a rigid link. With reduced modes, the nearest
                 shape in the mean square weighted by mass.
@@ -90,7 +91,10 @@ class Coordinates:
         return q
 
     def nodal(self, q: ArrayLike) -> list[FloatArray]:
-        """Return deflection (m) and slope (rad) at the free nodes: (elements, 2) for each link."""
+        """Return deflection (m) and rotation of the section (rad) at the free nodes.
+
+        (elements, 2) for each link; without shear the rotation is the slope.
+        """
         values = check_array("Arm.nodal", "q", q, (self.dof,))
         shapes = [np.zeros((link.elements, 2)) for link in self.spec.links]
         for piece in self.assembly.pieces:

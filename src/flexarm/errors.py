@@ -1,7 +1,8 @@
 """What can go wrong, in words: the exceptions every layer raises, and the one format of a problem.
 
 Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
-value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then.
+value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then;
+a run that went on beyond its theory is a `LargeDeflectionWarning`.
 """
 
 from __future__ import annotations
@@ -111,6 +112,10 @@ class SimulationError(FlexarmError, RuntimeError):
         return f"{text} {self.hint}" if self.hint else text
 
 
+class LargeDeflectionWarning(UserWarning):
+    """Links in a run of the linear theory have bent by more than it holds for."""
+
+
 def check_array(
     where: str, name: str, value: object, shape: tuple[int, ...]
 ) -> NDArray[np.float64]:
@@ -144,6 +149,24 @@ def check_array(
         bad = shown(float(array[tuple(first)]))
         raise InputError(Problem(where, f"{name}{place}", "be finite", bad))
     return array
+
+
+def check_result(where: str, result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:
+    """Return a result computed of the arguments `given`, or say that it is not finite.
+
+    Raises:
+        InputError: an argument is too large to compute with, or the mass matrix is singular.
+    """
+    import numpy as np
+
+    if np.isfinite(result).all():
+        return result
+    arrays = [np.asarray(value, dtype=np.float64) for value in given if value is not None]
+    largest = max(float(np.abs(array).max(initial=0.0)) for array in arrays)
+    hint = f"The largest number given is {largest:.3g}."
+    if largest < 1e50:
+        hint += " If that is not too much, a joint feels no inertia in this posture."
+    raise InputError(Problem(where, "the result", "be finite", "infinite or undefined", hint))
 
 
 def _described(shape: tuple[int, ...]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +14,14 @@ from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.kernels.layout import Loads, empty_loads
+from flexarm.model.tables import order_fault
 
 FRAMES = ("world", "link")
 #: Gauss points along each piece of a spread load: exact for the cubic shapes of an element.
 _POINTS = 4
+
+#: Times (k,) s and values (k,) or (k, columns): linear between, held beyond both ends.
+Table = tuple[ArrayLike, ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +36,13 @@ class Load:
         spread: (start, end), m from the link's root: the force is per length between them.
         frame: "world" keeps the direction, "link" turns it with the link's root tangent (of the
             segment that carries it).
-        factor: function of time that scales the load; None for a constant one.
+        factor: what scales the load over time: a function, or a table ``(times, values)`` of two
+            lists (s, 1), linear between the times and held beyond the ends, where two equal times
+            are a jump; None for a constant load.
 
     Raises:
-        InputError: a value is not finite, a station is negative, or the frame is unknown.
+        InputError: a value is not finite, a station is negative, the frame is unknown, or the
+            times of a table go back.
     """
 
     link: int
@@ -43,7 +51,7 @@ class Load:
     station: float | None = None
     spread: tuple[float, float] | None = None
     frame: str = "world"
-    factor: Callable[[float], float] | None = None
+    factor: Callable[[float], float] | Table | None = None
 
     def __post_init__(self) -> None:
         check_array("Load", "force", self.force, (2,))
@@ -64,11 +72,39 @@ class Load:
             problems.append(Problem("Load", "station", "be at least 0", shown(self.station)))
         if problems:
             raise InputError(*problems)
+        if self.factor is not None and not callable(self.factor):
+            check_table("Load", "factor", self.factor, 1)
 
     @property
     def value(self) -> FloatArray:
         """Fx, Fy, Mz (3,)."""
         return np.append(np.asarray(self.force, dtype=np.float64), self.moment)
+
+
+def is_table(value: Any) -> bool:
+    """Tell whether a value is meant as a table: a pair whose first part is a list."""
+    return isinstance(value, tuple | list) and len(value) == 2 and np.ndim(value[0]) > 0
+
+
+def check_table(where: str, name: str, table: object, columns: int) -> tuple[FloatArray, ...]:
+    """Return the times (k,) and values (k, columns) of a table; one column may be given flat.
+
+    Raises:
+        InputError: it is no pair of equally long lists, or its times go back or stand still.
+    """
+    if not is_table(table):
+        rule = "be a function of time or a table (times, values)"
+        raise InputError(Problem(where, name, rule, shown(table)))
+    times = check_array(where, f"{name}[0]", table[0], (-1,))  # type: ignore[index]
+    shape = (times.size,) if columns == 1 else (times.size, columns)
+    values = check_array(where, f"{name}[1]", table[1], shape)  # type: ignore[index]
+    if times.size == 0:
+        raise InputError(Problem(where, f"{name}[0]", "hold at least one time", "empty"))
+    fault = order_fault(times.tolist())
+    if fault is not None:
+        k, rule = fault
+        raise InputError(Problem(where, f"{name}[0][{k}]", rule, shown(float(times[k]))))
+    return times, values.reshape(times.size, columns)
 
 
 def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[Load]:

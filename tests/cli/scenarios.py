@@ -6,8 +6,8 @@ GOOD = """\
 flexarm: 1
 arm:
   links:
-    - {length: 0.6, flexural_rigidity: 5.0, mass_per_length: 0.4, elements: 1}
-    - {length: 0.5, flexural_rigidity: 5.0, mass_per_length: 0.4, elements: 1}
+    - {length: 0.6, flexural_rigidity: 5000.0, mass_per_length: 0.4, elements: 1}
+    - {length: 0.5, flexural_rigidity: 5000.0, mass_per_length: 0.4, elements: 1}
 motion: {kind: line, start: [0.8, 0.2], end: [0.2, 0.8], duration: 0.05}
 drive: {kind: rigid_inverse_dynamics}
 run: {duration: 0.05, rate: 200}

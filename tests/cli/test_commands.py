@@ -82,6 +82,17 @@ def test_run_without_output_writes_nothing(good, tmp_path):
     assert list(tmp_path.iterdir()) == [good]
 
 
+def test_a_run_that_bends_too_far_says_so_in_one_line(tmp_path):
+    path = tmp_path / "soft.yaml"
+    path.write_text(GOOD.replace("5000.0", "500.0"))
+    outcome = invoke("run", path, "--out", tmp_path / "run.nc")
+    assert outcome.exit_code == 0
+    (line,) = outcome.stderr.splitlines()
+    told = read_result(tmp_path / "run.nc").attrs["warning"]
+    assert line == f"warning: {told}"
+    assert told.startswith("link 1 deflects by up to ")
+
+
 @pytest.mark.parametrize("suffix", [".nc", ".csv"])
 def test_a_run_that_fails_keeps_what_it_had(suffix, tmp_path):
     path = tmp_path / "unstable.yaml"

@@ -62,9 +62,10 @@ def test_exact_beam() -> None:
 def test_energy() -> None:
     (drift, size) = said(r"energy constant to (\S+) J, of up to (\S+) J")
     arm = table_one(gravity=(0.0, -9.81))
-    result = fa.simulate(
-        arm, 10.0, initial=arm.rest([0.3, -0.5]), rate=100.0, rtol=1e-10, atol=1e-12
-    )
+    with pytest.warns(fa.LargeDeflectionWarning):  # 11 % of a link; energy is kept all the same
+        result = fa.simulate(
+            arm, 10.0, initial=arm.rest([0.3, -0.5]), rate=100.0, rtol=1e-10, atol=1e-12
+        )
     total = result.kinetic_energy + result.strain_energy + result.gravity_energy
     assert float(abs(total - total[0]).max()) < drift
     assert float(result.kinetic_energy.max()) == pytest.approx(size, abs=0.5)

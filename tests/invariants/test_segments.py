@@ -1,5 +1,7 @@
 """A link in segments: the same link for small motions, a chain like any other for large ones."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -81,12 +83,18 @@ def test_rigid_motion_is_the_same(segments):
     np.testing.assert_allclose(N[np.ix_(j, j)], M[np.ix_(i, i)], rtol=1e-13)
 
 
+def far(theory):
+    """What runs that bend each piece by more than a tenth of its length say in a theory."""
+    return pytest.warns(fa.LargeDeflectionWarning) if theory == "linear" else nullcontext()
+
+
 @pytest.mark.parametrize("theory", THEORIES)
 def test_large_motion_conserves_energy(theory):
     """A soft link in eight pieces, thrown so that its ends turn by half a right angle."""
     of = arm(8, theory, SOFT)
     rates = of.rest([8.0, -20.0])
-    result = fa.simulate(of, 0.5, initial_rate=rates, rate=500, rtol=1e-9, atol=1e-11)
+    with far(theory):
+        result = fa.simulate(of, 0.5, initial_rate=rates, rate=500, rtol=1e-9, atol=1e-11)
     energy = (result.kinetic_energy + result.strain_energy).values
     assert abs(result.link_tip_slope.values[:, 0]).max() > 0.5
     # A tolerance of 1e-9 a step.
@@ -117,7 +125,8 @@ def test_pieces_converge_to_one_motion(theory):
     for segments in (2, 4, 8, 16):
         link = fa.Link(length=1.0, elements=16, segments=segments, modes=2, **SOFT)
         of = fa.Arm(links=[link], payload=fa.Payload(mass=0.2), theory=theory)
-        result = fa.simulate(of, 0.4, torque=lambda t: [0.5], rate=50, rtol=1e-8, atol=1e-10)
+        with far(theory) if segments == 2 else nullcontext():
+            result = fa.simulate(of, 0.4, torque=lambda t: [0.5], rate=50, rtol=1e-8, atol=1e-10)
         tips.append(result.tip.values)
     assert abs(result.link_tip_slope.values).max() > 0.2
     steps = np.linalg.norm(np.diff(tips, axis=0), axis=(1, 2))

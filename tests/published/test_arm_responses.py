@@ -82,7 +82,8 @@ def test_spin_up_of_kane_ryan_and_banerjee():
 def test_spin_up_in_the_papers_theory_diverges():
     """Without foreshortening the same beam loses its stiffness, and must."""
     case = DATA["spin_up"]["unstiffened"]
-    time, deflection, _ = spin_up("linear", 10.0)
+    with pytest.warns(fa.LargeDeflectionWarning):
+        time, deflection, _ = spin_up("linear", 10.0)
     found = np.interp(case["time"], time, deflection)
     # Printed to five digits and more; the instability magnifies what the mesh errs.
     np.testing.assert_allclose(found, case["deflection"], rtol=1e-5)

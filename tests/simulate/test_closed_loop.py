@@ -111,7 +111,7 @@ def test_the_plant_is_what_moves():
     """The controller believes in a rigid arm and drives the flexible one."""
     plant = flexible_arm()
     believed = plant.rigid()
-    motion = fa.joint_motion(believed, [0.0, 0.0], [0.5, 0.5], 0.3)
+    motion = fa.joint_motion(believed, [0.0, 0.0], [0.1, 0.1], 0.3)
     controller = fa.JointPD(*GAINS, feedforward=fa.rigid_torque(believed, motion))
     result = fa.simulate(believed, 0.4, controller=controller, reference=motion, plant=plant)
     assert result.sizes["coordinate"] == plant.dof

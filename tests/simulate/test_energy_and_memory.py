@@ -5,8 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 import textwrap
+from contextlib import nullcontext
 
 import numpy as np
+import pytest
 from scipy.integrate import simpson
 
 import flexarm as fa
@@ -29,9 +31,11 @@ def test_free_arm_keeps_its_energy_over_ten_seconds() -> None:
     for gravity in ((0.0, 0.0), (0.0, -9.81)):
         arm = two_links(gravity=gravity)
         rates = arm.rest([1.0, -2.0])
-        result = fa.simulate(
-            arm, 10.0, initial=arm.rest([0.3, 0.8]), initial_rate=rates, rtol=1e-11, atol=1e-13
-        )
+        # Under gravity it falls so far that its links bend by 14 %: energy is kept all the same.
+        with pytest.warns(fa.LargeDeflectionWarning) if any(gravity) else nullcontext():
+            result = fa.simulate(
+                arm, 10.0, initial=arm.rest([0.3, 0.8]), initial_rate=rates, rtol=1e-11, atol=1e-13
+            )
         energy = total_energy(result)
         # Gravity energy may pass zero: the largest energy in motion is the measure.
         scale = float((result.kinetic_energy + result.strain_energy).max())
@@ -43,7 +47,8 @@ def test_work_of_the_torques_is_the_change_of_energy() -> None:
     result = fa.simulate(
         arm,
         1.0,
-        torque=lambda t: [30.0 + 3.0 * np.sin(7.0 * t), 6.0 * np.cos(3.0 * t)],
+        torque=lambda t: [3.0 * np.sin(7.0 * t), np.cos(3.0 * t)],
+        initial=arm.rest([-1.2, 0.3]),
         rate=20_000.0,
         rtol=1e-10,
         atol=1e-12,

@@ -37,7 +37,7 @@ def test_moment_is_the_torque_and_what_the_joint_gives_itself():
 
 def test_an_arm_at_rest_hangs_from_its_weight():
     arm = two_links(payload=fa.Payload(mass=0.7, offset=0.1))
-    at_rest = fa.equilibrium(arm, [0.3, -0.5])
+    at_rest = fa.equilibrium(arm, [1.2, -0.5])
     result = fa.simulate(arm, 0.01, initial=at_rest.q, torque=lambda t: at_rest.torque, rate=1000)
     second = 0.61732 * 1.0 + 0.7
     first = second + 0.61732 * 1.4142 + 1.0  # the elbow's motor too, the base's own not

@@ -53,7 +53,7 @@ def test_a_scenario_stays_with_its_result(tmp_path):
     np.testing.assert_array_equal(again.tip, result.tip)
 
 
-def test_a_motion_out_of_reach_is_told_by_file_and_key(tmp_path):
+def test_a_motion_out_of_reach_is_told_by_line_and_key(tmp_path):
     text = (
         "flexarm: 1\n"
         "arm: {links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5},"
@@ -64,7 +64,7 @@ def test_a_motion_out_of_reach_is_told_by_file_and_key(tmp_path):
     )
     path = tmp_path / "far.yaml"
     path.write_text(text)
-    with pytest.raises(fa.InputError, match=r"far\.yaml: motion\.end must .* reach"):
+    with pytest.raises(fa.InputError, match=r"far\.yaml:3: motion\.end must .* reach"):
         fa.run_scenario(path)
 
 
@@ -93,7 +93,13 @@ def broken(**attributes):
         ({"controller": object()}, "controller must have the method reset"),
         ({"controller": broken(sample_time=float("nan"))}, "controller.sample_time must be"),
         ({"controller": broken(sample_time=0.0)}, "controller.sample_time must be greater than 0"),
-        ({"rate": 1e12}, "rate must be at most"),
+        (
+            {"rate": 1e12},
+            (
+                r"rate must be at most 1e\+08 for a duration of 0.1, but is 1000000000000\. That "
+                r"makes 1e\+11 samples; 1e\+07 are the most that is kept\."
+            ),
+        ),
         ({"plant": "arm"}, "plant must be an Arm"),
         ({"torque": np.zeros((5, 3))}, "torque must be numbers of shape"),
         ({"torque": np.zeros((5, 1))}, "torque must hold at least"),

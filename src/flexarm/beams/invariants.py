@@ -230,7 +230,9 @@ def rigid_constants(
     """
     _check_count(where, "elements", elements, None)
     unused = np.ones_like(check_array(where, "x", x, (-1,)))
-    table = beam_table(where, x, unused, mass_per_length, rotary_inertia_per_length)
+    table = beam_table(
+        where, x, unused, mass_per_length, rotary_inertia_per_length, may_be_massless=True
+    )
     none, square = np.zeros(0), np.zeros((0, 0))
     length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
     return LinkConstants(

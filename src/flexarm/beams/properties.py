@@ -20,7 +20,7 @@ class BeamTable:
     Attributes:
         x: (p,) stations (m), p >= 2, from 0, strictly increasing; the last one is the length.
         flexural_rigidity: (p,) EI (N m^2), positive.
-        mass_per_length: (p,) mu (kg/m), not negative, positive somewhere.
+        mass_per_length: (p,) mu (kg/m), not negative; positive somewhere, unless asked otherwise.
         rotary_inertia_per_length: (p,) rho I (kg m), not negative; without shear, zero is
             Euler-Bernoulli, anything else Rayleigh's beam.
         shear_rigidity: (p,) k G A (N), positive: Timoshenko's beam; None where sections stay
@@ -72,6 +72,8 @@ def beam_table(
     mass_per_length: object,
     rotary_inertia_per_length: object,
     shear_rigidity: object = None,
+    *,
+    may_be_massless: bool = False,
 ) -> BeamTable:
     """Check a table of section properties and turn it into arrays.
 
@@ -79,6 +81,7 @@ def beam_table(
         where: the link's name, for messages.
         x, flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity:
             array-likes of equal length, see `BeamTable`.
+        may_be_massless: mass may be zero everywhere, as a rigid link's may.
 
     Raises:
         InputError: a column has another length than `x`, is not finite or breaks its rule; all
@@ -101,8 +104,8 @@ def beam_table(
             (
                 "mass_per_length",
                 mass,
-                "be positive somewhere and negative nowhere",
-                bool(np.all(mass >= 0.0) and np.any(mass > 0.0)),
+                f"be {'' if may_be_massless else 'positive somewhere and '}negative nowhere",
+                bool(np.all(mass >= 0.0) and (may_be_massless or np.any(mass > 0.0))),
             ),
             ("rotary_inertia_per_length", rotary, "not be negative", bool(np.all(rotary >= 0.0))),
             ("shear_rigidity", shear, "be positive", bool(np.all(shear > 0.0))),

@@ -7,9 +7,16 @@ from pathlib import Path
 from flexarm.arm import Arm
 from flexarm.cli.tables import console, facts
 from flexarm.errors import ModelError
-from flexarm.model import LineMotionSpec, Scenario, load_arm_spec, load_scenario
+from flexarm.model import (
+    AccelerationTable,
+    LineMotionSpec,
+    Scenario,
+    load_arm_spec,
+    locate_scenario,
+)
 from flexarm.model.yaml_text import parse
 from flexarm.simulate import prepare
+from flexarm.simulate.scenario import Where
 
 _MOST_LINKS_SHOWN = 12
 
@@ -20,22 +27,23 @@ def check_file(path: Path) -> None:
     Raises:
         InputError: what is wrong, all of it.
     """
-    scenario = _scenario(path)
-    if scenario is None:
+    located = _scenario(path)
+    if located is None:
         arm = Arm(load_arm_spec(path))
         found = _about_arm(arm)
     else:
-        prepared = prepare(scenario, str(path))
+        scenario, where = located
+        prepared = prepare(scenario, where)
         found = [*_about_arm(prepared.arm), *_about_run(scenario)]
     screen = console()
     screen.print(facts(found))
     screen.print("ok")
 
 
-def _scenario(path: Path) -> Scenario | None:
-    """Read a scenario; None for a file that describes an arm and nothing else."""
+def _scenario(path: Path) -> tuple[Scenario, Where] | None:
+    """Read a scenario, see `locate_scenario`; None for a file that describes an arm alone."""
     try:
-        return load_scenario(path)
+        return locate_scenario(path)
     except ModelError as error:
         if all((problem.name, problem.value) != ("run", "missing") for problem in error.problems):
             raise
@@ -77,6 +85,16 @@ def _about_run(scenario: Scenario) -> list[tuple[str, str]]:
         rows.append(("motion", f"joints, in {motion.duration:g} s"))
     run = scenario.run
     rows.append(("drive", scenario.drive.kind.replace("_", " ")))
+    for joint in scenario.prescribed:
+        rows.append((f"joint {joint.joint}", f"prescribed: {joint.kind}"))
+    for load in scenario.loads:
+        rows.append(("load", f"on link {load.link}{' over time' if load.factor else ''}"))
+    if scenario.base_acceleration is not None:
+        over_time = isinstance(scenario.base_acceleration, AccelerationTable)
+        rows.append(("base", f"accelerates{' over time' if over_time else ''}"))
+    if scenario.initial.equilibrium:
+        balanced = ", the drive balanced" if scenario.initial.balance else ""
+        rows.append(("start", f"in equilibrium{balanced}"))
     rows.append(("run", f"{run.duration:g} s, {run.rate:g} samples/s, integrator {run.integrator}"))
     return rows
 

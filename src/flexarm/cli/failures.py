@@ -35,6 +35,14 @@ def failures_told() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
+def warn(message: str) -> None:
+    """Write a warning to the error stream: one line, yellow on a terminal."""
+    from rich.console import Console
+
+    screen = Console(stderr=True, highlight=False, markup=False, emoji=False)
+    screen.print(f"warning: {message}", style="yellow", soft_wrap=True)
+
+
 def say(message: str) -> None:
     """Write a message to the error stream, as it is: editors and scripts read these lines."""
     print(message, file=sys.stderr, flush=True)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.cli.failures import say
+from flexarm.cli.failures import say, warn
 from flexarm.cli.tables import console, facts
-from flexarm.errors import InputError, SimulationError
-from flexarm.model import load_scenario
+from flexarm.errors import InputError, LargeDeflectionWarning, SimulationError
+from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
 from flexarm.simulate import prepare
 
@@ -29,20 +30,23 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
         InputError: a wrong file, or a place that cannot be written.
         SimulationError: the run stopped early; what it had is saved beside ``out``.
     """
-    scenario = load_scenario(path)
-    prepared = prepare(scenario, str(path))
+    prepared = prepare(*locate_scenario(path))
     if out is not None:
         check_place(_WHERE, "--out", out, FORMATS)
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
     try:
-        result = prepared.run()
+        with warnings.catch_warnings():  # told below, in one line
+            warnings.simplefilter("ignore", LargeDeflectionWarning)
+            result = prepared.run()
     except SimulationError as error:
         if out is not None and error.result is not None:
             _save_part(error.result, out)
         raise
     screen = console()
     screen.print(facts(_summary(result)))
+    if result.attrs["warning"]:
+        warn(result.attrs["warning"])
     if out is not None:
         write_result(result, out)
         screen.print(f"result in {out}", soft_wrap=True)

@@ -66,6 +66,7 @@ def equilibrium(
     torque: ArrayLike | None = None,
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
+    base_acceleration: ArrayLike | None = None,
     start: ArrayLike | None = None,
 ) -> Equilibrium:
     """Find where an arm rests.
@@ -76,7 +77,8 @@ def equilibrium(
             all zero, applies where ``torque`` is not given either.
         torque: (joints,) N m: joints free under these torques. With ``joint_angles`` too, those
             are where the search starts.
-        tip_force, loads: as in ``Arm.forward_dynamics``; factors of time are left aside.
+        tip_force, loads: as in ``Arm.forward_dynamics``, without a factor of time.
+        base_acceleration: (ax, ay) m/s^2, constant: the arm rests relative to its base.
         start: q (dof,) to start from under the full load, instead of straight links under none.
 
     Raises:
@@ -87,6 +89,9 @@ def equilibrium(
     adapt, so that links that sag far are followed.
     """
     where = "equilibrium"
+    if base_acceleration is not None:
+        felt = arm.spec.gravity - check_array(where, "base_acceleration", base_acceleration, (2,))
+        arm = Arm(arm.spec.replace(gravity=felt))
     if torque is not None and joint_angles is None and start is None:
         joint_angles = np.zeros(arm.joints)
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
@@ -108,9 +113,11 @@ class _Search:
         self.arm, self.loads = arm, loads
         self.force = np.zeros(arm.dof)
         self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
-        if any(load.factor is not None for load in loads):
+        factor = next((load.factor for load in loads if load.factor is not None), None)
+        if factor is not None:
             rule = "be constant in time for an equilibrium"
-            raise InputError(Problem("equilibrium", "Load.factor", rule, "a function"))
+            value = "a function" if callable(factor) else "a table"
+            raise InputError(Problem("equilibrium", "Load.factor", rule, value))
         place_loads(arm, "equilibrium", loads)  # refuses what is not on the arm
 
     def _scaled(self, fraction: float) -> tuple[Arm, list[Load]]:
@@ -187,5 +194,13 @@ class _Search:
             K = arm.stiffness_matrix(q, loads=self.loads)[part]
             M = arm.mass_matrix(q)[part]
             # Only the symmetric part stores energy; a follower load's rest may still flutter.
-            lowest = float(eigh((K + K.T) / 2.0, M, eigvals_only=True, subset_by_index=[0, 0])[0])
+            try:
+                stored = (K + K.T) / 2.0
+                lowest = float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
+            except LinAlgError:
+                reason = (
+                    "the mass matrix has lost its sign there, as the second-order theory's does "
+                    "where links bend more than their mesh allows. Give them segments=2 or more."
+                )
+                raise EquilibriumError(1.0, q, reason) from None
         return Equilibrium(q, holding, lowest > 0.0, lowest)

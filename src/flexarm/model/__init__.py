@@ -9,6 +9,7 @@ from flexarm.model.drives import TorqueDrive as TorqueDrive
 from flexarm.model.files import file_text as file_text
 from flexarm.model.files import load_arm_spec as load_arm_spec
 from flexarm.model.files import load_scenario as load_scenario
+from flexarm.model.files import locate_scenario as locate_scenario
 from flexarm.model.files import save_arm_spec as save_arm_spec
 from flexarm.model.files import save_scenario as save_scenario
 from flexarm.model.joints import Friction as Friction
@@ -17,8 +18,12 @@ from flexarm.model.joints import JointLimits as JointLimits
 from flexarm.model.joints import Payload as Payload
 from flexarm.model.links import Gauge as Gauge
 from flexarm.model.links import Link as Link
+from flexarm.model.loads import LoadSpec as LoadSpec
 from flexarm.model.motions import JointMotionSpec as JointMotionSpec
 from flexarm.model.motions import LineMotionSpec as LineMotionSpec
+from flexarm.model.prescribed import FollowingJoint as FollowingJoint
+from flexarm.model.prescribed import HeldJoint as HeldJoint
+from flexarm.model.prescribed import TabulatedJoint as TabulatedJoint
 from flexarm.model.scenario import InitialState as InitialState
 from flexarm.model.scenario import RunSettings as RunSettings
 from flexarm.model.scenario import Scenario as Scenario
@@ -31,3 +36,5 @@ from flexarm.model.sections import Rectangle as Rectangle
 from flexarm.model.sections import SectionTable as SectionTable
 from flexarm.model.sections import Tube as Tube
 from flexarm.model.spec import ArmSpec as ArmSpec
+from flexarm.model.tables import AccelerationTable as AccelerationTable
+from flexarm.model.tables import FactorTable as FactorTable

@@ -51,6 +51,14 @@ def load_scenario(path: AnyPath) -> Scenario:
     Raises:
         ModelError: the file or the arm file it names is wrong; lists every problem with its line.
     """
+    return locate_scenario(path)[0]
+
+
+def locate_scenario(path: AnyPath) -> tuple[Scenario, Callable[[Path], str]]:
+    """Read a scenario file, see `load_scenario`; return with it where each key path stands.
+
+    What is only found when the scenario is built is told with ``file:line`` too.
+    """
     document = _read(FilePath(path))
     problems: list[Problem] = []
     holder = _holder_of_arm(document, problems, ())
@@ -64,7 +72,7 @@ def load_scenario(path: AnyPath) -> Scenario:
     scenario = _checked(Scenario, content, (), where, problems, told)
     if scenario is None or problems:
         raise ModelError(*_in_order(document.file, problems))
-    return scenario
+    return scenario, where
 
 
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:

@@ -10,17 +10,29 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import Drive, NoDrive
+from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
 from flexarm.model.motions import MotionSpec
-from flexarm.model.quantities import Listed, Number, Positive, Word, finite, length_of, plain
+from flexarm.model.prescribed import PrescribedJoint, prescribed_faults
+from flexarm.model.quantities import Flag, Listed, Number, Positive, Word, finite, length_of, plain
 from flexarm.model.spec import ArmSpec
 from flexarm.model.wording import Fault, Path, look
 
-MOST_SAMPLES = 10**8
+MOST_SAMPLES = 10**7
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
 
 
+def sample_fault(duration: float, rate: float) -> Fault | None:
+    """Return what is wrong with a rate (Hz) that fills the memory in that duration (s)."""
+    samples = duration * rate
+    if samples <= MOST_SAMPLES:
+        return None
+    rule = f"be at most {MOST_SAMPLES / duration:.6g} for a duration of {duration:.6g}"
+    hint = f"That makes {samples:.3g} samples; {MOST_SAMPLES:.0e} are the most that is kept."
+    return Fault(("rate",), rule, shown(rate), hint)
+
+
 class InitialState(Record):
-    """Where the arm starts, its links straight; where left out, at the start of the motion."""
+    """Where the arm starts; where angles are left out, at the start of the motion."""
 
     joint_angle: Listed[Number] | None = Field(
         default=None, description="Relative joint angles (rad)."
@@ -28,6 +40,25 @@ class InitialState(Record):
     joint_rate: Listed[Number] | None = Field(
         default=None, description="Relative joint rates (rad/s); zero where left out."
     )
+    equilibrium: Flag = Field(
+        default=False,
+        description="Whether the links start bent, as they hang at rest with the joints locked; "
+        "else they start straight.",
+    )
+    balance: Flag = Field(
+        default=False,
+        description="Whether the drive also gives the torque that holds the arm in that "
+        "equilibrium.",
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if not given.has("equilibrium"):
+            return
+        if given.equilibrium and not given.absent("joint_rate"):
+            yield Fault(("joint_rate",), "be left out of an equilibrium", "given")
+        if given.has("balance") and given.balance and not given.equilibrium:
+            yield Fault(("equilibrium",), "be true where balance is", "false")
 
 
 class RunSettings(Record):
@@ -42,10 +73,9 @@ class RunSettings(Record):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        if given.has("duration", "rate") and given.duration * given.rate > MOST_SAMPLES:
-            rule = f"be at most {MOST_SAMPLES / given.duration:g} for this duration"
-            hint = f"More than {MOST_SAMPLES:.0e} samples do not fit into memory."
-            yield Fault(("rate",), rule, shown(given.rate), hint)
+        fault = sample_fault(given.duration, given.rate) if given.has("duration", "rate") else None
+        if fault is not None:
+            yield fault
         if given.has("duration", "step") and given.step > given.duration:
             rule = f"be at most {given.duration:.9g}, the duration of the run"
             yield Fault(("step",), rule, shown(given.step))
@@ -57,9 +87,16 @@ class Scenario(Record):
     arm: ArmSpec = Field(description="The arm.")
     motion: MotionSpec | None = Field(default=None, description="The motion asked for.")
     drive: Drive = Field(default=NoDrive(), description="What moves the joints.")
-    initial: InitialState = Field(
-        default=InitialState(), description="Where the arm starts; links straight."
+    prescribed: Listed[PrescribedJoint] = Field(
+        default=(), description="Joints that follow a given motion, whatever torque it takes."
     )
+    loads: Listed[LoadSpec] = Field(
+        default=(), description="Forces and moments that act on the links."
+    )
+    base_acceleration: BaseAcceleration | None = Field(
+        default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
+    )
+    initial: InitialState = Field(default=InitialState(), description="Where the arm starts.")
     run: RunSettings = Field(description="How the run is computed.")
 
     _hints: ClassVar[dict[str, str]] = {
@@ -78,6 +115,8 @@ class Scenario(Record):
             if joints and length not in (None, joints):
                 rule = f"have one value for each of the {joints} joints"
                 yield Fault(path, rule, f"{length} long")
+        yield from load_faults(given)
+        yield from prescribed_faults(given, joints)
 
 
 _FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")

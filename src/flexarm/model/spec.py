@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
@@ -62,12 +62,25 @@ class ArmSpec(Record):
                 ("joints",), f"be one joint for each of the {links} links", f"{joints} long"
             )
         if links and links == joints and given.has("links", "joints", "payload"):
-            yield from _inertia_faults(given.links[-1], given.joints[-1], given.payload)
+            yield from _inertia_faults(given.links, given.joints, given.payload)
 
 
-def _inertia_faults(link: Link, joint: Joint, payload: Payload) -> Iterator[Fault]:
-    """Yield a fault where nothing beyond the last joint resists its torque."""
-    carried = joint.hub_inertia + payload.mass + payload.inertia
-    if carried == 0 and not any(link.beam().mass_per_length):
-        hint = "Give the last link mass, its joint a hub_inertia, or the arm a payload."
-        yield Fault(("payload", "mass"), "be greater than 0 beyond a massless link", "0", hint)
+def _inertia_faults(
+    links: Sequence[Link], joints: Sequence[Joint], payload: Payload
+) -> Iterator[Fault]:
+    """Yield the joints beyond which nothing resists a torque, whatever the posture."""
+    tables = [link.beam() for link in links]
+    heavy = [any(table.mass_per_length) for table in tables]
+    turned = [any(table.rotary_inertia_per_length or ()) for table in tables]
+    carried = [joint.mass > 0 for joint in joints[1:]] + [payload.mass > 0]
+    for i, joint in enumerate(joints):
+        housing = joints[i + 1].housing_inertia if i + 1 < len(joints) else payload.inertia
+        # What turns about a joint further out resists by its mass alone.
+        if turned[i] or joint.hub_inertia > 0 or housing > 0 or any(heavy[i:] + carried[i:]):
+            continue
+        if i + 1 < len(joints):
+            hint = "Give the link or something it carries mass, or its joint a hub_inertia."
+            yield Fault(("links", i), "have inertia or carry mass", "massless", hint)
+        else:
+            hint = "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+            yield Fault(("payload", "mass"), "be greater than 0 beyond a massless link", "0", hint)

@@ -7,6 +7,7 @@ the innermost record, which knows its own keys, chose for them.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -68,6 +69,12 @@ def path_text(path: Path) -> str:
     """Write a path as users read it: ``links[0].section.width``."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return text.removeprefix(".")
+
+
+def path_of(text: str) -> Path:
+    """Read what `path_text` writes."""
+    parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
+    return tuple(int(number) if number else word for number, word in parts)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.integrate.base import FloatArray
 from flexarm.kernels.layout import Loads
-from flexarm.loads import Load, parts_of, place_loads
-from flexarm.simulate.torque_history import TorqueHistory, function_torque
+from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
+from flexarm.simulate.piecewise import linear_history, side_by_side
+from flexarm.simulate.torque_history import TorqueHistory, constant_torque, function_torque
+
+BaseAcceleration = ArrayLike | Callable[[float], ArrayLike] | Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,26 +29,44 @@ class LoadHistory:
 def load_history(
     arm: Arm,
     loads: Sequence[Load],
-    base_acceleration: ArrayLike | Callable[[float], ArrayLike] | None,
+    base_acceleration: BaseAcceleration | None,
     duration: float,
     relative: float,
 ) -> LoadHistory:
-    """Place the loads and follow whatever of them changes with time.
+    """Place the loads and follow whatever of them changes with time: tables exactly.
 
     Raises:
-        InputError: a load is not on the arm, or a function returns something else than numbers.
+        InputError: a load is not on the arm, a function returns something else than numbers, or
+            a table is none.
     """
-    constant = None if callable(base_acceleration) else base_acceleration
+    moving = callable(base_acceleration) or is_table(base_acceleration)
+    constant: Any = None if moving else base_acceleration
     placed = place_loads(arm, "simulate", loads, constant)
-    owners = parts_of(arm, loads)
-    if not callable(base_acceleration) and all(load.factor is None for load in owners):
+    if not moving and all(load.factor is None for load in loads):
         nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
         return LoadHistory(placed, nothing)
-    still = placed.base_acceleration.copy()
+    if callable(base_acceleration):
+        base = function_torque(base_acceleration, duration, 2, relative, name="base_acceleration")
+    elif is_table(base_acceleration):
+        base = linear_history(*check_table("simulate", "base_acceleration", base_acceleration, 2))
+    else:
+        base = constant_torque(placed.base_acceleration)
+    followed = {id(load): _factor(load, duration, relative) for load in loads}
+    columns = [followed[id(load)] for load in parts_of(arm, loads)]
+    return LoadHistory(placed, side_by_side([*columns, base]))
 
-    def row(t: float) -> FloatArray:
-        factors = [1.0 if load.factor is None else load.factor(t) for load in owners]
-        base = base_acceleration(t) if callable(base_acceleration) else still
-        return np.concatenate([factors, np.asarray(base, dtype=np.float64)])
 
-    return LoadHistory(placed, function_torque(row, duration, len(owners) + 2, relative))
+def _factor(load: Load, duration: float, relative: float) -> TorqueHistory:
+    """Follow the factor of a load: one column."""
+    factor = load.factor
+    if factor is None:
+        return constant_torque(np.ones(1))
+    if not callable(factor):
+        times, values = check_table("Load", "factor", factor, 1)
+        return linear_history(times, values)
+
+    def row(t: float) -> ArrayLike:
+        return [factor(t)]
+
+    breaks = getattr(factor, "breaks", ())
+    return function_torque(row, duration, 1, relative, breaks, name="Load.factor")

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
+from flexarm.simulate.piecewise import cut
 from flexarm.simulate.torque_history import TorqueHistory, function_torque
+
+#: What a table of angles does at its ends, and how SciPy calls it.
+ENDS = {"rest": "clamped", "free": "not-a-knot"}
 
 
 @dataclass(frozen=True)
@@ -30,6 +36,63 @@ class PrescribedAngle:
     rate: Callable[[float], float]
     acceleration: Callable[[float], float]
     breaks: tuple[float, ...] = ()
+
+    @classmethod
+    def hold(cls, angle: float) -> PrescribedAngle:
+        """Lock the joint at an angle (rad)."""
+        still = float(check_array("PrescribedAngle.hold", "angle", angle, ()))
+        return cls(lambda t: still, lambda t: 0.0, lambda t: 0.0)
+
+    @classmethod
+    def table(cls, times: ArrayLike, angles: ArrayLike, ends: str = "rest") -> PrescribedAngle:
+        """Follow the cubic spline through angles: its acceleration is continuous.
+
+        Args:
+            times: (k,) s, increasing, two at least.
+            angles: (k,) rad.
+            ends: "rest": the joint is at rest at both ends and holds its angle beyond them;
+                "free": the rates there come from the angles, and the run must not go beyond.
+
+        Raises:
+            InputError: wrong shapes, times that do not increase, or unknown ends; later, a run
+                that goes beyond free ends.
+        """
+        where = "PrescribedAngle.table"
+        knots = check_array(where, "times", times, (-1,))
+        values = check_array(where, "angles", angles, (knots.size,))
+        if ends not in ENDS:
+            rule = "be one of " + ", ".join(map(repr, ENDS))
+            raise InputError(Problem(where, "ends", rule, shown(ends)))
+        if knots.size < 2 or np.any(np.diff(knots) <= 0.0):
+            rule = "be two or more, each greater than the one before"
+            raise InputError(Problem(where, "times", rule, shown(knots.tolist())))
+        spline = CubicSpline(knots, values, bc_type=ENDS[ends])
+        angle, rate, acceleration = (_SplinePart(spline, k, ends == "rest") for k in range(3))
+        return cls(angle, rate, acceleration, tuple(knots.tolist()))
+
+
+@dataclass(frozen=True, eq=False)
+class _SplinePart:
+    """A spline or one of its derivatives as a function of time, or of times at once."""
+
+    vectorized: ClassVar[bool] = True
+
+    spline: Any
+    order: int
+    rests: bool  # beyond its ends; else nothing is known there
+
+    def __call__(self, t: ArrayLike) -> Any:
+        times = np.asarray(t, dtype=np.float64)
+        first, last = self.spline.x[0], self.spline.x[-1]
+        margin = 1e-9 * (last - first)
+        if not self.rests and (np.min(times) < first - margin or np.max(times) > last + margin):
+            rule = "reach from 0 to the end of the run where ends is 'free'"
+            value = f"from {first:.9g} to {last:.9g}"
+            raise InputError(Problem("PrescribedAngle.table", "times", rule, value))
+        values = self.spline(np.clip(times, first, last), self.order)
+        if self.rests and self.order:
+            values = np.where((times >= first) & (times < last), values, 0.0)
+        return values
 
 
 Prescribed = Mapping[int, PrescribedAngle | Motion]
@@ -64,12 +127,23 @@ def prescribe(
         body = arm.assembly.joint_body[index]
         state[0, body, 0], state[1, body, 0] = own.angle(0.0), own.rate(0.0)
 
-        def row(t: float, own: PrescribedAngle = own) -> FloatArray:
-            return np.array([own.acceleration(t)])
-
-        column = function_torque(row, duration, 1, relative, own.breaks)
+        name = f"prescribed[{joint}].acceleration"
+        column = function_torque(
+            _Row(own.acceleration), duration, 1, relative, own.breaks, name=name
+        )
         history = _replaced(history, index, column)
     return history
+
+
+class _Row:
+    """A number over time as a row of one."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self._function = function
+        self.vectorized = getattr(function, "vectorized", False)
+
+    def __call__(self, t: Any) -> FloatArray:
+        return np.asarray(self._function(t))[..., None]
 
 
 def _of_joint(motion: PrescribedAngle | Motion, index: int) -> PrescribedAngle:
@@ -90,23 +164,7 @@ def _of_joint(motion: PrescribedAngle | Motion, index: int) -> PrescribedAngle:
 def _replaced(history: TorqueHistory, index: int, column: TorqueHistory) -> TorqueHistory:
     """Cut both histories at each other's breaks, and put one column of the first in its place."""
     breaks = np.unique(np.concatenate([history.breaks, column.breaks]))
-    coefficients = _cut(history, breaks)
-    coefficients[:, :, index] = _cut(column, breaks)[:, :, 0]
+    coefficients = cut(history, breaks)
+    coefficients[:, :, index] = cut(column, breaks)[:, :, 0]
     stops = np.unique(np.concatenate([history.stops, column.stops]))
     return TorqueHistory(breaks, coefficients, stops)
-
-
-def _cut(history: TorqueHistory, breaks: FloatArray) -> FloatArray:
-    """Coefficients (pieces, 4, columns) of the same function over finer pieces."""
-    last = len(history.breaks) - 2
-    starts = breaks[:-1]
-    k = np.clip(np.searchsorted(history.breaks, starts, side="right") - 1, 0, last)
-    x = (starts - history.breaks[k])[:, None]
-    c0, c1, c2, c3 = (history.coefficients[k, p] for p in range(4))
-    shifted = [
-        c0 + x * (c1 + x * (c2 + x * c3)),
-        c1 + x * (2.0 * c2 + 3.0 * x * c3),
-        c2 + 3.0 * x * c3,
-        c3,
-    ]
-    return np.stack(shifted, axis=1)

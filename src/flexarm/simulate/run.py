@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -12,12 +13,20 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.control import Controller, Reference
-from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.errors import (
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, tip_load
+from flexarm.model.scenario import sample_fault
 from flexarm.simulate.choice import Choice, choose_integrator
-from flexarm.simulate.load_history import load_history
+from flexarm.simulate.load_history import BaseAcceleration, load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import make_result
@@ -29,12 +38,11 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
+from flexarm.simulate.validity import too_far_bent
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Samples that still fit into memory.
-MOST_SAMPLES = 10**8
 #: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
 RTOL = 1e-7
 ATOL = 1e-9
@@ -57,7 +65,7 @@ def simulate(
     initial_rate: ArrayLike | None = None,
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
-    base_acceleration: ArrayLike | Callable[[float], ArrayLike] | None = None,
+    base_acceleration: BaseAcceleration | None = None,
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
     step: float | None = None,
@@ -86,8 +94,8 @@ def simulate(
         initial_rate: qd (dof,), zero by default.
         tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
         loads: forces and moments anywhere on the arm, constant or with a factor of time.
-        base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it;
-            positions stay relative to the base.
+        base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it,
+            or a table ``(times, values)``; positions stay relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
         step: fixed step, or first step of a method with step control, s.
@@ -103,6 +111,9 @@ def simulate(
     Raises:
         InputError: an argument has the wrong shape, is not finite, or contradicts another.
         SimulationError: the run stopped early; ``.result`` holds what was computed until then.
+
+    Warns:
+        LargeDeflectionWarning: a link has bent too far for the linear theory.
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller)
@@ -119,10 +130,9 @@ def simulate(
     if simulated.joints != arm.joints:
         rule = f"have the {arm.joints} joints of the arm"
         raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
-    if duration * rate > MOST_SAMPLES:
-        rule = f"be at most {MOST_SAMPLES / duration:g} for this duration"
-        hint = f"More than {MOST_SAMPLES:.0e} samples do not fit into memory."
-        raise InputError(Problem(where, "rate", rule, shown(rate), hint))
+    fault = sample_fault(duration, rate)
+    if fault is not None:
+        raise InputError(fault.problem(where))
     choice = choose_integrator(integrator, step)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
@@ -147,13 +157,19 @@ def simulate(
             specialized=specialized,
         )
         if controller is not None:
-            return _closed_loop(run, controller, reference, choice)
-        history = _history(where, torque, duration, rate, arm.joints, rtol, torque_interpolation)
-        if prescribed:
-            share = max(rtol * _TORQUE_SHARE, 1e-12)
-            history = prescribe(simulated, prescribed, state, history, duration, share)
-            run.prescribed = tuple(prescribed)
-        return _open_loop(run, history, choice)
+            result = _closed_loop(run, controller, reference, choice)
+        else:
+            history = _history(
+                where, torque, duration, rate, arm.joints, rtol, torque_interpolation
+            )
+            if prescribed:
+                share = max(rtol * _TORQUE_SHARE, 1e-12)
+                history = prescribe(simulated, prescribed, state, history, duration, share)
+                run.prescribed = tuple(prescribed)
+            result = _open_loop(run, history, choice)
+    if result.attrs["warning"]:
+        warnings.warn(result.attrs["warning"], LargeDeflectionWarning, stacklevel=2)
+    return result
 
 
 def _open_loop(run: Run, history: TorqueHistory, choice: Choice) -> xr.Dataset:
@@ -202,6 +218,7 @@ def _result(
         "wall_seconds": time.perf_counter() - started,
         "references": " ".join(integrator.reference),
         "failure": failure,
+        "warning": too_far_bent(run.arm, run.samples[:count]),
     }
     motor, force, moment = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}

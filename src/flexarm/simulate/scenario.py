@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.control import JointPD
@@ -21,15 +18,21 @@ from flexarm.model import (
     Scenario,
     TorqueDrive,
     file_text,
-    load_scenario,
+    locate_scenario,
 )
-from flexarm.motion import Motion, joint_motion, line_motion, rigid_torque
+from flexarm.model.wording import Path, path_of
+from flexarm.motion import Motion, joint_motion, line_motion
 from flexarm.simulate.choice import choose_integrator
+from flexarm.simulate.outside import base_acceleration_of, loads_of
 from flexarm.simulate.run import simulate
-from flexarm.simulate.torque_history import sampled_torque
+from flexarm.simulate.start import Start, feedforward, start_of
+from flexarm.simulate.torque_history import constant_torque, sampled_torque
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: Where a key path stands in its file: ``file:line``.
+Where = Callable[[Path], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,18 +67,21 @@ class Prepared:
         return result
 
 
-def prepare(scenario: Scenario, where: str = "scenario") -> Prepared:
+def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
     """Make the arm, the motion and the drive of a scenario.
 
     Args:
         scenario: what to run.
-        where: the file that it comes from, for messages.
+        where: the file that it comes from, or where in it a key path stands, for messages.
 
     Raises:
         InputError: the motion leaves the arm's reach, or the torques do not cover the run.
+        EquilibriumError: the equilibrium to start from was not found.
     """
-    arm = Arm(scenario.arm)
-    with _told_as(where, "motion"):
+    place = where if callable(where) else lambda _: where
+    with _told_as(place, ""):
+        arm = Arm(scenario.arm)
+    with _told_as(place, "motion"):
         motion = _motion(arm, scenario)
     run = scenario.run
     options: dict[str, Any] = {"duration": run.duration, "rate": run.rate}
@@ -83,17 +89,21 @@ def prepare(scenario: Scenario, where: str = "scenario") -> Prepared:
     for name in ("rtol", "atol", "step"):
         if getattr(run, name) is not None:
             options[name] = getattr(run, name)
-    with _told_as(where, "drive"):
-        _set_drive(arm, scenario, motion, options)
-    choose_integrator(run.integrator, run.step, where)
-    angles: ArrayLike = np.zeros(arm.joints)
-    if scenario.initial.joint_angle is not None:
-        angles = scenario.initial.joint_angle
-    elif motion is not None:
-        angles = motion.joint_angle(0.0)
-    options["initial"] = arm.rest(angles)
+    if scenario.loads:
+        options["loads"] = loads_of(scenario)
+    if scenario.base_acceleration is not None:
+        options["base_acceleration"] = base_acceleration_of(scenario)
+    with _told_as(place, "initial"):
+        start = start_of(arm, scenario, motion)
+    options["initial"] = start.q
     if scenario.initial.joint_rate is not None:
         options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
+    if start.prescribed:
+        options["prescribed"] = start.prescribed
+    with _told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
+        _set_drive(arm, scenario, motion, start, options)
+    with _told_as(place, "run"):
+        choose_integrator(run.integrator, run.step)
     return Prepared(arm, motion, options, file_text(scenario))
 
 
@@ -106,25 +116,29 @@ def run_scenario(
         ModelError: the file is wrong; every problem with its line.
         InputError, SimulationError: as ``simulate``.
     """
-    where = "scenario"
+    where: str | Where = "scenario"
     if not isinstance(scenario, Scenario):
-        where = str(scenario)
-        scenario = load_scenario(scenario)
+        scenario, where = locate_scenario(scenario)
     return prepare(scenario, where).run(progress=progress)
 
 
 @contextmanager
-def _told_as(where: str, key: str) -> Iterator[None]:
-    """Name problems by the file and the key path that they come from."""
+def _told_as(place: Where, key: str, names: dict[str, str] | None = None) -> Iterator[None]:
+    """Name problems by the line and the key path that they come from.
+
+    Args:
+        key: where the values stand that may be refused; nothing where problems say it themselves.
+        names: keys of the file for arguments that are called otherwise.
+    """
     try:
         yield
     except InputError as error:
-        raise InputError(
-            *(
-                replace(problem, where=where, name=f"{key}.{problem.name}")
-                for problem in error.problems
-            )
-        ) from None
+        placed = []
+        for problem in error.problems:
+            told = (names or {}).get(problem.name, problem.name)
+            name = f"{key or problem.where}.{told}"
+            placed.append(replace(problem, where=place(path_of(name)), name=name))
+        raise InputError(*placed) from None
 
 
 def _motion(arm: Arm, scenario: Scenario) -> Motion | None:
@@ -138,23 +152,21 @@ def _motion(arm: Arm, scenario: Scenario) -> Motion | None:
 
 
 def _set_drive(
-    arm: Arm, scenario: Scenario, motion: Motion | None, options: dict[str, Any]
+    arm: Arm, scenario: Scenario, motion: Motion | None, start: Start, options: dict[str, Any]
 ) -> None:
     drive = scenario.drive
     if isinstance(drive, TorqueDrive):
-        options["torque"] = sampled_torque(
+        history = sampled_torque(
             drive.values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
         )
-        return
-    if motion is None:
-        return  # a drive that follows a motion was refused without one when the file was read
-    if isinstance(drive, RigidInverseDynamicsDrive):
-        options["torque"] = rigid_torque(arm, motion)
-    if isinstance(drive, JointPDDrive):
-        feedforward = (
-            rigid_torque(arm, motion) if drive.feedforward == "rigid_inverse_dynamics" else None
-        )
+        options["torque"] = history if start.holding is None else history.shifted(start.holding)
+    elif isinstance(drive, RigidInverseDynamicsDrive) and motion is not None:
+        options["torque"] = feedforward(arm, motion, start)
+    elif isinstance(drive, JointPDDrive) and motion is not None:
+        rigid = motion if drive.feedforward == "rigid_inverse_dynamics" else None
         options["controller"] = JointPD(
-            drive.proportional, drive.derivative, drive.sample_time, feedforward
+            drive.proportional, drive.derivative, drive.sample_time, feedforward(arm, rigid, start)
         )
         options["reference"] = motion
+    elif start.holding is not None:
+        options["torque"] = constant_torque(start.holding)

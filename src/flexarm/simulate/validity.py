@@ -1,4 +1,8 @@
-"""Where the second-order theory ends: its mass matrix is positive for small bending only."""
+"""Where the theories end.
+
+The linear one at large deflection, which it takes for small; the second-order one where its mass
+matrix, positive for small bending only, loses its sign.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,43 @@ from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 
 #: A joint that feels less than this part of its inertia at straight links is about to feel none.
 _LEFT = 0.1
+
+#: Deflection over length beyond which the linear theory is off by whole per cents.
+_FAR = 0.1
+#: Samples looked at in one go: bounds the scratch memory of long runs.
+_CHUNK = 4096
+
+
+def too_far_bent(arm: Arm, states: FloatArray) -> str:
+    """Say which link has bent too far for the linear theory; nothing where none has.
+
+    A segment is judged by the deflection from its own root tangent: only that is taken for small.
+
+    Args:
+        states: (samples, 2, n, 1 + m).
+    """
+    if arm.spec.theory != "linear" or not len(states):
+        return ""
+    P = arm.assembly.constants.P
+    most = np.zeros(len(P))
+    for k in range(0, len(states), _CHUNK):
+        bent = np.einsum("nm,tnm->tn", P, states[k : k + _CHUNK, 0, :, 1:])
+        most = np.maximum(most, np.abs(bent).max(axis=0))
+    pieces = arm.assembly.pieces
+    far = [most[piece.body] / piece.shapes.length for piece in pieces]
+    worst = pieces[int(np.argmax(far))]
+    if not max(far) > _FAR:
+        return ""
+    name = f"link {worst.link + 1}"
+    if arm.spec.links[worst.link].segments > 1:
+        name, more = f"a segment of {name}", "or more segments"
+    else:
+        more = "and segments=2 to 4"
+    return (
+        f"{name} deflects by up to {most[worst.body]:.3g} m, {max(far):.0%} of its length of "
+        f"{worst.shapes.length:.4g} m: the linear theory takes that for small. Use "
+        f"theory='second_order' {more} on that link; see docs/how-to/large-deflection.md."
+    )
 
 
 def weakest_joint(arm: Arm, state: FloatArray) -> int | None:

@@ -209,8 +209,8 @@ class TestWrongInput:
         assert names == ["x", "x", "flexural_rigidity", "mass_per_length"]
 
     def test_rigid_links_are_checked_alike(self):
-        with pytest.raises(InputError, match="mass_per_length must be positive somewhere"):
-            rigid_constants([0.0, 1.0], [0.0, 0.0], [0.0, 0.0])
+        with pytest.raises(InputError, match="mass_per_length must be negative nowhere"):
+            rigid_constants([0.0, 1.0], [0.0, -1.0], [0.0, 0.0])
         with pytest.raises(InputError, match="elements must be a whole number"):
             rigid_constants([0.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=0)
 
@@ -219,3 +219,8 @@ class TestWrongInput:
         link = link_constants(**GOOD)
         with pytest.raises(InputError, match="x must lie between 0 and the length 1"):
             link.deflection([0.5, station])
+
+
+def test_a_rigid_link_may_be_massless():
+    link = rigid_constants([0.0, 2.0], [0.0, 0.0], [0.0, 0.0])
+    assert (link.length, link.mass, link.first_moment, link.inertia) == (2.0, 0.0, 0.0, 0.0)

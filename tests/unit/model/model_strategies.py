@@ -3,16 +3,21 @@
 from hypothesis import strategies as st
 
 from flexarm.model import (
+    AccelerationTable,
     ArmSpec,
     Box,
     Circle,
+    FactorTable,
+    FollowingJoint,
     Gauge,
+    HeldJoint,
     InitialState,
     Joint,
     JointMotionSpec,
     JointPDDrive,
     LineMotionSpec,
     Link,
+    LoadSpec,
     Material,
     ModalDamping,
     NoDrive,
@@ -23,6 +28,7 @@ from flexarm.model import (
     RunSettings,
     Scenario,
     SectionTable,
+    TabulatedJoint,
     TorqueDrive,
     Tube,
 )
@@ -134,6 +140,58 @@ def arm_specs(draw):
 
 
 @st.composite
+def time_tables(draw, kind, values):
+    """Draw a table over time, jumps among its times."""
+    times = sorted(draw(st.lists(st.integers(-3, 9), min_size=1, max_size=5)))
+    kept = [t for k, t in enumerate(times) if times[:k].count(t) < 2]
+    return kind(times=kept, values=draw(st.lists(values, min_size=len(kept), max_size=len(kept))))
+
+
+@st.composite
+def loads(draw, arm):
+    """Draw a load that is on the arm, at a point or spread."""
+    link = draw(st.integers(1, len(arm.links)))
+    length = arm.links[link - 1].length
+    common = {
+        "link": link,
+        "force": draw(pairs),
+        "frame": draw(st.sampled_from(["world", "link"])),
+        "factor": draw(st.none() | time_tables(FactorTable, numbers)),
+    }
+    if draw(st.booleans()):
+        return LoadSpec(**common, spread=(draw(st.floats(0.0, 0.5)) * length, length))
+    station = draw(st.none() | st.floats(0.0, length))
+    return LoadSpec(**common, moment=draw(st.none() | numbers), station=station)
+
+
+@st.composite
+def prescribed_joints(draw, count, has_motion):
+    """Draw joints whose motion is given, each at most once."""
+    kinds = ["hold", "table", "motion"] if has_motion else ["hold", "table"]
+    found = []
+    for joint in draw(st.lists(st.integers(1, count), unique=True, max_size=count)):
+        kind = draw(st.sampled_from(kinds))
+        if kind == "table":
+            angles = draw(st.lists(numbers, min_size=3, max_size=3))
+            ends = draw(st.sampled_from(["rest", "free"]))
+            found.append(
+                TabulatedJoint(joint=joint, times=(-1, 0.5, 100), angles=angles, ends=ends)
+            )
+        else:
+            found.append({"hold": HeldJoint, "motion": FollowingJoint}[kind](joint=joint))
+    return found
+
+
+@st.composite
+def initial_states(draw, each):
+    """Draw where an arm starts: in motion, or in equilibrium."""
+    angles = draw(st.none() | each)
+    if draw(st.booleans()):
+        return InitialState(joint_angle=angles, joint_rate=draw(st.none() | each))
+    return InitialState(joint_angle=angles, equilibrium=True, balance=draw(st.booleans()))
+
+
+@st.composite
 def scenarios(draw):
     """Draw a scenario with any motion and any drive that fits it."""
     arm = draw(arm_specs())
@@ -177,13 +235,20 @@ def scenarios(draw):
                 sample_time=positive,
             ),
         ]
+    drive = draw(st.one_of(drives))
+    moved = (
+        []
+        if isinstance(drive, JointPDDrive)
+        else draw(prescribed_joints(len(arm.links), motion is not None))
+    )
     return Scenario(
         arm=arm,
         motion=motion,
-        drive=draw(st.one_of(drives)),
-        initial=draw(
-            st.builds(InitialState, joint_angle=st.none() | each, joint_rate=st.none() | each)
-        ),
+        drive=drive,
+        prescribed=moved,
+        loads=draw(st.lists(loads(arm), max_size=2)),
+        base_acceleration=draw(st.none() | pairs | time_tables(AccelerationTable, pairs)),
+        initial=draw(initial_states(each)),
         run=draw(
             st.builds(
                 RunSettings,

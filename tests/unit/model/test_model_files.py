@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from model_bad_files import BAD_ARMS, BROKEN_FILES
 
 from flexarm.errors import ModelError
-from flexarm.model import ArmSpec, Link, Payload, load_arm_spec, load_scenario
+from flexarm.model import ArmSpec, Link, Payload, load_arm_spec, load_scenario, locate_scenario
+from flexarm.model.wording import path_of, path_text
 
 ARM = "flexarm: 1\narm:\n  links:\n    - {length: 2, flexural_rigidity: 1e2, mass_per_length: 5}\n"
 SPEC = ArmSpec(links=[Link(length=2, flexural_rigidity=100, mass_per_length=5)])
@@ -217,6 +218,26 @@ SOUND = {
     "run": {"duration": 1, "rate": 100, "rtol": 0.1, "step": 0.01},
 }
 
+PUSHED = SOUND | {
+    "drive": {"kind": "torque", "rate": 10, "values": [[0, 0], [1, 1]]},
+    "prescribed": [
+        {"kind": "motion", "joint": 1},
+        {"kind": "table", "joint": 2, "times": [0, 1], "angles": [0, 1], "ends": "free"},
+    ],
+    "loads": [
+        {"link": 1, "force": [0, 1], "moment": 0.1, "station": 1},
+        {
+            "link": 2,
+            "force": [0, 1],
+            "spread": [0.5, 1],
+            "frame": "link",
+            "factor": {"times": [0, 1], "values": [0, 1]},
+        },
+    ],
+    "base_acceleration": {"times": [0, 1], "values": [[0, 0], [0, 1]]},
+    "initial": {"joint_angle": [0, 0], "equilibrium": True, "balance": True},
+}
+
 
 def leaves(content, path=()):
     """Yield the path of every value in nested mappings and lists that is neither."""
@@ -241,15 +262,16 @@ def key_path(path):
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).removeprefix(".")
 
 
+@pytest.mark.parametrize("sound", [SOUND, PUSHED], ids=["moved", "pushed"])
 @settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-@given(
-    places=st.lists(st.sampled_from(sorted(leaves(SOUND), key=str)), unique=True, min_size=1),
-    value=st.sampled_from([".nan", "{}", "[[]]", "wrong"]),
-)
-def test_every_one_of_many_problems_is_told_at_its_line(places, value, tmp_path):
-    content = SOUND
+@given(data=st.data(), value=st.sampled_from([".nan", "{}", "[[]]", "wrong"]))
+def test_every_one_of_many_problems_is_told_at_its_line(sound, data, value, tmp_path):
+    places = data.draw(
+        st.lists(st.sampled_from(sorted(leaves(sound), key=str)), unique=True, min_size=1)
+    )
+    content = sound
     for place in places:
         content = damaged(content, place, "@" + str(places.index(place)))
     text = "flexarm: 1\n" + yaml.safe_dump(content)
@@ -268,6 +290,24 @@ def test_every_one_of_many_problems_is_told_at_its_line(places, value, tmp_path)
         assert inside or any(whole in problem for problem in told), (where, told)
 
 
-def test_the_sound_file_is_sound(tmp_path):
-    (tmp_path / "run.yaml").write_text("flexarm: 1\n" + yaml.safe_dump(SOUND))
-    assert load_scenario(tmp_path / "run.yaml").drive.kind == "joint_pd"
+@pytest.mark.parametrize("sound", [SOUND, PUSHED], ids=["moved", "pushed"])
+def test_the_sound_file_is_sound(sound, tmp_path):
+    (tmp_path / "run.yaml").write_text("flexarm: 1\n" + yaml.safe_dump(sound))
+    assert load_scenario(tmp_path / "run.yaml").drive.kind == sound["drive"]["kind"]
+
+
+@pytest.mark.parametrize("path", sorted({*leaves(SOUND), *leaves(PUSHED)}, key=str), ids=path_text)
+def test_key_paths_are_read_as_they_are_written(path):
+    assert path_of(path_text(path)) == path
+
+
+def test_a_scenario_knows_its_lines(tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM)
+    (tmp_path / "run.yaml").write_text(
+        "flexarm: 1\narm: arm.yaml\nrun:\n  duration: 1\n  rate: 10\n"
+    )
+    scenario, where = locate_scenario(tmp_path / "run.yaml")
+    assert scenario == load_scenario(tmp_path / "run.yaml")
+    assert where(("run", "rate")) == f"{tmp_path / 'run.yaml'}:5"
+    assert where(("arm", "links", 0, "length")) == f"{tmp_path / 'arm.yaml'}:4"
+    assert where(("run", "step")) == f"{tmp_path / 'run.yaml'}:3"  # what should contain it

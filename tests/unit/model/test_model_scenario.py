@@ -133,8 +133,8 @@ def test_torque_takes_an_array():
                 "run.integrator must be a word, but is 3.",
                 "run.rtol must be less than 1, but is 1.",
                 (
-                    "run.rate must be at most 1e+07 for this duration, but is 1000000000. "
-                    "More than 1e+08 samples do not fit into memory."
+                    "run.rate must be at most 1e+06 for a duration of 10, but is 1000000000. "
+                    "That makes 1e+10 samples; 1e+07 are the most that is kept."
                 ),
                 "run.step must be at most 10, the duration of the run, but is 20.",
             ],

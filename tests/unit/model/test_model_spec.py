@@ -84,6 +84,15 @@ def test_offset_of_one_number_is_along_the_tangent():
                 )
             ],
         ),
+        (  # the hub of joint 2 turns freely: it does not resist joint 1
+            {"links": [MASSLESS, MASSLESS], "joints": [Joint(), Joint(hub_inertia=1)]},
+            [
+                (
+                    "links[0] must have inertia or carry mass, but is massless. "
+                    "Give the link or something it carries mass, or its joint a hub_inertia."
+                )
+            ],
+        ),
     ],
 )
 def test_wrong_arms_are_refused_with_every_reason(values, problems):
@@ -98,6 +107,13 @@ def test_massless_links_are_right_where_something_has_inertia():
     ArmSpec(links=[MASSLESS], payload=Payload(mass=1))
     ArmSpec(links=[MASSLESS], payload=Payload(inertia=1))
     ArmSpec(links=[MASSLESS], joints=[Joint(hub_inertia=1)])
+    hubs = [Joint(hub_inertia=1), Joint(hub_inertia=1)]
+    ArmSpec(links=[MASSLESS, MASSLESS], joints=hubs)
+    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(mass=1, hub_inertia=1)])
+    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(housing_inertia=1, hub_inertia=1)])
+    ArmSpec(links=[MASSLESS, MASSLESS], payload=Payload(mass=1))
+    turning = MASSLESS.replace(rotary_inertia_per_length=1)
+    ArmSpec(links=[turning])
 
 
 def test_the_longest_arm_is_accepted():

@@ -1,0 +1,83 @@
+"""What acts on an arm from outside in a scenario: loads, and a base that moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Count, NonNegative, Number, Pair, plain
+from flexarm.model.tables import AccelerationTable, FactorTable
+from flexarm.model.wording import Fault
+
+
+class LoadSpec(Record):
+    """A force and a moment at a station of a link, or a force spread along part of it."""
+
+    link: Count = Field(description="Number of the link, counted from 1 at the base.")
+    force: Pair | None = Field(
+        default=None, description="Force [x, y] (N); per length, N/m, where spread is given."
+    )
+    moment: Number | None = Field(default=None, description="Moment at the station (N m).")
+    station: NonNegative | None = Field(
+        default=None, description="Distance from the link's root (m); the tip where left out."
+    )
+    spread: Pair | None = Field(
+        default=None,
+        description="Start and end (m) from the link's root, between which the force is spread.",
+    )
+    frame: Literal["world", "link"] = Field(
+        default="world",
+        description="Whether the force keeps its direction (world) or turns with the link's root "
+        "tangent (link).",
+    )
+    factor: FactorTable | None = Field(
+        default=None, description="What scales the load over time; constant where left out."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.absent("force") and given.absent("moment"):
+            yield Fault(("force",), "be given where there is no moment", "missing")
+        if given.absent("spread"):
+            return
+        for name in ("station", "moment"):
+            if not given.absent(name):
+                rule = "be left out of a load that is spread"
+                yield Fault((name,), rule, shown(given.raw(name)))
+        if given.absent("force") and not given.absent("moment"):
+            yield Fault(("force",), "be given where it is spread", "missing")
+        if given.has("spread") and not 0.0 <= given.spread[0] < given.spread[1]:
+            rule = "be a start and an end beyond it, from the link's root"
+            yield Fault(("spread",), rule, shown(list(given.spread)))
+
+
+def _pair_or_table(value: Any) -> str:
+    return "<table>" if isinstance(plain(value), dict | AccelerationTable) else "<pair>"
+
+
+BaseAcceleration = Annotated[
+    Annotated[Pair, Tag("<pair>")] | Annotated[AccelerationTable, Tag("<table>")],
+    Discriminator(_pair_or_table),
+]
+
+
+def load_faults(given: Given) -> Iterator[Fault]:
+    """Yield the loads of a scenario that are not on its arm."""
+    if not given.has("arm", "loads"):
+        return
+    links = given.arm.links
+    for i, load in enumerate(given.loads):
+        if load.link > len(links):
+            rule = f"be the number of a link, 1 to {len(links)}"
+            yield Fault(("loads", i, "link"), rule, shown(load.link))
+            continue
+        length = links[load.link - 1].length
+        name = "station" if load.spread is None else "spread"
+        furthest = load.station if load.spread is None else load.spread[1]
+        if furthest is not None and furthest > length * (1.0 + 1e-9):
+            rule = f"be at most {length:.9g}, the length of the link"
+            yield Fault(("loads", i, name), rule, shown(furthest))

@@ -1,0 +1,94 @@
+"""Joints of a scenario that follow a given motion exactly, whatever torque it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Count, Listed, Number, length_of
+from flexarm.model.wording import Fault, look
+
+
+class _PrescribedJoint(Record):
+    """Which joint it is."""
+
+    joint: Count = Field(description="Number of the joint, counted from 1 at the base.")
+
+
+class HeldJoint(_PrescribedJoint):
+    """Locked at its initial angle."""
+
+    kind: Literal["hold"] = "hold"
+
+
+class FollowingJoint(_PrescribedJoint):
+    """Does its part of the scenario's motion."""
+
+    kind: Literal["motion"] = "motion"
+
+
+class TabulatedJoint(_PrescribedJoint):
+    """Follows a cubic spline through angles."""
+
+    kind: Literal["table"] = "table"
+    times: Listed[Number] = Field(description="Increasing times (s).")
+    angles: Listed[Number] = Field(description="Relative joint angle at each (rad).")
+    ends: Literal["rest", "free"] = Field(
+        default="rest",
+        description="Whether the joint is at rest at both ends and beyond (rest), or the table "
+        "covers the whole run (free).",
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        times, angles = length_of(given.raw("times")), length_of(given.raw("angles"))
+        if times is not None and times < 2:
+            yield Fault(("times",), "hold at least two times", f"{times} long")
+        elif times is not None and angles is not None and angles != times:
+            yield Fault(("angles",), f"have one for each of the {times} times", f"{angles} long")
+        if given.has("times"):
+            for k in range(1, len(given.times)):
+                if given.times[k] <= given.times[k - 1]:
+                    rule = f"be greater than {given.times[k - 1]:.9g}, the time before it"
+                    yield Fault(("times", k), rule, shown(given.times[k]))
+                    break
+
+
+PrescribedJoint = Annotated[
+    HeldJoint | FollowingJoint | TabulatedJoint, Field(discriminator="kind")
+]
+
+
+def prescribed_faults(given: Given, joints: int | None) -> Iterator[Fault]:
+    """Yield what does not fit between a scenario's prescribed joints and its other parts."""
+    if not given.has("prescribed") or not given.prescribed:
+        return
+    if look(given.raw("drive"), "kind") == "joint_pd":
+        yield Fault(("prescribed",), "be left out where drive is joint_pd", "given")
+    told: dict[int, int] = {}
+    for i, joint in enumerate(given.prescribed):
+        place = ("prescribed", i, "joint")
+        if joints and joint.joint > joints:
+            yield Fault(place, f"be the number of a joint, 1 to {joints}", shown(joint.joint))
+        if joint.joint in told:
+            first = told[joint.joint]
+            rule = f"be another joint than that of prescribed[{first}]"
+            yield Fault(place, rule, shown(joint.joint))
+        told.setdefault(joint.joint, i)
+        if joint.kind == "motion" and given.absent("motion"):
+            yield Fault(("motion",), f"be given where prescribed[{i}] follows it", "missing")
+        if joint.kind == "table" and joint.ends == "free" and given.has("run"):
+            yield from _coverage_faults(i, joint.times, given.run.duration)
+
+
+def _coverage_faults(i: int, times: tuple[float, ...], duration: float) -> Iterator[Fault]:
+    margin = 1e-9 * (times[-1] - times[0])
+    if times[0] > margin or times[-1] < duration - margin:
+        rule = f"reach from 0 to {duration:.9g}, the end of the run, where ends is free"
+        value = f"from {times[0]:.9g} to {times[-1]:.9g}"
+        hint = "With ends: rest the joint rests before and after."
+        yield Fault(("prescribed", i, "times"), rule, value, hint)

@@ -1,0 +1,59 @@
+"""Values tabulated over time: linear between the times, held beyond both ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from pydantic import Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Listed, Number, Pair, length_of
+from flexarm.model.wording import Fault
+
+
+def order_fault(times: Sequence[float]) -> tuple[int, str] | None:
+    """Return the first time that breaks the order of a table, and the rule; None if none does.
+
+    Times ascend; two equal ones are a jump, a third would have no meaning.
+    """
+    for k in range(1, len(times)):
+        if times[k] < times[k - 1]:
+            return k, f"be at least {times[k - 1]:.9g}, the time before it"
+        if k > 1 and times[k] == times[k - 2]:
+            return k, "be given twice at most"
+    return None
+
+
+class FactorTable(Record):
+    """What scales a load over time."""
+
+    times: Listed[Number] = Field(description="Ascending times (s); two equal ones are a jump.")
+    values: Listed[Number] = Field(description="The factor at each time.")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from _table_faults(given)
+
+
+class AccelerationTable(Record):
+    """The acceleration of the base over time."""
+
+    times: Listed[Number] = Field(description="Ascending times (s); two equal ones are a jump.")
+    values: Listed[Pair] = Field(description="The acceleration [x, y] at each time (m/s^2).")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from _table_faults(given)
+
+
+def _table_faults(given: Given) -> Iterator[Fault]:
+    times, values = length_of(given.raw("times")), length_of(given.raw("values"))
+    if times == 0:
+        yield Fault(("times",), "hold at least one time", "empty")
+    elif times is not None and values is not None and values != times:
+        yield Fault(("values",), f"have a value for each of the {times} times", f"{values} long")
+    fault = order_fault(given.times) if given.has("times") else None
+    if fault is not None:
+        k, rule = fault
+        yield Fault(("times", k), rule, shown(given.times[k]))

@@ -1,0 +1,101 @@
+"""Where a scenario starts: angles, prescribed joints, bent links, and what holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import equilibrium
+from flexarm.model import HeldJoint, Scenario, TabulatedJoint
+from flexarm.motion import Motion, RigidTorque, rigid_torque
+from flexarm.simulate.outside import base_acceleration_at_start, loads_at_start
+from flexarm.simulate.prescribed import PrescribedAngle
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """How a scenario starts.
+
+    Attributes:
+        q: (dof,) coordinates.
+        prescribed: motions of joints, by number from 1.
+        holding: (joints,) N m that hold the arm there and that the drive is to give too, or None.
+    """
+
+    q: FloatArray
+    prescribed: dict[int, PrescribedAngle | Motion]
+    holding: FloatArray | None = None
+
+
+def start_of(arm: Arm, scenario: Scenario, motion: Motion | None) -> Start:
+    """Find the start of a scenario.
+
+    Raises:
+        EquilibriumError: it is to be an equilibrium, and none was found.
+    """
+    asked = scenario.initial
+    angles = np.zeros(arm.joints)
+    if asked.joint_angle is not None:
+        angles = np.array(asked.joint_angle)
+    elif motion is not None:
+        angles = np.array(motion.joint_angle(0.0))
+    prescribed: dict[int, PrescribedAngle | Motion] = {}
+    for spec in scenario.prescribed:
+        own: PrescribedAngle | Motion
+        if isinstance(spec, TabulatedJoint):
+            own = PrescribedAngle.table(spec.times, spec.angles, spec.ends)
+            angles[spec.joint - 1] = own.angle(0.0)
+        elif isinstance(spec, HeldJoint):
+            own = PrescribedAngle.hold(angles[spec.joint - 1])
+        else:
+            assert motion is not None  # refused without one when the file was read
+            own = motion
+            angles[spec.joint - 1] = motion.joint_angle(0.0)[spec.joint - 1]
+        prescribed[spec.joint] = own
+    if not asked.equilibrium:
+        return Start(arm.rest(angles), prescribed)
+    loads, base = loads_at_start(scenario), base_acceleration_at_start(scenario)
+    found = equilibrium(arm, angles, loads=loads, base_acceleration=base)
+    return Start(found.q, prescribed, found.torque if asked.balance else None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Balanced:
+    """Rigid torques along a motion, and what the flexible arm takes besides to rest at its start.
+
+    Sagging links shift weight, and loads are nothing that rigid torques know of.
+    """
+
+    vectorized: ClassVar[bool] = True
+
+    rigid: RigidTorque
+    more: FloatArray  # (joints,)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.rigid.breaks
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        return self.rigid(t) + self.more
+
+
+def feedforward(arm: Arm, motion: Motion | None, start: Start) -> Callable[[Any], Any] | None:
+    """Return the torque of the rigid arm along a motion, balanced where the start asks for it.
+
+    Without a motion only the holding torque is left, or None.
+    """
+    holding = start.holding
+    if motion is None:
+        return None if holding is None else lambda t: holding
+    rigid = rigid_torque(arm, motion)
+    if holding is None:
+        return rigid
+    still = np.zeros(arm.joints)
+    known = rigid.twin.inverse_dynamics(motion.joint_angle(0.0), still, still)
+    return _Balanced(rigid, holding - known)

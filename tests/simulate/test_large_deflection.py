@@ -1,0 +1,104 @@
+"""A linear run says so where links have bent by more than it holds for."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
+
+
+def arm(theory="linear", segments=1, **fields):
+    links = [
+        fa.Link(length=2.0, flexible=False, mass_per_length=1.0),
+        fa.Link(length=1.0, elements=4, segments=segments, **ROD),
+    ]
+    return fa.Arm(links=links, theory=theory, **fields)
+
+
+def bent(of, deflection, **options):
+    """A short run from rest with the last link bent as by a force at its tip."""
+    force = deflection * 3 * 20.0  # P L^3 / 3 E I, of a link in one piece
+    q = fa.equilibrium(of, tip_force=(0.0, force)).q
+    held = {1: fa.PrescribedAngle.hold(0.0), 2: fa.PrescribedAngle.hold(0.0)}
+    return fa.simulate(of, 0.01, initial=q, prescribed=held, rate=1000, **options)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_names_the_link_and_how_far(side):
+    with pytest.warns(fa.LargeDeflectionWarning) as caught:
+        result = bent(arm(), side * 0.11)
+    assert len(caught) == 1
+    assert str(caught[0].message) == result.attrs["warning"]
+    assert result.attrs["warning"] == (
+        "link 2 deflects by up to 0.11 m, 11% of its length of 1 m: the linear theory takes that "
+        "for small. Use theory='second_order' and segments=2 to 4 on that link; see "
+        "docs/how-to/large-deflection.md."
+    )
+
+
+def test_it_points_at_the_call():
+    with pytest.warns(fa.LargeDeflectionWarning) as caught:
+        bent(arm(), 0.11)
+    assert caught[0].filename == inspect.getfile(arm)
+
+
+def test_the_largest_of_the_run_counts():
+    """It swings through from the other side: at the end it is straight again."""
+    of = arm()
+    period = 1.0 / fa.modes(of).frequency_hz[0]
+    q = fa.equilibrium(of, tip_force=(0.0, 0.11 * 60.0)).q
+    held = {1: fa.PrescribedAngle.hold(0.0), 2: fa.PrescribedAngle.hold(0.0)}
+    with pytest.warns(fa.LargeDeflectionWarning):
+        result = fa.simulate(of, 0.25 * period, initial=q, prescribed=held, rate=20 / period)
+    assert abs(result.link_tip_deflection.values[-1, 1]) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("of", "deflection"),
+    [
+        (arm(), 0.09),
+        (arm("second_order"), 0.11),
+        (arm(segments=4), 0.3),
+        (fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)]), 0.0),
+    ],
+    ids=["less", "second order", "segments", "rigid"],
+)
+def test_nothing_is_said_without_need(of, deflection):
+    if of.joints == 1:
+        result = fa.simulate(of, 0.01)
+    else:
+        result = bent(of, deflection)
+        assert abs(result.link_tip_deflection.values[0, 1]) > 0.9 * deflection
+    assert result.attrs["warning"] == ""
+
+
+def test_a_segment_is_judged_by_itself():
+    """Four pieces of a quarter: 0.9 of the length, and the first of them bends most."""
+    with pytest.warns(fa.LargeDeflectionWarning, match="^a segment of link 2 deflects") as caught:
+        bent(arm(segments=4), 0.9)
+    assert "of its length of 0.25 m" in str(caught[0].message)
+    assert "or more segments on that link" in str(caught[0].message)
+
+
+def test_a_run_that_fails_says_only_that():
+    q = fa.equilibrium(arm(), tip_force=(0.0, 20.0)).q
+    with pytest.raises(fa.SimulationError) as caught:  # warnings are errors in this suite
+        fa.simulate(arm(), 1.0, initial=q, integrator="rk4", step=0.01)
+    assert caught.value.result.attrs["warning"].startswith("link 2 deflects")
+    assert np.all(np.isfinite(caught.value.result.tip))
+
+
+def test_a_scenario_says_it_too(tmp_path):
+    text = (
+        "flexarm: 1\n"
+        "arm: {links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5}]}\n"
+        "loads: [{link: 1, force: [0, 7]}]\n"
+        "initial: {equilibrium: true, balance: true}\n"
+        "run: {duration: 0.01}\n"
+    )
+    (tmp_path / "run.yaml").write_text(text)
+    with pytest.warns(fa.LargeDeflectionWarning):
+        fa.run_scenario(tmp_path / "run.yaml")

@@ -1,0 +1,243 @@
+"""What a scenario file says beside motion and drive is what the same calls in Python say."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.model import load_scenario
+from flexarm.simulate import prepare
+
+ARM = """\
+flexarm: 1
+arm:
+  gravity: [0, -9.81]
+  links:
+    - {length: 1.2, flexural_rigidity: 1000.0, mass_per_length: 0.6, elements: 2}
+    - {length: 1.0, flexural_rigidity: 1000.0, mass_per_length: 0.6, elements: 1}
+  joints:
+    - {hub_inertia: 0.5, damping: 0.1}
+    - {hub_inertia: 0.2, housing_inertia: 0.05, mass: 0.3, stiffness: 2.0, rest_angle: 0.1}
+run: {duration: 0.4, rate: 100, rtol: 1.0e-9, atol: 1.0e-11}
+"""
+FINE = {"duration": 0.4, "rate": 100, "rtol": 1e-9, "atol": 1e-11}
+MOTION = "motion: {kind: joint, start: [0.3, -0.5], end: [0.6, -0.2], duration: 0.4}\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "run.yaml"
+        path.write_text(ARM + text)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def run(write):
+    return lambda text: fa.run_scenario(write(text))
+
+
+@pytest.fixture
+def arm(write):
+    return fa.load_arm(write(""))
+
+
+def test_loads_and_base(run, arm):
+    found = run(
+        "loads:\n"
+        "  - {link: 1, force: [0, -3], moment: 0.2, station: 0.7}\n"
+        "  - {link: 2, force: [0, 4], spread: [0.2, 1.0], frame: link,\n"
+        "     factor: {times: [0.1, 0.1, 0.3], values: [0, 1, 0]}}\n"
+        "base_acceleration: {times: [0, 0.2], values: [[0, 0], [1, 2]]}\n"
+    )
+    table = ([0.1, 0.1, 0.3], [0, 1, 0])
+    loads = [
+        fa.Load(1, (0.0, -3.0), 0.2, station=0.7),
+        fa.Load(2, (0.0, 4.0), spread=(0.2, 1.0), frame="link", factor=table),
+    ]
+    base = ([0, 0.2], [[0, 0], [1, 2]])
+    wanted = fa.simulate(arm, loads=loads, base_acceleration=base, **FINE)
+    np.testing.assert_array_equal(found.q, wanted.q)
+    still = run("base_acceleration: [1, 2]\n")
+    np.testing.assert_array_equal(still.q, fa.simulate(arm, base_acceleration=(1, 2), **FINE).q)
+
+
+def test_prescribed_joints(run, arm):
+    found = run(
+        MOTION
+        + "prescribed:\n"
+        + "  - {joint: 1, kind: table, times: [0, 0.1, 0.3], angles: [0.1, 0.15, 0.1]}\n"
+        + "  - {joint: 2, kind: motion}\n"
+    )
+    table = fa.PrescribedAngle.table([0, 0.1, 0.3], [0.1, 0.15, 0.1])
+    motion = fa.joint_motion(arm, [0.3, -0.5], [0.6, -0.2], 0.4)
+    start = arm.rest([0.1, -0.5])
+    wanted = fa.simulate(arm, prescribed={1: table, 2: motion}, initial=start, **FINE)
+    np.testing.assert_array_equal(found.q, wanted.q)
+    assert found.joint_angle.values[0].tolist() == [0.1, -0.5]
+    free = run(
+        "prescribed: [{joint: 2, kind: table, ends: free, times: [0, 0.4], angles: [0.5, 0.6]}]\n"
+    )
+    # Both ends free: a straight line.
+    line = 0.5 + 0.25 * free.time
+    np.testing.assert_allclose(free.joint_angle.sel(joint=2), line, rtol=0, atol=1e-12)
+
+
+def test_a_held_joint_stays_where_it_starts(run):
+    found = run("initial: {joint_angle: [0.4, -0.3]}\nprescribed: [{joint: 2, kind: hold}]\n")
+    np.testing.assert_array_equal(found.joint_angle.sel(joint=2), -0.3)
+    assert np.ptp(found.joint_angle.values[:, 0]) > 0.01
+    by_motion = run(MOTION + "prescribed: [{joint: 1, kind: hold}]\n")
+    np.testing.assert_array_equal(by_motion.joint_angle.sel(joint=1), 0.3)
+
+
+#: What of `TestEquilibrium.LOADS` acts at time zero.
+ACTING = {"loads": [fa.Load(1, (2.0, -6.0))], "base_acceleration": (0.5, 1.0)}
+
+
+class TestEquilibrium:
+    #: A load that has acted for ever, one that begins later, and a base that rises.
+    LOADS = (
+        "loads:\n"
+        "  - {link: 1, force: [1, -3], factor: {times: [0, 0, 9], values: [7, 2, 2]}}\n"
+        "  - {link: 2, moment: 5, factor: {times: [0.35, 0.35], values: [0, 1]}}\n"
+        "base_acceleration: {times: [0, 9], values: [[0.5, 1], [0.5, 1]]}\n"
+    )
+
+    def test_it_is_that_of_the_loads_at_time_zero(self, run, arm):
+        found = run(self.LOADS + "initial: {joint_angle: [0.3, -0.5], equilibrium: true}\n")
+        wanted = fa.equilibrium(arm, [0.3, -0.5], **ACTING)
+        np.testing.assert_array_equal(found.q[0], wanted.q)
+        np.testing.assert_array_equal(found.torque, 0.0)  # nobody asked for it to be held
+        assert abs(found.link_tip_deflection.values[0]).min() > 5e-4
+        plain = fa.equilibrium(arm, [0.3, -0.5])
+        assert abs(wanted.q - plain.q).max() > 1e-3
+
+    def test_base_acceleration_is_felt_as_gravity(self, arm):
+        lifted = fa.equilibrium(arm, [0.3, -0.5], base_acceleration=(0.5, 1.0))
+        heavy = fa.Arm(arm.spec.replace(gravity=(-0.5, -10.81)))
+        wanted = fa.equilibrium(heavy, [0.3, -0.5])
+        np.testing.assert_array_equal(lifted.q, wanted.q)
+        np.testing.assert_array_equal(lifted.torque, wanted.torque)
+        with pytest.raises(fa.InputError, match="equilibrium: base_acceleration must be"):
+            fa.equilibrium(arm, base_acceleration=9.81)
+
+    @pytest.mark.parametrize("duration", [0.34, 0.4])
+    @pytest.mark.parametrize(
+        "drive",
+        [
+            "{kind: none}",
+            "{kind: rigid_inverse_dynamics}",
+            "{kind: torque, rate: 100, interpolation: linear, values: [ZEROS]}",
+            "{kind: joint_pd, proportional: 20, derivative: 1}",
+            (
+                "{kind: joint_pd, proportional: 20, derivative: 1, "
+                "feedforward: rigid_inverse_dynamics}"
+            ),
+        ],
+    )
+    def test_a_balanced_drive_keeps_it_until_something_happens(self, drive, duration, write):
+        still = "motion: {kind: joint, start: [0.3, -0.5], end: [0.3, -0.5], duration: 0.4}\n"
+        drive = "drive: " + drive.replace("ZEROS", ", ".join(["[0, 0]"] * 41)) + "\n"
+        start = "initial: {equilibrium: true, balance: true}\n"
+        path = write(self.LOADS + still + drive + start)
+        path.write_text(
+            path.read_text().replace("duration: 0.4, rate", f"duration: {duration}, rate")
+        )
+        result = fa.run_scenario(path)
+        moved = np.ptp(result.q.values, axis=0).max()
+        if duration < 0.35:
+            assert moved < 1e-8  # the residual of the equilibrium, let go for 0.34 s
+            holding = fa.equilibrium(fa.load_arm(path), [0.3, -0.5], **ACTING).torque
+            np.testing.assert_allclose(result.torque, [holding] * 35, rtol=1e-6)
+        else:
+            assert moved > 1e-3
+
+    def test_balance_is_a_constant_on_top_of_the_rigid_torques(self, run, arm):
+        common = MOTION + "drive: {kind: rigid_inverse_dynamics}\n"
+        plain = run(common)
+        balanced = run(common + "initial: {equilibrium: true, balance: true}\n")
+        more = balanced.torque - plain.torque
+        # Two torques of 10 N m subtracted.
+        np.testing.assert_allclose(more, more[[0] * len(more)], rtol=0, atol=1e-12)
+        holding = fa.equilibrium(arm, [0.3, -0.5]).torque
+        # The quintic starts without acceleration: at time zero all of it is holding.
+        np.testing.assert_allclose(balanced.torque[0], holding, rtol=1e-12)
+        assert abs(more[0]).max() > 1e-3
+
+    def test_balance_knows_the_rigid_arm_at_rest_and_not_as_it_starts_off(self, run, arm):
+        """A trapezoidal motion starts with a jolt, which is not to be balanced away."""
+        common = MOTION.replace("duration", "profile: trapezoidal, duration")
+        common += "drive: {kind: rigid_inverse_dynamics}\n"
+        more = (
+            run(common + "initial: {equilibrium: true, balance: true}\n").torque
+            - run(common).torque
+        )
+        rigid = arm.rigid()
+        known = rigid.inverse_dynamics([0.3, -0.5], [0, 0], [0, 0])
+        wanted = fa.equilibrium(arm, [0.3, -0.5]).torque - known
+        np.testing.assert_allclose(more, [wanted] * len(more), rtol=0, atol=1e-12)
+
+    def test_prescribed_joints_are_where_their_motion_starts(self, run, arm):
+        found = run(
+            "initial: {joint_angle: [0.3, 9.0], equilibrium: true}\n"
+            "prescribed:\n"
+            "  - {joint: 1, kind: hold}\n"
+            "  - {joint: 2, kind: table, times: [0.2, 0.3], angles: [-0.5, -0.4]}\n"
+        )
+        wanted = fa.equilibrium(arm, [0.3, -0.5])
+        np.testing.assert_array_equal(found.q[0], wanted.q)
+        until = found.q.sel(time=slice(0.0, 0.2))
+        # The residual of the equilibrium rings.
+        np.testing.assert_allclose(until, [wanted.q] * len(until), rtol=0, atol=1e-8)
+
+    def test_a_joint_that_follows_the_motion_is_where_that_starts(self, run, arm):
+        found = run(
+            MOTION
+            + "initial: {joint_angle: [0.3, 9.0], equilibrium: true}\n"
+            + "prescribed: [{joint: 2, kind: motion}]\n"
+        )
+        wanted = fa.equilibrium(arm, [0.3, -0.5])
+        np.testing.assert_array_equal(found.q[0], wanted.q)
+
+    def test_there_may_be_none(self, write):
+        path = write("initial: {equilibrium: true}\nloads: [{link: 2, force: [0, 1.0e+5]}]\n")
+        path.write_text(path.read_text().replace("gravity", "theory: second_order\n  gravity"))
+        with pytest.raises(fa.EquilibriumError, match="bend more than their mesh allows"):
+            prepare(load_scenario(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "motion:\n  kind: line\n  start: [2.0, 0.5]\n  end: [3.0, 0.0]\n  duration: 1.0\n",
+            r"run\.yaml:14: motion\.end must .* reach",
+        ),
+        (
+            "motion: {kind: line, start: [0, 1], end: [0, -1], duration: 1}\n",
+            r"run\.yaml:11: motion\.line from start to end must",
+        ),
+        (
+            "drive:\n  kind: torque\n  rate: 100\n  values: [[0, 0], [1, 1]]\n",
+            r"run\.yaml:14: drive\.values must hold at least 40 samples",
+        ),
+    ],
+)
+def test_what_is_found_late_is_told_with_its_line(text, message, run):
+    with pytest.raises(fa.InputError, match=message):
+        run(text)
+
+
+def test_an_unknown_integrator_is_told_with_its_line(write):
+    path = write("")
+    path.write_text(path.read_text().replace("rate: 100", "integrator: rk5"))
+    with pytest.raises(fa.InputError, match=r"run\.yaml:10: run\.integrator must be one of"):
+        fa.run_scenario(path)
+
+
+def test_without_a_file_only_the_key_is_told(write):
+    scenario = load_scenario(write("drive: {kind: torque, rate: 9, values: [[0, 0], [1, 1]]}\n"))
+    with pytest.raises(fa.InputError, match=r"^scenario: drive\.values must"):
+        fa.run_scenario(scenario)

@@ -1,0 +1,224 @@
+"""What acts on the arm of a scenario, joints whose motion is given, and how it starts."""
+
+import numpy as np
+import pytest
+
+from flexarm.errors import ModelError
+from flexarm.model import AccelerationTable, ArmSpec, HeldJoint, Link, LoadSpec, Scenario
+
+LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
+ARM = ArmSpec(links=[LINK, LINK.replace(length=2)])
+RUN = {"duration": 2}
+JOINT = {"kind": "joint", "start": [0, 0], "end": [1, 1], "duration": 1}
+PD = {"kind": "joint_pd", "proportional": 1, "derivative": 1}
+TABLE = {"kind": "table", "joint": 1, "times": [0, 2], "angles": [0, 1]}
+
+
+def scenario(**values):
+    return Scenario(**{"arm": ARM, "run": RUN, **values})
+
+
+def test_defaults():
+    plain = scenario()
+    assert (plain.loads, plain.prescribed, plain.base_acceleration) == ((), (), None)
+    assert (plain.initial.equilibrium, plain.initial.balance) == (False, False)
+    load = scenario(loads=[{"link": 1, "moment": 2}]).loads[0]
+    assert load == LoadSpec(link=1, moment=2.0, frame="world")
+
+
+def test_arrays_are_taken():
+    found = scenario(
+        loads=[
+            LoadSpec(
+                link=2, force=np.ones(2), factor={"times": np.arange(3), "values": np.zeros(3)}
+            )
+        ],
+        base_acceleration=np.array([0.0, 9.81]),
+        prescribed=[HeldJoint(joint=2)],
+    )
+    assert found.loads[0].factor.times == (0.0, 1.0, 2.0)
+    assert found.base_acceleration == (0.0, 9.81)
+    table = AccelerationTable(times=[0, 1], values=np.zeros((2, 2)))
+    assert scenario(base_acceleration=table).base_acceleration is table
+
+
+def test_a_station_at_the_tip_may_be_rounded():
+    scenario(loads=[{"link": 2, "moment": 1, "station": 2.0 * (1 + 1e-12)}])
+
+
+def test_times_may_jump_and_stay():
+    scenario(
+        loads=[{"link": 1, "moment": 1, "factor": {"times": [0, 1, 1], "values": [0, 1, 2]}}],
+        base_acceleration={"times": [3], "values": [[0, 1]]},
+    )
+
+
+@pytest.mark.parametrize(
+    ("load", "problems"),
+    [
+        (
+            {},
+            [
+                "link must be given, but is missing.",
+                "force must be given where there is no moment, but is missing.",
+            ],
+        ),
+        ({"link": 1}, ["force must be given where there is no moment, but is missing."]),
+        ({"link": 0, "moment": 1}, ["link must be at least 1, but is 0."]),
+        ({"link": 3, "moment": 1}, ["link must be the number of a link, 1 to 2, but is 3."]),
+        ({"link": 1, "force": 5}, ["force must be a list of two numbers, but is 5."]),
+        (
+            {"link": 1, "moment": 1, "station": 1.1},
+            ["station must be at most 1, the length of the link, but is 1.1."],
+        ),
+        (
+            {"link": 2, "force": [0, 1], "spread": [0, 2.5]},
+            ["spread must be at most 2, the length of the link, but is 2.5."],
+        ),
+        (
+            {"link": 1, "force": [0, 1], "spread": [0.5, 0.5]},
+            [
+                (
+                    "spread must be a start and an end beyond it, from the link's root, "
+                    "but is [0.5, 0.5]."
+                )
+            ],
+        ),
+        (
+            {"link": 1, "moment": 1, "station": 0.5, "spread": [0, 1]},
+            [
+                "station must be left out of a load that is spread, but is 0.5.",
+                "moment must be left out of a load that is spread, but is 1.",
+                "force must be given where it is spread, but is missing.",
+            ],
+        ),
+        (
+            {"link": 1, "moment": 1, "frame": "body"},
+            ["frame must be one of 'world', 'link', but is 'body'."],
+        ),
+        (
+            {"link": 1, "moment": 1, "facter": 2},
+            ["facter must be a known key, but is unknown. Did you mean 'factor'?"],
+        ),
+        (
+            {"link": 1, "moment": 1, "factor": 2},
+            ["factor must be a mapping of keys to values, but is 2."],
+        ),
+        (
+            {"link": 1, "moment": 1, "factor": {"times": [], "values": [1]}},
+            ["factor.times must hold at least one time, but is empty."],
+        ),
+        (
+            {"link": 1, "moment": 1, "factor": {"times": [0, 1], "values": [1]}},
+            ["factor.values must have a value for each of the 2 times, but is 1 long."],
+        ),
+        (
+            {"link": 1, "moment": 1, "factor": {"times": [0, 2, 1], "values": ["a", 1, 1]}},
+            [
+                (
+                    "factor.values[0] must be a number, but is 'a'. "
+                    "Write the bare number, in SI units."
+                ),
+                "factor.times[2] must be at least 2, the time before it, but is 1.",
+            ],
+        ),
+        (
+            {"link": 1, "moment": 1, "factor": {"times": [1, 1, 1], "values": [1, 1, 1]}},
+            ["factor.times[2] must be given twice at most, but is 1."],
+        ),
+    ],
+)
+def test_wrong_loads_are_refused_with_every_reason(load, problems):
+    with pytest.raises(ModelError) as caught:
+        scenario(loads=[{"link": 2, "moment": 1}, load])
+    assert str(caught.value).splitlines() == [f"Scenario: loads[1].{text}" for text in problems]
+
+
+@pytest.mark.parametrize(
+    ("values", "problems"),
+    [
+        ({"base_acceleration": 9.81}, ["base_acceleration must be a list of two numbers, but is"]),
+        ({"base_acceleration": [1, 2, 3]}, ["base_acceleration must be a list of two numbers"]),
+        (
+            {"base_acceleration": {"times": [0, 1], "values": [0, 1]}},
+            [
+                "base_acceleration.values[0] must be a list of two numbers, but is 0.",
+                "base_acceleration.values[1] must be a list of two numbers, but is 1.",
+            ],
+        ),
+        (
+            {"base_acceleration": {"times": [0, 1], "value": [[0, 1], [0, 1]]}},
+            [
+                "base_acceleration.values must be given, but is missing.",
+                (
+                    "base_acceleration.value must be a known key, but is unknown. "
+                    "Did you mean 'values'?"
+                ),
+            ],
+        ),
+        (
+            {"prescribed": [{"joint": 1}]},
+            ["prescribed[0].kind must be given, but is missing."],
+        ),
+        (
+            {"prescribed": [{"joint": 1, "kind": "held"}]},
+            ["prescribed[0].kind must be one of 'hold', 'motion', 'table', but is 'held'."],
+        ),
+        (
+            {"prescribed": [{"joint": 3, "kind": "hold"}, {"joint": 3, "kind": "hold"}]},
+            [
+                "prescribed[0].joint must be the number of a joint, 1 to 2, but is 3.",
+                "prescribed[1].joint must be the number of a joint, 1 to 2, but is 3.",
+                "prescribed[1].joint must be another joint than that of prescribed[0], but is 3.",
+            ],
+        ),
+        (
+            {"prescribed": [{"joint": 1, "kind": "motion"}]},
+            ["motion must be given where prescribed[0] follows it, but is missing."],
+        ),
+        (
+            {"prescribed": [{"joint": 1, "kind": "hold"}], "motion": JOINT, "drive": PD},
+            ["prescribed must be left out where drive is joint_pd, but is given."],
+        ),
+        (
+            {"prescribed": [{**TABLE, "times": [0]}]},
+            ["prescribed[0].times must hold at least two times, but is 1 long."],
+        ),
+        (
+            {"prescribed": [{**TABLE, "times": [0, 1, 2]}]},
+            ["prescribed[0].angles must have one for each of the 3 times, but is 2 long."],
+        ),
+        (
+            {"prescribed": [{**TABLE, "times": [2, 2]}]},
+            ["prescribed[0].times[1] must be greater than 2, the time before it, but is 2."],
+        ),
+        (
+            {"prescribed": [{**TABLE, "ends": "free", "times": [0, 1.5]}]},
+            [
+                (
+                    "prescribed[0].times must reach from 0 to 2, the end of the run, where ends is "
+                    "free, but is from 0 to 1.5. With ends: rest the joint rests before and after."
+                )
+            ],
+        ),
+        (
+            {"initial": {"equilibrium": True, "joint_rate": [0, 1]}},
+            ["initial.joint_rate must be left out of an equilibrium, but is given."],
+        ),
+        (
+            {"initial": {"balance": True}},
+            ["initial.equilibrium must be true where balance is, but is false."],
+        ),
+        (
+            {"initial": {"equilibrium": "yes"}},
+            ["initial.equilibrium must be true or false, but is 'yes'."],
+        ),
+    ],
+)
+def test_wrong_scenarios_are_refused_with_every_reason(values, problems):
+    with pytest.raises(ModelError) as caught:
+        scenario(**values)
+    told = str(caught.value).splitlines()
+    assert len(told) == len(problems), told
+    for line, text in zip(told, problems, strict=True):
+        assert line.startswith(f"Scenario: {text}")
