@@ -191,3 +191,47 @@ def test_what_is_asked_of_arms_without_motors():
     hold = fa.PrescribedAngle(lambda t: 0.0, lambda t: 0.0, lambda t: 0.0)
     with pytest.raises(fa.InputError, match="prescribed must name joints that turn: there is none"):
         fa.simulate(arm, 0.1, prescribed={1: hold})
+
+
+SCENARIO = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 1.0, flexural_rigidity: 105.0, mass_per_length: 0.6}
+    - {length: 0.6, flexural_rigidity: 105.0, mass_per_length: 0.6}
+    - {length: 0.5, flexural_rigidity: 105.0, mass_per_length: 0.6}
+  joints:
+    - {rotor_inertia: 1.0e-4, gear_ratio: 50, stiffness: 500}
+    - {fixed: true, rest_angle: 0.7}
+    - {}
+motion: {kind: joint, start: [0.0, 0.2], end: [0.3, 0.5], duration: 0.2}
+drive: {kind: rigid_inverse_dynamics}
+run: {duration: 0.2, rate: 100}
+"""
+
+
+def test_a_scenario_counts_the_joints_that_turn(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(SCENARIO + "prescribed: [{kind: motion, joint: 3}]\n")
+    result = fa.run_scenario(path)
+    asked = [0.2, 0.5]
+    ends = result.joint_angle.sel(joint=3).values[[0, -1]]
+    np.testing.assert_allclose(ends, asked, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("end: [0.3, 0.5]", "end: [0.3, 0.0, 0.5]", "motion.end must have one value for each of"),
+        (
+            "run:",
+            "prescribed: [{kind: hold, joint: 2}]\nrun:",
+            "must be the number of a joint that",
+        ),
+    ],
+)
+def test_a_scenario_refuses_what_does_not_turn(tmp_path, old, new, message):
+    path = tmp_path / "arm.yaml"
+    path.write_text(SCENARIO.replace(old, new))
+    with pytest.raises(fa.ModelError, match=message):
+        fa.run_scenario(path)

@@ -63,8 +63,12 @@ PrescribedJoint = Annotated[
 ]
 
 
-def prescribed_faults(given: Given, joints: int | None) -> Iterator[Fault]:
-    """Yield what does not fit between a scenario's prescribed joints and its other parts."""
+def prescribed_faults(given: Given, joints: int | None, fixed: list[int]) -> Iterator[Fault]:
+    """Yield what does not fit between a scenario's prescribed joints and its other parts.
+
+    Args:
+        joints: how many there are. fixed: numbers of those that do not turn.
+    """
     if not given.has("prescribed") or not given.prescribed:
         return
     if look(given.raw("drive"), "kind") == "joint_pd":
@@ -74,6 +78,8 @@ def prescribed_faults(given: Given, joints: int | None) -> Iterator[Fault]:
         place = ("prescribed", i, "joint")
         if joints and joint.joint > joints:
             yield Fault(place, f"be the number of a joint, 1 to {joints}", shown(joint.joint))
+        if joint.joint in fixed:
+            yield Fault(place, "be the number of a joint that turns", shown(joint.joint))
         if joint.joint in told:
             first = told[joint.joint]
             rule = f"be another joint than that of prescribed[{first}]"

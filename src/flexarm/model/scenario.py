@@ -109,18 +109,28 @@ class Scenario(Record):
         kind = look(given.raw("drive"), "kind")
         if kind in _FOLLOWING and given.absent("motion"):
             yield Fault(("motion",), f"be given where drive is {kind}", "missing")
-        joints = length_of(look(given.raw("arm"), "links"))
+        links = length_of(look(given.raw("arm"), "links"))
+        fixed = _fixed_joints(given)
+        joints = links and links - len(fixed)
         for path, values in _values_per_joint(given):
             length = length_of(values)
-            if joints and length not in (None, joints):
+            if links and length not in (None, joints):
                 rule = f"have one value for each of the {joints} joints"
                 yield Fault(path, rule, f"{length} long")
         yield from load_faults(given)
-        yield from prescribed_faults(given, joints)
+        yield from prescribed_faults(given, links, fixed)
 
 
 _FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")
 """Drives that follow a motion."""
+
+
+def _fixed_joints(given: Given) -> list[int]:
+    """Numbers of the joints that do not turn, counted from 1; joints may have other faults."""
+    joints = plain(look(given.raw("arm"), "joints"))
+    listed = joints if isinstance(joints, list | tuple) else ()
+    fixed = [plain(look(plain(joint), "fixed")) is True for joint in listed]
+    return [number for number, is_fixed in enumerate(fixed, start=1) if is_fixed]
 
 
 def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
