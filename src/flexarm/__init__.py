@@ -42,9 +42,12 @@ if TYPE_CHECKING:
     from flexarm.model import Rectangle as Rectangle
     from flexarm.model import SectionTable as SectionTable
     from flexarm.model import Tube as Tube
+    from flexarm.model import load_scenario as load_scenario
     from flexarm.motion import joint_motion as joint_motion
     from flexarm.motion import line_motion as line_motion
     from flexarm.motion import rigid_torque as rigid_torque
+    from flexarm.output import read_result as read_result
+    from flexarm.output import write_result as write_result
     from flexarm.references import citation as citation
     from flexarm.simulate import PrescribedAngle as PrescribedAngle
     from flexarm.simulate import run_scenario as run_scenario
@@ -85,11 +88,14 @@ _HOME = {
     "joint_motion": "motion",
     "line_motion": "motion",
     "load_arm": "arm",
+    "load_scenario": "model",
     "modes": "linear",
+    "read_result": "output",
     "rigid_torque": "motion",
     "run_scenario": "simulate",
     "save_arm": "arm",
     "simulate": "simulate",
+    "write_result": "output",
 }
 
 __all__ = sorted(_HOME)

@@ -96,6 +96,17 @@ def boom():
     return scenario, scenario.run()
 
 
+def test_boom_hangs_still_until_it_sets_off(boom):
+    scenario, result = boom
+    before = result.sel(time=slice(0.0, 1.0))
+    # What the equilibrium leaves of forces of 1e4 N: rounding.
+    assert np.ptp(before["tip"].values, axis=0) == pytest.approx(np.zeros(2), abs=1e-8)
+    rigid = scenario.arm.rigid()
+    straight = rigid.tip(rigid.rest(before["joint_angle"].values[0]))
+    below = straight[1] - before["tip"].values[0, 1]
+    assert below == pytest.approx(0.141, abs=5e-4)  # said in the file
+
+
 def test_boom_comes_to_rest_at_its_new_angles(boom):
     scenario, result = boom
     assert result["joint_rate"].values[-1] == pytest.approx(np.zeros(3), abs=1e-3)
