@@ -145,7 +145,7 @@ def _point(
         piece = arm.assembly.pieces_of(link)[-1]
     x = np.array([min(station - piece.start, piece.shapes.length)])
     shapes = piece.shapes
-    row, slope = shapes.deflection(x)[0], shapes.slope(x)[0]
+    row, slope = shapes.deflection(x)[0], shapes.rotation(x)[0]  # a moment turns the section
     if load.station is None:
         row, slope = shapes.P, shapes.dP
     matrix = shortening_matrices(shapes, x)[0]
