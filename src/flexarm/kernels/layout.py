@@ -92,6 +92,16 @@ class Loads(NamedTuple):
     base_acceleration: Array  # (2,) m/s^2 of the base joint, world axes
 
 
+class Stations(NamedTuple):
+    """Places along the links, with the shapes there."""
+
+    body: Array  # (k,) integers, the body that holds each
+    x: Array  # (k,) m from the root of the body
+    rows: Array  # (k, m) Phi(x), shapes of the deflection
+    turns: Array  # (k, m) Psi(x), shapes of the section's rotation
+    shortening: Array  # (k, g, g) g(x)
+
+
 class Workspace(NamedTuple):
     """Scratch and results of one evaluation; one per thread. Wrenches are (Fx, Fy, Mz)."""
 

@@ -30,6 +30,11 @@ _TABLE = (
     Channel("torque", ("joint",), "N m", "torque of the joint motors"),
     Channel("joint_force", ("joint", "axis"), "N", "what the joint gives its outboard link, world"),
     Channel("joint_moment", ("joint",), "N m", "likewise: torque less the joint's own friction"),
+    Channel(
+        "axial_force", ("link", "station"), "N", "force along the link inside it, pull positive"
+    ),
+    Channel("shear_force", ("link", "station"), "N", "force across the link inside it"),
+    Channel("bending_moment", ("link", "station"), "N m", "moment inside the link, EI v'' at rest"),
     Channel("kinetic_energy", (), "J", "kinetic energy"),
     Channel("strain_energy", (), "J", "strain energy of bending"),
     Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),

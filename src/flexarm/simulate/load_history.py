@@ -17,8 +17,10 @@ from flexarm.simulate.torque_history import TorqueHistory, function_torque
 
 @dataclass(frozen=True, eq=False)
 class LoadHistory:
-    """Placed loads, and the factors (parts,) and base acceleration (2,) over time, in one row."""
+    """Placed loads with the loads they are parts of, and over time factors (parts,) of them and
+    base acceleration (2,), in one row."""
 
+    owners: list[Load]
     placed: Loads
     factors: TorqueHistory
 
@@ -40,7 +42,7 @@ def load_history(
     owners = parts_of(arm, loads)
     if not callable(base_acceleration) and all(load.factor is None for load in owners):
         nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
-        return LoadHistory(placed, nothing)
+        return LoadHistory(owners, placed, nothing)
     still = placed.base_acceleration.copy()
 
     def row(t: float) -> FloatArray:
@@ -48,4 +50,5 @@ def load_history(
         base = base_acceleration(t) if callable(base_acceleration) else still
         return np.concatenate([factors, np.asarray(base, dtype=np.float64)])
 
-    return LoadHistory(placed, function_torque(row, duration, len(owners) + 2, relative))
+    history = function_torque(row, duration, len(owners) + 2, relative)
+    return LoadHistory(owners, placed, history)

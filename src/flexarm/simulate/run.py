@@ -21,6 +21,7 @@ from flexarm.simulate.load_history import load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import make_result
+from flexarm.simulate.sections import section_channels
 from flexarm.simulate.stepping import ClosedLoop, Run, run_open_loop
 from flexarm.simulate.tolerance import tolerance_of
 from flexarm.simulate.torque_history import (
@@ -29,6 +30,7 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
+from flexarm.stations import check_stations
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,6 +62,7 @@ def simulate(
     base_acceleration: ArrayLike | Callable[[float], ArrayLike] | None = None,
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
+    stations: int = 0,
     step: float | None = None,
     rtol: float = RTOL,
     atol: float = ATOL,
@@ -90,6 +93,8 @@ def simulate(
             positions stay relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
+        stations: sections of each link, evenly spaced from root to tip, at which to record axial
+            force, shear force and bending moment; 0 for none.
         step: fixed step, or first step of a method with step control, s.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array.
@@ -123,6 +128,8 @@ def simulate(
         rule = f"be at most {MOST_SAMPLES / duration:g} for this duration"
         hint = f"More than {MOST_SAMPLES:.0e} samples do not fit into memory."
         raise InputError(Problem(where, "rate", rule, shown(rate), hint))
+    if stations != 0:
+        stations = check_stations(where, stations)
     choice = choose_integrator(integrator, step)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
@@ -144,6 +151,7 @@ def simulate(
                 max(rtol * _TORQUE_SHARE, 1e-12),
             ),
             meter=meter,
+            stations=stations,
             specialized=specialized,
         )
         if controller is not None:
@@ -203,8 +211,9 @@ def _result(
         "references": " ".join(integrator.reference),
         "failure": failure,
     }
-    motor, force, moment = run.reactions(times, torque_at(times))
+    motor, force, moment, inside = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
+    forces |= section_channels(inside)
     return make_result(run.arm, times, run.samples[:count], forces, attributes)
 
 
