@@ -10,12 +10,11 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexarm.assemble import FloatArray, assemble
-from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
-from flexarm.errors import InputError, Problem, check_array, check_result, shown
+from flexarm.errors import check_array, check_result
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
@@ -25,6 +24,14 @@ from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
 from flexarm.kernels.shapes import axis_points, gauge_strains
 from flexarm.loads import Load, place_loads, tip_load
 from flexarm.model import ArmSpec, load_arm_spec, save_arm_spec
+from flexarm.stations import (
+    Cut,
+    check_stations,
+    cuts_at,
+    forces_at,
+    place_gauges,
+    place_stations,
+)
 
 
 class Energy(NamedTuple):
@@ -73,7 +80,8 @@ class Arm(Coordinates):
         self._sizes = run_time_sizes(self.assembly.constants)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
-        self._gauge_rows, self._gauge_bodies = self._place_gauges()
+        self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
+        self._cuts: tuple[Cut, ...] = ()
 
     def rigid(self) -> Arm:
         """Make the rigid twin: the same masses and inertias, no bending, no elastic joints."""
@@ -215,6 +223,33 @@ class Arm(Coordinates):
         world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
         return np.asarray(world[self.assembly.link_body])
 
+    def section_forces(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        stations: int = 11,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return axial force N, shear force V and bending moment M: (links, stations, 3).
+
+        What the part outboard of a section gives to the part inboard of it, N and N m: N along the
+        normal of the bent section (tension positive), V across it, M counter-clockwise; a positive
+        moment bends with v'' > 0. From the balance of momentum, not from EI v''. The stations
+        divide a link evenly; at root and tip the values are those just inside the link, at a load
+        those inboard of it. Other arguments as in ``inverse_dynamics``; (R.40) to (R.43).
+        """
+        where = "Arm.section_forces"
+        if len(self._cuts) != check_stations(where, stations):
+            self._cuts = cuts_at(self, int(stations))
+        acting = [*tip_load(self, where, tip_force), *loads]
+        work = self._newton_euler(where, q, qd, qdd, None, acting, base_acceleration)
+        placed = place_loads(self, where, acting, base_acceleration)
+        motion = self._state(where, q, qd), self.padded(np.asarray(qdd, np.float64))
+        return forces_at(self, self._cuts, *motion, acting, placed, work)
+
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
         """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd; (R.18), (R.19)."""
         where = "Arm.mass_matrix"
@@ -333,27 +368,19 @@ class Arm(Coordinates):
         Raises:
             InputError: wrong shape, NaN, infinity, or fewer than two stations.
         """
-        where = "Arm.shape"
-        if not isinstance(stations, int | np.integer) or stations < 2:
-            rule = "be a whole number of at least 2: root and tip"
-            raise InputError(Problem(where, "stations", rule, shown(stations)))
-        state, body_poses, _ = self._poses(where, q)
-        m, g = self.assembly.modes, self.assembly.constants.D0.shape[1]
-        count = self.links * stations
-        bodies = np.zeros(count, dtype=np.intp)
-        along, rows, matrices = np.zeros(count), np.zeros((count, m)), np.zeros((count, g, g))
-        for i, link in enumerate(self.spec.links):
-            for row, x in enumerate(np.linspace(0.0, link.length, stations), i * stations):
-                piece = self.assembly.piece_at(i, x)
-                bodies[row], along[row] = piece.body, x - piece.start
-        for piece in self.assembly.pieces:
-            own, k = np.flatnonzero(bodies == piece.body), piece.shapes.w2.size
-            if k and own.size:
-                rows[own, :k] = piece.shapes.deflection(along[own])
-            if k and g and own.size:
-                matrices[own, :k, :k] = shortening_matrices(piece.shapes, along[own])
-        points = np.zeros((count, 2))
-        axis_points(self._sizes, state, body_poses, bodies, along, rows, matrices, points)
+        placed = place_stations(self, check_stations("Arm.shape", stations))
+        state, body_poses, _ = self._poses("Arm.shape", q)
+        points = np.zeros((self.links * stations, 2))
+        axis_points(
+            self._sizes,
+            state,
+            body_poses,
+            placed.body,
+            placed.x,
+            placed.rows,
+            placed.shortening,
+            points,
+        )
         return points.reshape(self.links, stations, 2)
 
     def strain(self, q: ArrayLike) -> FloatArray:
@@ -366,17 +393,6 @@ class Arm(Coordinates):
         strains = np.zeros((len(states), len(self.gauges)))
         gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
-
-    def _place_gauges(self) -> tuple[FloatArray, NDArray[np.intp]]:
-        rows = np.zeros((len(self.gauges), self.assembly.modes))
-        bodies = np.zeros(len(self.gauges), dtype=np.intp)
-        for k, (i, station, distance) in enumerate(self.gauges):
-            piece = self.assembly.piece_at(i, station)
-            bodies[k] = piece.body
-            if piece.shapes.w2.size:
-                curvature = piece.shapes.curvature([station - piece.start])[0]
-                rows[k, : curvature.size] = -distance * curvature
-        return rows, bodies
 
 
 def load_arm(path: str | PathLike[str]) -> Arm:

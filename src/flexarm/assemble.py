@@ -104,6 +104,10 @@ class Assembly:
         """Pieces of one link, from its root outwards."""
         return tuple(piece for piece in self.pieces if piece.link == link)
 
+    def piece_of(self, body: int) -> Piece:
+        """Piece that is a body: the motor's end of an elastic joint is none."""
+        return next(piece for piece in self.pieces if piece.body == body)
+
     def piece_at(self, link: int, station: float) -> Piece:
         """Piece of a link that holds a station (m from the link's root)."""
         own = self.pieces_of(link)

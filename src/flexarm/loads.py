@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.assemble import FloatArray
+from flexarm.assemble import FloatArray, Piece
+from flexarm.beams import LinkConstants
 from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -17,6 +18,8 @@ from flexarm.kernels.layout import Loads, empty_loads
 from flexarm.model.tables import order_fault
 
 FRAMES = ("world", "link")
+#: Places closer than this part of a length are one place: sums of lengths round.
+SAME_PLACE = 1e-9
 #: Gauss points along each piece of a spread load: exact for the cubic shapes of an element.
 _POINTS = 4
 
@@ -159,6 +162,41 @@ def parts_of(arm: Coordinates, loads: Sequence[Load]) -> list[Load]:
     return found
 
 
+def loads_inboard(
+    arm: Coordinates, owners: Sequence[Load], placed: Loads, reach: FloatArray
+) -> Loads:
+    """Keep of placed loads what acts on each body between its root and a section.
+
+    Args:
+        owners: of the entries of ``placed``, from ``parts_of``.
+        reach: (n,) m from each body's root to its section. A load at the same place is beyond the
+            section; at the root, where ``reach`` is zero, it is inboard.
+
+    Returns:
+        Loads in the same order, with arrays of their own; what is beyond has no weight. No base
+        acceleration: it is in the accelerations of the roots.
+    """
+    kept = empty_loads(arm.assembly.constants, placed.body.size)
+    kept.body[:], kept.follower[:], kept.value[:] = placed.body, placed.follower, placed.value
+    for k, load in enumerate(owners):
+        piece, x = arm.assembly.piece_of(placed.body[k]), reach[placed.body[k]]
+        same = SAME_PLACE * piece.shapes.length
+        if load.spread is None:
+            inside = placed.lever[k] <= (same if x <= same else x - same)
+            share = placed if inside else kept
+            kept.weight[k], kept.lever[k] = share.weight[k], share.lever[k]
+            kept.rows[k], kept.shortening[k] = share.rows[k], share.shortening[k]
+            continue
+        start, end = _covered(load, piece)
+        if min(end, x) > start:
+            weight, lever, row, matrix = _integrals(piece.shapes, start, min(end, x))
+            kept.weight[k], kept.lever[k] = weight, lever
+            kept.rows[k, : row.size] = row
+            if kept.shortening.shape[1]:
+                kept.shortening[k, : row.size, : row.size] = matrix
+    return kept
+
+
 def _check_place(arm: Coordinates, where: str, load: Load) -> None:
     if not 1 <= load.link <= arm.links:
         rule = f"be the number of a link, 1 to {arm.links}"
@@ -181,7 +219,7 @@ def _point(
         piece = arm.assembly.pieces_of(link)[-1]
     x = np.array([min(station - piece.start, piece.shapes.length)])
     shapes = piece.shapes
-    row, slope = shapes.deflection(x)[0], shapes.slope(x)[0]
+    row, slope = shapes.deflection(x)[0], shapes.rotation(x)[0]  # a moment turns the section
     if load.station is None:
         row, slope = shapes.P, shapes.dP
     matrix = shortening_matrices(shapes, x)[0]
@@ -194,20 +232,30 @@ def _spread(
     """Integrate over the part of each piece that the load covers, element by element."""
     assert load.spread is not None
     parts = []
-    points, weights = np.polynomial.legendre.leggauss(_POINTS)
     for piece in arm.assembly.pieces_of(load.link - 1):
-        shapes = piece.shapes
-        a = max(load.spread[0] - piece.start, 0.0)
-        b = min(load.spread[1] - piece.start, shapes.length)
-        if b <= a:
-            continue
-        ends = np.linspace(0.0, shapes.length, shapes.elements + 1)
-        cuts = np.concatenate([[a], ends[(ends > a) & (ends < b)], [b]])
-        half = np.diff(cuts)[:, None] / 2
-        x = (cuts[:-1, None] + half + half * points).ravel()
-        w = (half * weights).ravel()
-        row = w @ shapes.deflection(x)
-        matrix = np.einsum("k,kij->ij", w, shortening_matrices(shapes, x))
-        none = np.zeros_like(row)
-        parts.append((piece.body, float(w.sum()), float(w @ x), row, none, matrix, load))
+        start, end = _covered(load, piece)
+        if end > start:
+            weight, lever, row, matrix = _integrals(piece.shapes, start, end)
+            parts.append((piece.body, weight, lever, row, np.zeros_like(row), matrix, load))
     return parts
+
+
+def _covered(load: Load, piece: Piece) -> tuple[float, float]:
+    """Start and end of a spread load on a piece, m from its root; no stretch if not ascending."""
+    assert load.spread is not None
+    start, end = load.spread
+    return max(start - piece.start, 0.0), min(end - piece.start, piece.shapes.length)
+
+
+def _integrals(
+    shapes: LinkConstants, start: float, end: float
+) -> tuple[float, float, FloatArray, FloatArray]:
+    """Integrate 1, x, Phi (m,) and g (m, m) over a stretch, element by element."""
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    ends = np.linspace(0.0, shapes.length, shapes.elements + 1)
+    cuts = np.concatenate([[start], ends[(ends > start) & (ends < end)], [end]])
+    half = np.diff(cuts)[:, None] / 2
+    x = (cuts[:-1, None] + half + half * points).ravel()
+    w = (half * weights).ravel()
+    matrix = np.einsum("k,kij->ij", w, shortening_matrices(shapes, x))
+    return float(w.sum()), float(w @ x), w @ shapes.deflection(x), matrix

@@ -100,18 +100,21 @@ def between(stations: np.ndarray, x: np.ndarray, column: np.ndarray) -> np.ndarr
 
 
 def material_points(
-    link: Any, basis: np.ndarray | None = None, precision: type[np.floating] = np.longdouble
+    link: Any,
+    basis: np.ndarray | None = None,
+    precision: type[np.floating] = np.longdouble,
+    cuts: tuple[float, ...] = (),
 ) -> MaterialPoints:
     """Cut ``link`` (a link of the arm's specification) into material points.
 
     basis: shape (2 * elements, m), nodal displacements per coordinate; None for the nodal
     coordinates themselves. A rigid link has no coordinates: its matrices have zero columns.
-    precision: number type of everything returned.
+    precision: number type of everything returned. cuts: stations that no point may straddle.
     """
     beam, length, elements = link.beam(), precision(link.length), int(link.elements)
     table_x = np.asarray(beam.x, dtype=precision)
     nodes = np.arange(elements + 1) * length / elements
-    edges = np.unique(np.concatenate([nodes, table_x]))
+    edges = np.unique(np.concatenate([nodes, table_x, np.array(cuts, dtype=precision)]))
     x, weight = gauss_points(edges, 4)
 
     def per_point(column: Any) -> np.ndarray:

@@ -31,11 +31,13 @@ def result(arm):
         initial=arm.rest([0.3, -0.2, 0.6]),
         initial_rate=arm.rest([0.5, 0.0, -0.5]),
         rate=500.0,
+        stations=4,
     )
 
 
 def test_every_channel_has_its_dimensions_units_and_meaning(result, arm):
     sizes = {"joint": 3, "link": 3, "axis": 2, "coordinate": arm.dof, "gauge": 2}
+    sizes["station"] = 4
     assert set(result.data_vars) == set(CHANNELS)
     for name, channel in CHANNELS.items():
         variable = result[name]
@@ -47,7 +49,8 @@ def test_every_channel_has_its_dimensions_units_and_meaning(result, arm):
 
 
 def test_coordinates_are_labelled(result):
-    assert set(result.coords) == {"time", "joint", "link", "axis", "coordinate", "gauge"}
+    names = {"time", "joint", "link", "axis", "coordinate", "gauge", "station", "position"}
+    assert set(result.coords) == names
     np.testing.assert_array_equal(result.joint, [1, 2, 3])
     np.testing.assert_array_equal(result.link, [1, 2, 3])
     assert result.axis.values.tolist() == ["x", "y"]
@@ -188,7 +191,8 @@ def test_recording_more_or_less_does_not_change_the_motion(arm):
 
 
 def test_same_call_same_digits(arm):
-    runs = [fa.simulate(arm, 0.3, initial_rate=arm.rest([1.0, 0.0, 0.0])) for _ in range(2)]
+    start = arm.rest([1.0, 0.0, 0.0])
+    runs = [fa.simulate(arm, 0.3, initial_rate=start, stations=3) for _ in range(2)]
     for name in CHANNELS:
         np.testing.assert_array_equal(runs[0][name].values, runs[1][name].values)
 
@@ -197,5 +201,7 @@ def test_rigid_arms_and_arms_without_gauges():
     result = fa.simulate(one_link(), 0.01, rate=100.0)
     assert "strain" not in result
     assert "gauge" not in result.dims
+    assert "bending_moment" not in result
+    assert "station" not in result.coords
     assert result.coordinate.values.tolist() == ["joint_1"]
     assert np.all(result.strain_energy == 0.0)

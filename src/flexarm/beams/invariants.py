@@ -53,6 +53,7 @@ class LinkConstants:
             `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is left out.
         projector: (m, 2 * elements) `basis^T M`, the way back (mass-orthogonal).
         shear_parameter: (elements,) 12 EI / (k G A h^2) of each element; 0 without shear.
+        table: section properties along the link, of which all of this is made.
 
     A rigid link has m = 0 and the same arrays, empty.
     """
@@ -75,6 +76,7 @@ class LinkConstants:
     basis: FloatArray
     projector: FloatArray
     shear_parameter: FloatArray
+    table: BeamTable
 
     def __post_init__(self) -> None:
         m = self.w2.size
@@ -208,6 +210,7 @@ def link_constants(
         basis=basis,
         projector=shapes.projector,
         shear_parameter=shear_parameters(table, quadrature),
+        table=table,
     )
 
 
@@ -254,6 +257,7 @@ def rigid_constants(
         basis=np.zeros((2 * elements, 0)),
         projector=np.zeros((0, 2 * elements)),
         shear_parameter=np.zeros(elements),
+        table=table,
     )
 
 

@@ -1,4 +1,4 @@
-"""Joint reactions of recorded states: forward dynamics for the accelerations, then inverse."""
+"""Joint reactions and section forces of recorded states: forward dynamics, then inverse."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from flexarm.integrate.torque import loads_at
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled
 from flexarm.kernels.joint_law import passive_torque, rotor_moment
-from flexarm.kernels.layout import Array
+from flexarm.kernels.layout import Array, Stations
 from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernels.section_forces import section_forces
 
 
 @compiled
@@ -17,15 +18,17 @@ def reactions_many(
     times: Array,
     states: Array,
     torques: Array,
-    acceleration: Array,
+    accelerations: Array,
+    root_accelerations: Array,
     reactions: Array,
     motor: Array,
 ) -> None:
     """Fill ``reactions`` (samples, n, 3) in body axes and ``motor`` torques (samples, n).
 
-    ``states`` (samples, 2, n, 1 + m); ``torques`` (samples, n) as ``forward_dynamics`` takes them;
-    ``acceleration`` (n, 1 + m) scratch. A motor gives what the joint transmits less what the joint
-    gives by itself; for a joint whose motion is given, that is the torque it takes.
+    ``states`` (samples, 2, n, 1 + m); ``torques`` (samples, n) as ``forward_dynamics`` takes them.
+    A motor gives what the joint transmits less what the joint gives by itself; for a joint whose
+    motion is given, that is the torque it takes. Filled too, for ``section_forces_many``:
+    ``accelerations`` (samples, n, 1 + m) and ``root_accelerations`` (samples, n, 3) less gravity.
     """
     sizes, constants, work = system.sizes, system.constants, system.work
     for k in range(states.shape[0]):
@@ -33,13 +36,49 @@ def reactions_many(
         forward_dynamics(sizes, constants, states[k], torques[k], system.drive.loads, work)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
-                acceleration[i, j] = work.acceleration[i, j]
-        inverse_dynamics(sizes, constants, states[k], acceleration, system.drive.loads, work)
+                accelerations[k, i, j] = work.acceleration[i, j]
+        inverse_dynamics(sizes, constants, states[k], accelerations[k], system.drive.loads, work)
         for i in range(len(sizes.bodies)):
             for p in range(3):
                 reactions[k, i, p] = work.wrench[i, p]
+                root_accelerations[k, i, p] = work.root_acceleration[i, p]
             passive = passive_torque(sizes, constants, i, states[k, 0, i, 0], states[k, 1, i, 0])
-            relative = acceleration[i, 0]
+            relative = accelerations[k, i, 0]
             carrier = work.root_acceleration[i, 2] - relative
             rotor = rotor_moment(sizes, constants, i, carrier, relative)
             motor[k, i] = work.wrench[i, 2] + constants.rotor[i, 1] * rotor - passive
+
+
+@compiled
+def section_forces_many(
+    system: System,
+    stations: Stations,
+    times: Array,
+    states: Array,
+    accelerations: Array,
+    root_accelerations: Array,
+    reactions: Array,
+    forces: Array,
+) -> None:
+    """Fill ``forces`` (samples, links, 3): axial, shear, moment at one station of each link.
+
+    ``system`` is the arm cut off at ``stations``, its loads those inboard of them; the other arrays
+    come from ``reactions_many`` of the whole arm.
+    """
+    sizes, constants, work = system.sizes, system.constants, system.work
+    for k in range(states.shape[0]):
+        loads_at(system, times[k], False)
+        for i in range(len(sizes.bodies)):
+            for p in range(3):
+                work.wrench[i, p] = reactions[k, i, p]
+                work.root_acceleration[i, p] = root_accelerations[k, i, p]
+        section_forces(
+            sizes,
+            constants,
+            stations,
+            states[k],
+            accelerations[k],
+            system.drive.loads,
+            work,
+            forces[k],
+        )

@@ -31,7 +31,8 @@ def apply_loads(sizes: Sizes, loads: Loads, state: Array, work: Workspace) -> No
         sine = work.world[i, 1] * (1.0 - loads.follower[k])
         fx = cosine * loads.value[k, 0] + sine * loads.value[k, 1]
         fy = cosine * loads.value[k, 1] - sine * loads.value[k, 0]
-        moment = loads.value[k, 2]
+        # Weight 0 takes a load away, with its moment.
+        moment = loads.weight[k] * loads.value[k, 2]
         v = 0.0
         for j in range(len(sizes.modes)):
             v += loads.rows[k, j] * state[0, i, 1 + j]

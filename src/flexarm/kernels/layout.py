@@ -87,11 +87,21 @@ class Loads(NamedTuple):
     weight: Array  # (k,) 1 at a station; int p dx
     lever: Array  # (k,) m, station x; int p x dx
     rows: Array  # (k, m) Phi(x); int p Phi dx
-    slopes: Array  # (k, m) Phi'(x), for the moment
+    slopes: Array  # (k, m) Psi(x), for the moment: Phi'(x) without shear
     shortening: Array  # (k, g, g) g(x); int p g dx
     follower: Array  # (k,) 1.0: force in the axes of the body; 0.0: in world axes
     value: Array  # (k, 3) Fx, Fy, Mz: N, N, N m (spread: per unit of the density)
     base_acceleration: Array  # (2,) m/s^2 of the base joint, world axes
+
+
+class Stations(NamedTuple):
+    """Places along the links, with the shapes there."""
+
+    body: Array  # (k,) integers, the body that holds each
+    x: Array  # (k,) m from the root of the body
+    rows: Array  # (k, m) Phi(x), shapes of the deflection
+    turns: Array  # (k, m) Psi(x), shapes of the section's rotation
+    shortening: Array  # (k, g, g) g(x)
 
 
 class Workspace(NamedTuple):

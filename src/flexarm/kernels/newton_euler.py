@@ -5,6 +5,8 @@ Theory page "recursion", (R.15) to (R.17). Symbols as in ``articulated_body``.
 
 from __future__ import annotations
 
+from typing import Any
+
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.external import apply_loads
 from flexarm.kernels.joint_law import passive_torque, rotor_moment
@@ -68,6 +70,51 @@ def _accelerations(
 
 
 @merged
+def body_wrench(
+    sizes: Sizes,
+    constants: ArmConstants,
+    i: int,
+    acceleration: Array,
+    kx: Any,
+    ky: Any,
+    kw: Any,
+    work: Workspace,
+) -> tuple[Any, Any, Any]:
+    """Wrench (Fx, Fy, Mz) that body i takes at its root, body axes: (R.16) of one body.
+
+    With (kx, ky, kw) what its tip gives to the chain; ``work`` after ``link_terms`` and
+    ``apply_loads``, with the accelerations of roots. Writes the modes' forces, (R.17), too.
+    """
+    c = constants
+    Ax = work.root_acceleration[i, 0]
+    Ay = work.root_acceleration[i, 1]
+    Aw = work.root_acceleration[i, 2]
+    s = work.moment[i, 0]
+    first_moment = c.first_moment_x[i] + work.moment[i, 1]
+    inertia = c.inertia[i] + work.moment[i, 2]
+    rx = work.root_bias[i, 0] + c.mass[i] * Ax - s * Aw + kx
+    ry = work.root_bias[i, 1] + c.mass[i] * Ay + first_moment * Aw + ky
+    rw = work.root_bias[i, 2] - s * Ax + first_moment * Ay + inertia * Aw
+    rw += work.tip[i, 0] * ky - work.tip[i, 1] * kx + kw
+    for j in range(len(sizes.modes)):
+        eta_dot_dot = acceleration[i, 1 + j]
+        ry += c.S[i, j] * eta_dot_dot
+        rw += c.a[i, j] * eta_dot_dot
+        work.force[i, 1 + j] = (
+            c.S[i, j] * Ay
+            + c.a[i, j] * Aw
+            + eta_dot_dot
+            + work.flex_bias[i, j]
+            + c.P[i, j] * ky
+            + c.dP[i, j] * kw
+        )
+    for j in range(len(sizes.geometric)):
+        rx -= work.shortening[i, j] * acceleration[i, 1 + j]
+        work.force[i, 1 + j] += work.Fx[i, j] * kx - work.shortening[i, j] * Ax
+    return rx, ry, rw
+
+
+@merged
 def _wrenches(
     sizes: Sizes,
     constants: ArmConstants,
@@ -83,37 +130,13 @@ def _wrenches(
     kw = 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
-        Ax = work.root_acceleration[i, 0]
-        Ay = work.root_acceleration[i, 1]
-        Aw = work.root_acceleration[i, 2]
         kx = kx + c.tip_mass[i] * work.tip_acceleration[i, 0]
         ky = ky + c.tip_mass[i] * work.tip_acceleration[i, 1]
         kw = kw + c.tip_inertia[i] * work.tip_acceleration[i, 2]
-        s = work.moment[i, 0]
-        first_moment = c.first_moment_x[i] + work.moment[i, 1]
-        inertia = c.inertia[i] + work.moment[i, 2]
-        rx = work.root_bias[i, 0] + c.mass[i] * Ax - s * Aw + kx
-        ry = work.root_bias[i, 1] + c.mass[i] * Ay + first_moment * Aw + ky
-        rw = work.root_bias[i, 2] - s * Ax + first_moment * Ay + inertia * Aw
-        rw += work.tip[i, 0] * ky - work.tip[i, 1] * kx + kw
-        for j in range(len(sizes.modes)):
-            eta_dot_dot = acceleration[i, 1 + j]
-            ry += c.S[i, j] * eta_dot_dot
-            rw += c.a[i, j] * eta_dot_dot
-            work.force[i, 1 + j] = (
-                c.S[i, j] * Ay
-                + c.a[i, j] * Aw
-                + eta_dot_dot
-                + work.flex_bias[i, j]
-                + c.P[i, j] * ky
-                + c.dP[i, j] * kw
-            )
-        for j in range(len(sizes.geometric)):
-            rx -= work.shortening[i, j] * acceleration[i, 1 + j]
-            work.force[i, 1 + j] += work.Fx[i, j] * kx - work.shortening[i, j] * Ax
+        rx, ry, rw = body_wrench(sizes, c, i, acceleration, kx, ky, kw, work)
         passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
         relative = acceleration[i, 0]
-        rotor = rotor_moment(sizes, c, i, Aw - relative, relative)
+        rotor = rotor_moment(sizes, c, i, work.root_acceleration[i, 2] - relative, relative)
         work.force[i, 0] = c.free[i] * (rw + c.rotor[i, 1] * rotor - passive)
         work.wrench[i, 0] = rx
         work.wrench[i, 1] = ry

@@ -19,6 +19,7 @@ from flexarm.model.wording import Fault, Path, look
 
 MOST_SAMPLES = 10**7
 Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+Stations = Annotated[int, Field(strict=True, ge=0, le=1000), BeforeValidator(plain)]
 
 
 def sample_fault(duration: float, rate: float) -> Fault | None:
@@ -66,6 +67,9 @@ class RunSettings(Record):
 
     duration: Positive = Field(description="Simulated time (s).")
     rate: Positive = Field(default=1000.0, description="Samples recorded per second (Hz).")
+    stations: Stations = Field(
+        default=0, description="Sections of each link at which to record the forces inside it."
+    )
     integrator: Word = Field(default="auto", description="Name of the integrator.")
     rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
     atol: Positive | None = Field(default=None, description="Absolute tolerance.")
@@ -76,6 +80,8 @@ class RunSettings(Record):
         fault = sample_fault(given.duration, given.rate) if given.has("duration", "rate") else None
         if fault is not None:
             yield fault
+        if given.has("stations") and given.stations == 1:
+            yield Fault(("stations",), "be 0, or at least 2 (root and tip)", "1")
         if given.has("duration", "step") and given.step > given.duration:
             rule = f"be at most {given.duration:.9g}, the duration of the run"
             yield Fault(("step",), rule, shown(given.step))

@@ -31,6 +31,11 @@ _TABLE = (
     Channel("torque", ("joint",), "N m", "torque of the joint motors"),
     Channel("joint_force", ("link", "axis"), "N", "what the joint at its root gives a link, world"),
     Channel("joint_moment", ("link",), "N m", "likewise: torque and what the joint itself gives"),
+    Channel(
+        "axial_force", ("link", "station"), "N", "force along the link inside it, pull positive"
+    ),
+    Channel("shear_force", ("link", "station"), "N", "force across the link inside it"),
+    Channel("bending_moment", ("link", "station"), "N m", "moment inside the link, EI v'' at rest"),
     Channel("kinetic_energy", (), "J", "kinetic energy"),
     Channel("strain_energy", (), "J", "strain energy of bending"),
     Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),

@@ -20,8 +20,10 @@ BaseAcceleration = ArrayLike | Callable[[float], ArrayLike] | Table
 
 @dataclass(frozen=True, eq=False)
 class LoadHistory:
-    """Placed loads, and the factors (parts,) and base acceleration (2,) over time, in one row."""
+    """Placed loads with the loads they are parts of, and over time factors (parts,) of them and
+    base acceleration (2,), in one row."""
 
+    owners: list[Load]
     placed: Loads
     factors: TorqueHistory
 
@@ -42,9 +44,10 @@ def load_history(
     moving = callable(base_acceleration) or is_table(base_acceleration)
     constant: Any = None if moving else base_acceleration
     placed = place_loads(arm, "simulate", loads, constant)
+    owners = parts_of(arm, loads)
     if not moving and all(load.factor is None for load in loads):
         nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
-        return LoadHistory(placed, nothing)
+        return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
         base = function_torque(base_acceleration, duration, 2, relative, name="base_acceleration")
     elif is_table(base_acceleration):
@@ -52,8 +55,8 @@ def load_history(
     else:
         base = constant_torque(placed.base_acceleration)
     followed = {id(load): _factor(load, duration, relative) for load in loads}
-    columns = [followed[id(load)] for load in parts_of(arm, loads)]
-    return LoadHistory(placed, side_by_side([*columns, base]))
+    columns = [followed[id(load)] for load in owners]
+    return LoadHistory(owners, placed, side_by_side([*columns, base]))
 
 
 def _factor(load: Load, duration: float, relative: float) -> TorqueHistory:

@@ -38,7 +38,10 @@ def make_result(
         name: (("time", *CHANNELS[name].dims), array, _labels(name))
         for name, array in values.items()
     }
-    dataset = xr.Dataset(variables, coords=_coordinates(arm, times))
+    coordinates = _coordinates(arm, times)
+    if "bending_moment" in values:
+        coordinates |= _stations(arm, values["bending_moment"].shape[-1])
+    dataset = xr.Dataset(variables, coords=coordinates)
     dataset.attrs = {**attributes, "arm": file_text(arm.spec)}
     return dataset
 
@@ -70,3 +73,18 @@ def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
         labels = [f"link {link + 1} at {station:g} m" for link, station, _ in arm.gauges]
         coordinates["gauge"] = ("gauge", labels, {"long_name": "strain gauge"})
     return coordinates
+
+
+def _stations(arm: Arm, count: int) -> dict[str, Any]:
+    """Where section forces are: as a fraction of each link, to select by, and in metres."""
+    fraction = np.linspace(0.0, 1.0, count)
+    position = arm.lengths[:, None] * fraction
+    meaning = "place on the link, as a fraction of its length"
+    return {
+        "station": ("station", fraction, {"units": "1", "long_name": meaning}),
+        "position": (
+            ("link", "station"),
+            position,
+            {"units": "m", "long_name": "distance from the root of the link"},
+        ),
+    }

@@ -30,6 +30,7 @@ from flexarm.simulate.load_history import BaseAcceleration, load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import make_result
+from flexarm.simulate.sections import section_channels
 from flexarm.simulate.stepping import ClosedLoop, Run, run_open_loop
 from flexarm.simulate.tolerance import tolerance_of
 from flexarm.simulate.torque_history import (
@@ -39,6 +40,7 @@ from flexarm.simulate.torque_history import (
     sampled_torque,
 )
 from flexarm.simulate.validity import too_far_bent
+from flexarm.stations import check_stations
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,6 +70,7 @@ def simulate(
     base_acceleration: BaseAcceleration | None = None,
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
+    stations: int = 0,
     step: float | None = None,
     rtol: float = RTOL,
     atol: float = ATOL,
@@ -98,6 +101,8 @@ def simulate(
             or a table ``(times, values)``; positions stay relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
+        stations: sections of each link, evenly spaced from root to tip, at which to record axial
+            force, shear force and bending moment; 0 for none.
         step: fixed step, or first step of a method with step control, s.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array.
@@ -133,6 +138,8 @@ def simulate(
     fault = sample_fault(duration, rate)
     if fault is not None:
         raise InputError(fault.problem(where))
+    if stations != 0:
+        stations = check_stations(where, stations)
     choice = choose_integrator(integrator, step)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
@@ -154,6 +161,7 @@ def simulate(
                 max(rtol * _TORQUE_SHARE, 1e-12),
             ),
             meter=meter,
+            stations=stations,
             specialized=specialized,
         )
         if controller is not None:
@@ -220,8 +228,9 @@ def _result(
         "failure": failure,
         "warning": too_far_bent(run.arm, run.samples[:count]),
     }
-    motor, force, moment = run.reactions(times, torque_at(times))
+    motor, force, moment, inside = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
+    forces |= section_channels(inside)
     return make_result(run.arm, times, run.samples[:count], forces, attributes)
 
 

@@ -86,6 +86,7 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
     run = scenario.run
     options: dict[str, Any] = {"duration": run.duration, "rate": run.rate}
     options["integrator"] = run.integrator
+    options["stations"] = run.stations
     for name in ("rtol", "atol", "step"):
         if getattr(run, name) is not None:
             options[name] = getattr(run, name)

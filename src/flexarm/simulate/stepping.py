@@ -32,6 +32,7 @@ from flexarm.simulate.load_history import LoadHistory
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.record import absolute_angles
 from flexarm.simulate.sampled_reference import sampled_reference
+from flexarm.simulate.sections import cut_systems, fill_sections
 from flexarm.simulate.torque_history import TorqueHistory, constant_torque
 from flexarm.simulate.validity import weakest_joint
 
@@ -44,6 +45,8 @@ _WORTH_COMPILING, _MOST_BODIES, _MOST_MODES = 60.0, 8, 16
 #: something has gone wrong: an unstable loop turns faster and faster.
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
 _NO_GAUGES = np.zeros(0)
+#: Samples whose reactions are computed in one go: bounds the scratch memory of long runs.
+_CHUNK = 4096
 
 
 @dataclass
@@ -60,6 +63,7 @@ class Run:
     loads: LoadHistory
     meter: Meter
     prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is given
+    stations: int = 0  # on each link, for section forces
     specialized: bool | None = None  # compile for this model size; None decides by the time ahead
     max_steps: int = 64
     started: float = field(default_factory=time.perf_counter)
@@ -99,18 +103,25 @@ class Run:
 
     def reactions(
         self, times: FloatArray, given: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Motor torques (T, joints), joint forces (T, links, 2) in world axes, moments (T, links).
 
-        ``given`` (T, joints): torques, or accelerations of joints whose motion is given.
+        And section forces (stations, T, links, 3). ``given`` (T, joints): torques, or accelerations
+        of joints whose motion is given.
         """
         arm, states = self.arm, self.samples[: len(times)]
         n = arm.assembly.bodies
         system = self.system(constant_torque(np.zeros(arm.joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
         torques = arm.padded_torque(given)
-        scratch = np.zeros(states.shape[2:])
-        reactions_many(system, times, states, torques, scratch, wrench, motor)
+        cuts = cut_systems(arm, system, self.loads, self.stations)
+        inside = np.zeros((len(cuts), len(times), arm.links, 3))
+        for start in range(0, len(times), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            now = times[part], states[part]
+            motion = np.zeros((len(now[0]), *states.shape[2:])), np.zeros((len(now[0]), n, 3))
+            reactions_many(system, *now, torques[part], *motion, wrench[part], motor[part])
+            fill_sections(cuts, *now, *motion, wrench[part], inside[:, part])
         bodies = arm.assembly.link_body
         angle = absolute_angles(arm, states)
         cosine, sine = np.cos(angle), np.sin(angle)
@@ -118,7 +129,7 @@ class Run:
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
         # A torque that was given is the motor's to the last digit.
         taken = motor[:, arm.assembly.joint_body]
-        return np.where(self._moved(), taken, given), force, wrench[:, bodies, 2]
+        return np.where(self._moved(), taken, given), force, wrench[:, bodies, 2], inside
 
     def _moved(self) -> NDArray[np.bool_]:
         """Which of the joints that turn follow a given motion, (joints,)."""

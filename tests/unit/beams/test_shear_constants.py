@@ -205,7 +205,7 @@ def test_a_link_too_stiff_to_shear_is_an_euler_bernoulli_beam(elements, modes):
     )
     assert 0.0 < stiff.shear_parameter.max() < 1e-17
     for field in fields(plain):
-        if field.name != "shear_parameter":
+        if field.name not in ("shear_parameter", "table"):
             exact, found = getattr(plain, field.name), getattr(stiff, field.name)
             scale = np.abs(exact).max()
             np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11 * scale, err_msg=field.name)

@@ -125,6 +125,17 @@ def test_a_station_between_two_segments_belongs_to_either():
     np.testing.assert_allclose(at[2], at[1], rtol=1e-7, atol=1e-6)
 
 
+@pytest.mark.parametrize("elements", [2, 4])
+def test_a_moment_turns_the_section_of_a_link_that_shears(elements):
+    """It makes no shear force: beam theory's M a^2 / 2 EI + M a (L - a) / EI at the tip."""
+    link = fa.Link(length=1.0, element="timoshenko", shear_rigidity=50.0, elements=elements, **ROD)
+    moment, a = 1e-6, 0.5
+    held = fa.equilibrium(fa.Arm(links=[link]), [0.0], loads=[fa.Load(1, moment=moment, station=a)])
+    tip = fa.Arm(links=[link]).nodal(held.q)[0][-1]
+    exact = moment / 20.0 * np.array([a**2 / 2 + a * (1.0 - a), a])
+    np.testing.assert_allclose(tip, exact, rtol=1e-9)  # Newton's method stops at 1e-11
+
+
 def test_base_acceleration_is_a_gravity_the_other_way():
     of = arm()
     falling = fa.Arm(of.spec.replace(gravity=(1.0, -9.0)))

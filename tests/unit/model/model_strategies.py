@@ -254,6 +254,7 @@ def scenarios(draw):
                 RunSettings,
                 duration=st.floats(1e-3, 10.0),
                 rate=st.floats(1.0, 1e5),
+                stations=st.sampled_from([0, 2, 11, 1000]),
                 integrator=st.sampled_from(["auto", "yes", "1e5", "null", "rk4"]),
                 rtol=st.none() | st.floats(1e-12, 0.5),
                 atol=st.none() | positive,

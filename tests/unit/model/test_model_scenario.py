@@ -140,6 +140,18 @@ def test_torque_takes_an_array():
             ],
         ),
         (
+            {"run": {"duration": 10, "stations": 1}},
+            ["run.stations must be 0, or at least 2 (root and tip), but is 1."],
+        ),
+        (
+            {"run": {"duration": 10, "stations": 1001}},
+            ["run.stations must be at most 1000, but is 1001."],
+        ),
+        (
+            {"run": {"duration": 10, "stations": 2.5}},
+            ["run.stations must be a whole number, but is 2.5."],
+        ),
+        (
             {"arm": "arm.yaml"},
             [
                 (

@@ -19,7 +19,7 @@ def result():
         length=0.5, flexural_rigidity=3.0, mass_per_length=0.4, elements=2, gauges=[gauge]
     )
     arm = fa.Arm(links=[link, link], gravity=(0.0, -9.81))
-    return fa.simulate(arm, 0.05, rate=200.0)
+    return fa.simulate(arm, 0.05, rate=200.0, stations=3)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -57,6 +57,7 @@ def test_the_table_has_a_row_for_each_time_and_a_unit_for_each_column(result, tm
     assert len(rows) == result.sizes["time"]
     assert head[:3] == ["time [s]", "joint_angle_1 [rad]", "joint_angle_2 [rad]"]
     assert {"tip_x [m]", "tip_velocity_y [m/s]", "kinetic_energy [J]", "strain_2 [1]"} <= set(head)
+    assert {"axial_force_1_1 [N]", "bending_moment_2_3 [N m]"} <= set(head)
     assert {"q_joint_1 [rad]", "q_link_2_mode_4 [m kg^0.5]"} <= set(head)
     assert all(name.endswith("]") and name.count("[") == 1 for name in head)
     units = {channel.name: channel.unit for channel in CHANNELS.values()}
@@ -74,6 +75,8 @@ def test_numbers_in_the_table_read_back_to_the_bit(result, tmp_path):
     assert np.array_equal(table["time [s]"], result["time"])
     assert np.array_equal(table["tip_y [m]"], result["tip"].sel(axis="y"))
     assert np.array_equal(table["joint_rate_2 [rad/s]"], result["joint_rate"].sel(joint=2))
+    moment = result["bending_moment"].sel(link=2, station=0.5)
+    assert np.array_equal(table["bending_moment_2_2 [N m]"], moment)
     mode = result["q"].sel(coordinate="link_2_mode_3")
     assert np.array_equal(table["q_link_2_mode_3 [m kg^0.5]"], mode)
 

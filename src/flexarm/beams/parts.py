@@ -1,0 +1,82 @@
+"""Constants of the part of a link between its root and a station.
+
+Theory page "recursion", (R.40): the integrals of `LinkConstants` over the link's own shapes, taken
+to the station instead of the tip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.beams.hermite import FloatArray
+from flexarm.beams.invariants import LinkConstants
+from flexarm.beams.quadrature import beam_quadrature
+
+
+@dataclass(frozen=True, eq=False)
+class PartConstants:
+    """Integrals from the root to each of k stations, over the m shapes of the whole link.
+
+    Attributes:
+        mass, first_moment, inertia: (k,) kg, kg m, kg m^2 about the root.
+        S, a: (k, m) integrals of mu Phi and of mu x Phi + rho I Psi.
+        D0: (k, m, m) integral of mu g.
+        spin: (k, m, m) Gamma, what a spin sees: integral of mu Phi Phi^T, less that of mu x g
+            where the axis shortens. Rotary inertia has no part in it.
+    """
+
+    mass: FloatArray
+    first_moment: FloatArray
+    inertia: FloatArray
+    S: FloatArray
+    a: FloatArray
+    D0: FloatArray
+    spin: FloatArray
+
+
+def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> PartConstants:
+    """Integrate a link from its root to stations; exact, as the constants of the whole link are.
+
+    Args:
+        link: of m shapes; m = 0 for a rigid link.
+        x: (k,) stations, 0 to the length (m).
+        shortening: whether the axis draws back as it bends (second-order theory); D0 is zero if
+            not.
+    """
+    table, m = link.table, link.w2.size
+    quadrature = beam_quadrature(np.union1d(table.x, x), link.elements)
+    s, weights = quadrature.points, quadrature.weights
+    mass = weights * np.interp(s, table.x, table.mass_per_length)
+    rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
+    deflection, slope, rotation = link.deflection(s), link.slope(s), link.rotation(s)
+    inside = (s < x[:, None]).astype(np.float64)
+    D0, spin = np.zeros((2, x.size, m, m))
+    for k, end in enumerate(x):
+        n = int(inside[k].sum())  # the points ascend
+        spin[k] = _squared(deflection[:n], mass[:n])
+        if shortening:
+            # As for the whole link: a slope shortens what lies between it and the station.
+            beyond = [table.outboard_moment(np.array([end]), power)[0] for power in (0, 1)]
+            zeroth, first = (
+                weights[:n] * (table.outboard_moment(s[:n], power) - beyond[power])
+                for power in (0, 1)
+            )
+            D0[k] = _squared(slope[:n], zeroth)
+            spin[k] -= _squared(slope[:n], first)
+    return PartConstants(
+        mass=inside @ mass,
+        first_moment=inside @ (mass * s),
+        inertia=inside @ (mass * s**2 + rotary),
+        S=inside @ (mass[:, None] * deflection),
+        a=inside @ ((mass * s)[:, None] * deflection + rotary[:, None] * rotation),
+        D0=D0,
+        spin=spin,
+    )
+
+
+def _squared(shapes: FloatArray, density: FloatArray) -> FloatArray:
+    """Sum density_p shape_pi shape_pj over points p, symmetric to the last digit: (m, m)."""
+    product: FloatArray = shapes.T @ (density[:, None] * shapes)
+    return (product + product.T) / 2

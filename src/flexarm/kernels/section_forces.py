@@ -1,0 +1,59 @@
+"""Forces inside the links: what holds a link together at a section.
+
+Theory page "recursion", (R.40) to (R.43). The part of a body between its root and a section is a
+body like any other, with integrals that end at the section: the same terms over other constants
+tell what it takes by itself, and what its root gets from the joint beyond that goes through the
+section.
+"""
+
+from __future__ import annotations
+
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.external import apply_loads
+from flexarm.kernels.kinematics import link_terms
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Stations, Workspace
+from flexarm.kernels.newton_euler import body_wrench
+from flexarm.kernels.numbers import cos, sin
+
+
+@compiled
+def section_forces(
+    sizes: Sizes,
+    part: ArmConstants,
+    stations: Stations,
+    state: Array,
+    acceleration: Array,
+    loads: Loads,
+    work: Workspace,
+    forces: Array,
+) -> None:
+    """Fill ``forces`` (k, 3): axial force (N), shear force (N), bending moment (N m).
+
+    What the part outboard of a section gives to the part inboard of it, along and across the normal
+    of the section. ``part``: constants of bodies that end at their stations, one at most on each
+    body; ``loads``: those inboard of them. ``work`` comes from ``inverse_dynamics`` of the whole
+    arm with the same ``state`` and ``acceleration`` (n, 1 + m); its ``wrench`` and
+    ``root_acceleration`` are read, the rest is overwritten.
+    """
+    link_terms(sizes, part, state, work)
+    apply_loads(sizes, loads, state, work)
+    for k in range(stations.x.shape[0]):
+        i = stations.body[k]
+        fx, fy, moment = body_wrench(sizes, part, i, acceleration, 0.0, 0.0, 0.0, work)
+        fx = fx - work.wrench[i, 0]
+        fy = fy - work.wrench[i, 1]
+        moment = moment - work.wrench[i, 2]
+        x = stations.x[k]
+        v = 0.0
+        phi = 0.0
+        for j in range(len(sizes.modes)):
+            v += stations.rows[k, j] * state[0, i, 1 + j]
+            phi += stations.turns[k, j] * state[0, i, 1 + j]
+        for j in range(len(sizes.geometric)):
+            for p in range(len(sizes.geometric)):
+                x -= 0.5 * state[0, i, 1 + j] * stations.shortening[k, j, p] * state[0, i, 1 + p]
+        cosine = cos(phi)
+        sine = sin(phi)
+        forces[k, 0] = cosine * fx + sine * fy
+        forces[k, 1] = cosine * fy - sine * fx
+        forces[k, 2] = moment - x * fy + v * fx

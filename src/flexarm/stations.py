@@ -1,0 +1,170 @@
+"""Places along the links, and the arm cut off at them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.assemble import FloatArray, IntArray
+from flexarm.beams.parts import PartConstants, part_constants
+from flexarm.beams.shortening import shortening_matrices
+from flexarm.coordinates import Coordinates
+from flexarm.errors import InputError, Problem, shown
+from flexarm.kernels.layout import (
+    ArmConstants,
+    Loads,
+    Sizes,
+    Stations,
+    Workspace,
+    run_time_sizes,
+)
+from flexarm.kernels.section_forces import section_forces
+from flexarm.loads import SAME_PLACE, Load, loads_inboard, parts_of
+
+#: Stations on a link at most: what lies between finite elements is smooth.
+MOST_STATIONS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """One section on each link, and the arm with every link cut off there.
+
+    Attributes:
+        stations: the sections, (links,) of them.
+        constants: the bodies that hold a section end there; others mean nothing.
+        sizes: of these constants.
+        reach: (n,) m from each body's root to its section; 0 where there is none.
+    """
+
+    stations: Stations
+    constants: ArmConstants
+    sizes: Sizes
+    reach: FloatArray
+
+
+def check_stations(where: str, stations: object) -> int:
+    """Return a number of stations that holds root and tip, or raise ``InputError``."""
+    if isinstance(stations, int | np.integer) and 2 <= int(stations) <= MOST_STATIONS:
+        return int(stations)
+    rule = f"be a whole number from 2 (root and tip) to {MOST_STATIONS}"
+    raise InputError(Problem(where, "stations", rule, shown(stations)))
+
+
+def place_stations(arm: Coordinates, count: int) -> Stations:
+    """Divide each link evenly by ``count`` stations, root and tip included: (links * count,).
+
+    A station between two segments is the tip of the inboard one.
+    """
+    m, g = arm.assembly.modes, arm.assembly.constants.D0.shape[1]
+    total = arm.links * count
+    placed = Stations(
+        body=np.zeros(total, dtype=np.intp),
+        x=np.zeros(total),
+        rows=np.zeros((total, m)),
+        turns=np.zeros((total, m)),
+        shortening=np.zeros((total, g, g)),
+    )
+    for i, link in enumerate(arm.spec.links):
+        own, slack = arm.assembly.pieces_of(i), SAME_PLACE * link.length
+        for row, station in enumerate(np.linspace(0.0, link.length, count), i * count):
+            ends = (p for p in own if p.start + p.shapes.length >= station - slack)
+            piece = next(ends, own[-1])
+            placed.body[row] = piece.body
+            placed.x[row] = np.clip(station - piece.start, 0.0, piece.shapes.length)
+    for piece in arm.assembly.pieces:
+        here, k = np.flatnonzero(placed.body == piece.body), piece.shapes.w2.size
+        if k and here.size:
+            placed.rows[here, :k] = piece.shapes.deflection(placed.x[here])
+            placed.turns[here, :k] = piece.shapes.rotation(placed.x[here])
+        if k and g and here.size:
+            placed.shortening[here, :k, :k] = shortening_matrices(piece.shapes, placed.x[here])
+    return placed
+
+
+def place_gauges(
+    arm: Coordinates, gauges: Sequence[tuple[int, float, float]]
+) -> tuple[FloatArray, IntArray]:
+    """Strain per modal coordinate at gauges (link, station m, distance m), and their bodies."""
+    rows = np.zeros((len(gauges), arm.assembly.modes))
+    bodies = np.zeros(len(gauges), dtype=np.intp)
+    for k, (i, station, distance) in enumerate(gauges):
+        piece = arm.assembly.piece_at(i, station)
+        bodies[k] = piece.body
+        if piece.shapes.w2.size:
+            curvature = piece.shapes.curvature([station - piece.start])[0]
+            rows[k, : curvature.size] = -distance * curvature
+    return rows, bodies
+
+
+def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
+    """Cut every link at its first station, every link at its second, and so on: ``count`` cuts."""
+    placed = place_stations(arm, count)
+    whole = arm.assembly.constants
+    n, m = whole.S.shape
+    cuts = []
+    for k in range(count):
+        constants = whole._replace(
+            mass=whole.mass.copy(),
+            first_moment_x=whole.first_moment_x.copy(),
+            inertia=whole.inertia.copy(),
+            S=whole.S.copy(),
+            a=whole.a.copy(),
+            D0=whole.D0.copy(),
+            # A part has no unit mass matrix: Gamma - 1 is there without rotary inertia too.
+            centrifugal=np.zeros((n, m, m)),
+        )
+        stations = Stations(*(np.ascontiguousarray(array[k::count]) for array in placed))
+        cuts.append(Cut(stations, constants, run_time_sizes(constants), np.zeros(n)))
+    for piece in arm.assembly.pieces:
+        own = np.flatnonzero(placed.body == piece.body)
+        if own.size:
+            second_order = arm.spec.theory == "second_order"
+            parts = part_constants(piece.shapes, placed.x[own], shortening=second_order)
+            hub = arm.spec.joints[piece.link].hub_inertia if piece.start == 0.0 else 0.0
+            for row, station in enumerate(own):
+                cut = cuts[station % count]
+                cut.reach[piece.body] = placed.x[station]
+                _place_part(cut.constants, piece.body, parts, row, hub)
+    for cut in cuts:
+        for array in cut.constants:
+            array.setflags(write=False)
+    return tuple(cuts)
+
+
+def forces_at(
+    arm: Coordinates,
+    cuts: Sequence[Cut],
+    state: FloatArray,
+    acceleration: FloatArray,
+    loads: Sequence[Load],
+    placed: Loads,
+    work: Workspace,
+) -> FloatArray:
+    """Axial force, shear force and bending moment of one state: (links, cuts, 3), N and N m.
+
+    ``state`` (2, n, 1 + m) and ``acceleration`` (n, 1 + m) in the kernels' layout; ``placed`` the
+    place of ``loads`` in it; ``work`` as ``inverse_dynamics`` has left it for all of these.
+    """
+    forces, owners = np.zeros((len(cuts), arm.links, 3)), parts_of(arm, loads)
+    for cut, values in zip(cuts, forces, strict=True):
+        kept = loads_inboard(arm, owners, placed, cut.reach)
+        section_forces(
+            cut.sizes, cut.constants, cut.stations, state, acceleration, kept, work, values
+        )
+    return np.ascontiguousarray(np.moveaxis(forces, 0, 1))
+
+
+def _place_part(
+    constants: ArmConstants, body: int, parts: PartConstants, row: int, hub_inertia: float
+) -> None:
+    m = parts.S.shape[1]
+    constants.mass[body] = parts.mass[row]
+    constants.first_moment_x[body] = parts.first_moment[row]
+    constants.inertia[body] = parts.inertia[row] + hub_inertia
+    constants.S[body, :m] = parts.S[row]
+    constants.a[body, :m] = parts.a[row]
+    constants.centrifugal[body, :m, :m] = parts.spin[row] - np.eye(m)
+    if constants.D0.shape[1]:
+        constants.D0[body, :m, :m] = parts.D0[row]

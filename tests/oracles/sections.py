@@ -1,0 +1,245 @@
+"""Forces inside a link, twice: by Newton's law for material points, and from energies.
+
+Both take what lies beyond a section and ask what it takes to move that as it moves. ``by_newton``
+differentiates positions twice and adds up mass times acceleration: no frame moves, no beam bends in
+it. ``by_lagrange`` takes the kinetic energy of the package's theory (the second-order one leaves
+terms out) for the masses beyond the section alone, and reads the force on the slides of the link's
+joint.
+
+A motion is (q, qd, qdd) in the coordinates of ``LagrangianOracle``, nodal values.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import flexarm as fa
+
+from .chain import Piece, cut
+from .jets import Jet, cos, sin
+from .lagrangian import LagrangianOracle
+from .load_points import load_points
+from .material_points import MaterialPoints, material_points
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section: number of the link from 1, distance from its root (m), not between segments."""
+
+    link: int
+    station: float
+
+    def piece(self, pieces: Sequence[Piece]) -> int:
+        """Index of the piece that holds it."""
+        own = [k for k, piece in enumerate(pieces) if piece.owner == self.link - 1]
+        return max(k for k in own if pieces[k].start < self.station or k == own[0])
+
+    def loads_beyond(self, loads: Sequence[fa.Load]) -> list[fa.Load]:
+        """Loads, or stretches of them, that act beyond the section."""
+        kept = []
+        for load in loads:
+            if load.link != self.link:
+                whole = load.link > self.link
+            elif load.spread is None:
+                whole = load.station is None or load.station >= self.station
+            else:
+                whole = load.spread[0] >= self.station
+                if not whole and load.spread[1] > self.station:
+                    kept.append(replace(load, spread=(self.station, load.spread[1])))
+            if whole:
+                kept.append(load)
+        return kept
+
+
+class Frame(NamedTuple):
+    """Root of a piece: place in the world, angle of the tangent, the piece's own coordinates."""
+
+    origin: tuple[Any, Any]
+    angle: Any
+    shape: Any
+
+    def place(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """World position of a point at (x, y) in the axes of the root."""
+        c, s = cos(self.angle), sin(self.angle)
+        return self.origin[0] + c * x - s * y, self.origin[1] + s * x + c * y
+
+
+@lru_cache(maxsize=4)
+def oracle_of(spec: Any) -> LagrangianOracle:
+    """The arm, whole."""
+    return LagrangianOracle(spec)
+
+
+def section_forces(
+    spec: Any,
+    section: Section,
+    motion: Sequence[np.ndarray],
+    wrench: tuple[Any, Any, Any],
+) -> np.ndarray:
+    """Axial force, shear force, bending moment (3,) where what lies beyond gets a wrench.
+
+    wrench: force and moment about the world's origin that it gets through the section.
+    """
+    oracle = oracle_of(spec)
+    k = section.piece(oracle.pieces)
+    frame = frames(oracle, oracle.points, constant(motion[0]))[k]
+    # The package's loads find a point of the axis and the angle of the section there.
+    here = load_points(
+        [fa.Load(section.link, station=section.station)],
+        oracle.pieces,
+        oracle.bases,
+        oracle.precision,
+    )[0]
+    x, y = axis(spec, here, here.running, here.x, frame)
+    angle = frame.angle.value + float((here.slope @ frame.shape.value)[0])
+    fx, fy, moment = wrench
+    moment = moment - (float(x.value[0]) * fy - float(y.value[0]) * fx)
+    c, s = np.cos(angle), np.sin(angle)
+    # What lies beyond gives the opposite of what it gets.
+    return -np.array([c * fx + s * fy, c * fy - s * fx, moment], dtype=float)
+
+
+def constant(q: np.ndarray) -> Jet:
+    """Coordinates that nothing is differentiated by."""
+    return Jet(np.asarray(q, dtype=np.longdouble), np.zeros((len(q), 1)), np.zeros((len(q), 1, 1)))
+
+
+def frames(oracle: LagrangianOracle, points: Sequence[MaterialPoints], q: Jet) -> list[Frame]:
+    """Roots of all pieces, then the last tip."""
+    found, at, angle = [], (q[0] * 0.0, q[0] * 0.0), q[0] * 0.0
+    for i, (piece, here) in enumerate(zip(oracle.pieces, points, strict=True)):
+        if piece.joint is not None:
+            angle = angle + q[oracle.joint_index[piece.owner]]
+        frame = Frame(at, angle, q[oracle.shape_slice[i]])
+        found.append(frame)
+        x: Any = piece.link.length
+        if oracle.spec.theory == "second_order":
+            slope = here.inner_slope @ frame.shape
+            x = here.whole @ (slope * slope) * -0.5 + x
+        at = frame.place(x, here.tip_deflection @ frame.shape)
+        angle = angle + here.tip_slope @ frame.shape
+    return [*found, Frame(at, angle, None)]
+
+
+def axis(spec: Any, shapes: Any, running: Any, x: Any, frame: Frame) -> tuple[Any, Any]:
+    """World positions (k,) of points of the axis at stations x (k,) whose shapes are given."""
+    if spec.theory == "second_order":
+        slope = shapes.inner_slope @ frame.shape
+        x = running @ (slope * slope) * -0.5 + x
+    return frame.place(x, shapes.deflection @ frame.shape)
+
+
+def beyond(oracle: LagrangianOracle, section: Section) -> list[MaterialPoints]:
+    """Material points of all pieces, massless where they are inboard of the section."""
+    k, points = section.piece(oracle.pieces), list(oracle.points)
+    for i in range(k + 1):
+        x = section.station - oracle.pieces[i].start
+        here = material_points(
+            oracle.pieces[i].link, oracle.bases[i], oracle.precision, (x,) if i == k else ()
+        )
+        kept = here.x > x if i == k else np.zeros(len(here.x), dtype=bool)
+        points[i] = replace(here, mass=here.mass * kept, rotary=here.rotary * kept)
+    return points
+
+
+class Lump(NamedTuple):
+    """Masses (kg) at positions, and inertias (kg m^2) that turn with angles."""
+
+    mass: Any
+    at: tuple[Any, Any]
+    inertia: Any
+    angle: Any
+
+
+def lumps(
+    oracle: LagrangianOracle, section: Section, points: list[MaterialPoints], q: Jet
+) -> Iterator[Lump]:
+    """Everything with mass beyond a section."""
+    spec, roots = oracle.spec, frames(oracle, points, q)
+    for piece, here, frame, inboard in zip(
+        oracle.pieces, points, roots, [None, *roots], strict=False
+    ):
+        if piece.joint is not None and piece.owner > section.link - 1:
+            yield Lump(piece.joint.mass, frame.origin, piece.joint.hub_inertia, frame.angle)
+            assert inboard is not None
+            carrier = frame.angle - q[oracle.joint_index[piece.owner]]  # the tip of the link before
+            yield Lump(0.0, frame.origin, piece.joint.housing_inertia, carrier)
+        at = axis(spec, here, here.running, here.x, frame)
+        yield Lump(here.mass, at, here.rotary, frame.angle + here.slope @ frame.shape)
+    tip, payload = roots[-1], spec.payload
+    yield Lump(payload.mass, tip.place(*payload.offset), payload.inertia, tip.angle)
+
+
+def by_newton(
+    spec: Any,
+    section: Section,
+    motion: Sequence[np.ndarray],
+    loads: Sequence[fa.Load] = (),
+    base_acceleration: Any = (0.0, 0.0),
+) -> np.ndarray:
+    """Axial force, shear force, bending moment (3,): mass times acceleration less what acts."""
+    oracle, (q, qd, qdd) = oracle_of(spec), motion
+    points = beyond(oracle, section)
+    variables = Jet.variables(np.asarray(q, dtype=oracle.precision), rows=len(q))
+    falling = np.subtract(base_acceleration, spec.gravity)
+    total = np.zeros(3, dtype=oracle.precision)
+
+    def second_rate(position: Jet) -> Any:
+        return position.first @ qdd + (position.second @ qd) @ qd
+
+    for lump in lumps(oracle, section, points, variables):
+        x, y = lump.at
+        fx = lump.mass * (second_rate(x) + falling[0])
+        fy = lump.mass * (second_rate(y) + falling[1])
+        turning = lump.inertia * second_rate(lump.angle)
+        total += [np.sum(fx), np.sum(fy), np.sum(x.value * fy - y.value * fx + turning)]
+    roots = frames(oracle, points, constant(q))
+    for load in load_points(
+        section.loads_beyond(loads), oracle.pieces, oracle.bases, oracle.precision
+    ):
+        frame = roots[load.piece]
+        x, y = axis(spec, load, load.running, load.x, frame)
+        fx, fy = load.force
+        if load.follower:
+            c, s = np.cos(frame.angle.value), np.sin(frame.angle.value)
+            fx, fy = c * fx - s * fy, s * fx + c * fy
+        fx, fy = load.weight * fx, load.weight * fy
+        total -= [np.sum(fx), np.sum(fy), np.sum(x.value * fy - y.value * fx) + load.moment]
+    return section_forces(spec, section, motion, tuple(total))
+
+
+def by_lagrange(
+    spec: Any,
+    section: Section,
+    motion: Sequence[np.ndarray],
+    loads: Sequence[fa.Load] = (),
+    base_acceleration: Any = (0.0, 0.0),
+) -> np.ndarray:
+    """Axial force, shear force, bending moment (3,): what holds the slides of the link's joint."""
+    link = section.link - 1
+    bare = [
+        fa.Joint(mass=j.mass, hub_inertia=j.hub_inertia, housing_inertia=j.housing_inertia)
+        if owner > link
+        else fa.Joint()
+        for owner, j in enumerate(spec.joints)
+    ]
+    oracle = copy.copy(oracle_of(spec))
+    oracle.points = beyond(oracle, section)
+    oracle.spec = spec.replace(joints=bare)
+    oracle.pieces, oracle.damping = cut(oracle.spec), 0.0 * oracle.damping
+    (q, qd, qdd), n, slides = motion, oracle.dof, np.zeros(2 * len(spec.links))
+    mass, bias, total = oracle._lagrange(np.append(q, slides), np.append(qd, slides))
+    slides[:2] = base_acceleration
+    acting = oracle._load_force(total, section.loads_beyond(loads), n + len(slides))
+    missing = mass @ np.append(qdd, slides) + bias - acting
+    fx, fy = missing[n + 2 * link : n + 2 * link + 2]
+    first = next(k for k, piece in enumerate(oracle.pieces) if piece.owner == link)
+    x, y = (float(c.value.value) for c in total.roots[first][0])
+    moment = missing[oracle.joint_index[link]] + x * fy - y * fx
+    return section_forces(spec, section, motion, (fx, fy, moment))

@@ -1,0 +1,100 @@
+"""Integrals from the root to a station: against quadrature, against the whole link, and sums."""
+
+import numpy as np
+import pytest
+
+from flexarm.beams.invariants import link_constants, rigid_constants
+from flexarm.beams.parts import part_constants
+from flexarm.beams.shortening import shortening_matrices
+
+LENGTH = 1.3
+TABLE = np.array([0.0, 0.31, 0.8, LENGTH])
+COLUMNS = {
+    "flexural_rigidity": np.array([50.0, 30.0, 25.0, 10.0]),
+    "mass_per_length": np.array([1.0, 0.4, 0.5, 0.2]),
+    "rotary_inertia_per_length": np.array([0.01, 0.02, 0.005, 0.004]),
+}
+STATIONS = np.array([0.0, 0.1, LENGTH / 3, 0.8, 1.1, LENGTH])
+KINDS = {
+    "tapered": {"elements": 3},
+    "reduced": {"elements": 4, "modes": 3},
+    "shear": {"elements": 3, "shear_rigidity": np.array([400.0, 300.0, 200.0, 100.0])},
+}
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def link(request):
+    return link_constants(TABLE, **COLUMNS, **KINDS[request.param])
+
+
+def fine_points(link, end):
+    """Sixteen Gauss points between neighbours among nodes, breakpoints and the end."""
+    nodes = np.linspace(0.0, LENGTH, link.elements + 1)
+    cuts = np.unique(np.concatenate([nodes, TABLE, [end]]))
+    cuts = cuts[cuts <= end]
+    node, weight = np.polynomial.legendre.leggauss(16)
+    half = np.diff(cuts)[:, None] / 2
+    return (cuts[:-1, None] + half * (1 + node)).ravel(), (half * weight).ravel()
+
+
+@pytest.mark.parametrize("shortening", [False, True])
+def test_integrals_as_they_are_defined(link, shortening):
+    parts = part_constants(link, STATIONS, shortening=shortening)
+    for k, end in enumerate(STATIONS):
+        s, w = fine_points(link, end)
+        mu = w * np.interp(s, TABLE, COLUMNS["mass_per_length"])
+        rho = w * np.interp(s, TABLE, COLUMNS["rotary_inertia_per_length"])
+        phi, psi, g = link.deflection(s), link.rotation(s), shortening_matrices(link, s)
+        spin = np.einsum("p,pi,pj->ij", mu, phi, phi)
+        D0 = 0.0 * spin
+        if shortening:
+            spin -= np.einsum("p,pij->ij", mu * s, g)
+            D0 = np.einsum("p,pij->ij", mu, g)
+        exact = {
+            "mass": mu.sum(),
+            "first_moment": mu @ s,
+            "inertia": mu @ s**2 + rho.sum(),
+            "S": mu @ phi,
+            "a": (mu * s) @ phi + rho @ psi,
+            "D0": D0,
+            "spin": spin,
+        }
+        for name, value in exact.items():
+            # Rounding of sums over at most a hundred points of numbers up to ten.
+            np.testing.assert_allclose(
+                getattr(parts, name)[k], value, rtol=0, atol=1e-13, err_msg=name
+            )
+
+
+def test_the_part_up_to_the_tip_is_the_link(link):
+    parts = part_constants(link, np.array([LENGTH]), shortening=True)
+    for name in ("mass", "first_moment", "inertia", "S", "a", "D0"):
+        np.testing.assert_allclose(getattr(parts, name)[0], getattr(link, name), atol=1e-13)
+    gamma = np.eye(link.w2.size) - link.rotary - link.D1
+    np.testing.assert_allclose(parts.spin[0], gamma, atol=1e-12)
+
+
+def test_at_the_root_there_is_nothing(link):
+    parts = part_constants(link, np.array([0.0]), shortening=True)
+    for name in ("mass", "first_moment", "inertia", "S", "a", "D0", "spin"):
+        np.testing.assert_array_equal(getattr(parts, name), 0.0)
+
+
+def test_a_rigid_link_has_the_numbers_without_shapes():
+    link = rigid_constants(TABLE, COLUMNS["mass_per_length"], COLUMNS["rotary_inertia_per_length"])
+    parts = part_constants(link, STATIONS, shortening=True)
+    assert parts.S.shape == (6, 0)
+    assert parts.spin.shape == (6, 0, 0)
+    assert parts.mass[-1] == pytest.approx(link.mass, rel=1e-14)
+    assert parts.inertia[-1] == pytest.approx(link.inertia, rel=1e-14)
+    assert np.all(np.diff(parts.mass) > 0.0)
+
+
+def test_stations_in_any_order_and_twice():
+    link = link_constants(TABLE, **COLUMNS, elements=3)
+    mixed = np.array([1.1, 0.1, 1.1, 0.0])
+    parts = part_constants(link, mixed, shortening=True)
+    for k, end in enumerate(mixed):
+        alone = part_constants(link, np.array([end]), shortening=True)
+        np.testing.assert_allclose(parts.spin[k], alone.spin[0], atol=1e-14)
+        np.testing.assert_allclose(parts.S[k], alone.S[0], atol=1e-14)
