@@ -1,7 +1,8 @@
 """Arms with every option switched on at random, in surroundings that load and shake them.
 
-On top of ``random_arms``: links in segments, joints with springs, dry friction and stops, loads at
-stations and spread ones in both frames, an accelerating base, joints that follow a motion.
+On top of ``random_arms``: links in segments; joints with springs, friction, stops and geared
+rotors, elastic and fixed ones; loads at stations and spread ones in both frames; an accelerating
+base; joints that follow a motion.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Busy:
     @property
     def all_loads(self) -> list[fa.Load]:
         """The loads and the tip force."""
-        force = fa.Load(link=self.arm.joints, force=self.tip_force[:2], moment=self.tip_force[2])
+        force = fa.Load(link=self.arm.links, force=self.tip_force[:2], moment=self.tip_force[2])
         return [*self.loads, force]
 
 
@@ -51,6 +52,9 @@ def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
     joints = [
         with_laws(rng, joint, angle) for joint, angle in zip(plain.joints, angles, strict=True)
     ]
+    joints = [fixed(rng, joint) if decide(rng, None, 0.15) else joint for joint in joints]
+    turning = [i for i, joint in enumerate(joints) if not joint.fixed]
+    angles = angles[turning]
     spec = ArmSpec(
         links=links,
         joints=joints,
@@ -62,15 +66,20 @@ def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
     state = NodalState(
         angles=angles,
         nodal=bent(rng, spec, MODERATE[spec.theory]),
-        angle_rates=rng.uniform(-2, 2, len(links)),
+        angle_rates=rng.uniform(-2, 2, len(turning)),
         nodal_rates=bent(rng, spec, 0.1),
     )
-    moved = [j + 1 for j in range(len(links)) if rng.random() < 0.3]
+    moved = [j + 1 for j in turning if rng.random() < 0.3]
+    q = arm.from_nodal(state.angles, state.nodal)
+    qd = arm.from_nodal(state.angle_rates, state.nodal_rates)
+    for seat in arm.assembly.seats:
+        if seat.twist is not None:
+            q[seat.twist], qd[seat.twist] = rng.normal(size=2) * [0.1, 1.0]
     return Busy(
         arm=arm,
         state=state,
-        q=arm.from_nodal(state.angles, state.nodal),
-        qd=arm.from_nodal(state.angle_rates, state.nodal_rates),
+        q=q,
+        qd=qd,
         torque=rng.normal(size=arm.joints) * 5.0,
         tip_force=rng.normal(size=3) * [3.0, 3.0, 1.0],
         loads=random_loads(rng, spec),
@@ -115,6 +124,7 @@ def with_laws(rng: np.random.Generator, joint: Joint, angle: float) -> Joint:
             static=coulomb + maybe(rng, 0.1, 2.0) if decide(rng, None) else None,
             stribeck_rate=float(rng.uniform(0.1, 2.0)),
             smoothing_rate=float(rng.uniform(0.01, 2.0)),
+            viscous=maybe(rng, 0.1, 2.0),
         )
     if decide(rng, None):
         # Angle less a stop: within the range, beyond the lower one, beyond the upper one.
@@ -125,12 +135,21 @@ def with_laws(rng: np.random.Generator, joint: Joint, angle: float) -> Joint:
             stiffness=float(rng.uniform(10.0, 1e3)),
             damping=maybe(rng, 0.1, 3.0),
         )
+    stiffness, rotor = maybe(rng, 0.5, 50.0), maybe(rng, 1e-5, 1e-2)
     return joint.replace(
-        stiffness=maybe(rng, 0.5, 50.0),
-        rest_angle=float(rng.normal()),
+        stiffness=stiffness,
+        rest_angle=0.0 if stiffness and rotor else float(rng.normal()),
+        rotor_inertia=rotor,
+        gear_ratio=float(rng.choice([1.0, 0.5, 50.0])) if rotor else 1.0,
         friction=friction,
         limits=limits,
     )
+
+
+def fixed(rng: np.random.Generator, joint: Joint) -> Joint:
+    """A rigid connection in the joint's place, with what it carries."""
+    carried = joint.model_dump(include={"hub_inertia", "mass", "housing_inertia"})
+    return Joint(fixed=True, rest_angle=float(rng.normal()), **carried)
 
 
 def random_loads(rng: np.random.Generator, spec: ArmSpec) -> list[fa.Load]:

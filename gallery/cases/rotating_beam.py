@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from flexarm.plot.style import BLUE, GREEN, INK, SERIES, VERMILLION
+import flexarm as fa
+from flexarm.plot.style import BLUE, GREEN, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS, legend_above
@@ -20,13 +21,14 @@ REASON = (
     f"a mesh of {ELEMENTS} elements, and rounding of 1e-9; at speed the beam behaves like a string "
     "with a thin layer of bending at the root, which takes more of the mesh: 1e-7 at γ = 12"
 )
+HUB_REASON = REASON.replace("1e-7 at γ = 12", "4e-7 at γ = 12 and δ = 2")
 LINEAR_REASON = (
     f"exact for any mesh but for the frequency at rest, which {ELEMENTS} elements give to "
     "(βh)⁴/1440, and rounding of 1e-9"
 )
 
 PHYSICS = r"""
-A clamped beam turns about its root at the steady rate $\Omega$, hub radius zero;
+A beam is clamped to a hub of radius $\delta L$ that turns at the steady rate $\Omega$;
 $\gamma = \Omega L^2\sqrt{\mu/EI}$. Centrifugal tension stiffens it. In the plane of rotation the
 centrifugal force also turns with the deflection, which takes $\gamma^2$ off the squared
 frequency: $\lambda_\text{lag}^2 = \lambda_\text{flap}^2 - \gamma^2$. A planar arm vibrates in the
@@ -39,14 +41,19 @@ wrong. **Use `theory="second_order"` for links that turn fast.**
 
 The package: `arm.derivatives(q, qd, torque)` at the straight arm with the joint turning at
 $\Omega$ gives the Jacobian of the accelerations; with the mass matrix, its elastic block is the
-stiffness with the rate of the joint prescribed.
+stiffness with the rate of the joint prescribed. The hub is a rigid link on the joint, and the beam
+stands on it with a fixed joint.
 """
 
 
 @cache
-def squared(gamma: float, theory: str, elements: int = ELEMENTS) -> FloatArray:
+def squared(gamma: float, theory: str, elements: int = ELEMENTS, radius: float = 0.0) -> FloatArray:
     """Squared frequencies (count,) of the beam that turns at gamma, ascending."""
     arm = unit_beam(elements, theory=theory)
+    if radius:
+        hub = fa.Link(length=radius, mass_per_length=1.0, flexible=False)
+        joints = [fa.Joint(), fa.Joint(fixed=True)]
+        arm = fa.Arm(links=[hub, *arm.spec.links], joints=joints, theory=theory)
     q, qd = arm.rest([0.0]), np.zeros(arm.dof)
     qd[arm.joint_index] = gamma
     # Steady rotation needs no torque: all accelerations are zero, and M is not differentiated.
@@ -79,6 +86,13 @@ def quantities() -> list[Row]:
             found = float(np.sqrt(squared(case["gamma"], "second_order")[0] + case["gamma"] ** 2))
             name = f"γ = {case['gamma']:g}, λ of flap mode 1, from lag"
             rows.append(Row(name, "1", flap.source, case["lambda"][0], found, 7.2, REASON))
+    hub = reference("rotating", "hub_radius")
+    for case in hub.values:
+        gamma, radius = case["gamma"], case["radius"]
+        for k in range(3 if gamma == 12.0 else 1):
+            found = float(np.sqrt(squared(gamma, "second_order", radius=radius)[k]))
+            name = f"δ = {radius:g}, γ = {gamma:g}, λ of lag mode {k + 1}"
+            rows.append(Row(name, "1", hub.source, case["lambda"][k], found, 6.4, HUB_REASON))
     first = at_rest.values["lambda"][0]
     for gamma in (2.0, 3.0):
         exact = float(np.sqrt(first**2 - gamma**2))
@@ -110,13 +124,13 @@ def draw(figure: Figure) -> None:
     )
     left.set(xlabel="speed $\\gamma$", ylabel="squared frequency $\\lambda_1^2$", ylim=(-45, 45))
     legend_above(left)
-    for k, colour in enumerate((BLUE, GREEN, SERIES[3])):
-        right.plot(
-            gammas, np.sqrt(second[:, k] / second[0, k]), color=colour, label=f"mode {k + 1}"
-        )
-        ratio = [case["lambda"][k] / lag[0]["lambda"][k] for case in lag]
-        right.plot([case["gamma"] for case in lag], ratio, **OURS, color=INK)
-    right.set(xlabel="speed $\\gamma$", ylabel="$\\lambda$ / at rest")
+    speeds = gammas[::2]
+    for radius, colour in ((2.0, GREEN), (0.5, VERMILLION), (0.0, BLUE)):
+        curve = [squared(float(g), "second_order", 16, radius)[0] ** 0.5 for g in speeds]
+        right.plot(speeds, curve, color=colour, label=f"$\\delta$ = {radius:g}")
+    known = reference("rotating", "hub_radius").values
+    right.plot([c["gamma"] for c in known], [c["lambda"][0] for c in known], **OURS, color=INK)
+    right.set(xlabel="speed $\\gamma$", ylabel="$\\lambda_1$")
     legend_above(right)
     for axes in (left, right):
         axes.margins(x=0.02)
@@ -129,7 +143,7 @@ CASE = Case(
     quantities=quantities,
     draw=draw,
     caption="Left: the first frequency in the plane of rotation rises slowly with speed; without "
-    "foreshortening it falls to zero and the beam flies apart. Right: the first three, "
-    "second order. Points: known values.",
+    "foreshortening it falls to zero and the beam flies apart. Right: on hubs of "
+    "several radii, second order. Points: known values.",
     module="gallery/cases/rotating_beam.py",
 )

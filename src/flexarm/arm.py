@@ -76,16 +76,20 @@ class Arm(Coordinates):
         self._gauge_rows, self._gauge_bodies = self._place_gauges()
 
     def rigid(self) -> Arm:
-        """Make the rigid twin: the same masses and inertias, no bending."""
+        """Make the rigid twin: the same masses and inertias, no bending, no elastic joints."""
         links = tuple(
             link.model_copy(update={"flexible": False, "segments": 1, "modes": None, "gauges": ()})
             for link in self.spec.links
         )
-        return Arm(self.spec.model_copy(update={"links": links}))
+        joints = tuple(
+            joint.model_copy(update={"stiffness": 0.0, "damping": 0.0}) if joint.elastic else joint
+            for joint in self.spec.joints
+        )
+        return Arm(self.spec.model_copy(update={"links": links, "joints": joints}))
 
     def __repr__(self) -> str:
         theory = self.spec.theory
-        return f"<flexarm.Arm: {self.joints} links, {self.dof} coordinates, {theory} theory>"
+        return f"<flexarm.Arm: {self.links} links, {self.dof} coordinates, {theory} theory>"
 
     def _state(self, where: str, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
         coordinates = check_array(where, "q", q, (self.dof,))
@@ -197,10 +201,10 @@ class Arm(Coordinates):
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
     ) -> FloatArray:
-        """Return what each joint gives to its outboard link: (joints, 3), Fx, Fy, Mz.
+        """Return what the joint at each link's root gives to the link: (links, 3), Fx, Fy, Mz.
 
-        World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment is the
-        motor's torque less the joint's friction.
+        World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment of a
+        joint that turns is the motor's torque and what the joint gives by itself.
         """
         work = self._newton_euler(
             "Arm.joint_reactions", q, qd, qdd, tip_force, loads, base_acceleration
@@ -287,7 +291,7 @@ class Arm(Coordinates):
         check_result(where, by_state, q, qd, torque)
         kept = self.assembly.coordinates
         jacobian = by_state.reshape(n * width, 2, n * width)[kept]
-        torques = by_torque.reshape(n * width, n)[np.ix_(kept, self.assembly.link_body)]
+        torques = by_torque.reshape(n * width, n)[np.ix_(kept, self.assembly.joint_body)]
         return Derivatives(jacobian[:, 0, kept], jacobian[:, 1, kept], torques)
 
     # What one sees -----------------------------------------------------------------------------
@@ -335,7 +339,7 @@ class Arm(Coordinates):
             raise InputError(Problem(where, "stations", rule, shown(stations)))
         state, body_poses, _ = self._poses(where, q)
         m, g = self.assembly.modes, self.assembly.constants.D0.shape[1]
-        count = self.joints * stations
+        count = self.links * stations
         bodies = np.zeros(count, dtype=np.intp)
         along, rows, matrices = np.zeros(count), np.zeros((count, m)), np.zeros((count, g, g))
         for i, link in enumerate(self.spec.links):
@@ -350,7 +354,7 @@ class Arm(Coordinates):
                 matrices[own, :k, :k] = shortening_matrices(piece.shapes, along[own])
         points = np.zeros((count, 2))
         axis_points(self._sizes, state, body_poses, bodies, along, rows, matrices, points)
-        return points.reshape(self.joints, stations, 2)
+        return points.reshape(self.links, stations, 2)
 
     def strain(self, q: ArrayLike) -> FloatArray:
         """Return the strain at each declared gauge, (gauges,): -distance * v''."""

@@ -6,6 +6,7 @@ The only place where the two meet: the model layer knows no arrays, the kernels 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +42,21 @@ class Piece(NamedTuple):
         return slice(self.first, self.first + self.shapes.w2.size)
 
 
+class Seat(NamedTuple):
+    """A joint that turns, at the root of a link.
+
+    Attributes:
+        link: index of the link. body: index of the body that the motor turns: the link's first,
+            or with an elastic joint a body of no length before it. angle: position of the joint
+            angle in q. twist: position of the elastic joint's twist in q, or None.
+    """
+
+    link: int
+    body: int
+    angle: int
+    twist: int | None
+
+
 @dataclass(frozen=True, eq=False)
 class Assembly:
     """Kernel constants of an arm, and where its coordinates stand in them.
@@ -48,16 +64,26 @@ class Assembly:
     Attributes:
         constants: what the kernels read; n bodies of m modes each, padded.
         pieces: the bodies that make up the links, from the base outwards.
-        link_body: (links,) first body of each link, the one on its joint.
+        seats: the joints that turn, from the base outwards.
+        link_body: (links,) first body of each link.
         coordinates: (dof,) position of each entry of q in the flattened (n, 1 + m) array.
-        joint_index: (joints,) position of each joint angle in q.
     """
 
     constants: ArmConstants
     pieces: tuple[Piece, ...]
+    seats: tuple[Seat, ...]
     link_body: IntArray
     coordinates: IntArray
-    joint_index: IntArray
+
+    @cached_property
+    def joint_body(self) -> IntArray:
+        """Bodies that the motors turn, (joints,)."""
+        return np.array([seat.body for seat in self.seats], dtype=np.intp)
+
+    @cached_property
+    def joint_index(self) -> IntArray:
+        """Positions of the joint angles in q, (joints,)."""
+        return np.array([seat.angle for seat in self.seats], dtype=np.intp)
 
     @property
     def bodies(self) -> int:
@@ -91,30 +117,32 @@ def assemble(spec: ArmSpec) -> Assembly:
         InputError: a link's mass matrix is not positive definite (theory page "beams").
     """
     pieces: list[Piece] = []
-    link_body, joint_index = [], []
-    first = 0
-    for index, link in enumerate(spec.links):
-        link_body.append(len(pieces))
-        joint_index.append(first)
-        first += 1
+    seats: list[Seat] = []
+    link_body: list[int] = []
+    places: list[tuple[int, int]] = []  # body and column of each coordinate
+    body = 0
+    for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
+        if not joint.fixed:
+            twist = len(places) + 1 if joint.elastic else None
+            seats.append(Seat(index, body, len(places), twist))
+            places += [(body, 0), (body + 1, 0)] if joint.elastic else [(body, 0)]
+            body += joint.elastic
+        link_body.append(body)
         start, rows = 0.0, 0
         for shapes in _segments(link, f"arm.links[{index}]"):
             count = shapes.elements
-            piece = Piece(index, len(pieces), start, shapes, first, slice(rows, rows + count))
+            piece = Piece(index, body, start, shapes, len(places), slice(rows, rows + count))
             pieces.append(piece)
-            first += shapes.w2.size
+            places += [(body, 1 + j) for j in range(shapes.w2.size)]
             start, rows = start + shapes.length, rows + count
+            body += 1
     stride = 1 + max(piece.shapes.w2.size for piece in pieces)
-    coordinates = np.zeros(first, dtype=np.intp)
-    coordinates[joint_index] = np.array(link_body) * stride
-    for piece in pieces:
-        coordinates[piece.modal] = piece.body * stride + 1 + np.arange(piece.shapes.w2.size)
     return Assembly(
-        constants=_arm_constants(spec, pieces),
+        constants=_arm_constants(spec, pieces, seats),
         pieces=tuple(pieces),
+        seats=tuple(seats),
         link_body=np.array(link_body, dtype=np.intp),
-        coordinates=coordinates,
-        joint_index=np.array(joint_index, dtype=np.intp),
+        coordinates=np.array([i * stride + column for i, column in places], dtype=np.intp),
     )
 
 
@@ -145,9 +173,9 @@ def _segments(link: Link, where: str) -> list[LinkConstants]:
     return segments
 
 
-def _arm_constants(spec: ArmSpec, pieces: list[Piece]) -> ArmConstants:
+def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> ArmConstants:
     payload_body = spec.payload.mass > 0 and any(spec.payload.offset)
-    n = len(pieces) + payload_body
+    n = pieces[-1].body + 1 + payload_body
     m = max(piece.shapes.w2.size for piece in pieces)
     second_order = spec.theory == "second_order"
     g = m if second_order else 0
@@ -172,21 +200,24 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece]) -> ArmConstants:
         N=np.zeros((n, 3)),
         tip_mass=np.zeros(n),
         tip_inertia=np.zeros(n),
-        free=np.ones(n),
+        free=np.zeros(n),
         joint_damping=np.zeros(n),
         joint_stiffness=np.zeros(n),
         joint_rest=np.zeros(n),
-        friction=np.tile([0.0, 0.0, 1.0, 1.0], (n, 1)),
+        joint_angle=np.zeros(n),
+        friction=np.tile([0.0, 0.0, 1.0, 1.0, 0.0], (n, 1)),
         limits=np.tile([-1.0, 1.0, 0.0, 0.0], (n, 1)),
-        joint_laws=np.zeros(int(any(joint.friction or joint.limits for joint in spec.joints))),
+        rotor=np.tile([0.0, 1.0], (n, 1)),
+        joint_laws=np.zeros(int(any(_has_laws(joint) for joint in spec.joints))),
         gravity=np.array(spec.gravity, dtype=np.float64),
     )
-    constants.free[:] = 0.0
     for piece in pieces:
         damping = _modal_damping(spec.links[piece.link], piece.shapes)
         _place_link(constants, piece.body, piece.shapes, damping, second_order)
         if piece.start == 0.0:
-            _place_joint(constants, piece.body, spec.joints[piece.link])
+            _place_hub(constants, piece.body, spec.joints[piece.link])
+    for seat in seats:
+        _place_motor(constants, seat, spec.joints[seat.link])
     if payload_body:
         _place_payload_body(constants, spec)
     else:
@@ -197,24 +228,44 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece]) -> ArmConstants:
     return constants
 
 
-def _place_joint(constants: ArmConstants, i: int, joint: Joint) -> None:
-    constants.free[i] = 1.0
+def _has_laws(joint: Joint) -> bool:
+    return bool(joint.friction or joint.limits or joint.rotor_inertia)
+
+
+def _place_hub(constants: ArmConstants, i: int, joint: Joint) -> None:
+    """What the joint at the root of body i carries: its hub here, its motor on the body before."""
     constants.inertia[i] += joint.hub_inertia
     constants.residual_inertia[i, 2] += joint.hub_inertia
-    constants.joint_damping[i] = joint.damping
-    constants.joint_stiffness[i] = joint.stiffness
-    constants.joint_rest[i] = joint.rest_angle
+    if joint.fixed:
+        constants.joint_angle[i] = joint.rest_angle
+    before = i - 1 - joint.elastic
+    if before >= 0:
+        constants.tip_mass[before] += joint.mass
+        constants.tip_inertia[before] += joint.housing_inertia
+
+
+def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
+    """What a joint that turns gives by itself, at its motor and at its spring."""
+    i = seat.body
+    constants.free[i] = 1.0
+    spring = i
+    if joint.elastic:
+        spring = i + 1
+        constants.free[spring] = 1.0
+        # The motor's end of the spring: a body without length or mass passes everything on.
+        constants.residual_tip[i] = 1.0, 0.0, 0.0, 1.0
+    constants.joint_damping[spring] = joint.damping
+    constants.joint_stiffness[spring] = joint.stiffness
+    constants.joint_rest[spring] = joint.rest_angle
+    constants.rotor[i] = joint.rotor_inertia, joint.gear_ratio
     if joint.friction is not None:
         coulomb = joint.friction.coulomb
         static = coulomb if joint.friction.static is None else joint.friction.static
         rates = joint.friction.stribeck_rate, joint.friction.smoothing_rate
-        constants.friction[i] = coulomb, static - coulomb, *rates
+        constants.friction[i] = coulomb, static - coulomb, *rates, joint.friction.viscous
     if joint.limits is not None:
         stops = joint.limits
         constants.limits[i] = stops.lower, stops.upper, stops.stiffness, stops.damping
-    if i > 0:  # the motor of this joint rides on the tip of the body before
-        constants.tip_mass[i - 1] += joint.mass
-        constants.tip_inertia[i - 1] += joint.housing_inertia
 
 
 def _place_link(

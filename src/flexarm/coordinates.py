@@ -16,7 +16,8 @@ class Coordinates:
     """Generalised coordinates q (dof,) of an arm.
 
     For each link its joint angle (rad), relative to the tip tangent of the link before (the first:
-    to world x), then its modal coordinates (m sqrt(kg)).
+    to world x), then its modal coordinates (m sqrt(kg)). A fixed joint has none; an elastic one has
+    two: the motor's angle behind the gear, and how much further its spring has turned the link.
     """
 
     def __init__(self, spec: ArmSpec, assembly: Assembly) -> None:
@@ -30,8 +31,18 @@ class Coordinates:
 
     @property
     def joints(self) -> int:
-        """Number of actuated joints."""
-        return int(self.assembly.joint_index.size)
+        """Number of joints that turn."""
+        return len(self.assembly.seats)
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return len(self.spec.links)
+
+    @property
+    def joint_numbers(self) -> NDArray[np.intp]:
+        """Number of each joint that turns, (joints,): that of the link at whose root it is."""
+        return np.array([seat.link + 1 for seat in self.assembly.seats], dtype=np.intp)
 
     @property
     def joint_index(self) -> NDArray[np.intp]:
@@ -66,8 +77,8 @@ class Coordinates:
                 shape in the mean square weighted by mass.
         """
         q = self.rest(joint_angles)
-        if len(nodal) != self.joints:
-            rule = f"hold one array for each of the {self.joints} links"
+        if len(nodal) != self.links:
+            rule = f"hold one array for each of the {self.links} links"
             raise InputError(Problem("Arm.from_nodal", "nodal", rule, shown(len(nodal))))
         values = {
             i: check_array("Arm.from_nodal", f"nodal[{i}]", nodal[i], (link.elements, 2))
@@ -108,5 +119,5 @@ class Coordinates:
     def padded_torque(self, torque: FloatArray) -> FloatArray:
         """Place joint torques (..., joints) at the bodies (..., n)."""
         array = np.zeros((*torque.shape[:-1], self.assembly.bodies), dtype=torque.dtype)
-        array[..., self.assembly.link_body] = torque
+        array[..., self.assembly.joint_body] = torque
         return array

@@ -114,7 +114,7 @@ def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[
     size = 2 if np.shape(tip_force) == (2,) else 3
     force = check_array(where, "tip_force", tip_force, (size,))
     moment = float(force[2]) if size == 3 else 0.0
-    return [Load(link=arm.joints, force=force[:2], moment=moment)]
+    return [Load(link=arm.links, force=force[:2], moment=moment)]
 
 
 def place_loads(
@@ -160,8 +160,8 @@ def parts_of(arm: Coordinates, loads: Sequence[Load]) -> list[Load]:
 
 
 def _check_place(arm: Coordinates, where: str, load: Load) -> None:
-    if not 1 <= load.link <= arm.joints:
-        rule = f"be the number of a link, 1 to {arm.joints}"
+    if not 1 <= load.link <= arm.links:
+        rule = f"be the number of a link, 1 to {arm.links}"
         raise InputError(Problem(where, "Load.link", rule, shown(load.link)))
     length = arm.spec.links[load.link - 1].length
     furthest = load.station if load.spread is None else load.spread[1]

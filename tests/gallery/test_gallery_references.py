@@ -72,6 +72,17 @@ def test_rotating_beam():
         np.testing.assert_allclose(beam.frequencies(spin=gamma)[:3], lag["lambda"], rtol=5e-10)
 
 
+def test_rotating_beam_on_a_hub():
+    for case in values("rotating", "hub_radius"):
+        gamma, radius = case["gamma"], case["radius"]
+        beam = RitzBeam(
+            "clamped",
+            18,
+            tension=lambda s, g=gamma, r=radius: g**2 * ((1 - s**2) / 2 + r * (1 - s)),
+        )
+        np.testing.assert_allclose(beam.frequencies(spin=gamma)[:3], case["lambda"], rtol=5e-10)
+
+
 def test_own_weight_and_the_mast():
     for case in values("gravity", "hanging"):
         beam = RitzBeam("clamped", 18, tension=lambda s, g=case["weight"]: g * (1 - s))

@@ -26,9 +26,16 @@ def case(seed):
     """A random arm, its oracle, and its state in the oracle's coordinates."""
     b = busy(seed, theory=["linear", "second_order"][seed % 2])
     oracle = LagrangianOracle(b.arm.spec)
-    q = oracle.coordinates(b.state.angles, b.state.nodal)
-    qd = oracle.coordinates(b.state.angle_rates, b.state.nodal_rates)
-    return b, oracle, q, qd
+    return b, oracle, in_oracle(b, oracle, b.q), in_oracle(b, oracle, b.qd)
+
+
+def in_oracle(b, oracle, vector):
+    """Coordinates of the package, or their rates, in the oracle's nodal ones."""
+    values = oracle.coordinates(b.arm.joint_angles(vector), b.arm.nodal(vector))
+    for seat in b.arm.assembly.seats:
+        if seat.twist is not None:
+            values[oracle.spring_of[seat.link]] = vector[seat.twist]
+    return values
 
 
 def surroundings(b):
@@ -53,7 +60,7 @@ def test_accelerations(seed):
     b, oracle, q, qd = case(seed)
     exact = oracle.moving(q, qd, b.torque, **surroundings(b)).acceleration
     found = b.arm.forward_dynamics(b.q, b.qd, b.torque, b.tip_force, b.loads, b.base_acceleration)
-    found = oracle.coordinates(b.arm.joint_angles(found), b.arm.nodal(found))
+    found = in_oracle(b, oracle, found)
     assert_close(found, exact, oracle.mass_matrix(q))
 
 
@@ -73,8 +80,9 @@ def prescribed_accelerations(b):
     sizes, constants, work = parts(b.arm)
     free, drive = constants.free.copy(), b.torque.copy()
     for joint, acceleration in b.given.items():
-        free[b.arm.assembly.link_body[joint - 1]] = 0.0
-        drive[joint - 1] = acceleration
+        index = b.arm.joint_numbers.tolist().index(joint)
+        free[b.arm.assembly.joint_body[index]] = 0.0
+        drive[index] = acceleration
     loads = place_loads(b.arm, "test", b.all_loads, b.base_acceleration)
     state, torque = state_array(b.arm, b.q, b.qd), b.arm.padded_torque(drive)
     forward_dynamics(sizes, constants._replace(free=free), state, torque, loads, work)
@@ -87,31 +95,44 @@ def test_prescribed_joints_and_reactions(seed):
     b, oracle, q, qd = case(seed)
     exact = oracle.moving(q, qd, b.torque, given=b.given, **surroundings(b))
     qdd = prescribed_accelerations(b)
-    found = oracle.coordinates(b.arm.joint_angles(qdd), b.arm.nodal(qdd))
+    found = in_oracle(b, oracle, qdd)
+    numbers = b.arm.joint_numbers.tolist()
     for joint, acceleration in b.given.items():
-        assert b.arm.joint_angles(qdd)[joint - 1] == acceleration
+        assert b.arm.joint_angles(qdd)[numbers.index(joint)] == acceleration
     mass = oracle.mass_matrix(q)
     assert_close(found, exact.acceleration, mass)
     acting = (b.q, b.qd, qdd, b.tip_force, b.loads, b.base_acceleration)
     motor = b.arm.inverse_dynamics(*acting)[b.arm.joint_index]
     # Far below what a wrong term would leave, far above rounding of the forces in balance.
     weight = 1e-12 * np.linalg.norm(np.sqrt(np.diag(mass)) * exact.acceleration)
-    reach = np.sqrt(np.diag(mass)[oracle.joint_index].max())
+    reach = np.sqrt(np.diag(mass)[oracle.joint_index].max(initial=1.0))
     np.testing.assert_allclose(motor, exact.torque, rtol=1e-10, atol=weight * reach)
     reactions = b.arm.joint_reactions(*acting)
     heaviness = np.sqrt(b.arm.assembly.constants.mass.sum() + 10.0)
     np.testing.assert_allclose(
         reactions[:, :2], exact.joint_force, rtol=1e-10, atol=weight * heaviness
     )
-    given = [
-        passive_torque(joint, angle, rate)
-        for joint, angle, rate in zip(
-            b.arm.spec.joints, b.state.angles, b.state.angle_rates, strict=True
-        )
-    ]
+    carried = joint_moments(b, exact)
     np.testing.assert_allclose(
-        reactions[:, 2], exact.torque + given, rtol=1e-10, atol=weight * reach
+        reactions[list(carried), 2], list(carried.values()), rtol=1e-10, atol=weight * reach
     )
+
+
+def joint_moments(b, exact):
+    """Moments on links (by index from 0), where their joint alone tells: no fixed joint, and of
+    the rotors those that sit on the base, where their own rate is their absolute one."""
+    moments = {}
+    for k, seat in enumerate(b.arm.assembly.seats):
+        joint = b.arm.spec.joints[seat.link]
+        if joint.elastic:
+            twist, rate = b.q[seat.twist], b.qd[seat.twist]
+            moments[seat.link] = -joint.stiffness * twist - joint.damping * rate
+        elif not joint.rotor_inertia or seat.link == 0:
+            angle, rate = b.state.angles[k], b.state.angle_rates[k]
+            inertia = joint.rotor_inertia * joint.gear_ratio**2
+            moments[seat.link] = exact.torque[k] + passive_torque(joint, angle, rate)
+            moments[seat.link] -= inertia * exact.acceleration[seat.angle]
+    return moments
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -128,14 +149,19 @@ def test_energy_with_springs_and_stops(seed):
 def test_every_option_had_its_turn():
     arms = [case(seed)[0] for seed in SEEDS]
     joints = [joint for b in arms for joint in b.arm.spec.joints]
+    assert {joint.fixed for joint in joints} == {True, False}
+    assert {(joint.elastic, joint.rotor_inertia > 0) for joint in joints} == {
+        (False, False), (False, True), (True, True)
+    }  # fmt: skip
+    assert {joint.gear_ratio for joint in joints} == {0.5, 1.0, 50.0}
     assert {bool(j.stiffness) for j in joints} == {True, False}
     assert {j.friction is None for j in joints} == {True, False}
+    assert {j.friction.viscous > 0 for j in joints if j.friction} == {True, False}
     assert {j.friction.static is None for j in joints if j.friction} == {True, False}
     reached = set()
     for b in arms:
-        for joint, angle, rate in zip(
-            b.arm.spec.joints, b.state.angles, b.state.angle_rates, strict=True
-        ):
+        turning = [b.arm.spec.joints[seat.link] for seat in b.arm.assembly.seats]
+        for joint, angle, rate in zip(turning, b.state.angles, b.state.angle_rates, strict=True):
             if joint.limits is not None:
                 side = int(angle > joint.limits.upper) - int(angle < joint.limits.lower)
                 reached.add((side, joint.limits.damping * side * rate < -1.0))

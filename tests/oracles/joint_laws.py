@@ -9,9 +9,9 @@ import numpy as np
 from flexarm.model import Joint
 
 
-def joint_energy(joint: Joint, angle: Any) -> Any:
-    """Energy of spring and stops (J) at an angle that may be a jet."""
-    turned = angle + -joint.rest_angle
+def joint_energy(joint: Joint, angle: Any, twist: Any) -> Any:
+    """Energy of spring and stops (J) at an angle that may be a jet, and the spring's own."""
+    turned = twist + -joint.rest_angle
     energy = turned * turned * (0.5 * joint.stiffness)
     for beyond in _beyond(joint, angle):
         energy = energy + beyond * beyond * (0.5 * joint.limits.stiffness)
@@ -25,7 +25,7 @@ def joint_loss(joint: Joint, angle: float, rate: float) -> float:
         f = joint.friction
         static = f.coulomb if f.static is None else f.static
         level = f.coulomb + (static - f.coulomb) * np.exp(-((rate / f.stribeck_rate) ** 2))
-        torque -= level * np.tanh(rate / f.smoothing_rate)
+        torque -= level * np.tanh(rate / f.smoothing_rate) + f.viscous * rate
     if joint.limits is not None:
         stop = joint.limits
         inward = 1.0 if angle < stop.lower else -1.0
@@ -37,7 +37,7 @@ def joint_loss(joint: Joint, angle: float, rate: float) -> float:
 
 
 def passive_torque(joint: Joint, angle: float, rate: float) -> float:
-    """Everything the joint gives by itself (N m)."""
+    """Everything a joint without an elastic gear gives by itself (N m)."""
     torque = joint_loss(joint, angle, rate) - joint.damping * rate
     torque -= joint.stiffness * (angle - joint.rest_angle)
     if joint.limits is not None:

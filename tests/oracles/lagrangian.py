@@ -5,7 +5,8 @@ material point in the world and adds up kinetic, strain and gravity energy; numb
 differentiate (``jets``) do the rest. No symbol of the package's recursion appears.
 
 World axes: x right, y up, base joint at the origin. Coordinates, in this order for each link: the
-relative joint angle (rad), then its nodal coordinates [v_2, phi_2, v_3, phi_3, ...] (m, rad); those
+relative joint angle (rad) unless the joint is fixed, of an elastic joint the motor's and then the
+twist of the spring; then its nodal coordinates [v_2, phi_2, v_3, phi_3, ...] (m, rad); those
 of a link in segments one segment after the other, each from its own root tangent.
 
 For loads, moving bases and reactions every joint may also *slide*: two more coordinates each, world
@@ -84,10 +85,14 @@ class LagrangianOracle:
             for piece, shapes in zip(self.pieces, self.bases, strict=True)
         ]
         sizes = [points.deflection.shape[1] for points in self.points]
-        jointed = [int(piece.joint is not None) for piece in self.pieces]
+        jointed = [joint_coordinates(piece.joint) for piece in self.pieces]
         starts = np.concatenate([[0], np.cumsum(np.add(jointed, sizes))]).astype(int)
         self.dof = int(starts[-1])
-        self.joint_index = starts[:-1][np.array(jointed) == 1]
+        # By link: where its joint angle is, and the twist of its spring, or the same again.
+        owners = [piece.owner for piece in self.pieces]
+        self.angle_of = {i: int(s) for i, s, j in zip(owners, starts, jointed, strict=False) if j}
+        self.spring_of = {i: at + spec.joints[i].elastic for i, at in self.angle_of.items()}
+        self.joint_index = np.array(list(self.angle_of.values()), dtype=int)
         self.shape_slice = [
             slice(int(i) + jump, int(j))
             for (i, j), jump in zip(pairwise(starts), jointed, strict=True)
@@ -99,7 +104,8 @@ class LagrangianOracle:
                 for piece, p in zip(self.pieces, self.points, strict=True)
             ]
         )
-        self.damping[self.joint_index, self.joint_index] = [j.damping for j in spec.joints]
+        for i, at in self.spring_of.items():
+            self.damping[at, at] = spec.joints[i].damping
 
     def _linkwise(self, blocks: list[np.ndarray]) -> np.ndarray:
         matrix = np.zeros((self.dof, self.dof))
@@ -151,10 +157,10 @@ class LagrangianOracle:
     ) -> Moving:
         """What the arm does under loads, on a moving base, with joints that follow a motion.
 
-        torque: (joints,) N m, ignored for the joints that ``given`` (by number from 1) assigns an
-        acceleration, rad/s^2.
+        torque: (joints,) N m, ignored for the joints that ``given`` (by number of the link)
+        assigns an acceleration, rad/s^2.
         """
-        n, k = self.dof, 2 * len(self.joint_index)
+        n, k = self.dof, 2 * len(self.spec.links)
         slid, sliding = np.zeros(k), np.zeros(k)
         sliding[:2] = base_velocity
         mass, bias, total = self._lagrange(np.append(q, slid), np.append(qd, sliding))
@@ -165,15 +171,16 @@ class LagrangianOracle:
         free = np.ones(n + k, dtype=bool)
         free[n:] = False
         for joint, acceleration in (given or {}).items():
-            free[self.joint_index[joint - 1]] = False
-            qdd[self.joint_index[joint - 1]] = acceleration
-            motor[joint - 1] = 0.0
+            free[self.angle_of[joint - 1]] = False
+            qdd[self.angle_of[joint - 1]] = acceleration
+            motor[list(self.angle_of).index(joint - 1)] = 0.0
         force[self.joint_index] += motor
         part = np.ix_(free, free)
         qdd[free] = solved(mass[part], force[free] - mass[np.ix_(free, ~free)] @ qdd[~free])
         missing = mass @ qdd - force  # what the constraints give
         for joint in given or {}:
-            motor[joint - 1] = float(missing[self.joint_index[joint - 1]])
+            place_in_q = self.angle_of[joint - 1]
+            motor[list(self.angle_of).index(joint - 1)] = float(missing[place_in_q])
         return Moving(qdd[:n], motor, missing[n:].astype(float).reshape(-1, 2))
 
     def _load_force(self, total: Energies, loads: Sequence[Any], size: int) -> np.ndarray:
@@ -221,8 +228,8 @@ class LagrangianOracle:
         mass = kinetic.second[:, :n]
         bias = kinetic.second[:, n:] @ qd - kinetic.first[n:] + potential.first[n:]
         bias[: self.dof] += self.damping @ qd[: self.dof]
-        for joint, place_in_q in zip(self.spec.joints, self.joint_index, strict=True):
-            bias[place_in_q] -= joint_loss(joint, q[place_in_q], qd[place_in_q])
+        for i, at in self.angle_of.items():
+            bias[at] -= joint_loss(self.spec.joints[i], q[at], qd[at])
         return mass, bias, total
 
     def _energies(self, q: Rate) -> Energies:
@@ -238,9 +245,7 @@ class LagrangianOracle:
                 if slides:
                     slide = self.dof + 2 * piece.owner
                     origin = (origin[0] + q[slide], origin[1] + q[slide + 1])
-                turned = q[self.joint_index[piece.owner]]
-                angle = angle + turned
-                total.strain += joint_energy(piece.joint, turned.value)
+                angle = self._turned(total, piece.joint, piece.owner, angle, q)
                 total.kinetic += half(piece.joint.hub_inertia, angle.rate)
             total.roots.append((origin, angle))
             shape = q[self.shape_slice[i]]
@@ -258,6 +263,21 @@ class LagrangianOracle:
         total.kinetic += half(payload.inertia, angle.rate)
         total.tip = (*origin, angle)
         return total
+
+    def _turned(self, total: Energies, joint: Any, owner: int, angle: Rate, q: Rate) -> Rate:
+        """Pass a joint: what its rotor and its springs hold, and the angle behind it."""
+        if joint.fixed:
+            return angle + joint.rest_angle
+        turned = q[self.angle_of[owner]]
+        rotor = angle.rate + turned.rate * joint.gear_ratio
+        total.kinetic += half(joint.rotor_inertia, rotor)
+        angle = angle + turned
+        twist = turned
+        if joint.elastic:
+            twist = q[self.spring_of[owner]]
+            angle = angle + twist
+        total.strain += joint_energy(joint, turned.value, twist.value)
+        return angle
 
     def _point_mass(self, total: Energies, mass: Any, at: tuple[Rate, Rate]) -> None:
         """Add a mass in kg at a world position, or masses (k,) at positions (k,)."""
@@ -288,6 +308,11 @@ class LagrangianOracle:
         u = foreshortening(points.running, points, shape)
         total.kinetic += truncated_kinetic(points, origin, angle, u, v)
         total.gravity += self._gravity(points.mass, place(origin, angle, u + points.x, v))
+
+
+def joint_coordinates(joint: Any) -> int:
+    """How many coordinates the joint at the root of a piece has; None: it goes on rigidly."""
+    return 0 if joint is None or joint.fixed else 1 + joint.elastic
 
 
 def solved(mass: np.ndarray, force: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ def test_forces_add_up_to_the_rate_of_momentum(theory):
     mass = 0.61732 * 2.4142 + 1.0 + 0.7
     load = np.cos(7 * t[some])[:, None] * [1.0, -2.0]
     force = acceleration - mass * np.array([0.0, -9.81]) - load
-    found = result.joint_force.sel(joint=1).values[some]
+    found = result.joint_force.sel(link=1).values[some]
     # Second differences at 20 kHz of positions good to 1e-12: rounding 4e-4, truncation of modes
     # of 300 Hz a part in 1e3 of their share.
     np.testing.assert_allclose(found, force, rtol=0, atol=3e-3 * abs(found).max())

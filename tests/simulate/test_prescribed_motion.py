@@ -108,7 +108,9 @@ def test_a_moving_joint_in_segments():
 
 @pytest.mark.parametrize("joint", [0, 3, "elbow"])
 def test_no_such_joint(joint):
-    with pytest.raises(fa.InputError, match="simulate: prescribed must name joints 1 to 2, but is"):
+    with pytest.raises(
+        fa.InputError, match="simulate: prescribed must name joints that turn: 1, 2, but is"
+    ):
         fa.simulate(two_links(), 0.1, prescribed={joint: swing(1.0, 1.0)})
 
 

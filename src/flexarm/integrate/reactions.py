@@ -6,7 +6,7 @@ from flexarm.integrate.base import System
 from flexarm.integrate.torque import loads_at
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled
-from flexarm.kernels.joint_law import passive_torque
+from flexarm.kernels.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.layout import Array
 from flexarm.kernels.newton_euler import inverse_dynamics
 
@@ -39,4 +39,7 @@ def reactions_many(
             for p in range(3):
                 reactions[k, i, p] = work.wrench[i, p]
             passive = passive_torque(sizes, constants, i, states[k, 0, i, 0], states[k, 1, i, 0])
-            motor[k, i] = work.wrench[i, 2] - passive
+            relative = acceleration[i, 0]
+            carrier = work.root_acceleration[i, 2] - relative
+            rotor = rotor_moment(sizes, constants, i, carrier, relative)
+            motor[k, i] = work.wrench[i, 2] + constants.rotor[i, 1] * rotor - passive

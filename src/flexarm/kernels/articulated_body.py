@@ -21,7 +21,8 @@ symbol         meaning; all in the axes of the body at hand, wrenches and accele
 ``N``, ``z``   F F', F times the modal biases
 ``Y``          (1 + W N)^-1 W: the outboard chain behind the springs of the modes
 ``g``          Y T: tip force per root acceleration
-``U``, ``D``   third column and last entry of H: the joint's
+``U``, ``D``   what the joint's equation takes per acceleration of its root, and of itself
+``J``, ``r``   rotary inertia of a motor's rotor, and its gear ratio
 =============  =================================================================================
 """
 
@@ -246,25 +247,41 @@ def _inward(
 
         # Eliminate the joint (one that is not free passes everything on), then turn inboard.
         free = c.free[i]
-        inverse = free / (Hww + (1.0 - free))
+        Uw = Hww
+        D = Hww
+        lag = 0.0  # D - Uw
+        for _ in range(len(sizes.joint_laws)):
+            J = c.rotor[i, 0]
+            r = c.rotor[i, 1]
+            Uw = Hww + r * J
+            D = Hww + r * r * J
+            lag = r * (r - 1.0) * J
+        inverse = free / (D + (1.0 - free))
         given = torque[i] * (1.0 - free)
         passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
         drive = torque[i] + passive - hw
         work.joint[i, 0] = Hxw
         work.joint[i, 1] = Hyw
-        work.joint[i, 2] = Hww
+        work.joint[i, 2] = Uw
         work.joint[i, 3] = inverse
         work.joint[i, 4] = drive
         work.joint[i, 5] = given
         Rxx = Hxx - Hxw * Hxw * inverse
         Rxy = Hxy - Hxw * Hyw * inverse
         Ryy = Hyy - Hyw * Hyw * inverse
-        Rxw = Hxw * (1.0 - free)
-        Ryw = Hyw * (1.0 - free)
-        Rww = Hww * (1.0 - free)
+        passed = 1.0 - free
+        rotor = 0.0
+        for _ in range(len(sizes.joint_laws)):
+            J = c.rotor[i, 0]
+            r = c.rotor[i, 1]
+            passed += lag * inverse
+            rotor = J * ((r - 1.0) * (r - 1.0) * Hww * inverse + 1.0 - free)
+        Rxw = Hxw * passed
+        Ryw = Hyw * passed
+        Rww = Hww * (1.0 - free) + rotor
         hx += Hxw * (drive * inverse + given)
         hy += Hyw * (drive * inverse + given)
-        kw = hw + Hww * given + free * drive
+        kw = hw + Uw * given + drive * (free - lag * inverse)
         cosine = work.rotation[i, 0]
         sine = work.rotation[i, 1]
         cross = 2.0 * cosine * sine * Rxy

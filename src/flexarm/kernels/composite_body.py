@@ -45,8 +45,14 @@ def mass_matrix(
         Hyw = ty + c.first_moment_x[i] + work.moment[i, 1]
         Hww = c.inertia[i] + work.moment[i, 2] + x_tip * ty - v_tip * tx + tw
         free = c.free[i]
-        M[i, 0, i, 0] = free * Hww + (1.0 - free)
-        _carry(sizes, c, work, M, i, 0, Hxw * free, Hyw * free, Hww * free)
+        # The rotor turns with its carrier, and with its own joint in its gear's ratio.
+        rotor = 0.0
+        geared = 0.0
+        for _ in range(len(sizes.joint_laws)):
+            rotor = c.rotor[i, 0]
+            geared = c.rotor[i, 0] * c.rotor[i, 1]
+        M[i, 0, i, 0] = free * (Hww + geared * c.rotor[i, 1]) + (1.0 - free)
+        _carry(sizes, c, work, M, i, 0, Hxw * free, Hyw * free, (Hww + geared) * free)
         for j in range(len(sizes.modes)):
             P = c.P[i, j]
             dP = c.dP[i, j]
@@ -80,7 +86,7 @@ def mass_matrix(
         Wxy = cosine * sine * (Hxx - Hyy) + (cosine * cosine - sine * sine) * Hxy
         Wxw = cosine * Hxw - sine * Hyw
         Wyw = sine * Hxw + cosine * Hyw
-        Www = Hww
+        Www = Hww + rotor
 
 
 @merged

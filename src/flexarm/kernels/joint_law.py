@@ -1,6 +1,7 @@
-"""What a joint does besides its motor: damping, spring, dry friction, stops.
+"""What a joint does besides its motor: damping, spring, dry friction, stops, a geared rotor.
 
-Theory page "recursion", (R.32) to (R.34). Torques act on the relative joint angle.
+Theory page "recursion", (R.32) to (R.34), and (R.37) for the rotor. Torques act on the relative
+joint angle.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
     for _ in range(len(sizes.joint_laws)):
         ratio = rate / c.friction[i, 2]
         level = c.friction[i, 0] + c.friction[i, 1] * exp(-ratio * ratio)
-        torque -= level * tanh(rate / c.friction[i, 3])
+        torque -= level * tanh(rate / c.friction[i, 3]) + c.friction[i, 4] * rate
         below = positive_part(c.limits[i, 0] - angle, CORNER)
         above = positive_part(angle - c.limits[i, 1], CORNER)
         # A stop pushes, it never pulls, however fast the joint leaves it.
@@ -45,4 +46,30 @@ def joint_energy(sizes: Sizes, constants: ArmConstants, i: int, angle: Any) -> A
         below = positive_part(c.limits[i, 0] - angle, CORNER)
         above = positive_part(angle - c.limits[i, 1], CORNER)
         energy += 0.5 * c.limits[i, 2] * (below * below + above * above)
+    return energy
+
+
+@merged
+def rotor_moment(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, relative: Any) -> Any:
+    """Moment (N m) on the rotor of body i's motor, about its own axis.
+
+    ``carrier``: angular acceleration of the section that carries the motor; ``relative``: that of
+    the joint angle, rad/s^2. The rotor turns at the carrier's rate plus the gear ratio times the
+    joint's.
+    """
+    moment = 0.0 * relative
+    for _ in range(len(sizes.joint_laws)):
+        rotor = constants.rotor
+        moment += rotor[i, 0] * (carrier + rotor[i, 1] * relative)
+    return moment
+
+
+@merged
+def rotor_energy(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, relative: Any) -> Any:
+    """Kinetic energy (J) of that rotor at these angular rates, rad/s."""
+    energy = 0.0 * relative
+    for _ in range(len(sizes.joint_laws)):
+        rotor = constants.rotor
+        rate = carrier + rotor[i, 1] * relative
+        energy += 0.5 * rotor[i, 0] * rate * rate
     return energy

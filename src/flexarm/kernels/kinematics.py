@@ -30,7 +30,7 @@ def link_terms(sizes: Sizes, constants: ArmConstants, state: Array, work: Worksp
     inboard_slope = 0.0
     inboard_rate = 0.0
     for i in range(len(sizes.bodies)):
-        alpha = inboard_slope + state[0, i, 0]
+        alpha = inboard_slope + c.joint_angle[i] + state[0, i, 0]
         work.rotation[i, 0] = cos(alpha)
         work.rotation[i, 1] = sin(alpha)
         w = inboard_rate + state[1, i, 0]

@@ -10,7 +10,7 @@ index       meaning
 ``m``       modes of the widest body
 ``c``       ``m`` where some body has a centrifugal matrix other than the identity, else 0
 ``g``       ``m`` with the second-order theory, else 0
-``laws``    1 where some joint has friction or stops, else 0
+``laws``    1 where some joint has friction, stops or a geared rotor, else 0
 ==========  =====================================================================================
 
 The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates; in each
@@ -68,9 +68,11 @@ class ArmConstants(NamedTuple):
     joint_damping: Array  # (n,) N m s/rad
     joint_stiffness: Array  # (n,) N m/rad, spring beside the motor
     joint_rest: Array  # (n,) rad, where that spring is free
-    friction: Array  # (n, 4) Coulomb N m, rise to static N m, Stribeck and smoothing rate rad/s
+    joint_angle: Array  # (n,) rad, added to the angle in the state: a fixed joint's
+    friction: Array  # (n, 5) Coulomb, rise to static N m, Stribeck, smoothing rate rad/s, viscous
     limits: Array  # (n, 4) lower, upper rad, stiffness N m/rad, damping s/rad
-    joint_laws: Array  # (1,) where some joint has friction or stops, else (0,)
+    rotor: Array  # (n, 2) rotary inertia kg m^2 of the motor's rotor, and its gear ratio
+    joint_laws: Array  # (1,) where some joint has friction, stops or a rotor, else (0,)
     gravity: Array  # (2,) m/s^2, world axes
 
 

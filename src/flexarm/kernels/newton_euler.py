@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.external import apply_loads
-from flexarm.kernels.joint_law import passive_torque
+from flexarm.kernels.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
@@ -112,7 +112,9 @@ def _wrenches(
             rx -= work.shortening[i, j] * acceleration[i, 1 + j]
             work.force[i, 1 + j] += work.Fx[i, j] * kx - work.shortening[i, j] * Ax
         passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
-        work.force[i, 0] = c.free[i] * (rw - passive)
+        relative = acceleration[i, 0]
+        rotor = rotor_moment(sizes, c, i, Aw - relative, relative)
+        work.force[i, 0] = c.free[i] * (rw + c.rotor[i, 1] * rotor - passive)
         work.wrench[i, 0] = rx
         work.wrench[i, 1] = ry
         work.wrench[i, 2] = rw
@@ -120,7 +122,7 @@ def _wrenches(
         sine = work.rotation[i, 1]
         kx = cosine * rx - sine * ry
         ky = sine * rx + cosine * ry
-        kw = rw
+        kw = rw + rotor
 
 
 @compiled

@@ -9,7 +9,7 @@ rates; then deflection and slope of its tip from the root tangent (m, rad), and 
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled
-from flexarm.kernels.joint_law import joint_energy
+from flexarm.kernels.joint_law import joint_energy, rotor_energy
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.numbers import cos, sin
 
@@ -30,7 +30,7 @@ def poses(
     y_dot = 0.0
     rate = 0.0
     for i in range(len(sizes.bodies)):
-        angle = angle + state[0, i, 0]
+        angle = angle + c.joint_angle[i] + state[0, i, 0]
         rate = rate + state[1, i, 0]
         phi = 0.0
         phi_dot = 0.0
@@ -145,6 +145,7 @@ def energies(
             ty = body_poses[i + 1, 1]
             tx_dot = body_poses[i + 1, 3]
             ty_dot = body_poses[i + 1, 4]
+        kinetic += rotor_energy(sizes, c, i, w - state[1, i, 0], state[1, i, 0])
         tip_rate = w + body_poses[i, 9]
         kinetic += 0.5 * c.tip_mass[i] * (tx_dot * tx_dot + ty_dot * ty_dot)
         kinetic += 0.5 * c.tip_inertia[i] * tip_rate * tip_rate

@@ -9,16 +9,16 @@ from pydantic import BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import NonNegative, Number, Pair, Positive, plain
+from flexarm.model.quantities import Flag, NonNegative, Number, Pair, Positive, plain
 from flexarm.model.wording import Fault
 
 
 class Friction(Record):
-    """Dry friction of a joint: Coulomb's, with Stribeck's rise towards rest, regularised.
+    """Friction of a joint: Coulomb's, with Stribeck's rise towards rest, regularised; viscous.
 
     Torque ``(coulomb + (static - coulomb) exp(-(rate / stribeck_rate)^2)) tanh(rate /
-    smoothing_rate)`` against the motion: below the smoothing rate it creeps where a real joint
-    sticks.
+    smoothing_rate) + viscous rate`` against the motion: below the smoothing rate it creeps where a
+    real joint sticks.
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
@@ -31,6 +31,9 @@ class Friction(Record):
     )
     smoothing_rate: Positive = Field(
         default=0.01, description="Rate below which friction turns into viscous creep (rad/s)."
+    )
+    viscous: NonNegative = Field(
+        default=0.0, description="Friction torque per rate, on the motor's side (N m s/rad)."
     )
 
     @classmethod
@@ -62,9 +65,21 @@ class JointLimits(Record):
             yield Fault(("upper",), rule, shown(given.upper))
 
 
-class Joint(Record):
-    """An actuated revolute joint at the root of a link."""
+_TORQUE_HINT = "Torques are given at the joint, behind the gear."
+_TURNING = ("damping", "stiffness", "friction", "limits", "rotor_inertia")
 
+
+class Joint(Record):
+    """The joint at the root of a link: turned by a motor, or fixed.
+
+    With `rotor_inertia` and `stiffness` it is *elastic*: the motor turns the near end of a spring
+    whose far end carries the link, and the joint angle is the motor's, seen through the gear.
+    """
+
+    fixed: Flag = Field(
+        default=False,
+        description="Whether the joint is rigid, at rest_angle; else a motor turns it.",
+    )
     hub_inertia: NonNegative = Field(
         default=0.0,
         description="Rotary inertia that turns with the root of the outboard link (kg m^2).",
@@ -80,16 +95,51 @@ class Joint(Record):
         "link (kg m^2); without effect at the first joint.",
     )
     damping: NonNegative = Field(
-        default=0.0, description="Viscous damping: torque per relative joint rate (N m s/rad)."
+        default=0.0,
+        description="Viscous damping: torque per relative joint rate; of an elastic joint per rate "
+        "of its spring (N m s/rad).",
     )
     stiffness: NonNegative = Field(
-        default=0.0, description="Spring beside the motor: torque per angle from rest (N m/rad)."
+        default=0.0,
+        description="Spring: torque per angle; beside the motor, or with rotor_inertia between "
+        "motor and link (N m/rad).",
     )
     rest_angle: Number = Field(
-        default=0.0, description="Relative joint angle at which that spring is free (rad)."
+        default=0.0,
+        description="Relative angle at which a spring beside the motor is free, or at which the "
+        "joint is fixed (rad).",
     )
-    friction: Friction | None = Field(default=None, description="Dry friction; none if left out.")
+    rotor_inertia: NonNegative = Field(
+        default=0.0, description="Rotary inertia of the motor's rotor about its own axis (kg m^2)."
+    )
+    gear_ratio: Positive = Field(
+        default=1.0, description="Turns of the rotor for one of the joint, in the same sense."
+    )
+    friction: Friction | None = Field(default=None, description="Friction; none if left out.")
     limits: JointLimits | None = Field(default=None, description="Stops; none if left out.")
+
+    @property
+    def elastic(self) -> bool:
+        """Whether a spring lies between motor and link: one more coordinate."""
+        return self.rotor_inertia > 0.0 and self.stiffness > 0.0
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("fixed") and given.fixed:
+            for name in _TURNING:
+                if given.has(name) and given.raw(name):
+                    value = shown(given.raw(name))
+                    yield Fault((name,), "be left out of a joint that is fixed", value)
+            return
+        springs = given.has("stiffness", "rotor_inertia", "rest_angle")
+        if springs and given.stiffness and given.rotor_inertia and given.rest_angle:
+            hint = "The spring of an elastic joint, one with rotor_inertia, is free at angle 0."
+            rule = "be 0 where the spring lies between motor and link"
+            yield Fault(("rest_angle",), rule, shown(given.rest_angle), hint)
+        geared = given.has("gear_ratio", "rotor_inertia") and given.gear_ratio != 1.0
+        if geared and not given.rotor_inertia:
+            rule = "be left out of a joint without rotor_inertia"
+            yield Fault(("gear_ratio",), rule, shown(given.gear_ratio), _TORQUE_HINT)
 
 
 def _along_x(value: Any) -> Any:

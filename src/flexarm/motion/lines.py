@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.motion.chain import RigidChain, rigid_chain
 from flexarm.motion.inverse_kinematics import (
     check_elbow,
     check_reach,
@@ -43,10 +44,10 @@ class LineMotion(Motion):
 
     Attributes:
         start, end: world points (2,), m.
-        posture: q(s), (T,) -> (T, n).
+        posture: angles between the bars, of s: (T,) -> (T, n), rad.
     """
 
-    lengths: Floats = field(repr=False)
+    chain: RigidChain = field(repr=False)
     start: Floats
     end: Floats
     duration: float
@@ -57,7 +58,9 @@ class LineMotion(Motion):
     def path(self, s: Floats) -> JointState:
         """Return the postures along the line and their derivatives."""
         angles = self.posture(s)
-        return JointState(angles, *path_derivatives(self.lengths, angles, self.end - self.start))
+        way = self.end - self.start
+        slope, curve = path_derivatives(self.chain.lengths, angles, way)
+        return JointState(angles - self.chain.offset, slope, curve)
 
 
 def line_motion(
@@ -95,9 +98,10 @@ def line_motion(
     where = "line_motion"
     duration, start_time = checked_times(where, duration, start_time)
     law = timing_law(where, profile)
-    lengths = np.array(arm.lengths, dtype=np.float64)
-    start = check_array(where, "start", start, (2,))
-    end = check_array(where, "end", end, (2,))
+    chain = rigid_chain(where, arm)
+    lengths = chain.lengths
+    start = check_array(where, "start", start, (2,)) - chain.base
+    end = check_array(where, "end", end, (2,)) - chain.base
     check_elbow(where, elbow)
     if len(lengths) == 1:
         rule = "have at least two links to follow a line"
@@ -106,12 +110,15 @@ def line_motion(
     check_reach(where, "start", lengths, start)
     check_reach(where, "end", lengths, end)
     _check_margins(where, lengths, start, end)
+    if posture is not None:
+        posture = check_array(where, "posture", posture, (len(lengths),)) + chain.offset
     first = inverse_kinematics(lengths, start, elbow, posture, where)
     if len(lengths) == 2:
         path = two_link_path(lengths, start, end - start, elbow)
     else:
         path = _redundant_path(where, lengths, start, end, first)
-    return LineMotion(lengths, start, end, duration, law, start_time, path)
+    ends = start + chain.base, end + chain.base
+    return LineMotion(chain, *ends, duration, law, start_time, path)
 
 
 def _check_margins(where: str, lengths: Floats, start: Floats, end: Floats) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.motion.kinematics import tip_position
+from flexarm.motion.chain import RigidChain, rigid_chain
 from flexarm.motion.timing import TimingLaw, timing_law
 
 if TYPE_CHECKING:
@@ -48,13 +48,13 @@ class Motion(ABC):
     A subclass sets the five attributes and defines `path`.
 
     Attributes:
-        lengths: link lengths (n,) of the rigid arm, m.
+        chain: the rigid arm, n bars.
         law: timing law.
         duration: time from start to end, s.
         start_time: when it leaves rest, s.
     """
 
-    lengths: Floats
+    chain: RigidChain
     law: TimingLaw
     duration: float
     start_time: float
@@ -66,7 +66,7 @@ class Motion(ABC):
     @property
     def joints(self) -> int:
         """Number of joints n."""
-        return len(self.lengths)
+        return len(self.chain.lengths)
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -110,7 +110,7 @@ class Motion(ABC):
 
     def tip(self, t: ArrayLike) -> Floats:
         """Return the tip (2,) or (T, 2) of the rigid arm in world axes, m."""
-        return tip_position(self.lengths, self.joint_angle(t))
+        return self.chain.tip(self.joint_angle(t))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ class JointMotion(Motion):
         start, end: relative joint angles (n,), rad.
     """
 
-    lengths: Floats = field(repr=False)
+    chain: RigidChain = field(repr=False)
     start: Floats
     end: Floats
     duration: float
@@ -147,7 +147,7 @@ def joint_motion(
     """Move all joints in step, from rest at `start` to rest at `end`.
 
     Args:
-        arm: its number of joints and link lengths are used.
+        arm: its number of joints and its lengths are used.
         start: relative joint angles (n,), rad.
         end: likewise.
         duration: s.
@@ -163,7 +163,7 @@ def joint_motion(
     law = timing_law(where, profile)
     shape = (arm.joints,)
     return JointMotion(
-        lengths=np.array(arm.lengths, dtype=np.float64),
+        chain=rigid_chain(where, arm),
         start=check_array(where, "start", start, shape),
         end=check_array(where, "end", end, shape),
         duration=duration,

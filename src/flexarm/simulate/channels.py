@@ -17,6 +17,7 @@ class Channel(NamedTuple):
 _TABLE = (
     Channel("joint_angle", ("joint",), "rad", "joint angle, relative to the tip tangent before it"),
     Channel("joint_rate", ("joint",), "rad/s", "rate of the joint angle"),
+    Channel("joint_twist", ("joint",), "rad", "twist of an elastic joint's spring, else zero"),
     Channel("link_angle", ("link",), "rad", "absolute angle of the link's root tangent"),
     Channel("link_rate", ("link",), "rad/s", "rate of the link angle"),
     Channel("link_tip_deflection", ("link",), "m", "tip deflection from the root tangent"),
@@ -28,8 +29,8 @@ _TABLE = (
     Channel("tip_angle", (), "rad", "absolute angle of the last tip tangent"),
     Channel("tip_angle_rate", (), "rad/s", "rate of the tip angle"),
     Channel("torque", ("joint",), "N m", "torque of the joint motors"),
-    Channel("joint_force", ("joint", "axis"), "N", "what the joint gives its outboard link, world"),
-    Channel("joint_moment", ("joint",), "N m", "likewise: torque less the joint's own friction"),
+    Channel("joint_force", ("link", "axis"), "N", "what the joint at its root gives a link, world"),
+    Channel("joint_moment", ("link",), "N m", "likewise: torque and what the joint itself gives"),
     Channel("kinetic_energy", (), "J", "kinetic energy"),
     Channel("strain_energy", (), "J", "strain energy of bending"),
     Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),

@@ -118,18 +118,20 @@ def prescribe(
         InputError: no such joint.
     """
     for joint, motion in prescribed.items():
-        if not (isinstance(joint, int) and 1 <= joint <= arm.joints):
-            rule = f"name joints 1 to {arm.joints}"
+        numbers = arm.joint_numbers.tolist()
+        if joint not in numbers:
+            rule = f"name joints that turn: {', '.join(map(str, numbers)) or 'there is none'}"
             raise InputError(Problem("simulate", "prescribed", rule, shown(joint)))
-        own = _of_joint(motion, joint - 1)
-        body = arm.assembly.link_body[joint - 1]
+        index = numbers.index(joint)
+        own = _of_joint(motion, index)
+        body = arm.assembly.joint_body[index]
         state[0, body, 0], state[1, body, 0] = own.angle(0.0), own.rate(0.0)
 
         name = f"prescribed[{joint}].acceleration"
         column = function_torque(
             _Row(own.acceleration), duration, 1, relative, own.breaks, name=name
         )
-        history = _replaced(history, joint - 1, column)
+        history = _replaced(history, index, column)
     return history
 
 

@@ -23,7 +23,7 @@ def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
     """Return the absolute angles (samples, links) of root tangents, rad."""
     constants = arm.assembly.constants
     slopes = np.einsum("nm,tnm->tn", constants.dP, states[:, 0, :, 1:])
-    joints = np.cumsum(states[:, 0, :, 0], axis=1)
+    joints = np.cumsum(constants.joint_angle + states[:, 0, :, 0], axis=1)
     before = np.cumsum(slopes, axis=1) - slopes
     return np.asarray((joints + before)[:, arm.assembly.link_body])
 
@@ -42,6 +42,7 @@ def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     channels = {
         "joint_angle": q[:, assembly.joint_index],
         "joint_rate": qd[:, assembly.joint_index],
+        "joint_twist": _twists(arm, q),
         "link_angle": link[:, :, 2],
         "link_rate": link[:, :, 5],
         "link_tip_deflection": bent[:, :, 0],
@@ -64,6 +65,15 @@ def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     return {name: np.array(values) for name, values in channels.items()}
 
 
+def _twists(arm: Arm, q: FloatArray) -> FloatArray:
+    """Twist of each joint's spring (samples, joints), rad; zero without one."""
+    twists = np.zeros((len(q), arm.joints))
+    for k, seat in enumerate(arm.assembly.seats):
+        if seat.twist is not None:
+            twists[:, k] = q[:, seat.twist]
+    return twists
+
+
 def _link_tips(arm: Arm, poses: FloatArray, tips: FloatArray) -> FloatArray:
     """Deflection and slope of each link's tip from its root tangent, and their rates.
 
@@ -71,15 +81,15 @@ def _link_tips(arm: Arm, poses: FloatArray, tips: FloatArray) -> FloatArray:
     slopes add, and the deflection is the tip's distance from the line of the root tangent.
     """
     assembly = arm.assembly
-    bent = np.empty((len(poses), arm.joints, 4))
-    for i in range(arm.joints):
+    bent = np.empty((len(poses), arm.links, 4))
+    for i in range(arm.links):
         pieces = assembly.pieces_of(i)
         first, last = pieces[0].body, pieces[-1].body
         if first == last:
             bent[:, i] = poses[:, first, 6:10]
             continue
         root = poses[:, first, :6]
-        end = poses[:, last + 1, :6] if last + 1 < len(assembly.pieces) else tips
+        end = poses[:, last + 1, :6] if last + 1 < assembly.bodies else tips
         angle = poses[:, last, 2] + poses[:, last, 7] - root[:, 2]
         rate = poses[:, last, 5] + poses[:, last, 9] - root[:, 5]
         x, y = (end[:, :2] - root[:, :2]).T

@@ -48,10 +48,11 @@ def _labels(name: str) -> dict[str, str]:
 
 
 def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
-    numbers = np.arange(1, arm.joints + 1)
     names = [""] * arm.dof
-    for joint, place in enumerate(arm.joint_index, start=1):
-        names[place] = f"joint_{joint}"
+    for seat in arm.assembly.seats:
+        names[seat.angle] = f"joint_{seat.link + 1}"
+        if seat.twist is not None:
+            names[seat.twist] = f"joint_{seat.link + 1}_twist"
     for piece in arm.assembly.pieces:
         label = f"link_{piece.link + 1}"
         if arm.spec.links[piece.link].segments > 1:
@@ -60,8 +61,8 @@ def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
             names[place] = f"{label}_mode_{mode}"
     coordinates: dict[str, Any] = {
         "time": ("time", times, {"units": "s", "long_name": "time"}),
-        "joint": ("joint", numbers, {"long_name": "joint, counted from the base"}),
-        "link": ("link", numbers, {"long_name": "link, counted from the base"}),
+        "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
+        "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
         "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
         "coordinate": ("coordinate", names, {"long_name": "generalised coordinate"}),
     }

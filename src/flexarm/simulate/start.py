@@ -46,17 +46,19 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | None) -> Start:
     elif motion is not None:
         angles = np.array(motion.joint_angle(0.0))
     prescribed: dict[int, PrescribedAngle | Motion] = {}
+    numbers = arm.joint_numbers.tolist()
     for spec in scenario.prescribed:
+        place = numbers.index(spec.joint)
         own: PrescribedAngle | Motion
         if isinstance(spec, TabulatedJoint):
             own = PrescribedAngle.table(spec.times, spec.angles, spec.ends)
-            angles[spec.joint - 1] = own.angle(0.0)
+            angles[place] = own.angle(0.0)
         elif isinstance(spec, HeldJoint):
-            own = PrescribedAngle.hold(angles[spec.joint - 1])
+            own = PrescribedAngle.hold(angles[place])
         else:
             assert motion is not None  # refused without one when the file was read
             own = motion
-            angles[spec.joint - 1] = motion.joint_angle(0.0)[spec.joint - 1]
+            angles[place] = motion.joint_angle(0.0)[place]
         prescribed[spec.joint] = own
     if not asked.equilibrium:
         return Start(arm.rest(angles), prescribed)

@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.control import Controller, Measurement, Reference
@@ -92,14 +93,14 @@ class Run:
         if not self.prescribed:
             return constants
         free = constants.free.copy()
-        free[self.arm.assembly.link_body[np.array(self.prescribed) - 1]] = 0.0
+        free[self.arm.assembly.joint_body[self._moved()]] = 0.0
         free.setflags(write=False)
         return constants._replace(free=free)
 
     def reactions(
         self, times: FloatArray, given: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Motor torques (T, joints), joint forces (T, joints, 2) in world axes, moments.
+        """Motor torques (T, joints), joint forces (T, links, 2) in world axes, moments (T, links).
 
         ``given`` (T, joints): torques, or accelerations of joints whose motion is given.
         """
@@ -116,8 +117,12 @@ class Run:
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
         # A torque that was given is the motor's to the last digit.
-        moved = np.isin(np.arange(1, arm.joints + 1), self.prescribed)
-        return np.where(moved, motor[:, bodies], given), force, wrench[:, bodies, 2]
+        taken = motor[:, arm.assembly.joint_body]
+        return np.where(self._moved(), taken, given), force, wrench[:, bodies, 2]
+
+    def _moved(self) -> NDArray[np.bool_]:
+        """Which of the joints that turn follow a given motion, (joints,)."""
+        return np.isin(self.arm.joint_numbers, self.prescribed)
 
     def _specialize(self, system: System) -> System:
         """Switch a long run over to code for its own model size; the state does not change."""
@@ -194,7 +199,7 @@ class ClosedLoop:
         self._run = run
         self._controller = controller
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
-        self._bodies = run.arm.assembly.link_body
+        self._bodies = run.arm.assembly.joint_body
         self.ticks: list[float] = []
         self.torques: list[FloatArray] = []
 

@@ -72,7 +72,9 @@ def weakest_joint(arm: Arm, state: FloatArray) -> int | None:
     ratio = bent / _joint_inertias(arm, straight)
     ratio[arm.assembly.constants.free == 0.0] = 1.0
     lowest = int(np.argmin(ratio))
-    return arm.assembly.pieces[lowest].link if ratio[lowest] < _LEFT else None
+    if ratio[lowest] >= _LEFT:
+        return None
+    return next(piece.link for piece in arm.assembly.pieces if piece.body >= lowest)
 
 
 def _joint_inertias(arm: Arm, coordinates: FloatArray) -> FloatArray:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
+
+from flexarm.model import Joint
 
 # Published lengths of the two-link example arm, m (Table I: L1 = 1.4142, L2 = 1, rods of
 # 0.61732 kg/m), whose tip runs from (2, 1) to (1, 2).
@@ -15,7 +18,7 @@ TABLE_I_LENGTHS = (1.4142, 1.0)
 
 @dataclass
 class Links:
-    """All that a motion asks of an arm: lengths and the number of joints."""
+    """All that a motion asks of an arm: lengths, and the joints that turn."""
 
     link_lengths: tuple[float, ...] = TABLE_I_LENGTHS
 
@@ -26,6 +29,18 @@ class Links:
     @property
     def joints(self) -> int:
         return len(self.link_lengths)
+
+    @property
+    def links(self) -> int:
+        return len(self.link_lengths)
+
+    @property
+    def assembly(self) -> SimpleNamespace:
+        return SimpleNamespace(seats=[SimpleNamespace(link=i) for i in range(self.links)])
+
+    @property
+    def spec(self) -> SimpleNamespace:
+        return SimpleNamespace(joints=[Joint()] * self.links)
 
 
 def derivative(function: Callable[[np.ndarray], np.ndarray], t: np.ndarray, step: float):

@@ -40,8 +40,8 @@ def test_the_tip_has_the_velocity_and_acceleration_of_the_line(motion):
     state = motion.state(T)
     _, ds, dds = motion.law(T / 1.6)
     way = motion.end - motion.start
-    jacobian = tip_jacobian(motion.lengths, state.angle)
-    turning = tip_jacobian_rate(motion.lengths, state.angle, state.rate)
+    jacobian = tip_jacobian(motion.chain.lengths, state.angle)
+    turning = tip_jacobian_rate(motion.chain.lengths, state.angle, state.rate)
     velocity = np.einsum("tij,tj->ti", jacobian, state.rate)
     acceleration = np.einsum("tij,tj->ti", jacobian, state.acceleration)
     acceleration += np.einsum("tij,tj->ti", turning, state.rate)
@@ -53,7 +53,7 @@ def test_the_tip_has_the_velocity_and_acceleration_of_the_line(motion):
 def test_rates_are_the_smallest_that_do_it(motion):
     state = motion.state(T)
     for angle, rate in zip(state.angle, state.rate, strict=True):
-        jacobian = tip_jacobian(motion.lengths, angle)
+        jacobian = tip_jacobian(motion.chain.lengths, angle)
         idle = np.eye(motion.joints) - np.linalg.pinv(jacobian) @ jacobian
         np.testing.assert_allclose(idle @ rate, 0.0, rtol=0, atol=1e-12)
 
@@ -70,7 +70,7 @@ def test_almost_straight_arms_are_as_exact():
     # The path is integrated to 1e-12, and a slope of 16 times rounding errors adds a few.
     np.testing.assert_allclose(steps, way, rtol=0, atol=1e-11)
     line = motion.start + s.reshape(-1, 1) * (motion.end - motion.start)
-    on_line = tip_position(motion.lengths, path.angle)
+    on_line = tip_position(motion.chain.lengths, path.angle)
     np.testing.assert_allclose(on_line, line, rtol=0, atol=2e-14)  # rounding of 2.4 m
 
 

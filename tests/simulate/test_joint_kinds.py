@@ -1,0 +1,193 @@
+"""Fixed joints, geared rotors and elastic joints, against closed forms."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+LENGTH, INERTIA = 0.8, 0.5 * 0.8**3 / 3  # of a rigid bar of 0.5 kg/m about its end
+ROTOR, GEAR, SPRING = 2e-5, 80.0, 300.0
+
+
+def bar(**joint):
+    link = fa.Link(length=LENGTH, mass_per_length=0.5, flexible=False)
+    return fa.Arm(links=[link], joints=[fa.Joint(**joint)])
+
+
+def test_a_rotor_counts_with_the_square_of_its_gear():
+    arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR)
+    acceleration = arm.forward_dynamics([0.3], [1.0], [2.0])
+    assert acceleration[0] == pytest.approx(2.0 / (INERTIA + GEAR**2 * ROTOR), rel=1e-13)
+
+
+def test_a_rotor_turns_with_what_carries_it():
+    """Second joint locked by no torque of its own: the rotor's reaction is felt by the first."""
+    bars = [fa.Link(length=LENGTH, mass_per_length=0.5, flexible=False)] * 2
+    joints = [fa.Joint(), fa.Joint(rotor_inertia=ROTOR, gear_ratio=GEAR)]
+    arm = fa.Arm(links=bars, joints=joints)
+    M, bare = arm.mass_matrix([0.1, 0.4]), fa.Arm(links=bars).mass_matrix([0.1, 0.4])
+    expected = ROTOR * np.array([[1.0, GEAR], [GEAR, GEAR**2]])
+    np.testing.assert_allclose(M - bare, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("joints", "inverse_inertia"),
+    [("locked", 1 / INERTIA), ("free", 1 / INERTIA + 1 / (GEAR**2 * ROTOR))],
+)
+def test_frequency_of_an_elastic_joint(joints, inverse_inertia):
+    arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING)
+    assert (arm.dof, arm.joints) == (2, 1)
+    found = fa.modes(arm, joints=joints).frequency_hz[-1]
+    assert found == pytest.approx(np.sqrt(SPRING * inverse_inertia) / (2 * np.pi), rel=1e-12)
+
+
+def test_an_elastic_joint_swings_as_two_inertias_on_a_spring():
+    """Torque for a while: motor and link against the exact solution of two masses."""
+    arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING)
+    motor = GEAR**2 * ROTOR
+    result = fa.simulate(arm, 0.3, torque=lambda t: [3.0], rtol=1e-10, atol=1e-12)
+    t = result.time.values
+    omega = np.sqrt(SPRING * (1 / INERTIA + 1 / motor))
+    twist = -(3.0 / motor) / omega**2 * (1 - np.cos(omega * t))  # the link lags behind
+    both = 3.0 / (motor + INERTIA) * t**2 / 2  # mean, weighted with the inertias
+    angle = both - INERTIA / (motor + INERTIA) * twist
+    np.testing.assert_allclose(result.joint_twist.values[:, 0], twist, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.joint_angle.values[:, 0], angle, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.link_angle.values[:, 0], angle + twist, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result.joint_moment.values[:, 0], -SPRING * twist, rtol=0, atol=1e-6)
+
+
+def test_a_stiff_spring_is_no_spring():
+    """The rigid limit: errors fall with the compliance."""
+    links = [fa.Link(length=1.0, elements=2, **ROD), fa.Link(length=0.7, elements=1, **ROD)]
+    geared = {"rotor_inertia": ROTOR, "gear_ratio": GEAR}
+    rigid = fa.modes(fa.Arm(links=links, joints=[fa.Joint(**geared)] * 2), [0.2, 0.9], "free")
+    gaps = []
+    for stiffness in (1e5, 1e6, 1e7):
+        joint = fa.Joint(stiffness=stiffness, **geared)
+        found = fa.modes(fa.Arm(links=links, joints=[joint] * 2), [0.2, 0.9], "free")
+        gaps.append(rigid.frequency_hz[2] / found.frequency_hz[2] - 1.0)
+    assert gaps[0] > 0.0
+    np.testing.assert_allclose(np.divide(gaps[:-1], gaps[1:]), 10.0, rtol=0.1)
+
+
+def test_the_rigid_twin_has_stiff_gears():
+    arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING, damping=0.1)
+    twin = arm.rigid()
+    assert (twin.dof, twin.joints) == (1, 1)
+    assert twin.mass_matrix([0.0])[0, 0] == pytest.approx(INERTIA + GEAR**2 * ROTOR, rel=1e-13)
+
+
+def test_a_motor_that_follows_a_motion_drives_the_link_through_its_spring():
+    arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING)
+    natural, slow = np.sqrt(SPRING / INERTIA), 10.0
+    motor = fa.PrescribedAngle(
+        lambda t: 0.1 * (1 - np.cos(slow * t)),
+        lambda t: 0.1 * slow * np.sin(slow * t),
+        lambda t: 0.1 * slow**2 * np.cos(slow * t),
+    )
+    result = fa.simulate(arm, 0.5, prescribed={1: motor}, rtol=1e-10, atol=1e-12)
+    t = result.time.values
+    # The link obeys x'' + n^2 x = n^2 motor: the steady answer less the natural one it starts with.
+    gain = natural**2 / (natural**2 - slow**2)
+    link = 0.1 * (1 - gain * np.cos(slow * t) + (gain - 1) * np.cos(natural * t))
+    np.testing.assert_allclose(result.link_angle.values[:, 0], link, rtol=0, atol=1e-8)
+    asked = 0.1 * slow**2 * np.cos(slow * t)
+    torque = GEAR**2 * ROTOR * asked - SPRING * result.joint_twist.values[:, 0]
+    np.testing.assert_allclose(result.torque.values[:, 0], torque, rtol=0, atol=1e-6)
+
+
+def knee(**fixed):
+    """Three links, the middle joint rigid at an angle."""
+    links = [
+        fa.Link(length=1.0, elements=2, **ROD),
+        fa.Link(length=0.6, elements=2, **ROD),
+        fa.Link(length=0.5, elements=1, **ROD),
+    ]
+    joint = fa.Joint(fixed=True, rest_angle=0.7, mass=0.3, hub_inertia=0.01) if fixed else None
+    return links, joint
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_a_fixed_joint_is_one_that_is_held_there(theory):
+    links, joint = knee(fixed=True)
+    arm = fa.Arm(links=links, joints=[fa.Joint(), joint, fa.Joint()], theory=theory)
+    assert (arm.links, arm.joints, arm.joint_numbers.tolist()) == (3, 2, [1, 3])
+    turning = joint.replace(fixed=False, rest_angle=0.0)
+    free = fa.Arm(links=links, joints=[fa.Joint(), turning, fa.Joint()], theory=theory)
+    hold = fa.PrescribedAngle(lambda t: 0.7, lambda t: 0.0, lambda t: 0.0)
+    run = {"rtol": 1e-10, "atol": 1e-12, "rate": 100.0}
+    found = fa.simulate(arm, 0.5, torque=lambda t: [2.0 - 4 * t, 0.3], **run)
+    held = fa.simulate(
+        free, 0.5, torque=lambda t: [2.0 - 4 * t, 0.0, 0.3], prescribed={2: hold}, **run
+    )
+    for name in ("tip", "link_tip_deflection", "link_angle", "joint_force", "kinetic_energy"):
+        np.testing.assert_allclose(found[name], held[name], rtol=0, atol=2e-7, err_msg=name)
+    np.testing.assert_allclose(
+        found.joint_moment.sel(link=2), held.torque.sel(joint=2), rtol=0, atol=1e-6
+    )
+    assert found.joint.values.tolist() == [1, 3]
+    assert found.coordinate.values[0] == "joint_1"
+    assert "joint_2" not in found.coordinate.values
+
+
+def test_a_clamped_beam_has_no_joints_to_turn():
+    """Simulated, in equilibrium and in its modes, without a motor anywhere."""
+    beam = fa.Link(length=1.0, elements=8, **ROD)
+    arm = fa.Arm(links=[beam], joints=[fa.Joint(fixed=True, rest_angle=0.5)])
+    assert (arm.joints, arm.dof) == (0, 16)
+    exact = 3.5160152685 * np.sqrt(105.0 / 0.61732) / (2 * np.pi)
+    # A mesh of 8 elements: (beta h)^4 / 1440 = 2.1e-6.
+    assert fa.modes(arm).frequency_hz[0] == pytest.approx(exact, rel=3e-6)
+    bent = fa.equilibrium(arm, loads=[fa.Load(1, force=(0.0, 2.0), frame="link")])
+    assert arm.nodal(bent.q)[0][-1, 0] == pytest.approx(2.0 / (3 * 105.0), rel=1e-9)
+    result = fa.simulate(arm, 1.0, initial=bent.q, rtol=1e-9, atol=1e-12)
+    assert result.torque.shape == (1001, 0)
+    total = result.kinetic_energy + result.strain_energy
+    # The method damps what the release leaves in modes that it barely resolves.
+    np.testing.assert_allclose(total, total[0], rtol=1e-5)
+    np.testing.assert_allclose(arm.tip(arm.rest([])), [np.cos(0.5), np.sin(0.5), 0.5], rtol=1e-15)
+
+
+def test_motions_know_the_shape_of_rigidly_joined_links():
+    links, joint = knee(fixed=True)
+    base = fa.Joint(fixed=True, rest_angle=1.1)
+    arm = fa.Arm(links=[links[1], *links], joints=[base, fa.Joint(), joint, fa.Joint()])
+    start = arm.tip(arm.rest([0.3, -1.8]))[:2]
+    end = start + np.array([0.1, 0.1])
+    motion = fa.line_motion(arm, start, end, 1.0)
+    for t in (0.0, 0.3, 1.0):
+        on_line = arm.tip(arm.rest(motion.joint_angle(t)))[:2]
+        np.testing.assert_allclose(on_line, motion.tip(t), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(motion.tip(1.0), end, rtol=0, atol=1e-12)
+    turning = fa.joint_motion(arm, [0.0, 0.0], [0.5, 1.0], 1.0)
+    at_end = arm.tip(arm.rest([0.5, 1.0]))[:2]
+    np.testing.assert_allclose(turning.tip(1.0), at_end, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"fixed": True, "stiffness": 2.0}, "stiffness must be left out of a joint that is fixed"),
+        ({"fixed": True, "rotor_inertia": 1e-4}, "rotor_inertia must be left out of a joint"),
+        ({"gear_ratio": 50.0}, "gear_ratio must be left out of a joint without rotor_inertia"),
+        (
+            {"rotor_inertia": 1e-4, "stiffness": 10.0, "rest_angle": 0.1},
+            "rest_angle must be 0 where the spring lies between motor and link",
+        ),
+        ({"gear_ratio": -1.0, "rotor_inertia": 1e-4}, "gear_ratio must be greater than 0"),
+    ],
+)
+def test_contradictions_are_refused(fields, message):
+    with pytest.raises(fa.ModelError, match=message):
+        fa.Joint(**fields)
+
+
+def test_what_is_asked_of_arms_without_motors():
+    arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)], joints=[fa.Joint(fixed=True)])
+    with pytest.raises(fa.InputError, match="arm must have a joint that turns"):
+        fa.joint_motion(arm, [], [], 1.0)
+    hold = fa.PrescribedAngle(lambda t: 0.0, lambda t: 0.0, lambda t: 0.0)
+    with pytest.raises(fa.InputError, match="prescribed must name joints that turn: there is none"):
+        fa.simulate(arm, 0.1, prescribed={1: hold})
