@@ -368,7 +368,7 @@ class Arm(Coordinates):
         Raises:
             InputError: wrong shape, NaN, infinity, or fewer than two stations.
         """
-        placed = place_stations(self, check_stations("Arm.shape", stations))
+        placed = place_stations(self, check_stations("Arm.shape", stations, 10**6))
         state, body_poses, _ = self._poses("Arm.shape", q)
         points = np.zeros((self.links * stations, 2))
         axis_points(

@@ -44,11 +44,11 @@ class Cut:
     reach: FloatArray
 
 
-def check_stations(where: str, stations: object) -> int:
+def check_stations(where: str, stations: object, most: int = MOST_STATIONS) -> int:
     """Return a number of stations that holds root and tip, or raise ``InputError``."""
-    if isinstance(stations, int | np.integer) and 2 <= int(stations) <= MOST_STATIONS:
+    if isinstance(stations, int | np.integer) and 2 <= int(stations) <= most:
         return int(stations)
-    rule = f"be a whole number from 2 (root and tip) to {MOST_STATIONS}"
+    rule = f"be a whole number from 2 (root and tip) to {most}"
     raise InputError(Problem(where, "stations", rule, shown(stations)))
 
 

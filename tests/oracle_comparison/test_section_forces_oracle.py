@@ -57,6 +57,8 @@ def test_energies_beyond_a_section(seed):
     """Both theories, all options."""
     b, motion, nodal = case(seed)
     for section in list(sections(b, seed))[::2]:  # in between: an energy takes its time
+        if b.arm.spec.joints[section.link - 1].fixed:
+            continue  # no coordinate that tells the moment; Newton's law looks there
         exact = by_lagrange(b.arm.spec, section, nodal, b.all_loads, b.base_acceleration)
         error = found(b, motion, section, 14) - exact
         assert np.all(abs(error) < ROUNDING * scale(b, motion)), (section, error, exact)
@@ -93,7 +95,7 @@ def test_moments_of_the_second_order_theory_leave_out_third_order_terms():
         exact = by_newton(b.arm.spec, section, nodal, b.all_loads, b.base_acceleration)
         errors.append(abs(found(b, motion, section, 14) - exact)[2])
         moments.append(abs(exact[2]))
-    assert errors[0] > 1e-6 * moments[0]  # far above rounding
+    assert errors[0] > 1e-8 * moments[0]  # far above rounding
     assert 40.0 < errors[0] / errors[1] < 90.0
 
 
@@ -110,4 +112,5 @@ def test_every_option_had_its_turn():
     assert {any(b.base_acceleration) for b in drawn} == {True, False}
     assert {any(b.arm.spec.payload.offset) for b in drawn} == {True, False}
     joints = [joint for b in drawn for joint in b.arm.spec.joints]
+    assert {joint.fixed for joint in joints} == {joint.elastic for joint in joints} == {True, False}
     assert {bool(joint.hub_inertia) for joint in joints} == {True, False}

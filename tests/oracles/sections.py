@@ -58,11 +58,14 @@ class Section:
 
 
 class Frame(NamedTuple):
-    """Root of a piece: place in the world, angle of the tangent, the piece's own coordinates."""
+    """Root of a piece: place in the world, angle of the tangent, the piece's own coordinates;
+    angle of the section that carries it, and of the rotor of its joint's motor."""
 
     origin: tuple[Any, Any]
     angle: Any
     shape: Any
+    carrier: Any = None
+    rotor: Any = None
 
     def place(self, x: Any, y: Any) -> tuple[Any, Any]:
         """World position of a point at (x, y) in the axes of the root."""
@@ -114,9 +117,16 @@ def frames(oracle: LagrangianOracle, points: Sequence[MaterialPoints], q: Jet) -
     """Roots of all pieces, then the last tip."""
     found, at, angle = [], (q[0] * 0.0, q[0] * 0.0), q[0] * 0.0
     for i, (piece, here) in enumerate(zip(oracle.pieces, points, strict=True)):
-        if piece.joint is not None:
-            angle = angle + q[oracle.joint_index[piece.owner]]
-        frame = Frame(at, angle, q[oracle.shape_slice[i]])
+        carrier, rotor = angle, angle
+        if piece.joint is not None and piece.joint.fixed:
+            angle = angle + piece.joint.rest_angle
+        elif piece.joint is not None:
+            turned = q[oracle.angle_of[piece.owner]]
+            rotor = carrier + turned * piece.joint.gear_ratio
+            angle = angle + turned
+            if piece.joint.elastic:
+                angle = angle + q[oracle.spring_of[piece.owner]]
+        frame = Frame(at, angle, q[oracle.shape_slice[i]], carrier, rotor)
         found.append(frame)
         x: Any = piece.link.length
         if oracle.spec.theory == "second_order":
@@ -162,14 +172,11 @@ def lumps(
 ) -> Iterator[Lump]:
     """Everything with mass beyond a section."""
     spec, roots = oracle.spec, frames(oracle, points, q)
-    for piece, here, frame, inboard in zip(
-        oracle.pieces, points, roots, [None, *roots], strict=False
-    ):
+    for piece, here, frame in zip(oracle.pieces, points, roots, strict=False):
         if piece.joint is not None and piece.owner > section.link - 1:
             yield Lump(piece.joint.mass, frame.origin, piece.joint.hub_inertia, frame.angle)
-            assert inboard is not None
-            carrier = frame.angle - q[oracle.joint_index[piece.owner]]  # the tip of the link before
-            yield Lump(0.0, frame.origin, piece.joint.housing_inertia, carrier)
+            yield Lump(0.0, frame.origin, piece.joint.housing_inertia, frame.carrier)
+            yield Lump(0.0, frame.origin, piece.joint.rotor_inertia, frame.rotor)
         at = axis(spec, here, here.running, here.x, frame)
         yield Lump(here.mass, at, here.rotary, frame.angle + here.slope @ frame.shape)
     tip, payload = roots[-1], spec.payload
@@ -214,6 +221,22 @@ def by_newton(
     return section_forces(spec, section, motion, tuple(total))
 
 
+def bare_joint(joint: fa.Joint, beyond: bool) -> fa.Joint:
+    """The joint with its coordinates, its masses where it is beyond the section, and no forces."""
+    nothing = 1e-300  # keeps an elastic joint elastic
+    fields: dict[str, Any] = {"fixed": joint.fixed, "gear_ratio": joint.gear_ratio}
+    if beyond:
+        for name in ("mass", "hub_inertia", "housing_inertia", "rotor_inertia"):
+            fields[name] = getattr(joint, name)
+    if joint.fixed:
+        fields["rest_angle"] = joint.rest_angle
+    if joint.elastic:
+        fields["stiffness"] = nothing
+    if joint.rotor_inertia and not beyond:
+        fields["rotor_inertia"] = nothing
+    return fa.Joint(**fields)
+
+
 def by_lagrange(
     spec: Any,
     section: Section,
@@ -221,14 +244,12 @@ def by_lagrange(
     loads: Sequence[fa.Load] = (),
     base_acceleration: Any = (0.0, 0.0),
 ) -> np.ndarray:
-    """Axial force, shear force, bending moment (3,): what holds the slides of the link's joint."""
+    """Axial force, shear force, bending moment (3,): what holds the slides of the link's joint.
+
+    The joint of the section's link must turn: its coordinate tells the moment.
+    """
     link = section.link - 1
-    bare = [
-        fa.Joint(mass=j.mass, hub_inertia=j.hub_inertia, housing_inertia=j.housing_inertia)
-        if owner > link
-        else fa.Joint()
-        for owner, j in enumerate(spec.joints)
-    ]
+    bare = [bare_joint(joint, owner > link) for owner, joint in enumerate(spec.joints)]
     oracle = copy.copy(oracle_of(spec))
     oracle.points = beyond(oracle, section)
     oracle.spec = spec.replace(joints=bare)
@@ -241,5 +262,5 @@ def by_lagrange(
     fx, fy = missing[n + 2 * link : n + 2 * link + 2]
     first = next(k for k, piece in enumerate(oracle.pieces) if piece.owner == link)
     x, y = (float(c.value.value) for c in total.roots[first][0])
-    moment = missing[oracle.joint_index[link]] + x * fy - y * fx
+    moment = missing[oracle.spring_of[link]] + x * fy - y * fx
     return section_forces(spec, section, motion, (fx, fy, moment))

@@ -204,9 +204,9 @@ arm:
     - {rotor_inertia: 1.0e-4, gear_ratio: 50, stiffness: 500}
     - {fixed: true, rest_angle: 0.7}
     - {}
-motion: {kind: joint, start: [0.0, 0.2], end: [0.3, 0.5], duration: 0.2}
+motion: {kind: joint, start: [0.0, 0.2], end: [0.3, 0.5], duration: 2.0}
 drive: {kind: rigid_inverse_dynamics}
-run: {duration: 0.2, rate: 100}
+run: {duration: 2.0, rate: 100}
 """
 
 

@@ -208,6 +208,36 @@ class TestEquilibrium:
             prepare(load_scenario(path))
 
 
+def test_fixed_and_elastic_joints_start_in_equilibrium_too(tmp_path):
+    """Joint 2 is fixed and has no place among the angles; the spring of joint 3 twists."""
+    text = (
+        "flexarm: 1\n"
+        "arm:\n"
+        "  gravity: [0, -9.81]\n"
+        "  links:\n"
+        "    - &rod {length: 0.6, flexural_rigidity: 1000, mass_per_length: 0.6, elements: 1}\n"
+        "    - *rod\n"
+        "    - *rod\n"
+        "  joints:\n"
+        "    - {hub_inertia: 0.5, damping: 0.1}\n"
+        "    - {fixed: true, rest_angle: 0.4}\n"
+        "    - {rotor_inertia: 0.01, gear_ratio: 5, stiffness: 300}\n"
+        "motion: {kind: joint, start: [0.3, -0.5], end: [0.3, -0.5], duration: 0.2}\n"
+        "drive: {kind: rigid_inverse_dynamics}\n"
+        "initial: {equilibrium: true, balance: true}\n"
+        "run: {duration: 0.2, rate: 100}\n"
+    )
+    path = tmp_path / "run.yaml"
+    path.write_text(text)
+    still = fa.run_scenario(path)
+    assert np.ptp(still.q.values, axis=0).max() < 1e-8  # the residual of the equilibrium
+    assert abs(still.joint_twist.values[0, 1]) > 1e-3
+    path.write_text(text.replace("motion:", "prescribed: [{joint: 3, kind: hold}]\nmotion:"))
+    held = fa.run_scenario(path)
+    np.testing.assert_array_equal(held.joint_angle.sel(joint=3), -0.5)
+    assert np.ptp(held.q.values, axis=0).max() < 1e-8
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -63,11 +63,11 @@ PrescribedJoint = Annotated[
 ]
 
 
-def prescribed_faults(given: Given, joints: int | None, fixed: list[int]) -> Iterator[Fault]:
+def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
     """Yield what does not fit between a scenario's prescribed joints and its other parts.
 
     Args:
-        joints: how many there are. fixed: numbers of those that do not turn.
+        turning: numbers of the joints that turn; none where they are not known.
     """
     if not given.has("prescribed") or not given.prescribed:
         return
@@ -76,10 +76,9 @@ def prescribed_faults(given: Given, joints: int | None, fixed: list[int]) -> Ite
     told: dict[int, int] = {}
     for i, joint in enumerate(given.prescribed):
         place = ("prescribed", i, "joint")
-        if joints and joint.joint > joints:
-            yield Fault(place, f"be the number of a joint, 1 to {joints}", shown(joint.joint))
-        if joint.joint in fixed:
-            yield Fault(place, "be the number of a joint that turns", shown(joint.joint))
+        if turning and joint.joint not in turning:
+            rule = f"be the number of a joint that turns: {', '.join(map(str, turning))}"
+            yield Fault(place, rule, shown(joint.joint))
         if joint.joint in told:
             first = told[joint.joint]
             rule = f"be another joint than that of prescribed[{first}]"

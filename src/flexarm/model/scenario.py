@@ -115,28 +115,28 @@ class Scenario(Record):
         kind = look(given.raw("drive"), "kind")
         if kind in _FOLLOWING and given.absent("motion"):
             yield Fault(("motion",), f"be given where drive is {kind}", "missing")
-        links = length_of(look(given.raw("arm"), "links"))
-        fixed = _fixed_joints(given)
-        joints = links and links - len(fixed)
+        turning = _turning(given.raw("arm"))
+        joints = len(turning)
         for path, values in _values_per_joint(given):
             length = length_of(values)
-            if links and length not in (None, joints):
+            if joints and length not in (None, joints):
                 rule = f"have one value for each of the {joints} joints"
                 yield Fault(path, rule, f"{length} long")
         yield from load_faults(given)
-        yield from prescribed_faults(given, links, fixed)
+        yield from prescribed_faults(given, turning)
 
 
 _FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")
 """Drives that follow a motion."""
 
 
-def _fixed_joints(given: Given) -> list[int]:
-    """Numbers of the joints that do not turn, counted from 1; joints may have other faults."""
-    joints = plain(look(given.raw("arm"), "joints"))
-    listed = joints if isinstance(joints, list | tuple) else ()
-    fixed = [plain(look(plain(joint), "fixed")) is True for joint in listed]
-    return [number for number, is_fixed in enumerate(fixed, start=1) if is_fixed]
+def _turning(arm: object) -> list[int]:
+    """Return the numbers of the joints of an arm that turn, as far as the user wrote it right."""
+    joints = plain(look(arm, "joints"))
+    joints = joints if isinstance(joints, list | tuple) else ()
+    fixed = {number for number, joint in enumerate(joints, 1) if look(joint, "fixed") is True}
+    links = length_of(look(arm, "links")) or 0
+    return [number for number in range(1, links + 1) if number not in fixed]
 
 
 def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:

@@ -68,17 +68,23 @@ class ArmSpec(Record):
 def _inertia_faults(
     links: Sequence[Link], joints: Sequence[Joint], payload: Payload
 ) -> Iterator[Fault]:
-    """Yield the joints beyond which nothing resists a torque, whatever the posture."""
+    """Yield the joints beyond which nothing resists a torque, whatever the posture.
+
+    Links that are fixed to each other turn as one, from a joint that turns to the next.
+    """
     tables = [link.beam() for link in links]
     heavy = [any(table.mass_per_length) for table in tables]
     turned = [any(table.rotary_inertia_per_length or ()) for table in tables]
+    turned = [own or joint.hub_inertia > 0 for own, joint in zip(turned, joints, strict=True)]
     carried = [joint.mass > 0 for joint in joints[1:]] + [payload.mass > 0]
-    for i, joint in enumerate(joints):
-        housing = joints[i + 1].housing_inertia if i + 1 < len(joints) else payload.inertia
+    attached = [joint.housing_inertia > 0 for joint in joints[1:]] + [payload.inertia > 0]
+    turning = [i for i, joint in enumerate(joints) if not joint.fixed]
+    for i, end in zip(turning, [*turning[1:], len(joints)], strict=False):
+        geared = joints[i].rotor_inertia > 0 and not joints[i].elastic
         # What turns about a joint further out resists by its mass alone.
-        if turned[i] or joint.hub_inertia > 0 or housing > 0 or any(heavy[i:] + carried[i:]):
+        if geared or any(turned[i:end] + attached[i:end] + heavy[i:] + carried[i:]):
             continue
-        if i + 1 < len(joints):
+        if end < len(joints):
             hint = "Give the link or something it carries mass, or its joint a hub_inertia."
             yield Fault(("links", i), "have inertia or carry mass", "massless", hint)
         else:

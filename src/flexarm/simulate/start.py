@@ -48,17 +48,17 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | None) -> Start:
     prescribed: dict[int, PrescribedAngle | Motion] = {}
     numbers = arm.joint_numbers.tolist()
     for spec in scenario.prescribed:
-        index = numbers.index(spec.joint)
+        place = numbers.index(spec.joint)
         own: PrescribedAngle | Motion
         if isinstance(spec, TabulatedJoint):
             own = PrescribedAngle.table(spec.times, spec.angles, spec.ends)
-            angles[index] = own.angle(0.0)
+            angles[place] = own.angle(0.0)
         elif isinstance(spec, HeldJoint):
-            own = PrescribedAngle.hold(angles[index])
+            own = PrescribedAngle.hold(angles[place])
         else:
             assert motion is not None  # refused without one when the file was read
             own = motion
-            angles[index] = motion.joint_angle(0.0)[index]
+            angles[place] = motion.joint_angle(0.0)[place]
         prescribed[spec.joint] = own
     if not asked.equilibrium:
         return Start(arm.rest(angles), prescribed)

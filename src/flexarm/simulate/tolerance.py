@@ -27,8 +27,9 @@ def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) 
     unit = np.ones((2, n, 1 + m))
     unit[0, :, 0] = 1.0 / np.maximum(reach, 1e-3 * reach[0])
     real = c.w2 > 0.0
-    mass = np.where(c.mass > 0.0, c.mass, 1.0)  # a massless body is rigid: it has no modes
-    amplitude = np.abs(c.P) + np.abs(c.dP) * beyond[:, None] + _INTERIOR / np.sqrt(mass)[:, None]
+    # A body without mass, a lever or the motor's end of an elastic joint, has no modes.
+    interior = _INTERIOR / np.sqrt(np.where(c.mass > 0.0, c.mass, 1.0))
+    amplitude = np.abs(c.P) + np.abs(c.dP) * beyond[:, None] + interior[:, None]
     unit[0, :, 1:] = np.where(real, 1.0 / amplitude, 1.0)
     frequency = np.sqrt(np.where(real, c.w2, 1.0))
     unit[1, :, 1:] = unit[0, :, 1:] * frequency

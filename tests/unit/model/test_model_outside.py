@@ -53,6 +53,26 @@ def test_times_may_jump_and_stay():
     )
 
 
+def test_joints_that_are_fixed_have_no_values():
+    third = ArmSpec(links=[LINK] * 3, joints=[{}, {"fixed": True}, {}])
+    found = Scenario(
+        arm=third,
+        run=RUN,
+        motion=JOINT,
+        prescribed=[HeldJoint(joint=3)],
+        initial={"joint_angle": [0, 1]},
+        loads=[{"link": 3, "moment": 1}],
+    )
+    assert found.prescribed[0].joint == 3
+    with pytest.raises(ModelError) as caught:
+        found.replace(prescribed=[HeldJoint(joint=2)], initial={"joint_angle": [0, 1, 2]})
+    told = [problem.removeprefix("Scenario: ") for problem in str(caught.value).splitlines()]
+    assert told == [
+        "initial.joint_angle must have one value for each of the 2 joints, but is 3 long.",
+        "prescribed[0].joint must be the number of a joint that turns: 1, 3, but is 2.",
+    ]
+
+
 @pytest.mark.parametrize(
     ("load", "problems"),
     [
@@ -167,8 +187,8 @@ def test_wrong_loads_are_refused_with_every_reason(load, problems):
         (
             {"prescribed": [{"joint": 3, "kind": "hold"}, {"joint": 3, "kind": "hold"}]},
             [
-                "prescribed[0].joint must be the number of a joint, 1 to 2, but is 3.",
-                "prescribed[1].joint must be the number of a joint, 1 to 2, but is 3.",
+                "prescribed[0].joint must be the number of a joint that turns: 1, 2, but is 3.",
+                "prescribed[1].joint must be the number of a joint that turns: 1, 2, but is 3.",
                 "prescribed[1].joint must be another joint than that of prescribed[0], but is 3.",
             ],
         ),

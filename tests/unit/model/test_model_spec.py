@@ -93,6 +93,24 @@ def test_offset_of_one_number_is_along_the_tangent():
                 )
             ],
         ),
+        (  # links that are fixed to each other turn as one
+            {"links": [MASSLESS, MASSLESS], "joints": [Joint(), Joint(fixed=True)]},
+            [
+                (
+                    "payload.mass must be greater than 0 beyond a massless link, but is 0. "
+                    "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+                )
+            ],
+        ),
+        (  # the rotor of an elastic joint is on the near side of its spring
+            {"links": [MASSLESS], "joints": [Joint(rotor_inertia=1, stiffness=1)]},
+            [
+                (
+                    "payload.mass must be greater than 0 beyond a massless link, but is 0. "
+                    "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+                )
+            ],
+        ),
     ],
 )
 def test_wrong_arms_are_refused_with_every_reason(values, problems):
@@ -112,6 +130,11 @@ def test_massless_links_are_right_where_something_has_inertia():
     ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(mass=1, hub_inertia=1)])
     ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(housing_inertia=1, hub_inertia=1)])
     ArmSpec(links=[MASSLESS, MASSLESS], payload=Payload(mass=1))
+    fixed = Joint(fixed=True)
+    ArmSpec(links=[MASSLESS, MASSLESS], joints=[fixed, fixed])
+    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), fixed.replace(hub_inertia=1)])
+    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), fixed], payload=Payload(inertia=1))
+    ArmSpec(links=[MASSLESS], joints=[Joint(rotor_inertia=1, gear_ratio=5)])
     turning = MASSLESS.replace(rotary_inertia_per_length=1)
     ArmSpec(links=[turning])
 
