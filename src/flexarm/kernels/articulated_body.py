@@ -37,7 +37,7 @@ from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
 
-@compiled
+@merged
 def forward_dynamics(
     sizes: Sizes,
     constants: ArmConstants,
