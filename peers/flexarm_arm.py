@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import flexarm as fa
-from peers.arms import RATE, Case
+from peers.arms import Case
 
 
 class _Torque:
@@ -44,7 +44,7 @@ def tip(case: Case) -> np.ndarray:
         case.duration,
         torque=_Torque(case),
         initial=arm.rest(case.joint_angles),
-        rate=RATE,
+        rate=case.rate,
         progress=False,
     )
     return np.asarray(result["tip"])
