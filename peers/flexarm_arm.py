@@ -8,7 +8,7 @@ import flexarm as fa
 from peers.arms import Case
 
 
-class _Torque:
+class Torque:
     """A case's torques, telling flexarm where they are not smooth."""
 
     def __init__(self, case: Case) -> None:
@@ -42,7 +42,7 @@ def tip(case: Case) -> np.ndarray:
     result = fa.simulate(
         arm,
         case.duration,
-        torque=_Torque(case),
+        torque=Torque(case),
         initial=arm.rest(case.joint_angles),
         rate=case.rate,
         progress=False,
