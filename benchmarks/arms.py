@@ -34,7 +34,7 @@ def chain(links: int, modes: int = 4, elements: int = 4, theory: str = "linear")
 def moving_state(arm: fa.Arm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a reproducible state (q, qd) in motion, and torques."""
     rng = np.random.default_rng(1)
-    q, qd = 1e-3 * rng.normal(size=(2, arm.dof))
+    q, qd = 1e-4 * rng.normal(size=(2, arm.dof))
     q[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
     qd[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
     return q, qd, rng.uniform(-1.0, 1.0, arm.joints)

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import casadi
 import numpy as np
+from peers.arms import TORQUE_ENDS, Case
 
 import flexarm as fa
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import undecorated
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
-from peers.arms import TORQUE_ENDS, Case
 
 
 def prepare(case: Case, arm: fa.Arm, rtol: float) -> Callable[[], np.ndarray]:
@@ -20,7 +20,9 @@ def prepare(case: Case, arm: fa.Arm, rtol: float) -> Callable[[], np.ndarray]:
     The equations are those of ``arm``, written by our kernels over CasADi's scalars: what a user
     would derive by hand. One integrator up to the end of the torque, one after.
     """
-    y, t, on = (casadi.SX.sym(name, size) for name, size in (("y", 2 * arm.dof), ("t", 1), ("on", 1)))
+    y, t, on = (
+        casadi.SX.sym(name, size) for name, size in (("y", 2 * arm.dof), ("t", 1), ("on", 1))
+    )
     wave = on * casadi.sin(2.0 * np.pi * t)
     rates = _rates(arm, y, [value * wave for value in case.amplitude])
     equations = {"x": y, "t": t, "p": on, "ode": casadi.vertcat(*rates)}
@@ -29,6 +31,8 @@ def prepare(case: Case, arm: fa.Arm, rtol: float) -> Callable[[], np.ndarray]:
     parts = []
     for share in (1.0, 0.0):
         grid = samples[(samples <= TORQUE_ENDS) if share else (samples >= TORQUE_ENDS)]
+        if len(grid) < 2:
+            continue
         solver = casadi.integrator("F", "cvodes", equations, grid[0], grid[1:], options)
         parts.append((solver, share))
     start = np.concatenate([arm.rest(case.joint_angles), np.zeros(arm.dof)])

@@ -1,4 +1,4 @@
-"""Forward dynamics: against C++ templates, against a dense solution with SciPy, and how it scales."""
+"""Forward dynamics: against C++ templates, against dense algebra, and how it scales."""
 
 from __future__ import annotations
 

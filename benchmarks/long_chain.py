@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from peers.arms import Case
 
 from benchmarks import programs
 from benchmarks.work_precision import Entry, Point, measure
 from flexarm.integrate import INTEGRATORS
-from peers.arms import Case
 
 #: Released from rest as a slanting line that hangs by one end; 64 hinges, each link bends.
 CASE = Case(

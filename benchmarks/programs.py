@@ -7,12 +7,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from peers.arms import Case
+from peers.flexarm_arm import Torque
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from benchmarks.work_precision import Entry, Outcome, Run, timed
-from peers.arms import Case
-from peers.flexarm_arm import Torque
 
 #: Module that a program needs, beside what flexarm needs itself.
 PEERS = {"Exudyn": "exudyn", "MuJoCo": "mujoco", "CasADi CVODES": "casadi"}

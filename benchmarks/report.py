@@ -62,17 +62,17 @@ def write(folder: Path, measured: Measured) -> None:
 def _page(m: Measured) -> str:
     return f"""# Performance
 
-Measured by `make bench`; the numbers below are from one run on one machine:
-{machine()}.
-Times vary from machine to machine and with what else runs on it; ratios taken in the same run are what to compare. All
-that is compared was timed in turns, and every time is a median.
+Measured by `make bench`; the numbers below are from one run on one machine: {machine()}. Times
+vary from machine to machine and with what else runs on it; ratios taken in the same run are
+what to compare. All that is compared was timed in turns, and every time is a median.
 
 ## Forward dynamics, two links of four modes
 
 {_comparison_table(m.comparisons)}
 
-The limit is a C++ template with the sizes known to the compiler, `benchmarks/limit`, written by hand for nothing but this
-and compiled with `-O3 -march=native`; it gives the same accelerations to 1e-11 before it is timed. The goal is 1.5 times the limit.
+The limit is a C++ template with the sizes known to the compiler, `benchmarks/limit`, written by
+hand for nothing but this and compiled with `-O3 -march=native`; it gives the same accelerations
+to 1e-11 before it is timed. The goal is 1.5 times the limit.
 
 ## Scaling
 
@@ -82,11 +82,12 @@ and compiled with `-O3 -march=native`; it gives the same accelerations to 1e-11 
 
 ## Two seconds of the two-link arm of Table I
 
-Largest distance of the tip, every 10 ms, from solutions that other programs computed with tight error control: that
-of geometrically exact beams, and that of the paper's linear theory with 2 + 1 elements.
-Integration: the time in each program's own loop. Total: with building the model and handing over the result, for
-flexarm every channel with its labels. Compiling and importing are left out everywhere. SciPy's solvers call flexarm's
-dynamics from Python, CasADi has the same equations as symbols with exact Jacobians.
+Largest distance of the tip, every 10 ms, from solutions that other programs computed with tight
+error control: that of geometrically exact beams, and that of the paper's linear theory with 2 +
+1 elements. Integration: the time in each program's own loop. Total: with building the model and
+handing over the result, for flexarm every channel with its labels. Compiling and importing are
+left out everywhere. SciPy's solvers call flexarm's dynamics from Python, CasADi has the same
+equations as symbols with exact Jacobians.
 
 The fastest of each that is at least so accurate:
 
@@ -100,8 +101,9 @@ Every run, fastest first; those that err by more than {1e3 * USEFUL:g} mm are le
 
 ## A chain of 64 links
 
-One second of 64 links on free hinges that swing under gravity, four second-order modes a link, without damping, against
-flexarm with eight modes a link at `rtol=1e-7`. MuJoCo's rigid bars and Exudyn's cables tend to the same motion.
+One second of 64 links on free hinges that swing under gravity, four second-order modes a link,
+without damping, against flexarm with eight modes a link at `rtol=1e-7`. MuJoCo's rigid bars and
+Exudyn's cables tend to the same motion.
 
 {_points_table(m.chain)}
 
@@ -165,7 +167,9 @@ def _level_table(points: list[Point]) -> str:
                     continue
                 ratio = f"{best.seconds / own.seconds:.3g}" if own else ""
                 name, total = f"{program}, {best.setting}", f"{1e3 * best.total:.3g}"
-                rows.append((truth, f"{level:.1e}", name, f"{1e3 * best.seconds:.3g}", total, ratio))
+                rows.append(
+                    (truth, f"{level:.1e}", name, f"{1e3 * best.seconds:.3g}", total, ratio)
+                )
     header = ("against", "error at most (m)", "fastest", "integration (ms)", "total (ms)", "ratio")
     return _table(header, rows)
 

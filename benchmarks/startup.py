@@ -79,7 +79,9 @@ def memory_megabytes(seconds: float = 60.0) -> dict[str, float]:
         f"fa.simulate(arm, {seconds}, initial=arm.rest([0.3, -0.5]), progress=False)\n"
         "print(most())"
     )
-    done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
     before, after = map(float, done.stdout.split())
     return {
         "Python, the libraries and the compiled code": before,

@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from peers.arms import TABLE_ONE
 
 import flexarm as fa
 from benchmarks import programs
 from benchmarks.arms import table_one
 from benchmarks.work_precision import Entry, Point, measure
 from flexarm.integrate import INTEGRATORS
-from peers.arms import TABLE_ONE
 
 DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
 #: Sampled as the exact solution is stored, so that the peers may take steps of 2 ms.
@@ -49,7 +49,9 @@ BASES = {
 def truths(duration: float) -> dict[str, np.ndarray]:
     """Return the tip paths to compare with, up to a time."""
     count = round(duration * CASE.rate) + 1
-    tables = {name: np.loadtxt(DATA / file, delimiter=",", skiprows=1) for name, file in _FILES.items()}
+    tables = {
+        name: np.loadtxt(DATA / file, delimiter=",", skiprows=1) for name, file in _FILES.items()
+    }
     return {name: table[:count, 3:5] for name, table in tables.items()}
 
 

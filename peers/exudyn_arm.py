@@ -9,7 +9,6 @@ from itertools import pairwise
 import exudyn
 import exudyn.itemInterface as items
 import numpy as np
-
 from exudyn.advancedUtilities import CreateSymbolicUserFunction
 
 from peers.arms import TORQUE_ENDS, Case, steps_per_sample

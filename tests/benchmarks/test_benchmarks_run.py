@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
-
-from benchmarks import forward_dynamics, long_chain, programs, report, startup, table_one
-from benchmarks.limit import compiler
+from benchmarks.arms import chain, moving_state
+from benchmarks.limit import Limit, compiler
 from benchmarks.work_precision import Point, fastest, measure
+
+import flexarm as fa
+from benchmarks import forward_dynamics, long_chain, programs, report, startup, table_one
 from flexarm.integrate import INTEGRATORS
 
 
 @pytest.fixture(scope="module")
 def points() -> list[Point]:
     """Flexarm's integrators and every installed peer on a tenth of a second of the problem."""
-    for peer in programs.missing():
-        warnings.warn(f"{peer} is not installed: its benchmark was not tried", stacklevel=1)
     own = table_one.own_entries(rtol=(1e-4,), steps=(2.5e-4,), duration=0.1)
     entries = [entry for entry in own if "segments" not in entry.setting]
     entries += table_one.peer_entries(duration=0.1, quick=True)
@@ -40,15 +40,35 @@ def test_every_integrator_takes_part(points: list[Point]) -> None:
     assert [name for name in INTEGRATORS if name not in settings] == []
 
 
+@pytest.mark.parametrize("peer", programs.PEERS)
+def test_every_installed_peer_takes_part(points: list[Point], peer: str) -> None:
+    if peer in programs.missing():
+        pytest.skip(f"{peer} is not installed: its benchmark was not tried")
+    assert peer in {point.program for point in points}
+
+
 @pytest.mark.skipif(compiler() is None, reason="no C++ compiler: the limit was not measured")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_limit_is_the_same_physics(theory: str) -> None:
-    comparison = forward_dynamics.compare(theory, calls=2, repeats=1)  # checks before it times
-    assert comparison.limit is not None
-    assert all(isinstance(value, str) or value > 0.0 for value in comparison)
+    arm = chain(2, theory=theory)
+    forward_dynamics.checked_limit(arm, *moving_state(arm))
+    heavier = fa.Arm(links=arm.spec.links, theory=theory, gravity=(0.0, -9.81))
+    limit = Limit(heavier, *moving_state(arm))
+    limit.compile_time_sizes(1)
+    far = np.abs(heavier.unpadded(limit.acceleration) - arm.forward_dynamics(*moving_state(arm)))
+    assert far.max() > 1.0  # gravity is seen
 
 
-def test_limit_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limit_refuses_what_it_leaves_out() -> None:
+    arm = fa.Arm(links=chain(2).spec.links, joints=[fa.Joint(), fa.Joint(fixed=True)])
+    with pytest.raises(ValueError, match="free joints"):
+        Limit(arm, *moving_state(arm))
+
+
+def test_forward_dynamics_with_and_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    comparison = forward_dynamics.compare("linear", calls=2, repeats=1)
+    assert (comparison.limit is None) == (compiler() is None)
+    assert all(value is None or value > 0.0 for value in comparison[1:])
     monkeypatch.setattr(forward_dynamics, "compiler", lambda: None)
     assert forward_dynamics.compare("linear", calls=2, repeats=1).limit is None
 
@@ -62,7 +82,7 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         help=0.1,
         runs={name: startup.Wait(1.0, 1.0) for name in ("first", "second", "run")},
         memory=startup.memory_megabytes(seconds=0.01),
-        comparisons=[report.Comparison("linear", 0.1, 0.1, 10.0, 50.0, None, None)],
+        comparisons=[forward_dynamics.Comparison("linear", 0.1, 0.1, 10.0, 50.0, None, None)],
         links=forward_dynamics.scaling_in_links(counts=(2, 256), repeats=1),
         modes=forward_dynamics.scaling_in_modes(counts=(2, 8), repeats=1),
         table_one=points,
