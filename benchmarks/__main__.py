@@ -4,29 +4,39 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks import forward_dynamics, report, simulation, startup
+from benchmarks import forward_dynamics, long_chain, programs, report, startup, table_one
+from benchmarks.limit import compiler
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "performance"
 
 
 def main() -> None:
-    """Run all benchmarks, a minute or two."""
+    """Run all benchmarks, some minutes."""
+    for peer in programs.missing():
+        print(f"SKIPPED: {peer} is not installed (pip install 'flexarm[peers,casadi]').")
+    if compiler() is None:
+        print("SKIPPED: the C++ limit, there is no compiler on this machine.")
     print("start-up ...", flush=True)
-    first, second = startup.paper_seconds()
-    times = {
-        "`import flexarm`, beyond starting Python": startup.import_seconds(),
-        "`flexarm --help`, process start included": startup.help_seconds(),
-        "`flexarm paper`, the first time on a machine, all compilation included": first,
-        "`flexarm paper`, the second time": second,
-    }
-    print("forward dynamics ...", flush=True)
-    comparison = forward_dynamics.compare()
-    links = forward_dynamics.scaling_in_links()
-    modes = forward_dynamics.scaling_in_modes()
-    print("simulation ...", flush=True)
-    points = simulation.work_precision()
-    report.write(FOLDER, comparison, links, modes, points, times)
+    measured = report.Measured(
+        imports=startup.import_seconds(),
+        help=startup.help_seconds(),
+        runs=startup.first_runs(),
+        memory=startup.memory_megabytes(),
+        comparisons=[forward_dynamics.compare(theory) for theory in ("linear", "second_order")],
+        links=forward_dynamics.scaling_in_links(),
+        modes=forward_dynamics.scaling_in_modes(),
+        table_one=_announced("Table I arm", table_one.work_precision),
+        chain=_announced("chain of 64 links", long_chain.work_precision),
+    )
+    report.write(FOLDER, measured)
     print((FOLDER / "index.md").read_text(encoding="utf-8"))
+
+
+def _announced(what, measure):  # type: ignore[no-untyped-def]
+    print(f"{what} ...", flush=True)
+    points, failed = measure()
+    print(*failed, sep="\n", flush=True)
+    return points
 
 
 if __name__ == "__main__":

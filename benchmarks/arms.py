@@ -19,7 +19,7 @@ def table_one(elements: tuple[int, int] = (2, 1), **options: object) -> fa.Arm:
     )
 
 
-def chain(links: int, modes: int = 4, elements: int = 4) -> fa.Arm:
+def chain(links: int, modes: int = 4, elements: int = 4, theory: str = "linear") -> fa.Arm:
     """Return a chain of equal flexible links."""
     link = fa.Link(
         length=0.5,
@@ -28,21 +28,13 @@ def chain(links: int, modes: int = 4, elements: int = 4) -> fa.Arm:
         elements=elements,
         modes=modes,
     )
-    return fa.Arm(links=[link] * links)
+    return fa.Arm(links=[link] * links, theory=theory)
 
 
 def moving_state(arm: fa.Arm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a reproducible state (q, qd) in motion, and torques."""
     rng = np.random.default_rng(1)
-    q, qd = 1e-3 * rng.normal(size=(2, arm.dof))
+    q, qd = 1e-4 * rng.normal(size=(2, arm.dof))
     q[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
     qd[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
     return q, qd, rng.uniform(-1.0, 1.0, arm.joints)
-
-
-def sine_torque(t: float) -> list[float]:
-    """Return the torques of the stored time histories: a sine of 1 Hz for one second."""
-    if t > 1.0:
-        return [0.0, 0.0]
-    wave = float(np.sin(2.0 * np.pi * t))
-    return [4.0 * wave, 1.5 * wave]

@@ -1,4 +1,4 @@
-"""Forward dynamics: against a dense solution with SciPy, against the goals, and how it scales."""
+"""Forward dynamics: against C++ templates, against dense algebra, and how it scales."""
 
 from __future__ import annotations
 
@@ -7,29 +7,37 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+import flexarm as fa
 from benchmarks.arms import chain, moving_state
 from benchmarks.compiled_loop import ForwardDynamics
+from benchmarks.limit import Limit, compiler
 from benchmarks.measure import in_turns, seconds_per_call
 
 
 class Comparison(NamedTuple):
-    """Microseconds for one evaluation of two links of four modes."""
+    """Microseconds for one evaluation of two links of four modes; None without a compiler."""
 
+    theory: str
     compile_time_sizes: float
     run_time_sizes: float
     from_python: float
     scipy_dense: float
+    limit: float | None  # C++, sizes as template arguments
+    limit_run_time_sizes: float | None
 
 
-def compare(calls: int = 20_000, repeats: int = 7) -> Comparison:
+def compare(theory: str, calls: int = 2_000, repeats: int = 200) -> Comparison:
     """Time one arm of two links with four modes each."""
-    arm = chain(2)
+    arm = chain(2, theory=theory)
     q, qd, torque = moving_state(arm)
     loop = ForwardDynamics(arm, q, qd, torque)
     fixed, free = loop.compile_time_sizes(), loop.run_time_sizes()
-    inside = in_turns(
-        {"fixed": lambda: loop(fixed, calls), "free": lambda: loop(free, calls)}, repeats
-    )
+    candidates = {"fixed": lambda: loop(fixed, calls), "free": lambda: loop(free, calls)}
+    if compiler() is not None:
+        limit = checked_limit(arm, q, qd, torque)
+        candidates["limit"] = lambda: limit.compile_time_sizes(calls)
+        candidates["limit free"] = lambda: limit.run_time_sizes(calls)
+    inside = {name: 1e6 * time / calls for name, time in in_turns(candidates, repeats).items()}
 
     full = np.zeros(arm.dof)
     full[arm.joint_index] = torque
@@ -44,15 +52,30 @@ def compare(calls: int = 20_000, repeats: int = 7) -> Comparison:
         max(calls // 100, 1),
     )
     return Comparison(
-        1e6 * inside["fixed"] / calls,
-        1e6 * inside["free"] / calls,
+        theory,
+        inside["fixed"],
+        inside["free"],
         1e6 * outside["python"],
         1e6 * outside["dense"],
+        inside.get("limit"),
+        inside.get("limit free"),
     )
 
 
+def checked_limit(arm: fa.Arm, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> Limit:
+    """Return the C++ templates for an arm, after they gave the accelerations that we give."""
+    limit = Limit(arm, q, qd, torque)
+    wanted = arm.forward_dynamics(q, qd, torque)
+    for repeat in (limit.compile_time_sizes, limit.run_time_sizes):
+        repeat(1)
+        # The second call starts 1e-12 rad beside the first.
+        found = arm.unpadded(limit.acceleration)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * np.abs(wanted).max())
+    return limit
+
+
 def scaling_in_links(
-    counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128, 256), repeats: int = 5
+    counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128, 256), repeats: int = 50
 ) -> dict[int, float]:
     """Return microseconds per link of one evaluation, four modes a link."""
     times = {}
@@ -66,7 +89,7 @@ def scaling_in_links(
 
 
 def scaling_in_modes(
-    counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64), repeats: int = 5
+    counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64), repeats: int = 50
 ) -> dict[int, float]:
     """Return microseconds per evaluation of two links against modes a link (linear theory)."""
     times = {}

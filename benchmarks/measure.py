@@ -15,7 +15,11 @@ def seconds_per_call(call: Callable[[], object], repeats: int, calls: int) -> fl
 def in_turns(
     candidates: Mapping[str, Callable[[], object]], repeats: int, calls: int = 1
 ) -> dict[str, float]:
-    """Time several candidates in turns: median seconds per call of each."""
+    """Time several candidates in turns: median seconds per call of each.
+
+    Many short turns beat a few long ones: what fits into one slice of the scheduler is either
+    disturbed as a whole, which the median ignores, or not at all.
+    """
     for call in candidates.values():
         call()
     times: dict[str, list[float]] = {name: [] for name in candidates}

@@ -1,13 +1,17 @@
-"""What a user waits for before anything moves: imports, help, first and second run."""
+"""What a user waits for before anything moves, and the memory it takes."""
 
 from __future__ import annotations
 
 import os
+import resource
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import NamedTuple
+
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 
 
 def _seconds(command: list[str], environment: dict[str, str] | None = None) -> float:
@@ -29,9 +33,57 @@ def help_seconds(repeats: int = 5) -> float:
     return min(_seconds(command) for _ in range(repeats))
 
 
-def paper_seconds() -> tuple[float, float]:
-    """Return the times of ``flexarm paper`` with an empty kernel cache and with a full one."""
+class Wait(NamedTuple):
+    """How long a command takes: by the clock, and of one processor (idle machines: the same)."""
+
+    wall: float
+    processor: float
+
+
+def first_runs(repeats: int = 3) -> dict[str, Wait]:
+    """Return what the commands take with an empty kernel cache and with a full one."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "XDG_CACHE_HOME": str(Path(folder, "cache"))}
-        command = [sys.executable, "-m", "flexarm", "paper", "--out", str(Path(folder, "out"))]
-        return _seconds(command, environment), _seconds(command, environment)
+        start = [sys.executable, "-m", "flexarm"]
+        paper = [*start, "paper", "--out", str(Path(folder, "out"))]
+        scenario = EXAMPLES / "paper.yaml"
+        run = [*start, "run", str(scenario), "--out", str(Path(folder, "result.nc"))]
+        first = _wait(paper, environment)
+        _wait(run, environment)
+        return {
+            "`flexarm paper`, the first time on a machine, all compilation included": first,
+            "`flexarm paper`, from then on": _least(paper, environment, repeats),
+            "`flexarm run examples/paper.yaml`, from then on": _least(run, environment, repeats),
+        }
+
+
+def _least(command: list[str], environment: dict[str, str], repeats: int) -> Wait:
+    return min(_wait(command, environment) for _ in range(repeats))
+
+
+def _wait(command: list[str], environment: dict[str, str]) -> Wait:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    wall = _seconds(command, environment)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return Wait(wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+
+
+def memory_megabytes(seconds: float = 60.0) -> dict[str, float]:
+    """Return the most memory that a process held after the imports, and with a long run."""
+    program = (
+        "import resource, sys; import flexarm as fa, xarray\n"
+        "from benchmarks.arms import table_one\n"
+        "arm = table_one(); fa.simulate(arm, 0.01, initial=arm.rest([0.3, -0.5]))\n"
+        "most = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024\n"
+        "print(most())\n"
+        f"fa.simulate(arm, {seconds}, initial=arm.rest([0.3, -0.5]), progress=False)\n"
+        "print(most())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    before, after = map(float, done.stdout.split())
+    return {
+        "Python, the libraries and the compiled code": before,
+        f"more for a run of {seconds:g} s at 1 kHz, every channel kept": after - before,
+    }

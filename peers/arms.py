@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-#: Samples of the tip per second, Hz; every step of every program divides the time between two.
-RATE = 1000
+#: When the motors are switched off, s.
+TORQUE_ENDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -25,25 +24,31 @@ class Case:
     gravity: float  # along -y
     duration: float
     segments: int  # what flexarm takes for each link, to be within 6e-6 m of the limit of many
-    #: Joint torques at a time, each acting on its link and back on the tip of the one before.
-    torque: Callable[[float], tuple[float, ...]]
-    #: Times where the torque is not smooth.
-    breaks: tuple[float, ...] = ()
+    #: Joint torques' amplitudes, N m: a sine of 1 Hz for one second, then nothing. Each acts on its
+    #: link and back on the tip of the one before.
+    amplitude: tuple[float, ...]
+    #: Samples of the tip per second, Hz; every step of every program divides the time between two.
+    rate: int = 1000
+
+    def torque(self, t: float) -> tuple[float, ...]:
+        """Return the joint torques at a time, N m."""
+        wave = math.sin(2.0 * math.pi * t) if t <= TORQUE_ENDS else 0.0
+        return tuple(value * wave for value in self.amplitude)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times where the torque is not smooth, s."""
+        return (TORQUE_ENDS,) if any(self.amplitude) else ()
 
     @property
     def samples(self) -> int:
         """Number of samples, the start included."""
-        return round(self.duration * RATE) + 1
+        return round(self.duration * self.rate) + 1
 
     @property
     def joint_angles(self) -> tuple[float, ...]:
         """Angle of each link from the one before."""
         return tuple(float(angle) for angle in np.diff(self.start, prepend=0.0))
-
-
-def _sine_for_a_second(t: float) -> tuple[float, float]:
-    wave = math.sin(2.0 * math.pi * t) if t <= 1.0 else 0.0
-    return 4.0 * wave, 1.5 * wave
 
 
 #: The arm of the paper's Table I in a horizontal plane, both motors driven by one sine wave.
@@ -57,8 +62,7 @@ TABLE_ONE = Case(
     gravity=0.0,
     duration=2.0,
     segments=8,
-    torque=_sine_for_a_second,
-    breaks=(1.0,),
+    amplitude=(4.0, 1.5),
 )
 
 #: A soft pendulum released from the horizontal; its tip bends away by a fifth of its length.
@@ -72,15 +76,15 @@ PENDULUM = Case(
     gravity=9.81,
     duration=0.8,
     segments=16,
-    torque=lambda t: (0.0,),
+    amplitude=(0.0,),
 )
 
 
-def steps_per_sample(step: float) -> int:
+def steps_per_sample(case: Case, step: float) -> int:
     """Return how many steps of ``step`` seconds lead from one sample to the next."""
-    count = round(1.0 / (RATE * step))
-    if not math.isclose(count * step * RATE, 1.0, rel_tol=1e-9):
-        raise ValueError(f"step must divide {1.0 / RATE} s, but is {step}.")
+    count = round(1.0 / (case.rate * step))
+    if not math.isclose(count * step * case.rate, 1.0, rel_tol=1e-9):
+        raise ValueError(f"step must divide {1.0 / case.rate} s, but is {step}.")
     return count
 
 

@@ -9,24 +9,29 @@ from itertools import pairwise
 import exudyn
 import exudyn.itemInterface as items
 import numpy as np
+from exudyn.advancedUtilities import CreateSymbolicUserFunction
 
-from peers.arms import RATE, Case, steps_per_sample
+from peers.arms import TORQUE_ENDS, Case, steps_per_sample
 
 
 def tip(case: Case, elements: int, step: float) -> np.ndarray:
-    """Return the tip's path (samples, 2), m.
+    """Return the tip's path (samples, 2), m; see ``prepare``."""
+    return prepare(case, elements, step)()
+
+
+def prepare(case: Case, elements: int, step: float) -> Callable[[], np.ndarray]:
+    """Build the model; return what integrates it, once, and gives the tip's path (samples, 2), m.
 
     Each link has ``elements`` cable elements of Bernoulli and Euler in absolute nodal coordinates:
     bending of any size, and a little stretch. Generalised alpha method, fixed steps of ``step`` s.
-
-    Raises:
-        RuntimeError: Newton's method failed at a step.
+    It raises ``RuntimeError`` where Newton's method failed at a step.
     """
     container = exudyn.SystemContainer()
     system = container.AddSystem()
     ground = system.AddObject(items.ObjectGround())
     inboard = system.AddMarker(items.MarkerBodyPosition(bodyNumber=ground))
     reaction = None  # the ground takes the first motor's
+    kept: list[object] = []
     position = np.zeros(2)
     for number, (length, angle) in enumerate(zip(case.lengths, case.start, strict=True)):
         axis = np.array([math.cos(angle), math.sin(angle)])
@@ -34,9 +39,9 @@ def tip(case: Case, elements: int, step: float) -> np.ndarray:
         root = system.AddMarker(items.MarkerNodePosition(nodeNumber=nodes[0]))
         system.AddObject(items.ObjectJointRevolute2D(markerNumbers=[inboard, root]))
         inboard = system.AddMarker(items.MarkerNodePosition(nodeNumber=nodes[-1]))
-        _add_torque(system, cables[0], 0.0, _component(case, number, 1.0))
+        _add_torque(system, cables[0], 0.0, case.amplitude[number], kept)
         if reaction is not None:
-            _add_torque(system, *reaction, _component(case, number, -1.0))
+            _add_torque(system, *reaction, -case.amplitude[number], kept)
         reaction = cables[-1], length / elements
         position = position + length * axis
     sensor = system.AddSensor(
@@ -48,13 +53,20 @@ def tip(case: Case, elements: int, step: float) -> np.ndarray:
         )
     )
     system.Assemble()
-    if not system.SolveDynamic(_settings(case, step)):
-        raise RuntimeError(f"Exudyn failed with {elements} elements and step {step} s.")
-    stored = system.GetSensorStoredData(sensor)
-    times = np.arange(case.samples) / RATE
-    if stored.shape[0] != case.samples or not np.allclose(stored[:, 0], times, atol=1e-9):
-        raise RuntimeError(f"Exudyn did not keep to steps of {step} s.")
-    return np.array(stored[:, 1:3])
+    settings = _settings(case, step)
+
+    def run() -> np.ndarray:
+        # Exudyn holds no reference to what its loads evaluate.
+        assert kept or not any(case.amplitude)
+        if not system.SolveDynamic(settings):
+            raise RuntimeError(f"Exudyn failed with {elements} elements and step {step} s.")
+        stored = system.GetSensorStoredData(sensor)
+        times = np.arange(case.samples) / case.rate
+        if stored.shape[0] != case.samples or not np.allclose(stored[:, 0], times, atol=1e-9):
+            raise RuntimeError(f"Exudyn did not keep to steps of {step} s.")
+        return np.array(stored[:, 1:3])
+
+    return run
 
 
 def _add_link(
@@ -88,32 +100,39 @@ def _add_link(
     return nodes, cables
 
 
-def _component(case: Case, joint: int, sign: float) -> Callable[[float], float]:
-    return lambda t: sign * case.torque(t)[joint]
-
-
 def _add_torque(
-    system: exudyn.MainSystem, cable: int, station: float, torque: Callable[[float], float]
+    system: exudyn.MainSystem, cable: int, station: float, amplitude: float, kept: list[object]
 ) -> None:
-    """Let a torque act on the cross-section of an element at a distance from its root."""
+    """Let a motor act on the cross-section of an element at a distance from its root.
+
+    Written in Exudyn's own symbols, which it evaluates without calling Python. ``kept`` receives
+    what must live as long as the system.
+    """
+    if amplitude == 0.0:
+        return
+    symbols = exudyn.symbolic
+
+    def torque(system: object, t: object, vector: object) -> list[object]:
+        wave = amplitude * symbols.sin(2.0 * math.pi * t)
+        return [0.0, 0.0, symbols.IfThenElse(t <= TORQUE_ENDS, wave, symbols.Real(0.0))]
+
     section = system.AddMarker(
         items.MarkerBodyRigid(bodyNumber=cable, localPosition=[station, 0.0, 0.0])
     )
-    system.AddLoad(
-        items.LoadTorqueVector(
-            markerNumber=section,
-            loadVectorUserFunction=lambda system, t, vector: [0.0, 0.0, torque(t)],
-        )
+    function = CreateSymbolicUserFunction(
+        system, torque, "loadVectorUserFunction", itemTypeName="LoadTorqueVector"
     )
+    kept.append(function)
+    system.AddLoad(items.LoadTorqueVector(markerNumber=section, loadVectorUserFunction=function))
 
 
 def _settings(case: Case, step: float) -> exudyn.SimulationSettings:
     settings = exudyn.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = 1.0 / RATE
+    settings.solution.sensors.writePeriod = 1.0 / case.rate
     time = settings.timeIntegration
     time.endTime = case.duration
-    time.numberOfSteps = (case.samples - 1) * steps_per_sample(step)
+    time.numberOfSteps = (case.samples - 1) * steps_per_sample(case, step)
     # A step that fails must fail aloud: by default it is cut in two, and again, without a word.
     time.adaptiveStep = False
     # Rounding of the large axial forces keeps the residual from falling to the default of 1e-10.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import flexarm as fa
-from peers.arms import RATE, Case
+from peers.arms import Case
 
 
-class _Torque:
+class Torque:
     """A case's torques, telling flexarm where they are not smooth."""
 
     def __init__(self, case: Case) -> None:
@@ -42,9 +42,9 @@ def tip(case: Case) -> np.ndarray:
     result = fa.simulate(
         arm,
         case.duration,
-        torque=_Torque(case),
+        torque=Torque(case),
         initial=arm.rest(case.joint_angles),
-        rate=RATE,
+        rate=case.rate,
         progress=False,
     )
     return np.asarray(result["tip"])

@@ -2,47 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import mujoco
 import numpy as np
+from mujoco import rollout
 
 from peers.arms import Case, steps_per_sample
 
+_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
 
 def tip(case: Case, segments: int, step: float) -> np.ndarray:
-    """Return the tip's path (samples, 2), m.
+    """Return the tip's path (samples, 2), m; see ``prepare``."""
+    return prepare(case, segments, step)()
+
+
+def prepare(case: Case, segments: int, step: float) -> Callable[[], np.ndarray]:
+    """Build the model; return what integrates it and gives the tip's path (samples, 2), m.
 
     A spring in the middle of each of ``segments`` equal pieces of a link stands for that piece's
-    bending: the error falls with the square of the piece's length. Fixed steps of ``step`` seconds.
-
-    Raises:
-        RuntimeError: the motion became unstable, the step is too long for the stiffest spring.
+    bending: the error falls with the square of the piece's length. Fixed steps of ``step`` seconds,
+    taken by MuJoCo's own loop, which calls no Python. It raises ``RuntimeError`` where the motion
+    became unstable: the step is too long for the stiffest spring.
     """
     model = mujoco.MjModel.from_xml_string(_description(case, segments, step))
     data = mujoco.MjData(model)
     # A link has one joint of its own and one for each spring.
-    joints = np.arange(len(case.lengths)) * (segments + 1)
-    data.qpos[joints] = case.joint_angles
-    mujoco.mj_forward(model, data)
-    path = np.empty((case.samples, 2))
-    path[0] = data.site("tip").xpos[:2]
-    count = steps_per_sample(step)
-    for sample in range(1, case.samples):
-        for _ in range(count):
-            # Held over a step at its middle value: the impulse is right to second order in a step
-            # that stability keeps far shorter than the torque's period.
-            data.qfrc_applied[joints] = case.torque(data.time + step / 2)
-            mujoco.mj_step(model, data)
-        # Positions of points are those at the start of the last step until asked for.
-        mujoco.mj_kinematics(model, data)
-        path[sample] = data.site("tip").xpos[:2]
+    data.qpos[np.arange(len(case.lengths)) * (segments + 1)] = case.joint_angles
+    start = np.empty(mujoco.mj_stateSize(model, _STATE))
+    mujoco.mj_getState(model, data, start, _STATE)
+    count = steps_per_sample(case, step)
+    # A sensor tells where the tip was when the step began: one step more tells of the end.
+    steps = (case.samples - 1) * count + 1
+    # Held over a step at its middle value: the impulse is right to second order in a step that
+    # stability keeps far shorter than the torque's period.
+    torques = np.array([case.torque((number + 0.5) * step) for number in range(steps)])
+
+    def run() -> np.ndarray:
+        data.warning.number[:] = 0
+        _, sensed = rollout.rollout(model, data, start[None], torques[None])
         # An unstable motion is put back to its start and goes on, with no more than a warning.
-        if any(warning.number for warning in data.warning):
+        if data.warning.number.any():
             raise RuntimeError(
                 f"MuJoCo became unstable with {segments} segments and step {step} s."
             )
-    return path
+        return np.array(sensed[0, ::count, :2])
+
+    return run
 
 
 def limit(coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
@@ -62,23 +70,30 @@ def _description(case: Case, segments: int, step: float) -> str:
     SubElement(option, "flag", contact="disable")
     body = SubElement(root, "worldbody")
     offset = 0.0
-    for length in case.lengths:
+    motors = SubElement(root, "actuator")
+    for link, length in enumerate(case.lengths):
         piece = length / segments
         spring = case.flexural_rigidity / piece
-        body = _bar(body, offset, piece / 2, case.mass_per_length, 0.0)
+        body = _bar(body, offset, piece / 2, case.mass_per_length, 0.0, name=f"joint{link}")
+        SubElement(motors, "motor", joint=f"joint{link}")
         offset = piece / 2
         for number in range(segments):
             bar = piece if number < segments - 1 else piece / 2
             body = _bar(body, offset, bar, case.mass_per_length, spring)
             offset = bar
     SubElement(body, "site", name="tip", pos=f"{offset!r} 0 0")
+    SubElement(SubElement(root, "sensor"), "framepos", objtype="site", objname="tip")
     return tostring(root, encoding="unicode")
 
 
-def _bar(parent: Element, offset: float, length: float, density: float, spring: float) -> Element:
+def _bar(
+    parent: Element, offset: float, length: float, density: float, spring: float, name: str = ""
+) -> Element:
     """Hinge a uniform thin bar to its parent, ``offset`` along the parent's axis."""
     body = SubElement(parent, "body", pos=f"{offset!r} 0 0")
-    SubElement(body, "joint", type="hinge", axis="0 0 1", stiffness=repr(spring))
+    joint = SubElement(body, "joint", type="hinge", axis="0 0 1", stiffness=repr(spring))
+    if name:
+        joint.set("name", name)
     mass = density * length
     inertia = mass * length**2 / 12
     # MuJoCo wants inertia about the bar's own axis too; nothing turns about it in a plane.

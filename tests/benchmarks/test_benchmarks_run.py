@@ -5,30 +5,105 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from benchmarks import forward_dynamics, report, simulation, startup
+import numpy as np
+import pytest
+from benchmarks.arms import chain, moving_state
+from benchmarks.limit import Limit, compiler
+from benchmarks.work_precision import Point, fastest, measure
+
+import flexarm as fa
+from benchmarks import forward_dynamics, long_chain, programs, report, startup, table_one
+from flexarm.integrate import INTEGRATORS
 
 
-def test_measures_and_writes_its_page(tmp_path: Path) -> None:
-    comparison = forward_dynamics.compare(calls=10, repeats=1)
-    links = forward_dynamics.scaling_in_links(counts=(2, 256), repeats=1)
-    modes = forward_dynamics.scaling_in_modes(counts=(2, 8), repeats=1)
-    points = simulation.work_precision(tolerances=(1e-4, 1e-6), duration=0.02, repeats=1)
-    times = {"import": startup.import_seconds(repeats=1)}
-    report.write(tmp_path, comparison, links, modes, points, times)
+@pytest.fixture(scope="module")
+def points() -> list[Point]:
+    """Flexarm's integrators and every installed peer on a tenth of a second of the problem."""
+    own = table_one.own_entries(rtol=(1e-4,), steps=(2.5e-4,), duration=0.1)
+    entries = [entry for entry in own if "segments" not in entry.setting]
+    entries += table_one.peer_entries(duration=0.1, quick=True)
+    found, failed = measure(entries, table_one.truths(0.1), repeats=1)
+    assert not failed
+    return found
+
+
+def test_everybody_finds_the_same_motion(points: list[Point]) -> None:
+    """A benchmark of a wrong answer would be worth nothing. The tip moves by 40 mm here."""
+    for point in points:
+        # The coarsest peers are off by 1e-4 m over the whole two seconds.
+        assert point.error < 1e-4, point
+        assert 0.0 < point.seconds <= point.total
+
+
+def test_every_integrator_takes_part(points: list[Point]) -> None:
+    settings = " ".join(point.setting for point in points if point.program == "flexarm")
+    assert [name for name in INTEGRATORS if name not in settings] == []
+
+
+@pytest.mark.parametrize("peer", programs.PEERS)
+def test_every_installed_peer_takes_part(points: list[Point], peer: str) -> None:
+    if peer in programs.missing():
+        pytest.skip(f"{peer} is not installed: its benchmark was not tried")
+    assert peer in {point.program for point in points}
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C++ compiler: the limit was not measured")
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_limit_is_the_same_physics(theory: str) -> None:
+    arm = chain(2, theory=theory)
+    forward_dynamics.checked_limit(arm, *moving_state(arm))
+    heavier = fa.Arm(links=arm.spec.links, theory=theory, gravity=(0.0, -9.81))
+    limit = Limit(heavier, *moving_state(arm))
+    limit.compile_time_sizes(1)
+    far = np.abs(heavier.unpadded(limit.acceleration) - arm.forward_dynamics(*moving_state(arm)))
+    assert far.max() > 1.0  # gravity is seen
+
+
+def test_limit_refuses_what_it_leaves_out() -> None:
+    arm = fa.Arm(links=chain(2).spec.links, joints=[fa.Joint(), fa.Joint(fixed=True)])
+    with pytest.raises(ValueError, match="free joints"):
+        Limit(arm, *moving_state(arm))
+
+
+def test_forward_dynamics_with_and_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    comparison = forward_dynamics.compare("linear", calls=2, repeats=1)
+    assert (comparison.limit is None) == (compiler() is None)
+    assert all(value is None or value > 0.0 for value in comparison[1:])
+    monkeypatch.setattr(forward_dynamics, "compiler", lambda: None)
+    assert forward_dynamics.compare("linear", calls=2, repeats=1).limit is None
+
+
+def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> None:
+    case = long_chain.short(3, 0.02)
+    chain, failed = measure(list(long_chain.entries(case)), long_chain.truth(case), repeats=1)
+    assert all("rk4" in sentence for sentence in failed), failed
+    measured = report.Measured(
+        imports=startup.import_seconds(repeats=1),
+        help=0.1,
+        runs={name: startup.Wait(1.0, 1.0) for name in ("first", "second", "run")},
+        memory=startup.memory_megabytes(seconds=0.01),
+        comparisons=[forward_dynamics.Comparison("linear", 0.1, 0.1, 10.0, 50.0, None, None)],
+        links=forward_dynamics.scaling_in_links(counts=(2, 256), repeats=1),
+        modes=forward_dynamics.scaling_in_modes(counts=(2, 8), repeats=1),
+        table_one=points,
+        chain=chain,
+    )
+    assert all(math.isfinite(value) and value > 0 for value in measured.links.values())
+    report.write(tmp_path, measured)
 
     page = (tmp_path / "index.md").read_text(encoding="utf-8")
-    assert "| dormand_prince_8 | 1e-06 |" in page
+    assert "dormand_prince_8, 4 modes, rtol 1e-04" in page
     assert "| 256 |" in page
-    for figure in ("scaling.png", "work-precision.png"):
+    assert "no compiler here" in page
+    for figure in ("scaling.png", "work-precision.png", "chain.png"):
         assert (tmp_path / figure).stat().st_size > 10_000, figure
-    assert all(math.isfinite(value) and value > 0 for value in (*comparison, *links.values()))
 
 
-def test_all_solvers_find_the_same_motion() -> None:
-    """A benchmark of a wrong answer would be worth nothing: errors follow the tolerance."""
-    points = simulation.work_precision(tolerances=(1e-5, 1e-7), duration=0.05, repeats=1)
-    for point in points:
-        # Accumulated over the run; the tip has moved by millimetres.
-        assert point.error < 50 * point.tolerance * 1e-2, point
-    ours = {p.tolerance: p.error for p in points if p.method == "dormand_prince_8"}
-    assert ours[1e-7] < ours[1e-5]
+def test_fastest_that_is_accurate_enough() -> None:
+    slow, fast, wrong = (
+        Point("p", "s", "t", error, seconds, seconds)
+        for error, seconds in ((1e-6, 3.0), (1e-5, 2.0), (1e-2, 1.0))
+    )
+    assert fastest([slow, fast, wrong], "t", 1e-4) == fast
+    assert fastest([slow, fast, wrong], "t", 1e-5 / 2) == slow
+    assert fastest([slow], "another", 1.0) is None

@@ -30,14 +30,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import merged
 from flexarm.kernels.external import apply_loads
 from flexarm.kernels.joint_law import passive_torque
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
 
-@compiled
+@merged
 def forward_dynamics(
     sizes: Sizes,
     constants: ArmConstants,

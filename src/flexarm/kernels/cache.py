@@ -11,6 +11,7 @@ and put it back, so that the caches of other packages in the same process stay w
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import shutil
 import sys
@@ -154,7 +155,15 @@ class _CompileNotice(event.Listener):
                     file=sys.stderr,
                     flush=True,
                 )
+                atexit.register(self._tell_time)
         self._depth += 1
+
+    def _tell_time(self) -> None:
+        """Close the account when the process ends: only then is nothing left to compile."""
+        print(
+            f"flexarm: compiling took {self.seconds:.0f} s; the result is kept for the next start.",
+            file=sys.stderr,
+        )
 
     def on_end(self, occurrence: Any) -> None:
         if not self._is_ours(occurrence):

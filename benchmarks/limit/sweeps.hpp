@@ -1,0 +1,217 @@
+// The three sweeps over the bodies: rates outwards, inertia inwards, accelerations outwards.
+
+#pragma once
+
+#include "recursion.hpp"
+
+// (R.1) to (R.3), (L.27).
+template <class Sizes>
+inline void rates(const Sizes& sizes, const double* arm, const double* q, const double* qd,
+                  Scratch<Sizes>* scratch) {
+    const int m = sizes.m();
+    double slope = 0.0, rate = 0.0;
+    for (int i = 0; i < sizes.n(); ++i) {
+        const Body<Sizes> body{arm + i * Body<Sizes>::stride(sizes), sizes};
+        Scratch<Sizes>& t = scratch[i];
+        const double *eta = q + i * (1 + m) + 1, *eta_dot = qd + i * (1 + m) + 1;
+        const double alpha = slope + body[ANGLE] + eta[-1];
+        t.cosine = std::cos(alpha);
+        t.sine = std::sin(alpha);
+        const double w = rate + eta_dot[-1];
+        double phi = 0, phi_dot = 0, v = 0, v_dot = 0, s = body[FIRST_MOMENT_Y], s_dot = 0;
+        double spread = 0, spread_dot = 0;
+        double u = 0, u_dot = 0, u_rates = 0, mu = 0, mu_dot = 0, mu_rates = 0;
+        for (int j = 0; j < m; ++j) {
+            const double e = eta[j], f = eta_dot[j];
+            phi += body.row(ROW_DP)[j] * e;
+            phi_dot += body.row(ROW_DP)[j] * f;
+            v += body.row(ROW_P)[j] * e;
+            v_dot += body.row(ROW_P)[j] * f;
+            s += body.row(ROW_S)[j] * e;
+            s_dot += body.row(ROW_S)[j] * f;
+            double turned = e;
+            if constexpr (Sizes::second_order) {
+                double G_e = 0, G_f = 0, D_e = 0, D_f = 0;
+                for (int k = 0; k < m; ++k) {
+                    turned += body.square(CENTRIFUGAL)[j * m + k] * eta[k];
+                    G_e += body.square(SQUARE_G)[j * m + k] * eta[k];
+                    G_f += body.square(SQUARE_G)[j * m + k] * eta_dot[k];
+                    D_e += body.square(SQUARE_D0)[j * m + k] * eta[k];
+                    D_f += body.square(SQUARE_D0)[j * m + k] * eta_dot[k];
+                }
+                u -= 0.5 * e * G_e;
+                u_dot -= f * G_e;
+                u_rates += f * G_f;
+                mu -= 0.5 * e * D_e;
+                mu_dot -= f * D_e;
+                mu_rates += f * D_f;
+                t.F_x[j] = -G_e;
+                t.D0_eta[j] = D_e;
+            }
+            spread += e * turned;
+            spread_dot += f * turned;
+            t.h_f[j] = body.row(ROW_W2)[j] * e + body.row(ROW_DELTA)[j] * f - w * w * turned;
+        }
+        t.tip_x = body[LENGTH] + u;
+        t.tip_y = v;
+        t.bias_x = -w * w * t.tip_x - 2.0 * w * v_dot - u_rates;
+        t.bias_y = -w * w * v + 2.0 * w * u_dot;
+        t.s = s;
+        t.mu = mu;
+        t.spread = spread;
+        t.root_bias.x = -2.0 * w * s_dot - w * w * (body[FIRST_MOMENT_X] + mu) - mu_rates;
+        t.root_bias.y = -w * w * s + 2.0 * w * mu_dot;
+        t.root_bias.w = 2.0 * w * spread_dot;
+        slope = phi;
+        rate = w + phi_dot;
+    }
+}
+
+// Eliminate one body behind (W, k): (R.5) to (R.11).
+template <class Sizes>
+inline void eliminate(const Body<Sizes>& body, double theta, double theta_dot, double torque,
+                      Scratch<Sizes>& t, Symmetric& W, Vector& k) {
+    using G = Geometric<Sizes::second_order>;
+    const int m = body.sizes.m();
+    W.xx += body[TIP_MASS];
+    W.yy += body[TIP_MASS];
+    W.ww += body[TIP_INERTIA];
+    k.x += W.xx * t.bias_x + W.xy * t.bias_y;
+    k.y += W.xy * t.bias_x + W.yy * t.bias_y;
+    k.w += W.xw * t.bias_x + W.yw * t.bias_y;
+
+    double Sh = 0, ah = 0, zy = 0, zw = 0;
+    for (int j = 0; j < m; ++j) {
+        const double h = t.h_f[j];
+        Sh += body.row(ROW_S)[j] * h;
+        ah += body.row(ROW_A)[j] * h;
+        zy += body.row(ROW_P)[j] * h;
+        zw += body.row(ROW_DP)[j] * h;
+    }
+    G dh{}, dd{}, dS{}, da{}, zx{}, FS{}, Fa{};
+    if constexpr (Sizes::second_order) {
+        t.Txx = 1.0;
+        t.Tyx = t.Twx = t.Nxx = t.Nxy = t.Nxw = 0.0;
+        for (int j = 0; j < m; ++j) {
+            const double d = t.D0_eta[j], F = t.F_x[j], h = t.h_f[j];
+            const double S = body.row(ROW_S)[j], a = body.row(ROW_A)[j];
+            const double P = body.row(ROW_P)[j], dP = body.row(ROW_DP)[j];
+            dh += d * h;
+            dd += d * d;
+            dS += d * S;
+            da += d * a;
+            zx += F * h;
+            FS += F * S;
+            Fa += F * a;
+            t.Txx += F * d;
+            t.Tyx += d * P;
+            t.Twx += d * dP;
+            t.Nxx += F * F;
+            t.Nxy += F * P;
+            t.Nxw += F * dP;
+        }
+        t.Txy = -FS;
+    }
+    const double Tyy = body[T_YY], Twy = body[T_WY], Tww = body[T_WW];
+    t.Txw = Zero{} - t.tip_y - Fa;
+    t.Tyw = body[T_YW] + (t.tip_x - body[LENGTH]);
+    const auto Txx = t.Txx;
+    const G Txy = t.Txy, Tyx = t.Tyx, Twx = t.Twx;
+    const double Txw = t.Txw, Tyw = t.Tyw;
+
+    const Symmetric Y = soften<G>(W, t.Nxx, t.Nxy, body[N_YY], t.Nxw, body[N_YW], body[N_WW]);
+    const double ex = zx + (t.Nxx * k.x + t.Nxy * k.y + t.Nxw * k.w) + 0.0;
+    const double ey = zy + (t.Nxy * k.x + body[N_YY] * k.y + body[N_YW] * k.w);
+    const double ew = zw + (t.Nxw * k.x + body[N_YW] * k.y + body[N_WW] * k.w);
+    if constexpr (Sizes::second_order) {
+        k = {k.x - Y.xx * ex - Y.xy * ey - Y.xw * ew, k.y - Y.xy * ex - Y.yy * ey - Y.yw * ew,
+             k.w - Y.xw * ex - Y.yw * ey - Y.ww * ew};
+    } else {
+        k = {k.x - Y.xy * ey - Y.xw * ew, k.y - Y.yy * ey - Y.yw * ew, k.w - Y.yw * ey - Y.ww * ew};
+    }
+    t.k = k;
+    t.gx = {Y.xx * Txx + Y.xy * Tyx + Y.xw * Twx, Y.xx * Txy + Y.xy * Tyy + Y.xw * Twy,
+            Y.xx * Txw + Y.xy * Tyw + Y.xw * Tww};
+    t.gy = {Y.xy * Txx + Y.yy * Tyx + Y.yw * Twx, Y.xy * Txy + Y.yy * Tyy + Y.yw * Twy,
+            Y.xy * Txw + Y.yy * Tyw + Y.yw * Tww};
+    t.gw = {Y.xw * Txx + Y.yw * Tyx + Y.ww * Twx, Y.xw * Txy + Y.yw * Tyy + Y.ww * Twy,
+            Y.xw * Txw + Y.yw * Tyw + Y.ww * Tww};
+    const double Hxx = body[MASS] - dd + (Txx * t.gx.x + Tyx * t.gy.x + Twx * t.gw.x);
+    const double Hxy = dS + (Txx * t.gx.y + Tyx * t.gy.y + Twx * t.gw.y);
+    const double Hyy = body[H_YY] + (Txy * t.gx.y + Tyy * t.gy.y + Twy * t.gw.y);
+    const double Hxw = da - t.s + (Txx * t.gx.w + Tyx * t.gy.w + Twx * t.gw.w);
+    const double Hyw = body[H_YW] + t.mu + (Txy * t.gx.w + Tyy * t.gy.w + Twy * t.gw.w);
+    const double Hww = body[H_WW] + t.spread + (Txw * t.gx.w + Tyw * t.gy.w + Tww * t.gw.w);
+    const double hx = t.root_bias.x + dh + (Txx * k.x + Tyx * k.y + Twx * k.w);
+    const double hy = t.root_bias.y - Sh + (Txy * k.x + Tyy * k.y + Twy * k.w);
+    const double hw = t.root_bias.w - ah + (Txw * k.x + Tyw * k.y + Tww * k.w);
+    t.drift = {t.bias_x - zx, t.bias_y - zy, -zw};
+
+    // A revolute joint passes no moment but the motor's.
+    const double own = -body[DAMPING] * theta_dot - body[STIFFNESS] * (theta - body[REST]);
+    t.inverse = 1.0 / Hww;
+    t.drive = torque + own - hw;
+    t.Hxw = Hxw;
+    t.Hyw = Hyw;
+    const double Rxx = Hxx - Hxw * Hxw * t.inverse;
+    const double Rxy = Hxy - Hxw * Hyw * t.inverse;
+    const double Ryy = Hyy - Hyw * Hyw * t.inverse;
+    const double lift = t.drive * t.inverse;
+    const double rx = hx + Hxw * lift, ry = hy + Hyw * lift;
+    const double C = t.cosine, S = t.sine;
+    const double cross = 2.0 * C * S * Rxy;
+    W = {C * C * Rxx - cross + S * S * Ryy, C * S * (Rxx - Ryy) + (C * C - S * S) * Rxy,
+         S * S * Rxx + cross + C * C * Ryy, 0.0, 0.0, 0.0};
+    k = {C * rx - S * ry, S * rx + C * ry, torque + own};
+}
+
+// (R.12) to (R.14).
+template <class Sizes>
+inline void accelerate(const Sizes& sizes, const double* arm, const double* gravity,
+                       const Scratch<Sizes>* scratch, double* qdd) {
+    const int m = sizes.m();
+    double Ax = -gravity[0], Ay = -gravity[1], Aw = 0.0;
+    for (int i = 0; i < sizes.n(); ++i) {
+        const Body<Sizes> body{arm + i * Body<Sizes>::stride(sizes), sizes};
+        const Scratch<Sizes>& t = scratch[i];
+        double* eta_ddot = qdd + i * (1 + m) + 1;
+        const double x = t.cosine * Ax + t.sine * Ay;
+        Ay = t.cosine * Ay - t.sine * Ax;
+        Ax = x;
+        // The pivot is the moment per angular acceleration itself.
+        const double lag = (t.drive - t.Hxw * Ax - t.Hyw * Ay) * t.inverse;
+        eta_ddot[-1] = lag - Aw;
+        Aw = lag;
+        const double fx = t.gx.x * Ax + t.gx.y * Ay + t.gx.w * Aw + t.k.x;
+        const double fy = t.gy.x * Ax + t.gy.y * Ay + t.gy.w * Aw + t.k.y;
+        const double fw = t.gw.x * Ax + t.gw.y * Ay + t.gw.w * Aw + t.k.w;
+        for (int j = 0; j < m; ++j) {
+            double total = t.h_f[j] + body.row(ROW_S)[j] * Ay + body.row(ROW_A)[j] * Aw +
+                           body.row(ROW_P)[j] * fy + body.row(ROW_DP)[j] * fw;
+            if constexpr (Sizes::second_order) total -= t.D0_eta[j] * Ax - t.F_x[j] * fx;
+            eta_ddot[j] = -total;
+        }
+        const double yy = body[N_YY], yw = body[N_YW], ww = body[N_WW];
+        const double tx = (t.Txx * Ax + t.Txy * Ay) + t.Txw * Aw - (t.Nxx * fx + t.Nxy * fy + t.Nxw * fw);
+        const double ty = t.Tyx * Ax + body[T_YY] * Ay + t.Tyw * Aw - (t.Nxy * fx + yy * fy + yw * fw);
+        const double tw = t.Twx * Ax + body[T_WY] * Ay + body[T_WW] * Aw - (t.Nxw * fx + yw * fy + ww * fw);
+        Ax = tx + t.drift.x;
+        Ay = ty + t.drift.y;
+        Aw = tw + t.drift.w;
+    }
+}
+
+template <class Sizes>
+inline void forward_dynamics(const Sizes& sizes, const double* arm, const double* gravity,
+                             const double* q, const double* qd, const double* torque,
+                             Scratch<Sizes>* scratch, double* qdd) {
+    rates(sizes, arm, q, qd, scratch);
+    Symmetric W{};
+    Vector k{};
+    for (int i = sizes.n() - 1; i >= 0; --i) {
+        const Body<Sizes> body{arm + i * Body<Sizes>::stride(sizes), sizes};
+        const int joint = i * (1 + sizes.m());
+        eliminate(body, q[joint], qd[joint], torque[i], scratch[i], W, k);
+    }
+    accelerate(sizes, arm, gravity, scratch, qdd);
+}

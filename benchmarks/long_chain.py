@@ -1,0 +1,74 @@
+"""One second of a swinging chain of 64 flexible links: every integrator, every installed peer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from peers.arms import Case
+
+from benchmarks import programs
+from benchmarks.work_precision import Entry, Point, measure
+from flexarm.integrate import INTEGRATORS
+
+#: Released from rest as a slanting line that hangs by one end; 64 hinges, each link bends.
+CASE = Case(
+    name="swinging chain",
+    lengths=(0.5,) * 64,
+    flexural_rigidity=20.0,
+    axial_rigidity=1e8,
+    mass_per_length=0.5,
+    start=(-1.2,) * 64,
+    gravity=9.81,
+    duration=1.0,
+    segments=1,
+    amplitude=(0.0,) * 64,
+    rate=100,
+)
+TIGHT = "flexarm at rtol 1e-7"
+RTOL = (1e-3, 1e-4, 1e-5)
+STEPS = (1e-3, 5e-4, 2.5e-4)
+EXUDYN = ((2, 1e-3), (4, 1e-3), (4, 5e-4))
+MUJOCO = ((1, 1e-3), (2, 1e-3))
+
+
+def short(links: int, duration: float) -> Case:
+    """Return the same with fewer links and less time."""
+    return replace(
+        CASE,
+        lengths=CASE.lengths[:links],
+        start=CASE.start[:links],
+        amplitude=CASE.amplitude[:links],
+        duration=duration,
+    )
+
+
+def entries(case: Case = CASE) -> Iterator[Entry]:
+    """Yield what is compared: four second-order modes a link, and the peers."""
+    build = partial(programs.arm_of, case, theory="second_order", elements=4, modes=4)
+    for name, integrator in INTEGRATORS.items():
+        settings = (
+            [{"rtol": value} for value in RTOL]
+            if integrator.adaptive
+            else [{"step": value} for value in STEPS]
+        )
+        for setting in settings:
+            yield programs.flexarm(case, "4 modes", build, TIGHT, integrator=name, **setting)
+    missing = programs.missing()
+    if "Exudyn" not in missing:
+        yield from (programs.exudyn(case, *setting, TIGHT) for setting in EXUDYN)
+    if "MuJoCo" not in missing:
+        yield from (programs.mujoco(case, *setting, TIGHT) for setting in MUJOCO)
+
+
+def truth(case: Case) -> dict[str, np.ndarray]:
+    """Return the tip path of eight modes a link at a tight tolerance."""
+    arm = programs.arm_of(case, theory="second_order", elements=4)
+    return {TIGHT: programs.simulate(case, arm, rtol=1e-7).path}
+
+
+def work_precision(case: Case = CASE, repeats: int = 1) -> tuple[list[Point], list[str]]:
+    """Measure all of it in turns."""
+    return measure(list(entries(case)), truth(case), repeats)

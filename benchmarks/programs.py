@@ -1,0 +1,126 @@
+"""Flexarm and every installed peer as entries of a work-precision diagram."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from peers.arms import Case
+from peers.flexarm_arm import Torque
+from scipy.integrate import solve_ivp
+
+import flexarm as fa
+from benchmarks.work_precision import Entry, Outcome, Run, timed
+
+#: Module that a program needs, beside what flexarm needs itself.
+PEERS = {"Exudyn": "exudyn", "MuJoCo": "mujoco", "CasADi CVODES": "casadi"}
+
+
+def missing() -> list[str]:
+    """Return the names of the peers that are not installed."""
+    return [name for name, module in PEERS.items() if importlib.util.find_spec(module) is None]
+
+
+def arm_of(case: Case, **options: Any) -> fa.Arm:
+    """Return a case's arm; ``options`` of the links, and ``theory``."""
+    theory = options.pop("theory", "linear")
+    links = [
+        fa.Link(
+            length=length,
+            flexural_rigidity=case.flexural_rigidity,
+            mass_per_length=case.mass_per_length,
+            **{"elements": 1, **options},
+        )
+        for length in case.lengths
+    ]
+    return fa.Arm(links=links, gravity=(0.0, -case.gravity), theory=theory)
+
+
+def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **how: Any) -> Entry:
+    """Return flexarm with a basis and settings of ``flexarm.simulate``."""
+
+    def prepare() -> Run:
+        arm = build()
+        return lambda: simulate(case, arm, **how)
+
+    name = how.get("integrator", "auto")
+    fixed = [f"step {how['step']:g} s"] if "step" in how else [f"rtol {how['rtol']:.0e}"]
+    specialized = ["for its size"] if how.get("specialized") else []
+    return Entry("flexarm", ", ".join([name, basis, *fixed, *specialized]), truth, prepare)
+
+
+def simulate(case: Case, arm: fa.Arm, **how: Any) -> Outcome:
+    """Run flexarm; the time is what its compiled integration took."""
+    if "rtol" in how:
+        how = {**how, "atol": 1e-2 * how["rtol"]}
+    result = fa.simulate(
+        arm,
+        case.duration,
+        torque=Torque(case),
+        initial=arm.rest(case.joint_angles),
+        rate=case.rate,
+        progress=False,
+        **how,
+    )
+    return Outcome(result["tip"].values, result.attrs["wall_seconds"])
+
+
+def exudyn(case: Case, elements: int, step: float, truth: str) -> Entry:
+    """Return Exudyn with cable elements of large deflection."""
+
+    def prepare() -> Run:
+        from peers import exudyn_arm
+
+        return timed(exudyn_arm.prepare(case, elements, step))
+
+    return Entry("Exudyn", f"{elements} ANCF cables a link, step {step:g} s", truth, prepare)
+
+
+def mujoco(case: Case, segments: int, step: float, truth: str) -> Entry:
+    """Return MuJoCo with rigid bars on springs."""
+
+    def prepare() -> Run:
+        from peers import mujoco_arm
+
+        return timed(mujoco_arm.prepare(case, segments, step))
+
+    return Entry("MuJoCo", f"{segments} bars a link, RK4 step {step:g} s", truth, prepare)
+
+
+def casadi(case: Case, arm: fa.Arm, rtol: float, truth: str) -> Entry:
+    """Return CVODES through CasADi on the equations of ``arm``."""
+
+    def prepare() -> Run:
+        from benchmarks import casadi_cvodes
+
+        return timed(casadi_cvodes.prepare(case, arm, rtol), lambda states: tips(arm, states))
+
+    return Entry("CasADi CVODES", f"rtol {rtol:.0e}", truth, prepare)
+
+
+def scipy(case: Case, arm: fa.Arm, method: str, rtol: float, truth: str) -> Entry:
+    """Return a SciPy solver that calls our dynamics from Python: what one writes by hand."""
+    n = arm.dof
+    samples = np.arange(case.samples) / case.rate
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[n:], arm.forward_dynamics(y[:n], y[n:], case.torque(t))])
+
+    def integrate() -> np.ndarray:
+        start = np.concatenate([arm.rest(case.joint_angles), np.zeros(n)])
+        span, tolerance = (0.0, case.duration), {"rtol": rtol, "atol": 1e-2 * rtol}
+        return solve_ivp(rates, span, start, method=method, t_eval=samples, **tolerance).y.T
+
+    return Entry(
+        f"SciPy {method}",
+        f"rtol {rtol:.0e}",
+        truth,
+        lambda: timed(integrate, lambda states: tips(arm, states)),
+    )
+
+
+def tips(arm: fa.Arm, states: np.ndarray) -> np.ndarray:
+    """Return tip positions (samples, 2) of states (samples, 2 dof)."""
+    return np.array([arm.tip(q)[:2] for q in states[:, : arm.dof]])

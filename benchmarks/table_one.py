@@ -1,0 +1,100 @@
+"""Two seconds of the Table I arm: every integrator, several bases, every installed peer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from peers.arms import TABLE_ONE
+
+import flexarm as fa
+from benchmarks import programs
+from benchmarks.arms import table_one
+from benchmarks.work_precision import Entry, Point, measure
+from flexarm.integrate import INTEGRATORS
+
+DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
+#: Sampled as the exact solution is stored, so that the peers may take steps of 2 ms.
+CASE = replace(TABLE_ONE, rate=100)
+
+#: What the paths are compared with: files of tests/data, made by other programs.
+EXACT, PAPER = "exact beams", "the paper's 2+1 elements"
+_FILES = {EXACT: "tableI_exact.csv", PAPER: "tableI_linear_2p1.csv"}
+
+RTOL = (1e-3, 1e-4, 1e-5, 1e-6)
+STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
+EXUDYN = ((2, 2e-3), (4, 2e-3), (4, 1e-3), (8, 2e-4), (16, 1e-4))
+MUJOCO = ((4, 1e-3), (8, 2.5e-4), (16, 5e-5))
+CASADI = (1e-4, 1e-6)
+SCIPY = (("DOP853", 1e-4), ("LSODA", 1e-4))
+
+
+def second_order(**links: int) -> fa.Arm:
+    """Return the arm in the second-order theory."""
+    return programs.arm_of(CASE, theory="second_order", **links)
+
+
+#: Bases of flexarm, and what each tends to.
+BASES = {
+    "2+1 elements": (table_one, PAPER),
+    "3 modes": (partial(second_order, elements=16, modes=3), EXACT),
+    "4 modes": (partial(second_order, elements=16, modes=4), EXACT),
+    "8 segments": (partial(second_order, elements=8, segments=8), EXACT),
+}
+
+
+def truths(duration: float) -> dict[str, np.ndarray]:
+    """Return the tip paths to compare with, up to a time."""
+    count = round(duration * CASE.rate) + 1
+    tables = {
+        name: np.loadtxt(DATA / file, delimiter=",", skiprows=1) for name, file in _FILES.items()
+    }
+    return {name: table[:count, 3:5] for name, table in tables.items()}
+
+
+def own_entries(
+    rtol: tuple[float, ...] = RTOL, steps: tuple[float, ...] = STEPS, duration: float = 2.0
+) -> Iterator[Entry]:
+    """Yield every integrator of the registry on every basis, and ``auto`` compiled for its size."""
+    case = replace(CASE, duration=duration)
+    for basis, (build, truth) in BASES.items():
+        for name, integrator in INTEGRATORS.items():
+            settings = (
+                [{"rtol": value} for value in rtol]
+                if integrator.adaptive
+                else [{"step": value} for value in steps]
+            )
+            for setting in settings:
+                yield programs.flexarm(case, basis, build, truth, integrator=name, **setting)
+
+
+def specialized_entries(rtol: tuple[float, ...] = (1e-3, 1e-4)) -> Iterator[Entry]:
+    """Yield ``auto`` compiled for the size of each reduced basis: ten seconds each, once."""
+    for basis in ("2+1 elements", "4 modes"):
+        build, truth = BASES[basis]
+        for value in rtol:
+            yield programs.flexarm(CASE, basis, build, truth, rtol=value, specialized=True)
+
+
+def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
+    """Yield the settings of every installed peer; ``quick``: the cheapest of each."""
+    case = replace(CASE, duration=duration)
+    count = 1 if quick else None
+    missing = programs.missing()
+    if "Exudyn" not in missing:
+        yield from (programs.exudyn(case, *setting, EXACT) for setting in EXUDYN[:count])
+    if "MuJoCo" not in missing:
+        yield from (programs.mujoco(case, *setting, EXACT) for setting in MUJOCO[:count])
+    arm = table_one()
+    if "CasADi CVODES" not in missing:
+        yield from (programs.casadi(case, arm, rtol, PAPER) for rtol in CASADI[:count])
+    yield from (programs.scipy(case, arm, *setting, PAPER) for setting in SCIPY[:count])
+
+
+def work_precision(repeats: int = 5) -> tuple[list[Point], list[str]]:
+    """Measure all of it in turns."""
+    entries = [*own_entries(), *specialized_entries(), *peer_entries()]
+    return measure(entries, truths(CASE.duration), repeats)
