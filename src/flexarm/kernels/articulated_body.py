@@ -22,6 +22,8 @@ symbol         meaning; all in the axes of the body at hand, wrenches and accele
 ``Y``          (1 + W N)^-1 W: the outboard chain behind the springs of the modes
 ``g``          Y T: tip force per root acceleration
 ``U``, ``D``   third column and last entry of H: the joint's
+``1/Delta``    ``mobility``: one, or less in an implicit step, (R.27), where F, C and the modal
+               biases meet it once in each product, (R.28)
 =============  =================================================================================
 """
 
@@ -52,6 +54,31 @@ def forward_dynamics(
     """
     link_terms(sizes, constants, state, work)
     apply_loads(sizes, loads, state, work)
+    _inward(sizes, constants, state, torque, work)
+    _outward(sizes, constants, loads, work)
+
+
+@compiled
+def implicit_dynamics(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    force: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+) -> None:
+    """Write x of (M + added) x = torque + force - bias into ``work.acceleration``, (R.27).
+
+    ``constants`` come from ``implicit_step.add_to_diagonal``: they hold what is added. ``force``
+    (n, 1 + m) acts on the modes, its first column on nothing: what acts on joints is in
+    ``torque``. The rest is as in ``forward_dynamics``.
+    """
+    link_terms(sizes, constants, state, work)
+    apply_loads(sizes, loads, state, work)
+    for i in range(len(sizes.bodies)):
+        for j in range(len(sizes.modes)):
+            work.flex_bias[i, j] -= force[i, 1 + j]
     _inward(sizes, constants, state, torque, work)
     _outward(sizes, constants, loads, work)
 
@@ -127,7 +154,7 @@ def _inward(
         zy = 0.0
         zw = 0.0
         for j in range(len(sizes.modes)):
-            h = work.flex_bias[i, j]
+            h = c.mobility[i, j] * work.flex_bias[i, j]
             Sh += c.S[i, j] * h
             ah += c.a[i, j] * h
             zy += c.P[i, j] * h
@@ -146,20 +173,20 @@ def _inward(
         Nxy = 0.0
         Nxw = 0.0
         for j in range(len(sizes.geometric)):
-            d = work.shortening[i, j]
-            Fx = work.Fx[i, j]
             h = work.flex_bias[i, j]
+            d = c.mobility[i, j] * work.shortening[i, j]
+            Fx = c.mobility[i, j] * work.Fx[i, j]
             dh += d * h
-            dd += d * d
+            dd += d * work.shortening[i, j]
             dS += d * c.S[i, j]
             da += d * c.a[i, j]
             dP += d * c.P[i, j]
             ddP += d * c.dP[i, j]
             FS += Fx * c.S[i, j]
             Fa += Fx * c.a[i, j]
-            Fd += Fx * d
+            Fd += Fx * work.shortening[i, j]
             zx += Fx * h
-            Nxx += Fx * Fx
+            Nxx += Fx * work.Fx[i, j]
             Nxy += Fx * c.P[i, j]
             Nxw += Fx * c.dP[i, j]
         Nyy = c.N[i, 0]
@@ -246,7 +273,9 @@ def _inward(
 
         # Eliminate the joint (one that is not free passes everything on), then turn inboard.
         free = c.free[i]
-        inverse = free / (Hww + (1.0 - free))
+        added = c.joint_added[i]
+        inverse = free / (Hww + added + (1.0 - free))
+        held = (1.0 - free) + added * inverse
         given = torque[i] * (1.0 - free)
         passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
         drive = torque[i] + passive - hw
@@ -259,12 +288,12 @@ def _inward(
         Rxx = Hxx - Hxw * Hxw * inverse
         Rxy = Hxy - Hxw * Hyw * inverse
         Ryy = Hyy - Hyw * Hyw * inverse
-        Rxw = Hxw * (1.0 - free)
-        Ryw = Hyw * (1.0 - free)
-        Rww = Hww * (1.0 - free)
+        Rxw = Hxw * held
+        Ryw = Hyw * held
+        Rww = Hww * held
         hx += Hxw * (drive * inverse + given)
         hy += Hyw * (drive * inverse + given)
-        kw = hw + Hww * given + free * drive
+        kw = hw + Hww * given + (1.0 - held) * drive
         cosine = work.rotation[i, 0]
         sine = work.rotation[i, 1]
         cross = 2.0 * cosine * sine * Rxy
@@ -304,7 +333,7 @@ def _outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspac
         fy += work.gain[i, 1, 3]
         fw += work.gain[i, 2, 3]
         for j in range(len(sizes.modes)):
-            work.acceleration[i, 1 + j] = -(
+            work.acceleration[i, 1 + j] = -c.mobility[i, j] * (
                 work.flex_bias[i, j]
                 + c.S[i, j] * Ay
                 + c.a[i, j] * Aw
@@ -312,7 +341,9 @@ def _outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspac
                 + c.dP[i, j] * fw
             )
         for j in range(len(sizes.geometric)):
-            work.acceleration[i, 1 + j] += work.shortening[i, j] * Ax - work.Fx[i, j] * fx
+            work.acceleration[i, 1 + j] += c.mobility[i, j] * (
+                work.shortening[i, j] * Ax - work.Fx[i, j] * fx
+            )
         Nxx = work.Nx[i, 0]
         Nxy = work.Nx[i, 1]
         Nxw = work.Nx[i, 2]
