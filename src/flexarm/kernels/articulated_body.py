@@ -58,8 +58,8 @@ def forward_dynamics(
     _outward(sizes, constants, loads, work)
 
 
-@compiled
-def implicit_dynamics(
+@merged
+def solve_implicit(
     sizes: Sizes,
     constants: ArmConstants,
     state: Array,
@@ -81,6 +81,20 @@ def implicit_dynamics(
             work.flex_bias[i, j] -= force[i, 1 + j]
     _inward(sizes, constants, state, torque, work)
     _outward(sizes, constants, loads, work)
+
+
+@compiled
+def implicit_dynamics(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    force: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+) -> None:
+    """``solve_implicit`` as a call of its own, for places that are not hot."""
+    solve_implicit(sizes, constants, state, force, torque, loads, work)
 
 
 @merged
