@@ -1,9 +1,9 @@
-"""Compiled stepping of additive Runge-Kutta methods: bending and damping implicit, the rest explicit.
+"""Compiled stepping of additive Runge-Kutta methods: bending and damping implicit.
 
-Theory page "integration", (I.1) to (I.6). Each stage has two states: an explicit one for everything
-that is smooth (posture, speeds, mass matrix, loads) and an implicit one for the forces of bending, of
-joint springs and of damping, in which the equations are linear. So a stage is one pass of the
-recursion with a diagonal added to the mass matrix, without iteration.
+Theory page "integration", (I.1) to (I.4). Each stage has two states: an explicit one for what is
+smooth (posture, speeds, mass matrix, loads) and an implicit one for the forces of bending, of joint
+springs and of damping, in which the equations are linear. So a stage is one pass of the recursion
+with a diagonal added to the mass matrix, without iteration.
 
 =============  =============================================================================
 symbol         meaning
@@ -27,12 +27,15 @@ from flexarm.integrate.steps import (
     DONE,
     INERTIA_LOST,
     PAUSED,
+    RESOLVED,
+    SHORT,
     accept_step,
     combine,
-    dense_weights,
+    coordinate_between,
     error_norm,
     inertia_left,
     next_stop,
+    rate_between,
     refuse_step,
 )
 from flexarm.integrate.torque import drive_at, slope_at
@@ -106,6 +109,36 @@ def additive_step(
     combine(system.sizes, state, stages, AE, s, s, h, smooth)
 
 
+@merged
+def _between(
+    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, x: float,
+    h: float, sample: Array,
+) -> None:  # fmt: skip
+    """Sample at x (0 to 1) of a step from the values and slopes at both ends.
+
+    A mode that the step does not resolve has accelerations that mean nothing inside it: cubic.
+    """
+    s = stages.shape[0] - 1
+    fine = h * tolerance.fastest > SHORT
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            q0 = state[0, i, j]
+            v0 = state[1, i, j]
+            a0 = stages[0, 1, i, j]
+            q1 = new[0, i, j]
+            v1 = new[1, i, j]
+            a1 = stages[s, 1, i, j]
+            stiff = False
+            if j > 0:
+                stiff = h * h * system.constants.w2[i, j - 1] > RESOLVED * RESOLVED
+            if stiff:
+                sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
+                sample[1, i, j] = v0 + x * (v1 - v0)
+            else:
+                sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
+                sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
+
+
 @compiled
 def advance_additive(
     system: System,
@@ -116,7 +149,6 @@ def advance_additive(
     c: Array,
     error: Array,
     error_low: Array,
-    dense: Array,
     order: int,
     state: Array,
     smooth: Array,
@@ -125,7 +157,6 @@ def advance_additive(
     force: Array,
     torque: Array,
     stages: Array,
-    weights: Array,
     clock: Array,
     counts: Array,
     until: float,
@@ -142,7 +173,7 @@ def advance_additive(
     new = smooth
     t = clock[0]
     while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t:
-        combine(system.sizes, state, stages, dense, zero, zero, 0.0, samples[counts[0]])
+        combine(system.sizes, state, stages, AE, zero, zero, 0.0, samples[counts[0]])
         counts[0] += 1
     if t >= until:
         return DONE
@@ -177,11 +208,11 @@ def advance_additive(
         while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t_new:
             asked = sample_times[counts[0]]
             if asked == t_new:
-                combine(system.sizes, new, stages, dense, zero, zero, 0.0, samples[counts[0]])
+                combine(system.sizes, new, stages, AE, zero, zero, 0.0, samples[counts[0]])
             else:
-                dense_weights(dense, (asked - t) / h, weights)
-                rows = dense.shape[0]
-                combine(system.sizes, state, stages, weights, zero, rows, h, samples[counts[0]])
+                _between(
+                    system, tolerance, state, new, stages, (asked - t) / h, h, samples[counts[0]]
+                )
             counts[0] += 1
         for level in range(2):
             for i in range(len(system.sizes.bodies)):

@@ -1,8 +1,8 @@
 """Compiled stepping of Cowell's method of order 4, linearly implicit: one evaluation a step.
 
-Theory page "integration", (I.7) to (I.10). Positions obey the symmetric two-step formula that is also
-Numerov's. The bending forces at the new time are implicit; posture, speeds and mass matrix at the new
-time are predicted.
+Theory page "integration", (I.5) to (I.8). Positions obey the symmetric two-step formula that is
+also Numerov's. The bending forces at the new time are implicit; posture, speeds and mass matrix at
+the new time are predicted.
 
 =============  =============================================================================
 symbol         meaning
@@ -23,20 +23,24 @@ import math
 import numpy as np
 
 from flexarm.integrate.additive import additive_step
-from flexarm.integrate.base import System
+from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.steps import (
     DONE,
     INERTIA_LOST,
     NOT_FINITE,
     PAUSED,
+    RESOLVED,
+    SHORT,
     TIME,
     all_finite,
     combine,
+    coordinate_between,
     inertia_left,
     next_stop,
+    rate_between,
 )
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
-from flexarm.kernels.articulated_body import solve_implicit
+from flexarm.kernels.articulated_body import implicit_dynamics, solve_implicit
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
@@ -44,25 +48,76 @@ from flexarm.kernels.layout import ArmConstants, Array
 START, END, LENGTH, COUNT, PLACE = 0, 1, 2, 3, 4
 #: Points that the formulas look back on; the first ones of a span come from a one-step method.
 _STARTED = 3
-#: Weights of the new acceleration in (I.7) and (I.8).
+#: Weights of the new acceleration in (I.5) and (I.6).
 _BETA = 1.0 / 12.0
 _GAMMA = 367.0 / 1440.0
-#: A mode that turns by more radians than this in a step is beyond Numerov's formula, whose own
-#: limit is 2.45 for the frequencies of the whole arm; those of the clamped link are lower.
-_RESOLVED = 1.6
+#: Numerov's formula is stable for square frequencies times h^2 of up to 6; the estimate of the
+#: highest one comes from below, so some of that is kept.
+_STABLE = 5.0
+_ITERATIONS = 25
+
+
+@merged
+def _highest(
+    system: System, stiff: Array, state: Array, rest: Array, force: Array, direction: Array,
+    unforced: Array, torque: Array,
+) -> float:  # fmt: skip
+    """Highest squared frequency of the arm if its stiff modes had no stiffness; from below.
+
+    Power iteration. Fine meshes need it: the residual inertia of (R.7) is so small that even the
+    stiffness of slow modes makes a fast motion of a joint against its link.
+    """
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        torque[i] = 0.0
+        for j in range(1 + len(system.sizes.modes)):
+            rest[0, i, j] = state[0, i, j]
+            rest[1, i, j] = 0.0
+            force[i, j] = 0.0
+    implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            unforced[i, j] = system.work.acceleration[i, j]
+            direction[i, j] = 1.0 if j > 0 else 0.0
+    square: float = 0.0
+    for _ in range(_ITERATIONS):
+        size: float = 0.0
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                size += direction[i, j] * direction[i, j]
+        square = math.sqrt(size)
+        if square == 0.0:
+            return 0.0
+        for i in range(len(system.sizes.bodies)):
+            for j in range(len(system.sizes.modes)):
+                pull = c.w2[i, j] * (1.0 - stiff[i, 1 + j])
+                force[i, 1 + j] = -pull * direction[i, 1 + j] / square
+        implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                direction[i, j] = system.work.acceleration[i, j] - unforced[i, j]
+    return square
 
 
 @merged
 def _soften(
-    system: System, softened: ArmConstants, stiff: Array, added: Array, h: float
-) -> None:
+    system: System, softened: ArmConstants, tolerance: Tolerance, state: Array, smooth: Array,
+    known: Array, force: Array, torque: Array, stiff: Array, added: Array, h: float,
+) -> None:  # fmt: skip
     """Decide which modes are stiff at steps of h, and add their implicit part to the mass."""
     c = system.constants
     for i in range(len(system.sizes.bodies)):
         stiff[i, 0] = 0.0
         for j in range(len(system.sizes.modes)):
-            fast = h * max(math.sqrt(c.w2[i, j]), c.damping[i, j]) > _RESOLVED
+            fast = h * max(math.sqrt(c.w2[i, j]), c.damping[i, j]) > RESOLVED
             stiff[i, 1 + j] = 1.0 if fast else 0.0
+    if (h * tolerance.fastest) ** 2 > _STABLE:
+        square = _highest(system, stiff, state, smooth, force, known[0], known[1], torque)
+        if h * h * square > _STABLE:
+            for i in range(len(system.sizes.bodies)):
+                for j in range(len(system.sizes.modes)):
+                    stiff[i, 1 + j] = 1.0
+    for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             damping = c.joint_damping[i] if j == 0 else c.damping[i, j - 1]
             stiffness = c.joint_stiffness[i] if j == 0 else c.w2[i, j - 1]
@@ -177,14 +232,16 @@ def _restore(system: System, past: Array, k: int, state: Array) -> None:
 
 @merged
 def _between(
-    system: System, stiff: Array, past: Array, k: int, h: float, x: float, sample: Array
-) -> None:
-    """Sample at x (0 to 1) between points k - 1 and k: quintic Hermite; cubic Lagrange if stiff."""
+    system: System, tolerance: Tolerance, stiff: Array, past: Array, k: int, h: float, x: float,
+    sample: Array,
+) -> None:  # fmt: skip
+    """Sample at x (0 to 1) between points k - 1 and k: Hermite; cubic Lagrange of stiff modes."""
     new = k & 3
     old = (k - 1) & 3
     before = (k - 2) & 3
     first = (k - 3) & 3
     y = x - 1.0
+    fine = h * tolerance.fastest > SHORT
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             if stiff[i, j] != 0.0 and k >= 3:
@@ -196,19 +253,14 @@ def _between(
                         - past[first, level, i, j] * x * y * (x + 1.0) / 6.0
                     )
                 continue
-            q = past[old, 0, i, j]
-            v = h * past[old, 1, i, j]
-            a = 0.5 * h * h * past[old, 2, i, j]
-            # What is missing at the new point, of value, slope and half the curvature.
-            e0 = past[new, 0, i, j] - q - v - a
-            e1 = h * past[new, 1, i, j] - v - 2.0 * a
-            e2 = 0.5 * h * h * past[new, 2, i, j] - a
-            c3 = 10.0 * e0 - 4.0 * e1 + e2
-            c4 = -15.0 * e0 + 7.0 * e1 - 2.0 * e2
-            c5 = 6.0 * e0 - 3.0 * e1 + e2
-            sample[0, i, j] = q + x * (v + x * (a + x * (c3 + x * (c4 + x * c5))))
-            slope = v + x * (2.0 * a + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
-            sample[1, i, j] = slope / h
+            q0 = past[old, 0, i, j]
+            v0 = past[old, 1, i, j]
+            a0 = past[old, 2, i, j]
+            q1 = past[new, 0, i, j]
+            v1 = past[new, 1, i, j]
+            a1 = past[new, 2, i, j]
+            sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
+            sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
 
 
 @compiled
@@ -216,6 +268,7 @@ def advance_cowell(
     system: System,
     softened: ArmConstants,
     starter: ArmConstants,
+    tolerance: Tolerance,
     AE: Array,
     AI: Array,
     c: Array,
@@ -258,7 +311,10 @@ def advance_cowell(
             span[COUNT] = max(1.0, math.ceil((span[END] - t) / step * (1.0 - 1e-9)))
             span[LENGTH] = (span[END] - t) / span[COUNT]
             span[PLACE] = 0.0
-            _soften(system, softened, stiff, added, span[LENGTH])
+            _soften(
+                system, softened, tolerance, state, smooth, known, force, torque, stiff, added,
+                span[LENGTH],
+            )  # fmt: skip
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[3] += 1
             _remember(system, past, rise, zero, state, stages[0])
@@ -302,7 +358,9 @@ def advance_cowell(
             if asked == t_new:
                 _restore(system, past, k + 1, samples[counts[0]])
             else:
-                _between(system, stiff, past, k + 1, h, (asked - t) / h, samples[counts[0]])
+                _between(
+                    system, tolerance, stiff, past, k + 1, h, (asked - t) / h, samples[counts[0]]
+                )
             counts[0] += 1
         t = t_new
         clock[TIME] = t

@@ -1,4 +1,4 @@
-"""Kennedy and Carpenter's additive pairs of order 4(3) and 5(4): implicit where the arm is stiff."""
+"""Kennedy and Carpenter's additive pairs of order 4(3) and 5(4), implicit in bending."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 
 from flexarm.integrate.additive import SOFTENED, advance_additive
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
-from flexarm.integrate.steps import CLOCK_PLACES, STEP, TIME
-from flexarm.integrate.tableau import hermite_dense
+from flexarm.integrate.steps import STEP, TIME
 from flexarm.kernels.implicit_step import constants_to_soften
 from flexarm.kernels.layout import ArmConstants
 
@@ -21,7 +20,6 @@ class AdditiveTableau(NamedTuple):
     Attributes:
         explicit, implicit: (s + 1, s) rows of the stages and of the new point, which they share.
         c: (s + 1,) abscissae. error: (s + 1,) weights of the error estimate.
-        dense: (s + 1, 3) cubic Hermite output from the derivatives at both ends.
     """
 
     order: int
@@ -29,7 +27,6 @@ class AdditiveTableau(NamedTuple):
     implicit: FloatArray
     c: FloatArray
     error: FloatArray
-    dense: FloatArray
 
 
 def _tableau(
@@ -42,7 +39,6 @@ def _tableau(
         implicit=np.vstack([implicit, b]),
         c=np.append(explicit.sum(axis=1), 1.0),
         error=np.append(b - embedded, 0.0),
-        dense=hermite_dense(b),
     )
 
 
@@ -241,7 +237,6 @@ class Additive(Integrator):
                 memory[name] = np.zeros(progress.state.shape[1:])
             memory["torque"] = np.zeros(progress.state.shape[1])
             memory["stages"] = np.zeros((len(tableau.c), *progress.state.shape))
-            memory["weights"] = np.zeros((1, len(tableau.c)))
             own = constants_to_soften(system.constants)
             memory |= {f"softened.{name}": array for name, array in own._asdict().items()}
         clock, counts = memory["clock"], memory["counts"]
@@ -256,7 +251,6 @@ class Additive(Integrator):
             tableau.c,
             tableau.error,
             np.zeros_like(tableau.error),
-            tableau.dense,
             tableau.order,
             progress.state,
             memory["smooth"],
@@ -265,7 +259,6 @@ class Additive(Integrator):
             memory["force"],
             memory["torque"],
             memory["stages"],
-            memory["weights"],
             clock,
             counts,
             until,
@@ -282,7 +275,7 @@ class Additive(Integrator):
 
 @dataclass(frozen=True)
 class KennedyCarpenter4(Additive):
-    """Order 4(3), 6 stages, L-stable in bending, damping and joint springs; cubic dense output."""
+    """Order 4(3), 6 stages, L-stable in bending, damping, joint springs; dense order 4."""
 
     name = "kennedy_carpenter_4"
     order = 4
@@ -291,7 +284,7 @@ class KennedyCarpenter4(Additive):
 
 @dataclass(frozen=True)
 class KennedyCarpenter5(Additive):
-    """Order 5(4), 8 stages, L-stable in bending, damping and joint springs; cubic dense output."""
+    """Order 5(4), 8 stages, L-stable in bending, damping, joint springs; dense order 4."""
 
     name = "kennedy_carpenter_5"
     order = 5

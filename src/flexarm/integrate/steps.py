@@ -1,8 +1,8 @@
 """What the steppers share: sums of stages, the error of a step, the next step, stops, samples.
 
 Step sizes follow a digital filter instead of the last error alone (Soderlind, ACM Transactions on
-Mathematical Software 29 (2003) 1-26). Where stability and not accuracy limits an explicit method, the
-error jumps with the step, and a controller without memory refuses every third step.
+Mathematical Software 29 (2003) 1-26). Where stability and not accuracy limits an explicit method,
+the error jumps with the step, and a controller without memory refuses every third step.
 """
 
 from __future__ import annotations
@@ -27,6 +27,11 @@ _SMALLEST = 1e-14
 #: over the allowed and length of the last step that stood, zero if there is none.
 TIME, STEP, REFUSED, LAST_NORM, LAST_STEP = 0, 1, 2, 3, 4
 CLOCK_PLACES = 5
+
+#: Steps shorter than this part of a radian of the fastest mode are cut ones: nothing moves in them.
+SHORT = 1e-3
+#: A mode that turns by more radians than this in a step is not resolved by it.
+RESOLVED = 1.6
 
 
 @merged
@@ -175,3 +180,37 @@ def dense_weights(dense: Array, theta: float, weights: Array) -> None:
         weights[0, k] = weight
 
 
+@merged
+def coordinate_between(
+    x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float
+) -> float:
+    """Coordinate at x (0 to 1) of a step: quintic Hermite."""
+    v = h * v0
+    a = 0.5 * h * h * a0
+    # What is missing at the new point, of value, slope and half the curvature.
+    e0 = q1 - q0 - v - a
+    e1 = h * v1 - v - 2.0 * a
+    e2 = 0.5 * h * h * a1 - a
+    c3 = 10.0 * e0 - 4.0 * e1 + e2
+    c4 = -15.0 * e0 + 7.0 * e1 - 2.0 * e2
+    c5 = 6.0 * e0 - 3.0 * e1 + e2
+    return q0 + x * (v + x * (a + x * (c3 + x * (c4 + x * c5))))
+
+
+@merged
+def rate_between(
+    x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float,
+    fine: bool,
+) -> float:  # fmt: skip
+    """Rate at x (0 to 1) of a step: cubic Hermite, or with ``fine`` the quartic that also adds up.
+
+    The quartic covers the distance from q0 to q1; it divides by h, so not for very short steps.
+    """
+    rise = v1 - v0
+    c2 = 3.0 * rise - h * (2.0 * a0 + a1)
+    c3 = h * (a0 + a1) - 2.0 * rise
+    rate = v0 + x * (h * a0 + x * (c2 + x * c3))
+    if fine:
+        missing = (q1 - q0) / h - 0.5 * (v0 + v1) - h * (a0 - a1) / 12.0
+        rate += 30.0 * missing * x * x * (1.0 - x) * (1.0 - x)
+    return rate

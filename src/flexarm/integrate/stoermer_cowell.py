@@ -69,6 +69,7 @@ class Cowell4(Integrator):
             system,
             named("softened", memory),
             named("starter", memory),
+            tolerance,
             tableau.explicit,
             tableau.implicit,
             tableau.c,

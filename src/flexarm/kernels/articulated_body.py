@@ -307,7 +307,7 @@ def _inward(
         Rww = Hww * held
         hx += Hxw * (drive * inverse + given)
         hy += Hyw * (drive * inverse + given)
-        kw = hw + Hww * given + (1.0 - held) * drive
+        kw = hw + Hww * given + Hww * inverse * drive
         cosine = work.rotation[i, 0]
         sine = work.rotation[i, 1]
         cross = 2.0 * cosine * sine * Rxy

@@ -1,4 +1,4 @@
-"""Add a diagonal to the mass matrix, so that forward dynamics solves an implicit step: (R.27), (R.28).
+"""Add a diagonal to the mass matrix: forward dynamics then solves implicit steps, (R.27), (R.28).
 
 =============  =================================================================================
 symbol         meaning
