@@ -202,6 +202,8 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
         residual_inertia=np.zeros((n, 3)),
         residual_tip=np.zeros((n, 4)),
         N=np.zeros((n, 3)),
+        mobility=np.ones((n, m)),
+        joint_added=np.zeros(n),
         tip_mass=np.zeros(n),
         tip_inertia=np.zeros(n),
         free=np.zeros(n),

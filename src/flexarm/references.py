@@ -44,6 +44,18 @@ _ENTRIES = {
   journal = {Journal of Computational and Applied Mathematics},
   volume = {7}, number = {1}, pages = {67--75}, year = {1981}
 }""",
+    "KennedyCarpenter2003": """@article{KennedyCarpenter2003,
+  author = {Kennedy, C. A. and Carpenter, M. H.},
+  title = {Additive {Runge-Kutta} schemes for convection-diffusion-reaction equations},
+  journal = {Applied Numerical Mathematics},
+  volume = {44}, number = {1--2}, pages = {139--181}, year = {2003}
+}""",
+    "BoscarinoFilbetRusso2016": """@article{BoscarinoFilbetRusso2016,
+  author = {Boscarino, S. and Filbet, F. and Russo, G.},
+  title = {High order semi-implicit schemes for time dependent partial differential equations},
+  journal = {Journal of Scientific Computing},
+  volume = {68}, number = {3}, pages = {975--1001}, year = {2016}
+}""",
     "HairerNorsettWanner1993": """@book{HairerNorsettWanner1993,
   author = {Hairer, E. and N{\\o}rsett, S. P. and Wanner, G.},
   title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},

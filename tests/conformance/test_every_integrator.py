@@ -276,7 +276,7 @@ def test_too_long_a_fixed_step_is_told_and_not_hidden(name):
     progress = start(arm, state)
     integrator = INTEGRATORS[name](step=20.0 / allowed.fastest)
     status, _ = advance(integrator, make_system(arm), allowed, progress, 50.0)
-    assert status == Status.NOT_FINITE
+    assert status in (Status.NOT_FINITE, Status.INERTIA_LOST)
     assert np.all(np.isfinite(progress.state))
 
 
@@ -309,7 +309,8 @@ def observed_order(counts, errors):
 @each_problem
 def test_observed_order_is_the_claimed_one(name, problem):
     arm, state = PROBLEMS[problem]()
-    counts = np.unique(np.geomspace(24, 2000, 24).astype(int))
+    # From a step of 0.8 radians of the fastest vibration on: several ones are unstable at 1.4.
+    counts = np.unique(np.geomspace(40, 2000, 24).astype(int))
     wanted = exact(problem)(1.0)
     errors = [
         abs(equal_steps(INTEGRATORS[name], arm, state, int(count))[0].state - wanted).max()

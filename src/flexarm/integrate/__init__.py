@@ -4,13 +4,27 @@ from __future__ import annotations
 
 from flexarm.integrate.base import Integrator
 from flexarm.integrate.dormand_prince import DormandPrince5, DormandPrince8
+from flexarm.integrate.kennedy_carpenter import KennedyCarpenter4, KennedyCarpenter5
 from flexarm.integrate.rk4 import RungeKutta4
+from flexarm.integrate.stoermer_cowell import Cowell4
 
 #: Every integrator by the name that ``simulate`` and scenario files use.
 INTEGRATORS: dict[str, type[Integrator]] = {
     RungeKutta4.name: RungeKutta4,
     DormandPrince5.name: DormandPrince5,
     DormandPrince8.name: DormandPrince8,
+    KennedyCarpenter4.name: KennedyCarpenter4,
+    KennedyCarpenter5.name: KennedyCarpenter5,
+    Cowell4.name: Cowell4,
 }
 
-__all__ = ["INTEGRATORS", "DormandPrince5", "DormandPrince8", "Integrator", "RungeKutta4"]
+__all__ = [
+    "INTEGRATORS",
+    "Cowell4",
+    "DormandPrince5",
+    "DormandPrince8",
+    "Integrator",
+    "KennedyCarpenter4",
+    "KennedyCarpenter5",
+    "RungeKutta4",
+]

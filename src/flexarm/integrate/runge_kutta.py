@@ -10,6 +10,7 @@ import numpy as np
 
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
 from flexarm.integrate.explicit import advance_explicit
+from flexarm.integrate.steps import CLOCK_PLACES, STEP, TIME
 from flexarm.integrate.tableau import Tableau
 
 
@@ -47,14 +48,15 @@ class ExplicitRungeKutta(Integrator):
         memory = progress.memory
         if not memory:
             step = self.step or progress.step or self.step_per_radian / tolerance.fastest
-            memory["clock"] = np.array([progress.time, step, 0.0])
+            memory["clock"] = np.zeros(CLOCK_PLACES)
+            memory["clock"][STEP] = step
             memory["counts"] = np.zeros(4, dtype=np.int64)
             memory["new"] = np.empty_like(progress.state)
             memory["torque"] = np.zeros(progress.state.shape[1])
             memory["stages"] = np.zeros((len(tableau.c), *progress.state.shape))
             memory["weights"] = np.zeros((1, len(tableau.c)))
         clock, counts = memory["clock"], memory["counts"]
-        clock[0] = progress.time
+        clock[TIME] = progress.time
         counts[0] = progress.sample
         status = advance_explicit(
             system,
@@ -78,7 +80,7 @@ class ExplicitRungeKutta(Integrator):
             samples,
             max_steps,
         )
-        progress.time, progress.step = float(clock[0]), float(clock[1])
+        progress.time, progress.step = float(clock[TIME]), float(clock[STEP])
         progress.sample, progress.steps, progress.rejected, progress.evaluations = (
             int(count) for count in counts
         )

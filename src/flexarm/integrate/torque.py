@@ -22,11 +22,24 @@ def piece_of(breaks: Array, t: float, from_left: bool) -> int:
     return low
 
 
+@merged
+def piece_after(breaks: Array, t: float, piece: int) -> int:
+    """Find the piece that holds time t from one that held an earlier time; on a break the left."""
+    while piece < breaks.shape[0] - 2 and breaks[piece + 1] < t:
+        piece += 1
+    return piece
+
+
 @compiled
 def torque_at(system: System, t: float, from_left: bool, torque: Array) -> None:
     """Evaluate the drive's torque (n,) at time t."""
+    torque_in(system, piece_of(system.drive.breaks, t, from_left), t, torque)
+
+
+@merged
+def torque_in(system: System, k: int, t: float, torque: Array) -> None:
+    """Evaluate the drive's torque (n,) at time t, which piece k holds."""
     drive = system.drive
-    k = piece_of(drive.breaks, t, from_left)
     x = t - drive.breaks[k]
     for i in range(len(system.sizes.bodies)):
         torque[i] = drive.coefficients[k, 0, i] + x * (
@@ -55,6 +68,14 @@ def loads_at(system: System, t: float, from_left: bool) -> None:
 
 
 @merged
+def drive_at(system: System, t: float, from_left: bool, torque: Array) -> None:
+    """Set torque, loads and base acceleration of time t."""
+    torque_at(system, t, from_left, torque)
+    if system.drive.factor_coefficients.shape[2] > 0:
+        loads_at(system, t, from_left)
+
+
+@merged
 def rates_of(
     system: System,
     t: float,
@@ -65,9 +86,7 @@ def rates_of(
     stage: int,
 ) -> None:
     """Write the time derivative of a state (2, n, 1 + m) into ``stages[stage]``."""
-    torque_at(system, t, from_left, torque)
-    if system.drive.factor_coefficients.shape[2] > 0:
-        loads_at(system, t, from_left)
+    drive_at(system, t, from_left, torque)
     forward_dynamics(system.sizes, system.constants, state, torque, system.drive.loads, system.work)
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):

@@ -23,6 +23,8 @@ symbol         meaning; all in the axes of the body at hand, wrenches and accele
 ``g``          Y T: tip force per root acceleration
 ``U``, ``D``   what the joint's equation takes per acceleration of its root, and of itself
 ``J``, ``r``   rotary inertia of a motor's rotor, and its gear ratio
+``1/Delta``    ``mobility``: one, or less in an implicit step, (R.27), where F, C and the modal
+               biases meet it once in each product, (R.28)
 =============  =================================================================================
 """
 
@@ -30,7 +32,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm.kernels.cache import merged
+from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.external import apply_loads
 from flexarm.kernels.joint_law import passive_torque
 from flexarm.kernels.kinematics import link_terms
@@ -55,6 +57,45 @@ def forward_dynamics(
     apply_loads(sizes, loads, state, work)
     _inward(sizes, constants, state, torque, work)
     _outward(sizes, constants, loads, work)
+
+
+@merged
+def solve_implicit(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    force: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+) -> None:
+    """Write x of (M + added) x = torque + force - bias into ``work.acceleration``, (R.27).
+
+    ``constants`` come from ``implicit_step.add_to_diagonal``: they hold what is added. ``force``
+    (n, 1 + m) acts on the modes, its first column on nothing: what acts on joints is in
+    ``torque``. The rest is as in ``forward_dynamics``.
+    """
+    link_terms(sizes, constants, state, work)
+    apply_loads(sizes, loads, state, work)
+    for i in range(len(sizes.bodies)):
+        for j in range(len(sizes.modes)):
+            work.flex_bias[i, j] -= force[i, 1 + j]
+    _inward(sizes, constants, state, torque, work)
+    _outward(sizes, constants, loads, work)
+
+
+@compiled
+def implicit_dynamics(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    force: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+) -> None:
+    """``solve_implicit`` as a call of its own, for places that are not hot."""
+    solve_implicit(sizes, constants, state, force, torque, loads, work)
 
 
 @merged
@@ -128,7 +169,7 @@ def _inward(
         zy = 0.0
         zw = 0.0
         for j in range(len(sizes.modes)):
-            h = work.flex_bias[i, j]
+            h = c.mobility[i, j] * work.flex_bias[i, j]
             Sh += c.S[i, j] * h
             ah += c.a[i, j] * h
             zy += c.P[i, j] * h
@@ -147,20 +188,20 @@ def _inward(
         Nxy = 0.0
         Nxw = 0.0
         for j in range(len(sizes.geometric)):
-            d = work.shortening[i, j]
-            Fx = work.Fx[i, j]
             h = work.flex_bias[i, j]
+            d = c.mobility[i, j] * work.shortening[i, j]
+            Fx = c.mobility[i, j] * work.Fx[i, j]
             dh += d * h
-            dd += d * d
+            dd += d * work.shortening[i, j]
             dS += d * c.S[i, j]
             da += d * c.a[i, j]
             dP += d * c.P[i, j]
             ddP += d * c.dP[i, j]
             FS += Fx * c.S[i, j]
             Fa += Fx * c.a[i, j]
-            Fd += Fx * d
+            Fd += Fx * work.shortening[i, j]
             zx += Fx * h
-            Nxx += Fx * Fx
+            Nxx += Fx * work.Fx[i, j]
             Nxy += Fx * c.P[i, j]
             Nxw += Fx * c.dP[i, j]
         Nyy = c.N[i, 0]
@@ -247,16 +288,18 @@ def _inward(
 
         # Eliminate the joint (one that is not free passes everything on), then turn inboard.
         free = c.free[i]
+        added = c.joint_added[i]
         Uw = Hww
-        D = Hww
-        lag = 0.0  # D - Uw
+        D = Hww + added
+        lag = added  # D - Uw
         for _ in range(len(sizes.joint_laws)):
             J = c.rotor[i, 0]
             r = c.rotor[i, 1]
-            Uw = Hww + r * J
-            D = Hww + r * r * J
-            lag = r * (r - 1.0) * J
+            Uw += r * J
+            D += r * r * J
+            lag += r * (r - 1.0) * J
         inverse = free / (D + (1.0 - free))
+        held = (1.0 - free) + lag * inverse
         given = torque[i] * (1.0 - free)
         passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
         drive = torque[i] + passive - hw
@@ -269,16 +312,15 @@ def _inward(
         Rxx = Hxx - Hxw * Hxw * inverse
         Rxy = Hxy - Hxw * Hyw * inverse
         Ryy = Hyy - Hyw * Hyw * inverse
-        passed = 1.0 - free
-        rotor = 0.0
+        # Written without the difference of the large numbers Hww and Uw^2 / D.
+        turned = Hww * (1.0 - free) + Hww * added * inverse
         for _ in range(len(sizes.joint_laws)):
             J = c.rotor[i, 0]
             r = c.rotor[i, 1]
-            passed += lag * inverse
-            rotor = J * ((r - 1.0) * (r - 1.0) * Hww * inverse + 1.0 - free)
-        Rxw = Hxw * passed
-        Ryw = Hyw * passed
-        Rww = Hww * (1.0 - free) + rotor
+            turned += J * (1.0 - free) + J * ((r - 1.0) * (r - 1.0) * Hww + added) * inverse
+        Rxw = Hxw * held
+        Ryw = Hyw * held
+        Rww = turned
         hx += Hxw * (drive * inverse + given)
         hy += Hyw * (drive * inverse + given)
         kw = hw + Uw * given + drive * (free - lag * inverse)
@@ -321,7 +363,7 @@ def _outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspac
         fy += work.gain[i, 1, 3]
         fw += work.gain[i, 2, 3]
         for j in range(len(sizes.modes)):
-            work.acceleration[i, 1 + j] = -(
+            work.acceleration[i, 1 + j] = -c.mobility[i, j] * (
                 work.flex_bias[i, j]
                 + c.S[i, j] * Ay
                 + c.a[i, j] * Aw
@@ -329,7 +371,9 @@ def _outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspac
                 + c.dP[i, j] * fw
             )
         for j in range(len(sizes.geometric)):
-            work.acceleration[i, 1 + j] += work.shortening[i, j] * Ax - work.Fx[i, j] * fx
+            work.acceleration[i, 1 + j] += c.mobility[i, j] * (
+                work.shortening[i, j] * Ax - work.Fx[i, j] * fx
+            )
         Nxx = work.Nx[i, 0]
         Nxy = work.Nx[i, 1]
         Nxw = work.Nx[i, 2]

@@ -62,6 +62,8 @@ class ArmConstants(NamedTuple):
     residual_inertia: Array  # (n, 3) yy, yw, ww: (m, mc, I) less what the modes follow, (R.6)
     residual_tip: Array  # (n, 4) tip yy, yw, wy, ww: T less what the modes follow, (R.6)
     N: Array  # (n, 3) P.P, P.dP, dP.dP
+    mobility: Array  # (n, m) acceleration per modal force: 1, or 1 / Delta of an implicit step
+    joint_added: Array  # (n,) kg m^2 on the joint's diagonal: 0, but in an implicit step
     tip_mass: Array  # (n,) kg, point mass carried by the body's tip
     tip_inertia: Array  # (n,) kg m^2, turning with the tip section
     free: Array  # (n,) 1.0 for a joint moved by forces, 0.0: fixed, or its motion is given

@@ -1,0 +1,231 @@
+"""Compiled stepping of additive Runge-Kutta methods: bending and damping implicit.
+
+Theory page "integration", (I.1) to (I.4). Each stage has two states: an explicit one for what is
+smooth (posture, speeds, mass matrix, loads) and an implicit one for the forces of bending, of joint
+springs and of damping, in which the equations are linear. So a stage is one pass of the recursion
+with a diagonal added to the mass matrix, without iteration.
+
+=============  =============================================================================
+symbol         meaning
+=============  =============================================================================
+``AE, AI``     (s, s) coefficients of the explicit and of the implicit state
+``gamma``      the diagonal of AI, one number; the first stage is explicit
+``smooth``     explicit state of a stage
+``known``      implicit state of a stage, as far as earlier stages make it
+``stages``     (s + 1, 2, n, 1 + m) derivatives; stage s is that at the new point
+``softened``   constants with the diagonal of a step of length ``clock[SOFTENED]``
+=============  =============================================================================
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.steps import (
+    CLOCK_PLACES,
+    DONE,
+    INERTIA_LOST,
+    PAUSED,
+    RESOLVED,
+    SHORT,
+    accept_step,
+    combine,
+    coordinate_between,
+    error_norm,
+    inertia_left,
+    next_stop,
+    rate_between,
+    refuse_step,
+)
+from flexarm.integrate.torque import drive_at, slope_at
+from flexarm.kernels.articulated_body import solve_implicit
+from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.implicit_step import add_to_diagonal
+from flexarm.kernels.layout import ArmConstants, Array
+
+#: Place in ``clock`` of the step that the constants are softened for.
+SOFTENED = CLOCK_PLACES
+
+
+@merged
+def soften_for(
+    system: System, softened: ArmConstants, added: Array, damping: float, stiffness: float
+) -> None:
+    """Add ``damping`` (s) times D and ``stiffness`` (s^2) times K to the mass matrix."""
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        added[i, 0] = damping * c.joint_damping[i] + stiffness * c.joint_stiffness[i]
+        for j in range(len(system.sizes.modes)):
+            added[i, 1 + j] = damping * c.damping[i, j] + stiffness * c.w2[i, j]
+    add_to_diagonal(system.sizes, c, added, softened)
+
+
+@merged
+def shift_forces(
+    system: System, smooth: Array, q: Array, v: Array, force: Array, torque: Array
+) -> None:
+    """Move bending, springs and damping from the smooth state (2, n, 1 + m) to the one at q, v."""
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        torque[i] += c.free[i] * (
+            c.joint_stiffness[i] * (smooth[0, i, 0] - q[i, 0])
+            + c.joint_damping[i] * (smooth[1, i, 0] - v[i, 0])
+        )
+        for j in range(len(system.sizes.modes)):
+            force[i, 1 + j] = c.w2[i, j] * (smooth[0, i, 1 + j] - q[i, 1 + j]) + c.damping[i, j] * (
+                smooth[1, i, 1 + j] - v[i, 1 + j]
+            )
+
+
+@merged
+def additive_step(
+    system: System, softened: ArmConstants, AE: Array, AI: Array, c: Array, t: float, h: float,
+    state: Array, smooth: Array, known: Array, added: Array, force: Array, torque: Array,
+    stages: Array, clock: Array,
+) -> None:  # fmt: skip
+    """Fill ``stages[1:s]`` from ``stages[0]``, and ``smooth`` with the new point."""
+    s = AE.shape[0] - 1
+    gamma = AI[1, 1]
+    if h != clock[SOFTENED]:
+        soften_for(system, softened, added, h * gamma, h * gamma * h * gamma)
+        clock[SOFTENED] = h
+    for k in range(1, s):
+        combine(system.sizes, state, stages, AE, k, k, h, smooth)
+        combine(system.sizes, state, stages, AI, k, k, h, known)
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                known[0, i, j] += h * gamma * known[1, i, j]
+        drive_at(system, t + c[k] * h, c[k] == 1.0, torque)
+        shift_forces(system, smooth, known[0], known[1], force, torque)
+        solve_implicit(
+            system.sizes, softened, smooth, force, torque, system.drive.loads, system.work
+        )
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                change = system.work.acceleration[i, j]
+                stages[k, 0, i, j] = known[1, i, j] + h * gamma * change
+                stages[k, 1, i, j] = change
+    combine(system.sizes, state, stages, AE, s, s, h, smooth)
+
+
+@merged
+def _between(
+    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, x: float,
+    h: float, sample: Array,
+) -> None:  # fmt: skip
+    """Sample at x (0 to 1) of a step from the values and slopes at both ends.
+
+    A mode that the step does not resolve has accelerations that mean nothing inside it: cubic.
+    """
+    s = stages.shape[0] - 1
+    fine = h * tolerance.fastest > SHORT
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            q0 = state[0, i, j]
+            v0 = state[1, i, j]
+            a0 = stages[0, 1, i, j]
+            q1 = new[0, i, j]
+            v1 = new[1, i, j]
+            a1 = stages[s, 1, i, j]
+            stiff = False
+            if j > 0:
+                stiff = h * h * system.constants.w2[i, j - 1] > RESOLVED * RESOLVED
+            if stiff:
+                sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
+                sample[1, i, j] = v0 + x * (v1 - v0)
+            else:
+                sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
+                sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
+
+
+@compiled
+def advance_additive(
+    system: System,
+    softened: ArmConstants,
+    tolerance: Tolerance,
+    AE: Array,
+    AI: Array,
+    c: Array,
+    error: Array,
+    error_low: Array,
+    order: int,
+    state: Array,
+    smooth: Array,
+    known: Array,
+    added: Array,
+    force: Array,
+    torque: Array,
+    stages: Array,
+    clock: Array,
+    counts: Array,
+    until: float,
+    sample_times: Array,
+    samples: Array,
+    max_steps: int,
+) -> int:
+    """Step from ``clock[0]`` to ``until``; see ``base.Integrator`` for the rules kept."""
+    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    zero = int(np.int64(0))
+    from_left = bool(np.bool_(True))
+    from_right = bool(np.bool_(False))
+    s = error.shape[0] - 1
+    new = smooth
+    t = clock[0]
+    while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t:
+        combine(system.sizes, state, stages, AE, zero, zero, 0.0, samples[counts[0]])
+        counts[0] += 1
+    if t >= until:
+        return DONE
+    slope_at(system, t, from_right, state, torque, stages, zero)
+    counts[3] += 1
+    for _ in range(max_steps):
+        stop = next_stop(system.drive.stops, t, until)
+        h = clock[1]
+        lands = t + h * 1.000001 >= stop
+        t_new = t + h
+        if lands:
+            t_new = stop
+            h = stop - t
+        additive_step(
+            system, softened, AE, AI, c, t, h, state, smooth, known, added, force, torque, stages,
+            clock,
+        )  # fmt: skip
+        counts[3] += s - 1
+        norm = error_norm(system, tolerance, state, new, stages, error, error_low, h)
+        if not norm <= 1.0:
+            counts[2] += 1
+            status = refuse_step(tolerance, clock, h, norm, order)
+            if status != DONE:
+                return status
+            continue
+        slope_at(system, t_new, from_left, new, torque, stages, s)
+        counts[3] += 1
+        if not inertia_left(system):
+            return INERTIA_LOST
+
+        # The step stands: samples inside it, then on.
+        while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t_new:
+            asked = sample_times[counts[0]]
+            if asked == t_new:
+                combine(system.sizes, new, stages, AE, zero, zero, 0.0, samples[counts[0]])
+            else:
+                _between(
+                    system, tolerance, state, new, stages, (asked - t) / h, h, samples[counts[0]]
+                )
+            counts[0] += 1
+        for level in range(2):
+            for i in range(len(system.sizes.bodies)):
+                for j in range(1 + len(system.sizes.modes)):
+                    state[level, i, j] = new[level, i, j]
+                    stages[0, level, i, j] = stages[s, level, i, j]
+        t = t_new
+        clock[0] = t
+        counts[1] += 1
+        accept_step(clock, h, norm, order, lands)
+        if t >= until:
+            return DONE
+        if lands:  # the torque may jump here: the slope is that from the left
+            slope_at(system, t, from_right, state, torque, stages, zero)
+            counts[3] += 1
+    return PAUSED

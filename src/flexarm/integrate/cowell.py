@@ -1,0 +1,371 @@
+"""Compiled stepping of Cowell's method of order 4, linearly implicit: one evaluation a step.
+
+Theory page "integration", (I.5) to (I.8). Positions obey the symmetric two-step formula that is
+also Numerov's. The bending forces at the new time are implicit; posture, speeds and mass matrix at
+the new time are predicted.
+
+=============  =============================================================================
+symbol         meaning
+=============  =============================================================================
+``past``       (4, 3, n, 1 + m) the last four points; place ``k & 3`` holds point k of the
+               span: coordinates, rates, accelerations
+``rise``       (n, 1 + m) q_k - q_(k-1), kept as a sum of its own: no digits are lost
+``stiff``      (n, 1 + m) 1.0 where h times the mode's frequency is too large for the formula
+``span``       start, end, length of a step, steps in all and steps done of the present span
+               between two stops
+=============  =============================================================================
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexarm.integrate.additive import additive_step
+from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.steps import (
+    DONE,
+    INERTIA_LOST,
+    NOT_FINITE,
+    PAUSED,
+    RESOLVED,
+    SHORT,
+    TIME,
+    all_finite,
+    combine,
+    coordinate_between,
+    inertia_left,
+    next_stop,
+    rate_between,
+)
+from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
+from flexarm.kernels.articulated_body import implicit_dynamics, solve_implicit
+from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.implicit_step import add_to_diagonal
+from flexarm.kernels.layout import ArmConstants, Array
+
+START, END, LENGTH, COUNT, PLACE = 0, 1, 2, 3, 4
+#: Points that the formulas look back on; the first ones of a span come from a one-step method.
+_STARTED = 3
+#: Weights of the new acceleration in (I.5) and (I.6).
+_BETA = 1.0 / 12.0
+_GAMMA = 367.0 / 1440.0
+#: Numerov's formula is stable for square frequencies times h^2 of up to 6; the estimate of the
+#: highest one comes from below, so some of that is kept.
+_STABLE = 5.0
+_ITERATIONS = 25
+
+
+@merged
+def _highest(
+    system: System, stiff: Array, state: Array, rest: Array, force: Array, direction: Array,
+    unforced: Array, torque: Array,
+) -> float:  # fmt: skip
+    """Highest squared frequency of the arm if its stiff modes had no stiffness; from below.
+
+    Power iteration. Fine meshes need it: the residual inertia of (R.7) is so small that even the
+    stiffness of slow modes makes a fast motion of a joint against its link.
+    """
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        torque[i] = 0.0
+        for j in range(1 + len(system.sizes.modes)):
+            rest[0, i, j] = state[0, i, j]
+            rest[1, i, j] = 0.0
+            force[i, j] = 0.0
+    implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            unforced[i, j] = system.work.acceleration[i, j]
+            direction[i, j] = 1.0 if j > 0 else 0.0
+    square: float = 0.0
+    for _ in range(_ITERATIONS):
+        size: float = 0.0
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                size += direction[i, j] * direction[i, j]
+        square = math.sqrt(size)
+        if square == 0.0:
+            return 0.0
+        for i in range(len(system.sizes.bodies)):
+            for j in range(len(system.sizes.modes)):
+                pull = c.w2[i, j] * (1.0 - stiff[i, 1 + j])
+                force[i, 1 + j] = -pull * direction[i, 1 + j] / square
+        implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                direction[i, j] = system.work.acceleration[i, j] - unforced[i, j]
+    return square
+
+
+@merged
+def _soften(
+    system: System, softened: ArmConstants, tolerance: Tolerance, state: Array, smooth: Array,
+    known: Array, force: Array, torque: Array, stiff: Array, added: Array, h: float,
+) -> None:  # fmt: skip
+    """Decide which modes are stiff at steps of h, and add their implicit part to the mass."""
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        stiff[i, 0] = 0.0
+        for j in range(len(system.sizes.modes)):
+            fast = h * max(math.sqrt(c.w2[i, j]), c.damping[i, j]) > RESOLVED
+            stiff[i, 1 + j] = 1.0 if fast else 0.0
+    if (h * tolerance.fastest) ** 2 > _STABLE:
+        square = _highest(system, stiff, state, smooth, force, known[0], known[1], torque)
+        if h * h * square > _STABLE:
+            for i in range(len(system.sizes.bodies)):
+                for j in range(len(system.sizes.modes)):
+                    stiff[i, 1 + j] = 1.0
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            damping = c.joint_damping[i] if j == 0 else c.damping[i, j - 1]
+            stiffness = c.joint_stiffness[i] if j == 0 else c.w2[i, j - 1]
+            beta = _BETA
+            gamma = _BETA + _GAMMA
+            if stiff[i, j] != 0.0:
+                beta = 0.25
+                gamma = 0.5
+            added[i, j] = h * gamma * damping + h * h * beta * stiffness
+    add_to_diagonal(system.sizes, c, added, softened)
+
+
+@merged
+def _predict(
+    system: System, stiff: Array, past: Array, rise: Array, k: int, h: float, smooth: Array,
+    known: Array, force: Array, torque: Array,
+) -> None:  # fmt: skip
+    """From points up to k: the smooth state of point k + 1, what is known of q and v there.
+
+    ``known`` receives the rise of q and the rate without the new acceleration; ``force`` and
+    ``torque`` move bending, springs and damping from the smooth state to it.
+    """
+    r0 = k & 3
+    r1 = (k - 1) & 3
+    r2 = (k - 2) & 3
+    r3 = (k - 3) & 3
+    per_step = 1.0 / h
+    square = h * h
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            q0 = past[r0, 0, i, j]
+            v0 = past[r0, 1, i, j]
+            a0 = square * past[r0, 2, i, j]
+            a1 = square * past[r1, 2, i, j]
+            if stiff[i, j] == 0.0:
+                a2 = square * past[r2, 2, i, j]
+                a3 = square * past[r3, 2, i, j]
+                step = rise[i, j] + (10.0 / 12.0) * a0 + (1.0 / 12.0) * a1
+                rate = per_step * (
+                    step
+                    + (3.0 / 8.0) * a0
+                    - (47.0 / 240.0) * a1
+                    + (29.0 / 360.0) * a2
+                    - (7.0 / 480.0) * a3
+                )
+                q = (1.0 / 12.0) * (14.0 * a0 - 5.0 * a1 + 4.0 * a2 - a3)
+                q += q0 + rise[i, j]
+                v = (1.0 / 24.0) * (55.0 * a0 - 59.0 * a1 + 37.0 * a2 - 9.0 * a3)
+                v = v0 + per_step * v
+            else:
+                step = rise[i, j] + 0.5 * a0 + 0.25 * a1
+                rate = per_step * (step + 0.25 * a0)
+                q = 3.0 * (q0 - past[r1, 0, i, j]) + past[r2, 0, i, j]
+                v = 3.0 * (v0 - past[r1, 1, i, j]) + past[r2, 1, i, j]
+            smooth[0, i, j] = q
+            smooth[1, i, j] = v
+            known[0, i, j] = step
+            known[1, i, j] = rate
+            if j > 0:
+                force[i, j] = c.w2[i, j - 1] * (q - q0 - step) + c.damping[i, j - 1] * (v - rate)
+            else:
+                torque[i] += c.free[i] * (
+                    c.joint_stiffness[i] * (q - q0 - step) + c.joint_damping[i] * (v - rate)
+                )
+
+
+@merged
+def _correct(
+    system: System, stiff: Array, past: Array, rise: Array, k: int, h: float, known: Array
+) -> float:  # fmt: skip
+    """Make point k + 1 from its accelerations; return their sum, which is finite if they are."""
+    old = k & 3
+    new = (k + 1) & 3
+    total: float = 0.0
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            x = system.work.acceleration[i, j]
+            total += x
+            beta = _BETA
+            gamma = _BETA + _GAMMA
+            if stiff[i, j] != 0.0:
+                beta = 0.25
+                gamma = 0.5
+            step = known[0, i, j] + h * h * beta * x
+            rise[i, j] = step
+            past[new, 0, i, j] = past[old, 0, i, j] + step
+            past[new, 1, i, j] = known[1, i, j] + h * gamma * x
+            past[new, 2, i, j] = x
+    return total
+
+
+@merged
+def _remember(system: System, past: Array, rise: Array, k: int, state: Array, stage: Array) -> None:
+    """Store point k of a span that a one-step method has made."""
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            rise[i, j] = state[0, i, j] - past[(k - 1) & 3, 0, i, j]
+            past[k & 3, 0, i, j] = state[0, i, j]
+            past[k & 3, 1, i, j] = state[1, i, j]
+            past[k & 3, 2, i, j] = stage[1, i, j]
+
+
+@merged
+def _restore(system: System, past: Array, k: int, state: Array) -> None:
+    """Write point k of the span into the state."""
+    for level in range(2):
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                state[level, i, j] = past[k & 3, level, i, j]
+
+
+@merged
+def _between(
+    system: System, tolerance: Tolerance, stiff: Array, past: Array, k: int, h: float, x: float,
+    sample: Array,
+) -> None:  # fmt: skip
+    """Sample at x (0 to 1) between points k - 1 and k: Hermite; cubic Lagrange of stiff modes."""
+    new = k & 3
+    old = (k - 1) & 3
+    before = (k - 2) & 3
+    first = (k - 3) & 3
+    y = x - 1.0
+    fine = h * tolerance.fastest > SHORT
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            if stiff[i, j] != 0.0 and k >= 3:
+                for level in range(2):
+                    sample[level, i, j] = (
+                        past[new, level, i, j] * x * (x + 1.0) * (x + 2.0) / 6.0
+                        - past[old, level, i, j] * y * (x + 1.0) * (x + 2.0) / 2.0
+                        + past[before, level, i, j] * x * y * (x + 2.0) / 2.0
+                        - past[first, level, i, j] * x * y * (x + 1.0) / 6.0
+                    )
+                continue
+            q0 = past[old, 0, i, j]
+            v0 = past[old, 1, i, j]
+            a0 = past[old, 2, i, j]
+            q1 = past[new, 0, i, j]
+            v1 = past[new, 1, i, j]
+            a1 = past[new, 2, i, j]
+            sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
+            sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
+
+
+@compiled
+def advance_cowell(
+    system: System,
+    softened: ArmConstants,
+    starter: ArmConstants,
+    tolerance: Tolerance,
+    AE: Array,
+    AI: Array,
+    c: Array,
+    state: Array,
+    smooth: Array,
+    known: Array,
+    past: Array,
+    rise: Array,
+    stiff: Array,
+    added: Array,
+    force: Array,
+    torque: Array,
+    stages: Array,
+    clock: Array,
+    span: Array,
+    counts: Array,
+    step: float,
+    until: float,
+    sample_times: Array,
+    samples: Array,
+    max_steps: int,
+) -> int:
+    """Step from ``clock[0]`` to ``until``; see ``base.Integrator`` for the rules kept."""
+    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    zero = int(np.int64(0))
+    from_left = bool(np.bool_(True))
+    from_right = bool(np.bool_(False))
+    last_stage = AE.shape[0] - 1
+    t = clock[TIME]
+    while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t:
+        combine(system.sizes, state, stages, AE, zero, zero, 0.0, samples[counts[0]])
+        counts[0] += 1
+    piece = piece_of(system.drive.breaks, t, from_left)
+    for _ in range(max_steps):
+        if t >= until:
+            break
+        if span[PLACE] >= span[COUNT]:  # a new span begins
+            span[START] = t
+            span[END] = next_stop(system.drive.stops, t, until)
+            span[COUNT] = max(1.0, math.ceil((span[END] - t) / step * (1.0 - 1e-9)))
+            span[LENGTH] = (span[END] - t) / span[COUNT]
+            span[PLACE] = 0.0
+            _soften(
+                system, softened, tolerance, state, smooth, known, force, torque, stiff, added,
+                span[LENGTH],
+            )  # fmt: skip
+            slope_at(system, t, from_right, state, torque, stages, zero)
+            counts[3] += 1
+            _remember(system, past, rise, zero, state, stages[0])
+        h = span[LENGTH]
+        k = int(span[PLACE])
+        lands = span[PLACE] + 1.0 >= span[COUNT]
+        t_new = span[START] + (k + 1) * h
+        if lands:
+            t_new = span[END]
+        if k < _STARTED:
+            additive_step(
+                system, starter, AE, AI, c, t, h, state, smooth, known, added, force, torque,
+                stages, clock,
+            )  # fmt: skip
+            if not all_finite(system, smooth):
+                return NOT_FINITE
+            slope_at(system, t_new, from_left, smooth, torque, stages, zero)
+            combine(system.sizes, smooth, stages, AE, zero, zero, 0.0, state)
+            _remember(system, past, rise, k + 1, state, stages[0])
+            counts[3] += last_stage
+        else:
+            piece = piece_after(system.drive.breaks, t_new, piece)
+            torque_in(system, piece, t_new, torque)
+            if system.drive.factor_coefficients.shape[2] > 0:
+                loads_at(system, t_new, lands)
+            _predict(system, stiff, past, rise, k, h, smooth, known, force, torque)
+            solve_implicit(
+                system.sizes, softened, smooth, force, torque, system.drive.loads, system.work
+            )
+            counts[3] += 1
+            if not math.isfinite(_correct(system, stiff, past, rise, k, h, known)):
+                _restore(system, past, k, state)
+                return NOT_FINITE
+        if not inertia_left(system):
+            _restore(system, past, k, state)
+            return INERTIA_LOST
+        if lands:
+            _restore(system, past, k + 1, state)
+        while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t_new:
+            asked = sample_times[counts[0]]
+            if asked == t_new:
+                _restore(system, past, k + 1, samples[counts[0]])
+            else:
+                _between(
+                    system, tolerance, stiff, past, k + 1, h, (asked - t) / h, samples[counts[0]]
+                )
+            counts[0] += 1
+        t = t_new
+        clock[TIME] = t
+        span[PLACE] += 1.0
+        counts[1] += 1
+    if span[PLACE] < span[COUNT]:
+        _restore(system, past, int(span[PLACE]), state)
+    return DONE if t >= until else PAUSED

@@ -1,0 +1,216 @@
+"""What the steppers share: sums of stages, the error of a step, the next step, stops, samples.
+
+Step sizes follow a digital filter instead of the last error alone (Soderlind, ACM Transactions on
+Mathematical Software 29 (2003) 1-26). Where stability and not accuracy limits an explicit method,
+the error jumps with the step, and a controller without memory refuses every third step.
+"""
+
+from __future__ import annotations
+
+import math
+
+from flexarm.integrate.base import System, Tolerance
+from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.layout import Array, Sizes
+
+DONE, PAUSED, STEP_UNDERFLOW, NOT_FINITE, INERTIA_LOST = 0, 1, 2, 3, 4
+#: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
+_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
+#: Soderlind's filter H211b: how much the last two errors and the last change of the step weigh.
+_FILTER = 4.0
+#: An error this far below what is allowed says no more than that the step may grow at once.
+_TINY = 1e-12
+#: A step shorter than this part of the clock's reading no longer moves it reliably.
+_SMALLEST = 1e-14
+
+#: Places in the array ``clock``: time and next step, s; 1.0 where the last step was refused; error
+#: over the allowed and length of the last step that stood, zero if there is none.
+TIME, STEP, REFUSED, LAST_NORM, LAST_STEP = 0, 1, 2, 3, 4
+CLOCK_PLACES = 5
+
+#: Steps shorter than this part of a radian of the fastest mode are cut ones: nothing moves in them.
+SHORT = 1e-3
+#: A mode that turns by more radians than this in a step is not resolved by it.
+RESOLVED = 1.6
+
+
+@merged
+def refuse_step(tolerance: Tolerance, clock: Array, h: float, norm: float, order: int) -> int:
+    """Shorten the step after an error above what is allowed; not ``DONE`` where none is left."""
+    shrink = _SHRINK
+    if math.isfinite(norm):
+        shrink = max(_SHRINK, _SAFETY * norm ** (-1.0 / order))
+    clock[REFUSED] = 1.0
+    clock[STEP] = h * shrink
+    if clock[STEP] < _SMALLEST * max(abs(clock[TIME]), tolerance.fastest**-1):
+        return STEP_UNDERFLOW if math.isfinite(norm) else NOT_FINITE
+    return DONE
+
+
+@merged
+def accept_step(clock: Array, h: float, norm: float, order: int, lands: bool) -> None:
+    """Choose the step that follows one of length h that stood; ``lands``: cut to meet a stop."""
+    error = max(norm, _TINY) * _SAFETY ** (-order)
+    if clock[LAST_NORM] > 0.0 and clock[REFUSED] == 0.0:
+        previous = max(clock[LAST_NORM], _TINY) * _SAFETY ** (-order)
+        grow = (error * previous) ** (-1.0 / (_FILTER * order))
+        grow *= (h / clock[LAST_STEP]) ** (-1.0 / _FILTER)
+    else:
+        grow = error ** (-1.0 / order)
+    grow = min(_GROW, max(_SHRINK, grow))
+    if clock[REFUSED] > 0.0:  # do not grow at once after a refusal
+        grow = min(1.0, grow)
+    clock[REFUSED] = 0.0
+    if lands and grow >= 1.0 and h * grow <= clock[STEP]:
+        return  # the step was cut: it says nothing about the one that was to be
+    clock[LAST_NORM] = max(norm, _TINY)
+    clock[LAST_STEP] = h
+    clock[STEP] = h * grow
+
+
+@compiled
+def combine(
+    sizes: Sizes, state: Array, stages: Array, weights: Array, row: int, count: int, h: float,
+    out: Array,
+) -> None:  # fmt: skip
+    """out = state + h * sum over stages of weights[row]."""
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                total = 0.0
+                for k in range(count):
+                    total += weights[row, k] * stages[k, level, i, j]
+                out[level, i, j] = state[level, i, j] + h * total
+
+
+@merged
+def _scale(system: System, tolerance: Tolerance, state: Array, level: int, i: int) -> float:
+    """Largest modal value of a body, in metres at the tip."""
+    largest: float = 0.0
+    for j in range(len(system.sizes.modes)):
+        size = abs(state[level, i, 1 + j]) / tolerance.unit[level, i, 1 + j]
+        largest = max(largest, size)
+    return largest
+
+
+@merged
+def error_norm(
+    system: System,
+    tolerance: Tolerance,
+    state: Array,
+    new: Array,
+    stages: Array,
+    error: Array,
+    error_low: Array,
+    h: float,
+) -> float:
+    """Largest error of a step over what is allowed: at most one if the step may be accepted."""
+    count = error.shape[0]
+    worst: float = 0.0
+    worst_low: float = 0.0
+    for level in range(2):
+        for i in range(len(system.sizes.bodies)):
+            modal = max(
+                _scale(system, tolerance, state, level, i), _scale(system, tolerance, new, level, i)
+            )
+            for j in range(1 + len(system.sizes.modes)):
+                unit = tolerance.unit[level, i, j]
+                size = modal
+                if j == 0:
+                    size = max(abs(state[level, i, 0]), abs(new[level, i, 0])) / unit
+                allowed = unit * (tolerance.absolute + tolerance.relative * size)
+                high = 0.0
+                low = 0.0
+                for k in range(count):
+                    high += error[k] * stages[k, level, i, j]
+                    low += error_low[k] * stages[k, level, i, j]
+                worst = max(worst, abs(h * high) / allowed)
+                worst_low = max(worst_low, abs(h * low) / allowed)
+                if not (math.isfinite(high) and math.isfinite(new[level, i, j])):
+                    return math.inf
+    if worst == 0.0:
+        return 0.0
+    # As a ratio: the square of a vanishing error would underflow to 0 / 0.
+    return worst / math.sqrt(1.0 + 0.01 * (worst_low / worst) ** 2)
+
+
+@merged
+def all_finite(system: System, state: Array) -> bool:
+    for level in range(2):
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                if not math.isfinite(state[level, i, j]):
+                    return False
+    return True
+
+
+@merged
+def inertia_left(system: System) -> bool:
+    """Whether every free joint felt a positive inertia when the dynamics was evaluated last."""
+    lowest = 1.0
+    for i in range(len(system.sizes.bodies)):
+        if system.constants.free[i] != 0.0:
+            lowest = min(lowest, system.work.joint[i, 2])
+    return lowest > 0.0
+
+
+@merged
+def next_stop(stops: Array, t: float, until: float) -> float:
+    """Next time that a step must not cross."""
+    low = 0
+    high = stops.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if stops[middle] <= t:
+            low = middle + 1
+        else:
+            high = middle
+    if low < stops.shape[0] and stops[low] < until:
+        until = stops[low]
+    return until
+
+
+@merged
+def dense_weights(dense: Array, theta: float, weights: Array) -> None:
+    """Weights (1, r) of the stages at t + theta h."""
+    for k in range(dense.shape[0]):
+        weight = 0.0
+        for p in range(dense.shape[1]):
+            weight = (weight + dense[k, dense.shape[1] - 1 - p]) * theta
+        weights[0, k] = weight
+
+
+@merged
+def coordinate_between(
+    x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float
+) -> float:
+    """Coordinate at x (0 to 1) of a step: quintic Hermite."""
+    v = h * v0
+    a = 0.5 * h * h * a0
+    # What is missing at the new point, of value, slope and half the curvature.
+    e0 = q1 - q0 - v - a
+    e1 = h * v1 - v - 2.0 * a
+    e2 = 0.5 * h * h * a1 - a
+    c3 = 10.0 * e0 - 4.0 * e1 + e2
+    c4 = -15.0 * e0 + 7.0 * e1 - 2.0 * e2
+    c5 = 6.0 * e0 - 3.0 * e1 + e2
+    return q0 + x * (v + x * (a + x * (c3 + x * (c4 + x * c5))))
+
+
+@merged
+def rate_between(
+    x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float,
+    fine: bool,
+) -> float:  # fmt: skip
+    """Rate at x (0 to 1) of a step: cubic Hermite, or with ``fine`` the quartic that also adds up.
+
+    The quartic covers the distance from q0 to q1; it divides by h, so not for very short steps.
+    """
+    rise = v1 - v0
+    c2 = 3.0 * rise - h * (2.0 * a0 + a1)
+    c3 = h * (a0 + a1) - 2.0 * rise
+    rate = v0 + x * (h * a0 + x * (c2 + x * c3))
+    if fine:
+        missing = (q1 - q0) / h - 0.5 * (v0 + v1) - h * (a0 - a1) / 12.0
+        rate += 30.0 * missing * x * x * (1.0 - x) * (1.0 - x)
+    return rate

@@ -1,0 +1,100 @@
+"""The recursion with a diagonal added to the mass matrix, against dense algebra: (R.27), (R.28)."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexarm as fa
+from arm_states import drawn, parts, state_array
+from flexarm.kernels.articulated_body import forward_dynamics, implicit_dynamics
+from flexarm.kernels.implicit_step import add_to_diagonal, constants_to_soften
+from flexarm.kernels.layout import no_loads
+from random_options import busy
+
+seeds = st.integers(0, 10**6)
+
+
+def solve(arm: fa.Arm, q, qd, added, force, torque) -> np.ndarray:
+    """x of (M + added) x = force - bias by the recursion; added, force (dof,)."""
+    sizes, constants, work = parts(arm)
+    softened = constants_to_soften(constants)
+    add_to_diagonal(sizes, constants, arm.padded(added), softened)
+    # The torque on each body's joint, and the force on its modes.
+    given_torque = arm.padded_torque(np.asarray(torque, dtype=float))
+    state = state_array(arm, q, qd)
+    implicit_dynamics(
+        sizes, softened, state, arm.padded(force), given_torque, no_loads(constants), work
+    )
+    return arm.unpadded(work.acceleration)
+
+
+def random_diagonal(rng, dof: int, largest: float) -> np.ndarray:
+    """From far below one, where nothing changes, to far above; some exactly zero."""
+    added = 10.0 ** rng.uniform(-12.0, np.log10(largest), dof)
+    added[rng.random(dof) < 0.2] = 0.0
+    return added
+
+
+def miss(arm: fa.Arm, q, qd, added, force, torque) -> float:
+    """Residual of the equations over the largest of their terms, in units of each coordinate."""
+    x = solve(arm, q, qd, added, force, torque)
+    M = arm.mass_matrix(q)
+    forces = force.copy()
+    forces[arm.joint_index] = torque
+    known = forces - arm.bias_force(q, qd)
+    scale = 1.0 / np.sqrt(np.diag(M) + added)
+    residual = M @ x + added * x - known
+    size = abs(M) @ abs(x) + added * abs(x) + abs(known)
+    return float(np.linalg.norm(scale * residual) / np.linalg.norm(scale * size))
+
+
+@settings(max_examples=80)
+@given(seeds, st.booleans(), st.sampled_from([1e-3, 1e2, 1e12]))
+def test_solves_the_dense_equations(seed, reduced, largest):
+    d = drawn(seed, reduced=reduced)
+    rng = np.random.default_rng(seed)
+    added = random_diagonal(rng, d.arm.dof, largest)
+    force = rng.normal(size=d.arm.dof)
+    # A joint held by what is added transmits moments: the 3 x 3 inverse of (R.8) is then worse
+    # conditioned than behind a free one. On the modes alone nothing is lost.
+    assert miss(d.arm, d.q, d.qd, added, force, d.torque) < 1e-9
+    added[d.arm.joint_index] = 0.0
+    assert miss(d.arm, d.q, d.qd, added, force, d.torque) < 1e-11
+
+
+@settings(max_examples=40)
+@given(seeds, st.booleans())
+def test_solves_them_with_every_option(seed, reduced):
+    """Segments on fixed joints, friction, stops, springs, shear: nothing of it is in the way."""
+    d = busy(seed, reduced=reduced)
+    rng = np.random.default_rng(seed)
+    added = random_diagonal(rng, d.arm.dof, 1e6)
+    force = rng.normal(size=d.arm.dof)
+    torque = rng.normal(size=d.arm.joints)
+    assert miss(d.arm, d.q, d.qd, added, force, torque) < 1e-9  # as above
+
+
+@settings(max_examples=30)
+@given(seeds)
+def test_nothing_added_is_forward_dynamics(seed):
+    d = drawn(seed)
+    zero = np.zeros(d.arm.dof)
+    x = solve(d.arm, d.q, d.qd, zero, zero, d.torque)
+    sizes, constants, work = parts(d.arm)
+    state, torque = state_array(d.arm, d.q, d.qd), d.arm.padded_torque(d.torque)
+    forward_dynamics(sizes, constants, state, torque, no_loads(constants), work)
+    # The same operations in the same order; two compilations may fuse them differently.
+    np.testing.assert_allclose(x, d.arm.unpadded(work.acceleration), rtol=1e-10)
+
+
+def test_a_fine_mesh_keeps_its_digits():
+    """The residual inertia of 64 elements is 1e-6 of the link's: differences would lose it."""
+    link = fa.Link(length=1.0, flexural_rigidity=50.0, mass_per_length=0.6, elements=64)
+    arm = fa.Arm(links=[link, link])
+    rng = np.random.default_rng(5)
+    q, qd = arm.rest([0.4, -0.9]), arm.rest([1.0, 2.0])
+    force = rng.normal(size=arm.dof)
+    for size in (1e-9, 1e-3, 1.0):
+        # h^2 times the bending stiffness: from hardly anything to 1e9 of the inertia.
+        added = size * np.diag(arm.stiffness_matrix(q)) / 1e3
+        assert miss(arm, q, qd, added, force, np.array([1.0, -2.0])) < 1e-11  # as above
