@@ -1,7 +1,4 @@
-"""The one object users hold: an arm, its coordinates and its dynamics.
-
-Thin methods over the kernels: they check shapes, place coordinates and take them back.
-"""
+"""The one object users hold: an arm, its coordinates, its dynamics and what one sees of it."""
 
 from __future__ import annotations
 
@@ -12,15 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.assemble import FloatArray, assemble
-from flexarm.coordinates import Coordinates
-from flexarm.errors import check_array, check_result
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.composite_body import mass_matrix
-from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.newton_euler import inverse_dynamics, inverse_dynamics_many
+from flexarm.assemble import FloatArray
+from flexarm.dynamics import Dynamics
+from flexarm.errors import check_result
 from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
-from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
 from flexarm.kernels.shapes import axis_points, gauge_strains
 from flexarm.loads import Load, place_loads, tip_load
 from flexarm.model import ArmSpec, load_arm_spec, save_arm_spec
@@ -47,15 +39,7 @@ class Energy(NamedTuple):
         return self.kinetic + self.strain + self.gravity
 
 
-class Derivatives(NamedTuple):
-    """Jacobians of the accelerations, exact to rounding."""
-
-    q: FloatArray  # (dof, dof)
-    qd: FloatArray  # (dof, dof)
-    torque: FloatArray  # (dof, joints)
-
-
-class Arm(Coordinates):
+class Arm(Dynamics):
     """A planar serial arm of rigid and flexible links.
 
     Args:
@@ -76,8 +60,7 @@ class Arm(Coordinates):
 
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
         spec = ArmSpec(**fields) if spec is None else spec
-        super().__init__(spec, assemble(spec))
-        self._sizes = run_time_sizes(self.assembly.constants)
+        super().__init__(spec)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
@@ -98,238 +81,6 @@ class Arm(Coordinates):
     def __repr__(self) -> str:
         theory = self.spec.theory
         return f"<flexarm.Arm: {self.links} links, {self.dof} coordinates, {theory} theory>"
-
-    def _state(self, where: str, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
-        coordinates = check_array(where, "q", q, (self.dof,))
-        rates = np.zeros(self.dof) if qd is None else check_array(where, "qd", qd, (self.dof,))
-        return self.padded(np.stack([coordinates, rates]))
-
-    def _work(self, dtype: Any = np.float64) -> Workspace:
-        return new_workspace(self.assembly.constants, dtype)
-
-    # Dynamics ----------------------------------------------------------------------------------
-
-    def forward_dynamics(
-        self,
-        q: ArrayLike,
-        qd: ArrayLike,
-        torque: ArrayLike,
-        tip_force: ArrayLike | None = None,
-        loads: Sequence[Load] = (),
-        base_acceleration: ArrayLike | None = None,
-    ) -> FloatArray:
-        """Return the accelerations qdd (dof,) under joint torques.
-
-        Args:
-            q, qd: (dof,) coordinates and rates.
-            torque: (joints,) N m, acting on each link and back on the tip of the one before.
-            tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
-            loads: further forces and moments; factors of time are left aside.
-            base_acceleration: (ax, ay) of the base joint, world axes, m/s^2.
-
-        Raises:
-            InputError: wrong shape, NaN or infinity.
-
-        Theory page "recursion", (R.4) to (R.14): O(links x modes), no matrix is formed.
-        """
-        where = "Arm.forward_dynamics"
-        state = self._state(where, q, qd)
-        tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
-        work = self._work()
-        acting = [*tip_load(self, where, tip_force), *loads]
-        placed = place_loads(self, where, acting, base_acceleration)
-        forward_dynamics(self._sizes, self.assembly.constants, state, tau, placed, work)
-        return check_result(where, self.unpadded(work.acceleration), q, qd, torque)
-
-    def inverse_dynamics(
-        self,
-        q: ArrayLike,
-        qd: ArrayLike,
-        qdd: ArrayLike,
-        tip_force: ArrayLike | None = None,
-        loads: Sequence[Load] = (),
-        base_acceleration: ArrayLike | None = None,
-    ) -> FloatArray:
-        """Return the generalised force (dof,) that a motion takes: M qdd + bias.
-
-        Its entries at ``joint_index`` are joint torques (N m). Arguments as in
-        ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
-        """
-        return self.unpadded(
-            self._newton_euler(
-                "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration
-            ).force
-        )
-
-    def inverse_dynamics_many(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> FloatArray:
-        """Return generalised forces for many states at once: arrays (samples, dof)."""
-        where = "Arm.inverse_dynamics_many"
-        coordinates = check_array(where, "q", q, (-1, self.dof))
-        shape = coordinates.shape
-        rates = check_array(where, "qd", qd, shape)
-        accelerations = self.padded(check_array(where, "qdd", qdd, shape))
-        states = self.padded(np.stack([coordinates, rates], axis=1))
-        forces = np.empty_like(accelerations)
-        inverse_dynamics_many(
-            self._sizes,
-            self.assembly.constants,
-            states,
-            accelerations,
-            no_loads(self.assembly.constants),
-            self._work(),
-            forces,
-        )
-        return check_result(where, self.unpadded(forces), q, qd, qdd)
-
-    def _newton_euler(
-        self,
-        where: str,
-        q: ArrayLike,
-        qd: ArrayLike,
-        qdd: ArrayLike,
-        tip_force: ArrayLike | None = None,
-        loads: Sequence[Load] = (),
-        base_acceleration: ArrayLike | None = None,
-    ) -> Workspace:
-        state = self._state(where, q, qd)
-        acceleration = self.padded(check_array(where, "qdd", qdd, (self.dof,)))
-        work = self._work()
-        acting = [*tip_load(self, where, tip_force), *loads]
-        placed = place_loads(self, where, acting, base_acceleration)
-        inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, placed, work)
-        check_result(where, work.force, q, qd, qdd)
-        return work
-
-    def joint_reactions(
-        self,
-        q: ArrayLike,
-        qd: ArrayLike,
-        qdd: ArrayLike,
-        tip_force: ArrayLike | None = None,
-        loads: Sequence[Load] = (),
-        base_acceleration: ArrayLike | None = None,
-    ) -> FloatArray:
-        """Return what the joint at each link's root gives to the link: (links, 3), Fx, Fy, Mz.
-
-        World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment of a
-        joint that turns is the motor's torque and what the joint gives by itself.
-        """
-        work = self._newton_euler(
-            "Arm.joint_reactions", q, qd, qdd, tip_force, loads, base_acceleration
-        )
-        angle = np.cumsum(np.arctan2(work.rotation[:, 1], work.rotation[:, 0]))
-        cosine, sine = np.cos(angle), np.sin(angle)
-        x, y, moment = work.wrench.T
-        world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
-        return np.asarray(world[self.assembly.link_body])
-
-    def section_forces(
-        self,
-        q: ArrayLike,
-        qd: ArrayLike,
-        qdd: ArrayLike,
-        stations: int = 11,
-        tip_force: ArrayLike | None = None,
-        loads: Sequence[Load] = (),
-        base_acceleration: ArrayLike | None = None,
-    ) -> FloatArray:
-        """Return axial force N, shear force V and bending moment M: (links, stations, 3).
-
-        What the part outboard of a section gives to the part inboard of it, N and N m: N along the
-        normal of the bent section (tension positive), V across it, M counter-clockwise; a positive
-        moment bends with v'' > 0. From the balance of momentum, not from EI v''. The stations
-        divide a link evenly; at root and tip the values are those just inside the link, at a load
-        those inboard of it. Other arguments as in ``inverse_dynamics``; (R.40) to (R.43).
-        """
-        where = "Arm.section_forces"
-        if len(self._cuts) != check_stations(where, stations):
-            self._cuts = cuts_at(self, int(stations))
-        acting = [*tip_load(self, where, tip_force), *loads]
-        work = self._newton_euler(where, q, qd, qdd, None, acting, base_acceleration)
-        placed = place_loads(self, where, acting, base_acceleration)
-        motion = self._state(where, q, qd), self.padded(np.asarray(qdd, np.float64))
-        return forces_at(self, self._cuts, *motion, acting, placed, work)
-
-    def mass_matrix(self, q: ArrayLike) -> FloatArray:
-        """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd; (R.18), (R.19)."""
-        where = "Arm.mass_matrix"
-        state = self._state(where, q, None)
-        n, width = self.assembly.bodies, 1 + self.assembly.modes
-        M = np.zeros((n, width, n, width))
-        mass_matrix(self._sizes, self.assembly.constants, state, self._work(), M)
-        check_result(where, M, q)
-        kept = self.assembly.coordinates
-        return M.reshape(n * width, n * width)[np.ix_(kept, kept)]
-
-    def stiffness_matrix(
-        self, q: ArrayLike, tip_force: ArrayLike | None = None, loads: Sequence[Load] = ()
-    ) -> FloatArray:
-        """Return the static stiffness (dof, dof): change of the generalised force by q, at rest.
-
-        Without loads the Hessian of strain and gravity energy; symmetric but for follower loads.
-        Exact to rounding. Arguments as in ``forward_dynamics``.
-        """
-        where = "Arm.stiffness_matrix"
-        state = self._state(where, q, None)
-        n, width = self.assembly.bodies, 1 + self.assembly.modes
-        constants = self.assembly.constants
-        acting = [*tip_load(self, where, tip_force), *loads]
-        if np.any(constants.gravity) or constants.joint_laws.size or acting:
-            K = np.zeros((n, width, n, width))
-            work = self._work(complex)
-            at_rest, placed = np.zeros((n, width)), place_loads(self, where, acting)
-            potential_hessian(
-                self._sizes, constants, state.astype(complex), at_rest, placed, work, K
-            )
-            check_result(where, K, q)
-        else:
-            springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
-            K = np.diag(springs.ravel())
-        kept = self.assembly.coordinates
-        return K.reshape(n * width, n * width)[np.ix_(kept, kept)]
-
-    def damping_matrix(self) -> FloatArray:
-        """Return the viscous damping (dof, dof) of joints and links, diagonal."""
-        constants = self.assembly.constants
-        rates = np.concatenate([constants.joint_damping[:, None], constants.damping], axis=1)
-        return np.diag(self.unpadded(rates))
-
-    def bias_force(self, q: ArrayLike, qd: ArrayLike) -> FloatArray:
-        """Return the force (dof,) at zero acceleration: M qdd + bias = force.
-
-        It includes velocity products, stiffness, damping and gravity.
-        """
-        zero = np.zeros(self.dof)
-        return self.unpadded(self._newton_euler("Arm.bias_force", q, qd, zero, None).force)
-
-    def derivatives(self, q: ArrayLike, qd: ArrayLike, torque: ArrayLike) -> Derivatives:
-        """Return the exact Jacobians of the accelerations by q, qd and torque.
-
-        Complex perturbation of the same kernels (``kernels.sensitivity``): exact to rounding.
-        """
-        where = "Arm.derivatives"
-        state = self._state(where, q, qd).astype(complex)
-        tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
-        n, width = self.assembly.bodies, 1 + self.assembly.modes
-        by_state = np.zeros((n, width, 2, n, width))
-        by_torque = np.zeros((n, width, n))
-        forward_jacobian(
-            self._sizes,
-            self.assembly.constants,
-            state,
-            tau.astype(complex),
-            no_loads(self.assembly.constants),
-            self._work(complex),
-            by_state,
-            by_torque,
-        )
-        check_result(where, by_state, q, qd, torque)
-        kept = self.assembly.coordinates
-        jacobian = by_state.reshape(n * width, 2, n * width)[kept]
-        torques = by_torque.reshape(n * width, n)[np.ix_(kept, self.assembly.joint_body)]
-        return Derivatives(jacobian[:, 0, kept], jacobian[:, 1, kept], torques)
-
-    # What one sees -----------------------------------------------------------------------------
 
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Energy:
         """Return kinetic, strain and gravity energy (J), and their ``total``."""
@@ -390,9 +141,36 @@ class Arm(Coordinates):
 
     def strains(self, states: FloatArray) -> FloatArray:
         """Return the strains (samples, gauges) of kernel states (samples, 2, n, 1 + m)."""
-        strains = np.zeros((len(states), len(self.gauges)))
+        strains = np.zeros((len(states), len(self.gauges)), dtype=states.dtype)
         gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
+
+    def section_forces(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        stations: int = 11,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return axial force N, shear force V and bending moment M: (links, stations, 3).
+
+        What the part outboard of a section gives to the part inboard of it, N and N m: N along the
+        normal of the bent section (tension positive), V across it, M counter-clockwise; a positive
+        moment bends with v'' > 0. From the balance of momentum, not from EI v''. The stations
+        divide a link evenly; at root and tip the values are those just inside the link, at a load
+        those inboard of it. Other arguments as in ``inverse_dynamics``; (R.40) to (R.43).
+        """
+        where = "Arm.section_forces"
+        if len(self._cuts) != check_stations(where, stations):
+            self._cuts = cuts_at(self, int(stations))
+        acting = [*tip_load(self, where, tip_force), *loads]
+        work = self._newton_euler(where, q, qd, qdd, None, acting, base_acceleration)
+        placed = place_loads(self, where, acting, base_acceleration)
+        motion = self._state(where, q, qd), self.padded(np.asarray(qdd, np.float64))
+        return forces_at(self, self._cuts, *motion, acting, placed, work)
 
 
 def load_arm(path: str | PathLike[str]) -> Arm:
