@@ -39,7 +39,9 @@ def machine() -> str:
     names = ("flexarm", "numba", "numpy", "scipy", "exudyn", "mujoco", "casadi")
     versions = ", ".join(f"{name} {found}" for name in names if (found := _version(name)))
     python = platform.python_version()
-    return f"{platform.machine()}, {os.cpu_count()} cores, Python {python}, {versions}"
+    # Of the last fifteen minutes: more than about one says that others were at work too.
+    cores = f"{os.cpu_count()} cores (load {os.getloadavg()[2]:.1f})"
+    return f"{platform.machine()}, {cores}, Python {python}, {versions}"
 
 
 def _version(name: str) -> str:
