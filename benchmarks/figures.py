@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmarks.work_precision import Point
 
@@ -53,6 +53,8 @@ def draw_work_precision(path: Path, points: Sequence[Point], titles: dict[str, s
                 linestyle="none",
             )[0]
         axes.set(xlabel="wall time of the integration (ms)", title=title)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.margins(0.1)
         axes.grid(alpha=0.3)
