@@ -105,7 +105,7 @@ Every run, fastest first; those that err by more than {1e3 * USEFUL:g} mm are le
 
 One second of 64 links on free hinges that swing under gravity, four second-order modes a link,
 without damping, against flexarm with eight modes a link at `rtol=1e-7`. MuJoCo's rigid bars and
-Exudyn's cables tend to the same motion.
+Exudyn's cables tend to the same motion. Each was timed once, after one run to warm up.
 
 {_points_table(m.chain)}
 
