@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmarks.work_precision import Point
 
@@ -24,8 +25,7 @@ def draw_scaling(path: Path, links: dict[int, float], modes: dict[int, float]) -
     right.set(xlabel="modes a link", ylabel="µs per evaluation", title="two links")
     for axes, counts in ((left, links), (right, modes)):
         axes.set_xticks(list(counts), [str(count) for count in counts])
-        axes.set_ylim(bottom=0.0)
-        axes.margins(y=0.1)
+        axes.set_ylim(0.0, 1.1 * max(axes.lines[0].get_ydata()))
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=150)
@@ -53,6 +53,10 @@ def draw_work_precision(path: Path, points: Sequence[Point], titles: dict[str, s
                 linestyle="none",
             )[0]
         axes.set(xlabel="wall time of the integration (ms)", title=title)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.margins(0.1)
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel("largest tip error (m)")

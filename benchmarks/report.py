@@ -39,7 +39,9 @@ def machine() -> str:
     names = ("flexarm", "numba", "numpy", "scipy", "exudyn", "mujoco", "casadi")
     versions = ", ".join(f"{name} {found}" for name in names if (found := _version(name)))
     python = platform.python_version()
-    return f"{platform.machine()}, {os.cpu_count()} cores, Python {python}, {versions}"
+    # Of the last fifteen minutes: more than about one says that others were at work too.
+    cores = f"{os.cpu_count()} cores (load {os.getloadavg()[2]:.1f})"
+    return f"{platform.machine()}, {cores}, Python {python}, {versions}"
 
 
 def _version(name: str) -> str:
@@ -103,7 +105,7 @@ Every run, fastest first; those that err by more than {1e3 * USEFUL:g} mm are le
 
 One second of 64 links on free hinges that swing under gravity, four second-order modes a link,
 without damping, against flexarm with eight modes a link at `rtol=1e-7`. MuJoCo's rigid bars and
-Exudyn's cables tend to the same motion.
+Exudyn's cables tend to the same motion. Each was timed once, after one run to warm up.
 
 {_points_table(m.chain)}
 

@@ -24,7 +24,7 @@ CASE = replace(TABLE_ONE, rate=100)
 EXACT, PAPER = "exact beams", "the paper's 2+1 elements"
 _FILES = {EXACT: "tableI_exact.csv", PAPER: "tableI_linear_2p1.csv"}
 
-RTOL = (1e-3, 1e-4, 1e-5, 1e-6)
+RTOL = (1e-3, 1e-4, 1e-6)
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
 EXUDYN = ((2, 2e-3), (4, 2e-3), (4, 1e-3), (8, 2e-4), (16, 1e-4))
 MUJOCO = ((4, 1e-3), (8, 2.5e-4), (16, 5e-5))
@@ -67,7 +67,8 @@ def own_entries(
                 if integrator.adaptive
                 else [{"step": value} for value in steps]
             )
-            for setting in settings:
+            # Many stiff bodies: a second a run with explicit methods.
+            for setting in settings[1:2] if basis == "8 segments" else settings:
                 yield programs.flexarm(case, basis, build, truth, integrator=name, **setting)
 
 
@@ -94,7 +95,7 @@ def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
     yield from (programs.scipy(case, arm, *setting, PAPER) for setting in SCIPY[:count])
 
 
-def work_precision(repeats: int = 5) -> tuple[list[Point], list[str]]:
+def work_precision(repeats: int = 3) -> tuple[list[Point], list[str]]:
     """Measure all of it in turns."""
     entries = [*own_entries(), *specialized_entries(), *peer_entries()]
     return measure(entries, truths(CASE.duration), repeats)
