@@ -41,6 +41,8 @@ def miss(arm: fa.Arm, q, qd, added, force, torque) -> float:
     M = arm.mass_matrix(q)
     forces = force.copy()
     forces[arm.joint_index] = torque
+    twists = [seat.twist for seat in arm.assembly.seats if seat.twist is not None]
+    forces[twists] = 0.0  # nothing acts on a joint's spring but what it carries
     known = forces - arm.bias_force(q, qd)
     scale = 1.0 / np.sqrt(np.diag(M) + added)
     residual = M @ x + added * x - known
