@@ -24,7 +24,7 @@ from flexarm.model import (
     load_scenario,
 )
 from flexarm.motion import Motion, joint_motion, line_motion, rigid_torque
-from flexarm.simulate.choice import choose_integrator
+from flexarm.simulate.choice import check_integrator
 from flexarm.simulate.run import simulate
 from flexarm.simulate.torque_history import sampled_torque
 
@@ -85,7 +85,7 @@ def prepare(scenario: Scenario, where: str = "scenario") -> Prepared:
             options[name] = getattr(run, name)
     with _told_as(where, "drive"):
         _set_drive(arm, scenario, motion, options)
-    choose_integrator(run.integrator, run.step, where)
+    check_integrator(run.integrator, run.step, where)
     angles: ArrayLike = np.zeros(arm.joints)
     if scenario.initial.joint_angle is not None:
         angles = scenario.initial.joint_angle
