@@ -42,11 +42,11 @@ def apart(a, b):
     [
         (table_one(16, modes=3), 1e-7, "dormand_prince_8"),
         (table_one(16, modes=4), 1e-7, "dormand_prince_8"),
-        (table_one(16, modes=4), 1e-4, "kennedy_carpenter_5"),
-        (table_one(16), 1e-7, "kennedy_carpenter_5"),
+        (table_one(16), 1e-5, "kennedy_carpenter_5"),
+        (table_one(32), 1e-7, "kennedy_carpenter_5"),
         (table_one(1).rigid(), 1e-4, "dormand_prince_8"),
     ],
-    ids=["3 modes", "4 modes", "4 modes, loose", "full mesh", "rigid"],
+    ids=["3 modes", "4 modes", "full mesh, loose", "full mesh", "rigid"],
 )
 def test_auto_follows_stiffness_and_tolerance(arm, rtol, wanted):
     result = run(arm, duration=0.01, rtol=rtol, atol=rtol / 100)
@@ -55,7 +55,7 @@ def test_auto_follows_stiffness_and_tolerance(arm, rtol, wanted):
 
 
 def test_strong_damping_is_stiff_too():
-    damped = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=0.1)
+    damped = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=1.0)
     links = [fa.Link(length=1.0, elements=4, modes=4, damping=damped, **ROD)]
     arm = fa.Arm(links=links)
     result = fa.simulate(arm, 0.01, initial=arm.rest([0.1]), rate=100.0, progress=False)
