@@ -20,7 +20,8 @@ class Cowell4(Integrator):
 
     Energy is kept of small vibrations; the predicted velocity products of large ones cost a little.
     Bending and damping are implicit, and single modes too fast for the step are carried on by the
-    trapezoidal rule; fine meshes in fast motion are beyond it and end with a status. After every stop, where the torque is not smooth, three
+    trapezoidal rule; fine meshes in fast motion are beyond it and end with a status. After
+    every stop, where the torque is not smooth, three
     steps are made by ``kennedy_carpenter_4``.
 
     Args:
