@@ -22,6 +22,11 @@ CASES: tuple[tuple[str, dict[str, float]], ...] = (
     ("rk4", {"step": 1e-3}),
     ("rk4", {"step": 5e-4}),
     ("rk4", {"step": 1e-4}),
+    ("cowell_4", {"step": 1e-3}),
+    ("cowell_4", {"step": 5e-4}),
+    ("cowell_4", {"step": 1e-4}),
+    *(("kennedy_carpenter_4", {"rtol": rtol, "atol": rtol / 100}) for rtol in (1e-3, 1e-5)),
+    *(("kennedy_carpenter_5", {"rtol": rtol, "atol": rtol / 100}) for rtol in (1e-3, 1e-5, 1e-7)),
     *(("dormand_prince_5", {"rtol": rtol, "atol": rtol / 100}) for rtol in (1e-5, 1e-7, 1e-9)),
     *(("dormand_prince_8", {"rtol": rtol, "atol": rtol / 100}) for rtol in (1e-5, 1e-7, 1e-9)),
 )

@@ -63,7 +63,9 @@ def advance_explicit(
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
     s = error.shape[0] - 1
-    error_needs_new = error[s] != 0.0
+    last = s
+    if error[s] != 0.0 or not adaptive:
+        last = s + 1
     t = clock[0]
     while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t:
         combine(system.sizes, state, stages, dense, zero, zero, 0.0, samples[counts[0]])
@@ -80,14 +82,16 @@ def advance_explicit(
         if lands:
             t_new = stop
             h = stop - t
-        for k in range(1, s):
+        for k in range(1, last):
             combine(system.sizes, state, stages, A, k, k, h, new)
-            rates_of(system, t + c[k] * h, c[k] == 1.0, new, torque, stages, k)
-        combine(system.sizes, state, stages, A, s, s, h, new)
-        counts[3] += s - 1
-        if error_needs_new or not adaptive:
-            rates_of(system, t_new, from_left, new, torque, stages, s)
-            counts[3] += 1
+            t_stage = t + c[k] * h
+            if k == s:
+                t_stage = t_new
+            # The only place where the dynamics is merged in: the code is long.
+            rates_of(system, t_stage, c[k] == 1.0, new, torque, stages, k)
+        if last == s:
+            combine(system.sizes, state, stages, A, s, s, h, new)
+        counts[3] += last - 1
         norm = 0.0
         if adaptive:
             norm = error_norm(system, tolerance, state, new, stages, error, error_low, h)
@@ -99,8 +103,8 @@ def advance_explicit(
                 continue
         elif not all_finite(system, new):
             return NOT_FINITE
-        if adaptive and not error_needs_new:
-            rates_of(system, t_new, from_left, new, torque, stages, s)
+        if last == s:
+            slope_at(system, t_new, from_left, new, torque, stages, s)
             counts[3] += 1
 
         # The last evaluation was at the new point: do not step past a singular mass matrix.

@@ -53,6 +53,19 @@ def forward_dynamics(
     ``state`` (2, n, 1 + m); ``torque`` (n,) N m on the relative joint angles; of a joint that is
     not free its acceleration, rad/s^2 (zero for a fixed one).
     """
+    accelerate(sizes, constants, state, torque, loads, work)
+
+
+@merged
+def accelerate(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+) -> None:
+    """``forward_dynamics`` merged into its caller: a call hands over a hundred arrays."""
     link_terms(sizes, constants, state, work)
     apply_loads(sizes, loads, state, work)
     _inward(sizes, constants, state, torque, work)

@@ -140,15 +140,16 @@ def simulate(
         raise InputError(fault.problem(where))
     if stations != 0:
         stations = check_stations(where, stations)
-    choice = choose_integrator(integrator, step)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
+    tolerance = tolerance_of(simulated, state, atol, rtol)
+    choice = choose_integrator(integrator, step, simulated, tolerance)
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     with Meter("simulating", progress) as meter:
         run = Run(
             arm=simulated,
             integrator=choice.integrator,
-            tolerance=tolerance_of(simulated, state, atol, rtol),
+            tolerance=tolerance,
             progress=Progress(0.0, state, 0.0),
             duration=duration,
             sample_times=times,

@@ -22,7 +22,7 @@ from flexarm.model import (
 )
 from flexarm.model.wording import Path, path_of
 from flexarm.motion import Motion, joint_motion, line_motion
-from flexarm.simulate.choice import choose_integrator
+from flexarm.simulate.choice import check_integrator
 from flexarm.simulate.outside import base_acceleration_of, loads_of
 from flexarm.simulate.run import simulate
 from flexarm.simulate.start import Start, feedforward, start_of
@@ -104,7 +104,7 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
     with _told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
         _set_drive(arm, scenario, motion, start, options)
     with _told_as(place, "run"):
-        choose_integrator(run.integrator, run.step)
+        check_integrator(run.integrator, run.step, "scenario")
     return Prepared(arm, motion, options, file_text(scenario))
 
 

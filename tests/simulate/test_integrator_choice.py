@@ -1,0 +1,94 @@
+"""What ``integrator="auto"`` takes, and whether the result is as exact as the tolerances say."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+START = (np.pi / 4, -np.pi / 2)
+
+
+def table_one(elements, modes=None, **options):
+    links = [
+        fa.Link(length=length, elements=elements, modes=modes, **ROD) for length in (1.4142, 1.0)
+    ]
+    return fa.Arm(links=links, **options)
+
+
+def torque(t):
+    return np.array([4.0, 1.5]) * np.sin(2 * np.pi * t) if t <= 1.0 else np.zeros(2)
+
+
+def run(arm, duration=0.3, **settings):
+    return fa.simulate(
+        arm,
+        duration,
+        torque=torque,
+        initial=arm.rest(START),
+        rate=100.0,
+        progress=False,
+        **settings,
+    )
+
+
+def apart(a, b):
+    """Largest distance of the tips (m)."""
+    return float(np.linalg.norm((a.tip - b.tip).values, axis=1).max())
+
+
+@pytest.mark.parametrize(
+    ("arm", "rtol", "wanted"),
+    [
+        (table_one(16, modes=3), 1e-7, "dormand_prince_8"),
+        (table_one(16, modes=4), 1e-7, "dormand_prince_8"),
+        (table_one(16), 1e-5, "kennedy_carpenter_5"),
+        (table_one(32), 1e-7, "kennedy_carpenter_5"),
+        (table_one(1).rigid(), 1e-4, "dormand_prince_8"),
+    ],
+    ids=["3 modes", "4 modes", "full mesh, loose", "full mesh", "rigid"],
+)
+def test_auto_follows_stiffness_and_tolerance(arm, rtol, wanted):
+    result = run(arm, duration=0.01, rtol=rtol, atol=rtol / 100)
+    assert result.integrator == wanted
+    assert ("implicit" in result.integrator_reason) == (wanted != "dormand_prince_8")
+
+
+def test_strong_damping_is_stiff_too():
+    damped = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=1.0)
+    links = [fa.Link(length=1.0, elements=4, modes=4, damping=damped, **ROD)]
+    arm = fa.Arm(links=links)
+    result = fa.simulate(arm, 0.01, initial=arm.rest([0.1]), rate=100.0, progress=False)
+    assert result.integrator == "kennedy_carpenter_5"
+
+
+def test_a_full_mesh_costs_no_more_steps_when_it_gets_finer():
+    """The explicit method's steps would double twice from 8 to 16 elements."""
+    steps = [
+        run(table_one(n), integrator="kennedy_carpenter_5", rtol=1e-5, atol=1e-7).steps
+        for n in (8, 16, 32)
+    ]
+    assert max(steps) < 1.5 * min(steps)
+
+
+@pytest.mark.parametrize("elements", [8, 32])
+def test_default_tolerances_on_a_full_mesh(elements):
+    """1e-6 of the reach, against a run ten times as tight."""
+    arm = table_one(elements)
+    assert apart(run(arm), run(arm, rtol=1e-8, atol=1e-10)) < 1e-6 * 2.4142
+
+
+def test_cowell_keeps_the_energy_of_a_vibration():
+    """Small vibrations for 20 s, 700 periods of the slowest mode; rk4 at twice the evaluations."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, elements=2, modes=2, **ROD)])
+    start = arm.from_nodal([0.0], [[[0.00004, 0.0001], [0.0001, 0.00014]]])
+
+    def kept(integrator, step):
+        result = fa.simulate(
+            arm, 20.0, initial=start, integrator=integrator, step=step, rate=10.0, progress=False
+        )
+        energy = (result.kinetic_energy + result.strain_energy).values
+        return np.polyfit(result.time.values, energy, 1)[0] * 20.0 / energy[0]
+
+    assert abs(kept("cowell_4", 5e-4)) < 2e-5
+    assert kept("rk4", 1e-3) < -1e-2
