@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     from flexarm.errors import SimulationError as SimulationError
     from flexarm.linear import Equilibrium as Equilibrium
     from flexarm.linear import EquilibriumError as EquilibriumError
+    from flexarm.linear import LinearModel as LinearModel
     from flexarm.linear import Modes as Modes
+    from flexarm.linear import Sensor as Sensor
     from flexarm.linear import equilibrium as equilibrium
+    from flexarm.linear import linearize as linearize
     from flexarm.linear import modes as modes
     from flexarm.loads import Load as Load
     from flexarm.model import Box as Box
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     from flexarm.motion import joint_motion as joint_motion
     from flexarm.motion import line_motion as line_motion
     from flexarm.motion import rigid_torque as rigid_torque
+    from flexarm.output import save_linear as save_linear
     from flexarm.references import citation as citation
     from flexarm.simulate import PrescribedAngle as PrescribedAngle
     from flexarm.simulate import run_scenario as run_scenario
@@ -64,6 +68,7 @@ _HOME = {
     "Joint": "model",
     "JointLimits": "model",
     "JointPD": "control",
+    "LinearModel": "linear",
     "Link": "model",
     "Load": "loads",
     "Material": "model",
@@ -76,17 +81,20 @@ _HOME = {
     "RayleighDamping": "model",
     "Rectangle": "model",
     "SectionTable": "model",
+    "Sensor": "linear",
     "SimulationError": "errors",
     "Tube": "model",
     "citation": "references",
     "equilibrium": "linear",
     "joint_motion": "motion",
     "line_motion": "motion",
+    "linearize": "linear",
     "load_arm": "arm",
     "modes": "linear",
     "rigid_torque": "motion",
     "run_scenario": "simulate",
     "save_arm": "arm",
+    "save_linear": "output",
     "simulate": "simulate",
 }
 

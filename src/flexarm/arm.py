@@ -263,14 +263,25 @@ class Arm(Coordinates):
         zero = np.zeros(self.dof)
         return self.unpadded(self._newton_euler("Arm.bias_force", q, qd, zero, None).force)
 
-    def derivatives(self, q: ArrayLike, qd: ArrayLike, torque: ArrayLike) -> Derivatives:
+    def derivatives(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        torque: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
+    ) -> Derivatives:
         """Return the exact Jacobians of the accelerations by q, qd and torque.
 
-        Complex perturbation of the same kernels (``kernels.sensitivity``): exact to rounding.
+        Arguments as in ``forward_dynamics``. Complex perturbation of the same kernels
+        (``kernels.sensitivity``): exact to rounding.
         """
         where = "Arm.derivatives"
         state = self._state(where, q, qd).astype(complex)
         tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
+        acting = [*tip_load(self, where, tip_force), *loads]
+        placed = place_loads(self, where, acting, base_acceleration)
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         by_state = np.zeros((n, width, 2, n, width))
         by_torque = np.zeros((n, width, n))
@@ -279,7 +290,7 @@ class Arm(Coordinates):
             self.assembly.constants,
             state,
             tau.astype(complex),
-            no_loads(self.assembly.constants),
+            placed,
             self._work(complex),
             by_state,
             by_torque,
@@ -347,7 +358,7 @@ class Arm(Coordinates):
 
     def strains(self, states: FloatArray) -> FloatArray:
         """Return the strains (samples, gauges) of kernel states (samples, 2, n, 1 + m)."""
-        strains = np.zeros((len(states), len(self.gauges)))
+        strains = np.zeros((len(states), len(self.gauges)), dtype=states.dtype)
         gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
 

@@ -51,12 +51,14 @@ class Equilibrium:
         stable: whether every small disturbance is drawn back (locked joints cannot be disturbed).
         lowest_eigenvalue: of stiffness over mass, rad^2/s^2: the lowest squared frequency;
             negative where unstable.
+        loads: what acts besides gravity, the force at the tip among it.
     """
 
     q: FloatArray
     torque: FloatArray
     stable: bool
     lowest_eigenvalue: float
+    loads: tuple[Load, ...] = ()
 
 
 def equilibrium(
@@ -188,4 +190,4 @@ class _Search:
             M = arm.mass_matrix(q)[part]
             # Only the symmetric part stores energy; a follower load's rest may still flutter.
             lowest = float(eigh((K + K.T) / 2.0, M, eigvals_only=True, subset_by_index=[0, 0])[0])
-        return Equilibrium(q, holding, lowest > 0.0, lowest)
+        return Equilibrium(q, holding, lowest > 0.0, lowest, tuple(self.loads))
