@@ -25,10 +25,13 @@ if TYPE_CHECKING:
     from flexarm.linear import EquilibriumError as EquilibriumError
     from flexarm.linear import LinearModel as LinearModel
     from flexarm.linear import Modes as Modes
+    from flexarm.linear import ModeTracks as ModeTracks
     from flexarm.linear import Sensor as Sensor
+    from flexarm.linear import campbell as campbell
     from flexarm.linear import equilibrium as equilibrium
     from flexarm.linear import linearize as linearize
     from flexarm.linear import modes as modes
+    from flexarm.linear import track_modes as track_modes
     from flexarm.loads import Load as Load
     from flexarm.model import Box as Box
     from flexarm.model import Circle as Circle
@@ -75,6 +78,7 @@ _HOME = {
     "Measurement": "control",
     "ModalDamping": "model",
     "ModelError": "errors",
+    "ModeTracks": "linear",
     "Modes": "linear",
     "Payload": "model",
     "PrescribedAngle": "simulate",
@@ -84,6 +88,7 @@ _HOME = {
     "Sensor": "linear",
     "SimulationError": "errors",
     "Tube": "model",
+    "campbell": "linear",
     "citation": "references",
     "equilibrium": "linear",
     "joint_motion": "motion",
@@ -96,6 +101,7 @@ _HOME = {
     "save_arm": "arm",
     "save_linear": "output",
     "simulate": "simulate",
+    "track_modes": "linear",
 }
 
 __all__ = sorted(_HOME)
