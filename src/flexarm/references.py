@@ -26,6 +26,17 @@ _ENTRIES = {
   journal = {Journal of Guidance, Control, and Dynamics},
   volume = {10}, number = {2}, pages = {139--151}, year = {1987}
 }""",
+    "SquireTrapp1998": """@article{SquireTrapp1998,
+  author = {Squire, W. and Trapp, G.},
+  title = {Using complex variables to estimate derivatives of real functions},
+  journal = {SIAM Review}, volume = {40}, number = {1}, pages = {110--112}, year = {1998}
+}""",
+    "AllemangBrown1982": """@inproceedings{AllemangBrown1982,
+  author = {Allemang, R. J. and Brown, D. L.},
+  title = {A correlation coefficient for modal vector analysis},
+  booktitle = {Proceedings of the 1st International Modal Analysis Conference},
+  pages = {110--116}, year = {1982}
+}""",
     "Kutta1901": """@article{Kutta1901,
   author = {Kutta, W.},
   title = {Beitrag zur n\\"aherungsweisen Integration totaler Differentialgleichungen},

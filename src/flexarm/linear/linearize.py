@@ -1,4 +1,4 @@
-"""Linear models about any state: theory page "small motion", (S.1) to (S.4).
+"""Linear models about any state: theory page "small motion", (S.1).
 
 The accelerations and the outputs are evaluated by the kernels at states, torques and loads with an
 imaginary part of 1e-30 in one place after the other (``kernels.sensitivity``): every entry of A, B,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.linalg import eigvals
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """Small deviations from an operating point: x' = A x + B u, y = C x + D u.
+    """Small deviations from an operating point: x' = A x + B u, y = C x + D u; (S.1), (S.2).
 
     Attributes:
         A, B, C, D: (2 dof, 2 dof), (2 dof, inputs), (outputs, 2 dof), (outputs, inputs).
@@ -45,6 +45,7 @@ class LinearModel:
     torque: FloatArray = field(repr=False)
     drift: FloatArray = field(repr=False)
     output: FloatArray = field(repr=False)
+    references: ClassVar[str] = "SquireTrapp1998"
 
     def __repr__(self) -> str:
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +58,7 @@ class ModeTracks:
     eigenvalues: NDArray[Any] = field(repr=False)
     shapes: NDArray[Any] = field(repr=False)
     similarity: FloatArray = field(repr=False)
+    references: ClassVar[str] = "AllemangBrown1982 SquireTrapp1998"
 
 
 def track_modes(
