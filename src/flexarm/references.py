@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib.metadata import version
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from flexarm.errors import InputError, Problem, shown
 
@@ -63,18 +64,28 @@ _ENTRIES = {
 }
 
 
-def citation(result: xr.Dataset) -> str:
+class Cited(Protocol):
+    """What knows the methods that made it, as keys separated by spaces."""
+
+    references: ClassVar[str]
+
+
+def citation(result: xr.Dataset | Cited) -> str:
     """Return BibTeX entries of the package and of the methods that made a result.
 
     Args:
-        result: dataset of ``simulate``.
+        result: dataset of ``simulate``, a linear model, or modes that were followed.
 
     Raises:
         InputError: something else was given.
     """
-    if not hasattr(result, "attrs"):
+    if hasattr(result, "attrs"):
+        used, made_by = result.attrs.get("references", ""), result.attrs.get("flexarm_version", "")
+    elif hasattr(result, "references"):
+        used, made_by = result.references, version("flexarm")
+    else:
         raise InputError(Problem("citation", "result", "be a result of simulate", shown(result)))
-    keys = ["flexarm", *str(result.attrs.get("references", "")).split()]
+    keys = ["flexarm", *str(used).split()]
     entries = dict(_ENTRIES)
-    entries["flexarm"] = _ENTRIES["flexarm"] % result.attrs.get("flexarm_version", "")
+    entries["flexarm"] = _ENTRIES["flexarm"] % made_by
     return "\n\n".join(entries[key] for key in keys)

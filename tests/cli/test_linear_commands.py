@@ -88,7 +88,7 @@ def test_modes_followed_to_a_posture(path, tmp_path):
 
 def test_campbell_diagram(path, tmp_path):
     table, plot = tmp_path / "spin.csv", tmp_path / "spin.pdf"
-    invoke("modes", path, "--spin-to", 20, "--count", 2, "--csv", table, "--plot", plot)
+    invoke("modes", path, "--campbell", 20, "--count", 2, "--csv", table, "--plot", plot)
     head, rows = read(table)
     assert head[0] == "spin [rad/s]"
     assert np.all(np.diff(rows[:, 1]) > 0.0)
@@ -134,7 +134,7 @@ def test_poles_of_an_arm_that_floats(path, tmp_path):
         (["modes", "--proportional", "1"], "--proportional must be 2 numbers"),
         (["modes", "--sag", "--spin", "1"], "--sag must be left out"),
         (["modes", "--to", "1,1", "--spin", "1"], "--to must be left out"),
-        (["modes", "--spin", "2", "--spin-to", "1"], "--spin-to must be above --spin"),
+        (["modes", "--spin", "2", "--campbell", "1"], "--campbell must be above --spin"),
         (["modes", "--plot", "a.mat"], "--plot must end in"),
         (["linearize", "--inputs", "torqe"], "inputs must be a Load or one of"),
         (["linearize", "--out", "a.csv"], "--out must end in .mat or .json"),

@@ -124,7 +124,7 @@ def modes(
         str | None,
         typer.Option(metavar='"A,B,..."', help="Follow the modes from --angles to these, rad."),
     ] = None,
-    spin_to: Annotated[
+    campbell: Annotated[
         float | None,
         typer.Option(metavar="RATE", help="Follow the modes from --spin to this spin, rad/s."),
     ] = None,
@@ -140,7 +140,7 @@ def modes(
     from flexarm.cli.modes import ModesOptions, show_modes
 
     held = (joints.value, angles, proportional, derivative)
-    show_modes(arm, ModesOptions(*held, sag, spin, to, spin_to, count, csv, plot))
+    show_modes(arm, ModesOptions(*held, sag, spin, to, campbell, count, csv, plot))
 
 
 @app.command()

@@ -31,7 +31,7 @@ class ModesOptions(NamedTuple):
     sag: bool
     spin: float
     to: str | None
-    spin_to: float | None
+    campbell_to: float | None
     most: int
     csv: Path | None
     plot: Path | None
@@ -55,7 +55,7 @@ def show_modes(path: Path, options: ModesOptions) -> None:
         if place is not None:
             check_place(_WHERE, option, place, suffixes)
     _check_together(options)
-    if options.to is not None or options.spin_to is not None:
+    if options.to is not None or options.campbell_to is not None:
         _show_tracks(_tracks(arm, posture, joints, options), told_joints, options)
         return
     about = equilibrium(arm, posture) if options.sag else posture
@@ -75,19 +75,19 @@ def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
 
 
 def _check_together(options: ModesOptions) -> None:
-    turns = bool(options.spin) or options.spin_to is not None
+    turns = bool(options.spin) or options.campbell_to is not None
     if options.sag and turns:
         raise InputError(Problem(_WHERE, "--sag", "be left out where the arm spins", "given"))
     if options.to is not None and turns:
         raise InputError(Problem(_WHERE, "--to", "be left out where the arm spins", "given"))
-    if options.spin_to is not None and options.spin_to <= options.spin:
+    if options.campbell_to is not None and options.campbell_to <= options.spin:
         rule = f"be above --spin, {options.spin:g}"
-        raise InputError(Problem(_WHERE, "--spin-to", rule, f"{options.spin_to:g}"))
+        raise InputError(Problem(_WHERE, "--campbell", rule, f"{options.campbell_to:g}"))
 
 
 def _tracks(arm: Arm, posture: list[float], joints: Joints, options: ModesOptions) -> ModeTracks:
-    if options.spin_to is not None:
-        spin = np.linspace(options.spin, options.spin_to, _SAMPLES)
+    if options.campbell_to is not None:
+        spin = np.linspace(options.spin, options.campbell_to, _SAMPLES)
         return campbell(arm, spin, posture, joints, count=options.most)
     target = joint_numbers(_WHERE, "--to", arm, options.to, "rad")
     way = np.linspace(posture, target, _SAMPLES)
@@ -144,7 +144,7 @@ def _show_tracks(tracks: ModeTracks, joints: str, options: ModesOptions) -> None
         [f"{way[k]:.4g}", *(f"{value:.5g}" for value in tracks.frequency_hz[k])]
         for k in range(0, way.size, _SHOWN_EVERY)
     ]
-    screen.print(numbers(f"Frequencies [Hz] with the joints {joints}", heads, rows))
+    screen.print(numbers(f"Frequencies [Hz], joints {joints}", heads, rows))
     if options.csv is not None:
         write_text(_tracks_table(tracks), options.csv)
         screen.print(f"all {way.size} samples in {options.csv}", soft_wrap=True)
