@@ -69,10 +69,13 @@ def linearize(
 
     Raises:
         InputError: an unknown signal, a wrong shape, loads given with an equilibrium that has its
-            own.
+            own, a base that accelerates while the arm is to rest.
         EquilibriumError: an equilibrium was asked for, and there is none.
     """
     wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs)
+    if q is None and base_acceleration is not None:
+        rule = "be left out where the equilibrium is asked for: the base rests there"
+        raise InputError(Problem(_WHERE, "base_acceleration", rule, "given"))
     point = _operating_point(arm, q, qd, torque, [*tip_load(arm, _WHERE, tip_force), *loads])
     if base_acceleration is not None:
         base = check_array(_WHERE, "base_acceleration", base_acceleration, (2,))

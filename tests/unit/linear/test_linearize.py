@@ -121,6 +121,18 @@ class TestFiniteDifferences:
             slope = moved.output - model.output
             np.testing.assert_allclose(model.D[:, k], slope, rtol=0, atol=atol)
 
+    def test_derivatives_know_the_same_loads(self):
+        arm = two_links()
+        q, qd = moving(arm)
+        model = self.model(arm, q, qd)
+        found = arm.derivatives(q, qd, self.TORQUE, self.FORCE, ACTING, self.BASE)
+        n = arm.dof
+        np.testing.assert_allclose(found.q, model.A[n:, :n], rtol=1e-12)
+        np.testing.assert_allclose(found.qd, model.A[n:, n:], rtol=1e-12)
+        np.testing.assert_allclose(found.torque, model.B[n:, :2], rtol=1e-12)
+        bare = arm.derivatives(q, qd, self.TORQUE)
+        assert np.abs(bare.q - found.q).max() > 1e-3
+
     def test_second_order_form(self):
         """M, D and K say the same as A, about a motion too."""
         arm = two_links()
@@ -281,6 +293,7 @@ class TestOperatingPoint:
         ({"outputs": [fa.Sensor("position", 1, name="a.b")]}, "names without dots"),
         ({"outputs": [fa.Sensor("position", 3)]}, "be the number of a link"),
         ({"qd": [1.0]}, "qd must be numbers of shape"),
+        ({"base_acceleration": (1.0, 0.0)}, "base_acceleration must be left out"),
     ],
 )
 def test_wrong_input(fields, message):
