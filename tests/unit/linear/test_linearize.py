@@ -1,5 +1,7 @@
 """Linear models against finite differences, nonlinear runs and python-control."""
 
+import sys
+
 import control
 import numpy as np
 import pytest
@@ -235,6 +237,12 @@ class TestPythonControl:
         assert model.states[:3] == ("joint_angle[1]", "mode[1,1]", "mode[1,2]")
         assert model.states[arm.dof] == "joint_rate[1]"
         np.testing.assert_array_equal(system.A, model.A)
+
+    def test_without_it_the_way_to_get_it_is_told(self, monkeypatch):
+        model = fa.linearize(two_links())
+        monkeypatch.setitem(sys.modules, "control", None)
+        with pytest.raises(fa.InputError, match="pip install 'flexarm\\[control\\]'"):
+            model.to_control()
 
     def test_poles_are_the_modes(self):
         arm = two_links(gravity=(0.0, 0.0)).spec

@@ -85,6 +85,17 @@ class TestHeldByGains:
         )
         np.testing.assert_allclose(np.abs(found.complex_shapes), np.abs(found.shapes), atol=1e-9)
 
+    @pytest.mark.parametrize("theory", ["linear", "second_order"])
+    def test_rigid_modes_are_exactly_zero_beside_damping_that_couples(self, theory):
+        damping = {"kind": "modal", "ratio": 0.02}
+        link = fa.Link(length=1.0, elements=3, damping=damping, **ROD)
+        arm = fa.Arm(links=[link] * 3, payload=fa.Payload(mass=0.4), theory=theory)
+        found = fa.modes(arm, [0.3, -0.7, 1.2], "free")
+        assert np.all(found.frequency_hz[:3] == 0.0)
+        assert np.all(found.eigenvalues[:3] == 0.0)
+        assert np.all(np.isnan(found.damping_ratio[:3]))
+        assert np.all(found.damping_ratio[3:] > 0.001)
+
     def test_a_damped_joint_decays_as_it_says(self):
         """Nothing proportional here: against a free vibration of the nonlinear arm."""
         damper = fa.Joint(hub_inertia=0.05, damping=0.4, stiffness=5.0)
