@@ -24,9 +24,15 @@ if TYPE_CHECKING:
     from flexarm.errors import SimulationError as SimulationError
     from flexarm.linear import Equilibrium as Equilibrium
     from flexarm.linear import EquilibriumError as EquilibriumError
+    from flexarm.linear import LinearModel as LinearModel
     from flexarm.linear import Modes as Modes
+    from flexarm.linear import ModeTracks as ModeTracks
+    from flexarm.linear import Sensor as Sensor
+    from flexarm.linear import campbell as campbell
     from flexarm.linear import equilibrium as equilibrium
+    from flexarm.linear import linearize as linearize
     from flexarm.linear import modes as modes
+    from flexarm.linear import track_modes as track_modes
     from flexarm.loads import Load as Load
     from flexarm.model import Box as Box
     from flexarm.model import Circle as Circle
@@ -47,6 +53,7 @@ if TYPE_CHECKING:
     from flexarm.motion import line_motion as line_motion
     from flexarm.motion import rigid_torque as rigid_torque
     from flexarm.output import read_result as read_result
+    from flexarm.output import save_linear as save_linear
     from flexarm.output import write_result as write_result
     from flexarm.references import citation as citation
     from flexarm.simulate import PrescribedAngle as PrescribedAngle
@@ -69,24 +76,29 @@ _HOME = {
     "JointLimits": "model",
     "JointPD": "control",
     "LargeDeflectionWarning": "errors",
+    "LinearModel": "linear",
     "Link": "model",
     "Load": "loads",
     "Material": "model",
     "Measurement": "control",
     "ModalDamping": "model",
     "ModelError": "errors",
+    "ModeTracks": "linear",
     "Modes": "linear",
     "Payload": "model",
     "PrescribedAngle": "simulate",
     "RayleighDamping": "model",
     "Rectangle": "model",
     "SectionTable": "model",
+    "Sensor": "linear",
     "SimulationError": "errors",
     "Tube": "model",
+    "campbell": "linear",
     "citation": "references",
     "equilibrium": "linear",
     "joint_motion": "motion",
     "line_motion": "motion",
+    "linearize": "linear",
     "load_arm": "arm",
     "load_scenario": "model",
     "modes": "linear",
@@ -94,8 +106,10 @@ _HOME = {
     "rigid_torque": "motion",
     "run_scenario": "simulate",
     "save_arm": "arm",
+    "save_linear": "output",
     "simulate": "simulate",
     "write_result": "output",
+    "track_modes": "linear",
 }
 
 __all__ = sorted(_HOME)

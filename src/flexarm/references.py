@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib.metadata import version
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from flexarm.errors import InputError, Problem, shown
 
@@ -25,6 +26,17 @@ _ENTRIES = {
   title = {Dynamics of a cantilever beam attached to a moving base},
   journal = {Journal of Guidance, Control, and Dynamics},
   volume = {10}, number = {2}, pages = {139--151}, year = {1987}
+}""",
+    "SquireTrapp1998": """@article{SquireTrapp1998,
+  author = {Squire, W. and Trapp, G.},
+  title = {Using complex variables to estimate derivatives of real functions},
+  journal = {SIAM Review}, volume = {40}, number = {1}, pages = {110--112}, year = {1998}
+}""",
+    "AllemangBrown1982": """@inproceedings{AllemangBrown1982,
+  author = {Allemang, R. J. and Brown, D. L.},
+  title = {A correlation coefficient for modal vector analysis},
+  booktitle = {Proceedings of the 1st International Modal Analysis Conference},
+  pages = {110--116}, year = {1982}
 }""",
     "Kutta1901": """@article{Kutta1901,
   author = {Kutta, W.},
@@ -64,18 +76,28 @@ _ENTRIES = {
 }
 
 
-def citation(result: xr.Dataset) -> str:
+class Cited(Protocol):
+    """What knows the methods that made it, as keys separated by spaces."""
+
+    references: ClassVar[str]
+
+
+def citation(result: xr.Dataset | Cited) -> str:
     """Return BibTeX entries of the package and of the methods that made a result.
 
     Args:
-        result: dataset of ``simulate``.
+        result: dataset of ``simulate``, a linear model, or modes that were followed.
 
     Raises:
         InputError: something else was given.
     """
-    if not hasattr(result, "attrs"):
+    if hasattr(result, "attrs"):
+        used, made_by = result.attrs.get("references", ""), result.attrs.get("flexarm_version", "")
+    elif hasattr(result, "references"):
+        used, made_by = result.references, version("flexarm")
+    else:
         raise InputError(Problem("citation", "result", "be a result of simulate", shown(result)))
-    keys = ["flexarm", *str(result.attrs.get("references", "")).split()]
+    keys = ["flexarm", *str(used).split()]
     entries = dict(_ENTRIES)
-    entries["flexarm"] = _ENTRIES["flexarm"] % result.attrs.get("flexarm_version", "")
+    entries["flexarm"] = _ENTRIES["flexarm"] % made_by
     return "\n\n".join(entries[key] for key in keys)

@@ -30,7 +30,7 @@ def test_version():
     assert outcome.stdout == f"flexarm {fa.__version__}\n"
 
 
-@pytest.mark.parametrize("command", ["paper", "run", "check", "modes", "schema"])
+@pytest.mark.parametrize("command", ["paper", "run", "check", "modes", "linearize", "schema"])
 def test_help_names_every_command_and_its_options(command):
     assert command in invoke("--help").stdout
     outcome = invoke(command, "--help")

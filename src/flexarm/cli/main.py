@@ -106,15 +106,71 @@ def modes(
         str | None,
         typer.Option(metavar='"A,B,..."', help="Relative joint angles, rad; zero if left out."),
     ] = None,
+    proportional: Annotated[
+        str | None,
+        typer.Option(metavar='"A,B,..."', help="Joints held by gains: N m/rad."),
+    ] = None,
+    derivative: Annotated[
+        str | None,
+        typer.Option(metavar='"A,B,..."', help="Joints held by gains: N m s/rad."),
+    ] = None,
+    sag: Annotated[
+        bool, typer.Option("--sag", help="About the rest under gravity, not straight links.")
+    ] = False,
+    spin: Annotated[
+        float, typer.Option(metavar="RATE", help="While the whole arm turns, rad/s.")
+    ] = 0.0,
+    to: Annotated[
+        str | None,
+        typer.Option(metavar='"A,B,..."', help="Follow the modes from --angles to these, rad."),
+    ] = None,
+    campbell: Annotated[
+        float | None,
+        typer.Option(metavar="RATE", help="Follow the modes from --spin to this spin, rad/s."),
+    ] = None,
     count: Annotated[int, typer.Option(min=1, help="How many modes to show.")] = 6,
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save them as a table: .csv.")
     ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save a plot: .png, .pdf or .svg.")
+    ] = None,
 ) -> None:
-    """Show natural frequencies and damping of an arm at rest."""
-    from flexarm.cli.modes import show_modes
+    """Show natural frequencies and damping of an arm at rest, or along postures or spins."""
+    from flexarm.cli.modes import ModesOptions, show_modes
 
-    show_modes(arm, joints.value, angles, count, csv)
+    held = (joints.value, angles, proportional, derivative)
+    show_modes(arm, ModesOptions(*held, sag, spin, to, campbell, count, csv, plot))
+
+
+@app.command()
+@failures_told()
+def linearize(
+    arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
+    angles: Annotated[
+        str | None,
+        typer.Option(
+            metavar='"A,B,..."', help="Joint angles where it rests, rad; zero if left out."
+        ),
+    ] = None,
+    inputs: Annotated[
+        str, typer.Option(metavar='"A,B,..."', help="Inputs, such as torque, tip_force.")
+    ] = "torque",
+    outputs: Annotated[
+        str, typer.Option(metavar='"A,B,..."', help="Outputs, such as joint_angle, tip, strain.")
+    ] = "joint_angle,tip",
+    count: Annotated[int, typer.Option(min=1, help="How many poles to show.")] = 8,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save the model: .mat or .json.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save its responses: .png, .pdf or .svg.")
+    ] = None,
+) -> None:
+    """Make a linear model of an arm about its rest: A, B, C, D and their poles."""
+    from flexarm.cli.linearize import show_linear
+
+    show_linear(arm, angles, inputs, outputs, count, out, plot)
 
 
 @app.command()

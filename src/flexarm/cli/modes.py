@@ -1,58 +1,117 @@
-"""``flexarm modes``: natural frequencies and damping at a posture."""
+"""``flexarm modes``: natural frequencies and damping at a posture, or along a way."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from flexarm.arm import Arm, load_arm
+from flexarm.cli.postures import joint_numbers, told
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, shown
-from flexarm.linear import Modes
+from flexarm.errors import InputError, Problem
+from flexarm.linear import Modes, ModeTracks, campbell, equilibrium, track_modes
 from flexarm.linear import modes as modes_of
-from flexarm.output import check_place, write_text
+from flexarm.linear.held import Joints
+from flexarm.output import FIGURE_SUFFIXES, check_place, write_figure, write_text
 
 _WHERE = "flexarm modes"
+#: Samples along a way, and every how manieth of them the table shows.
+_SAMPLES, _SHOWN_EVERY = 81, 10
 
 
-def show_modes(path: Path, joints: str, angles: str | None, count: int, csv: Path | None) -> None:
-    """Print the lowest modes of the arm in a file; write them all to ``csv`` if given.
+class ModesOptions(NamedTuple):
+    """What the command line says, as it says it."""
+
+    joints: str
+    angles: str | None
+    proportional: str | None
+    derivative: str | None
+    sag: bool
+    spin: float
+    to: str | None
+    campbell_to: float | None
+    most: int
+    csv: Path | None
+    plot: Path | None
+
+
+def show_modes(path: Path, options: ModesOptions) -> None:
+    """Print the lowest modes of the arm in a file; write what else was asked for.
 
     Raises:
         InputError: a wrong file, angles that are not numbers or too many or few, a path that
-            cannot be written.
+            cannot be written, options that exclude each other.
+        EquilibriumError: no rest under gravity, or no steady spin.
     """
     arm = load_arm(path)
-    posture = _angles(arm, angles)
-    place = None if csv is None else check_place(_WHERE, "--csv", csv, (".csv",))
-    found = modes_of(arm, posture, joints)
-    angles_text = ", ".join(f"{angle:.4g}" for angle in posture[:8])
-    more = ", ..." if arm.joints > 8 else ""
-    title = f"Modes with the joints {joints}, at {angles_text}{more} rad"
+    posture = joint_numbers(_WHERE, "--angles", arm, options.angles, "rad")
+    joints, told_joints = _joints(arm, options)
+    for option, place, suffixes in (
+        ("--csv", options.csv, (".csv",)),
+        ("--plot", options.plot, FIGURE_SUFFIXES),
+    ):
+        if place is not None:
+            check_place(_WHERE, option, place, suffixes)
+    _check_together(options)
+    if options.to is not None or options.campbell_to is not None:
+        _show_tracks(_tracks(arm, posture, joints, options), told_joints, options)
+        return
+    about = equilibrium(arm, posture) if options.sag else posture
+    found = modes_of(arm, about, joints, spin=options.spin)
+    state = " sagging" if options.sag else ""
+    turning = f", turning at {options.spin:g} rad/s" if options.spin else ""
+    title = f"Modes with the joints {told_joints}, at {told(posture)} rad{state}{turning}"
+    _show(found, title, options)
+
+
+def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
+    if options.proportional is None and options.derivative is None:
+        return options.joints, options.joints
+    stiff = joint_numbers(_WHERE, "--proportional", arm, options.proportional, "N m/rad")
+    damping = joint_numbers(_WHERE, "--derivative", arm, options.derivative, "N m s/rad")
+    return list(zip(stiff, damping, strict=True)), "held by gains"
+
+
+def _check_together(options: ModesOptions) -> None:
+    turns = bool(options.spin) or options.campbell_to is not None
+    if options.sag and turns:
+        raise InputError(Problem(_WHERE, "--sag", "be left out where the arm spins", "given"))
+    if options.to is not None and turns:
+        raise InputError(Problem(_WHERE, "--to", "be left out where the arm spins", "given"))
+    if options.campbell_to is not None and options.campbell_to <= options.spin:
+        rule = f"be above --spin, {options.spin:g}"
+        raise InputError(Problem(_WHERE, "--campbell", rule, f"{options.campbell_to:g}"))
+
+
+def _tracks(arm: Arm, posture: list[float], joints: Joints, options: ModesOptions) -> ModeTracks:
+    if options.campbell_to is not None:
+        spin = np.linspace(options.spin, options.campbell_to, _SAMPLES)
+        return campbell(arm, spin, posture, joints, count=options.most)
+    target = joint_numbers(_WHERE, "--to", arm, options.to, "rad")
+    way = np.linspace(posture, target, _SAMPLES)
+    return track_modes(arm, way, joints, count=options.most, sag=options.sag)
+
+
+def _show(found: Modes, title: str, options: ModesOptions) -> None:
     screen = console()
     heads = ("mode", "frequency [Hz]", "period [s]", "damping ratio [%]")
-    rows = [_row(found, k) for k in range(min(count, found.frequency_hz.size))]
+    rows = [_row(found, k) for k in range(min(options.most, found.frequency_hz.size))]
     screen.print(numbers(title, heads, rows))
     if not rows:
         screen.print("none: every link is rigid and every joint is locked")
     if (found.squared_frequency < 0.0).any():
-        screen.print("unstable: gravity pulls the arm away from this posture")
-    if place is not None:
-        write_text(_table(found), place)
-        screen.print(f"all {found.frequency_hz.size} modes in {place}")
+        cause = "the spin" if found.spin else "gravity"
+        screen.print(f"unstable: {cause} pulls the arm away from this posture")
+    if options.csv is not None:
+        write_text(_table(found), options.csv)
+        screen.print(f"all {found.frequency_hz.size} modes in {options.csv}", soft_wrap=True)
+    if options.plot is not None:
+        from flexarm.plot.vibration import modes_figure
 
-
-def _angles(arm: Arm, text: str | None) -> list[float]:
-    if text is None:
-        return [0.0] * arm.joints
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != arm.joints or not all(math.isfinite(value) for value in values):
-        rule = f"be {arm.joints} numbers with commas between, one for each joint (rad)"
-        raise InputError(Problem(_WHERE, "--angles", rule, shown(text)))
-    return values
+        write_figure(modes_figure(found, options.most), options.plot)
+        screen.print(f"shapes in {options.plot}", soft_wrap=True)
 
 
 def _row(found: Modes, k: int) -> tuple[str, str, str, str]:
@@ -61,7 +120,8 @@ def _row(found: Modes, k: int) -> tuple[str, str, str, str]:
         return str(k + 1), "unstable", "-", "-"
     if frequency == 0.0:
         return str(k + 1), "0 (rigid)", "-", "-"
-    return str(k + 1), f"{frequency:.6g}", f"{1.0 / frequency:.4g}", f"{100.0 * ratio:.4g}"
+    percent = 100.0 * ratio if abs(ratio) > 1e-12 else 0.0  # rounding of a Coriolis force
+    return str(k + 1), f"{frequency:.6g}", f"{1.0 / frequency:.4g}", f"{percent:.4g}"
 
 
 def _table(found: Modes) -> str:
@@ -70,3 +130,36 @@ def _table(found: Modes) -> str:
     for number, row in enumerate(zip(*(column.tolist() for column in columns), strict=True), 1):
         lines.append(",".join([str(number), *map(repr, row)]))
     return "\n".join(lines) + "\n"
+
+
+def _show_tracks(tracks: ModeTracks, joints: str, options: ModesOptions) -> None:
+    screen = console()
+    modes = [f"mode {k + 1}" for k in range(tracks.frequency_hz.shape[1])]
+    unit = f" [{tracks.parameter_unit}]" if tracks.parameter_unit else ""
+    way = tracks.parameter
+    if tracks.parameter_name == "posture":
+        way, unit = tracks.parameter / tracks.parameter[-1], ""
+    heads = [f"{'way' if not unit else tracks.parameter_name}{unit}", *modes]
+    rows = [
+        [f"{way[k]:.4g}", *(f"{value:.5g}" for value in tracks.frequency_hz[k])]
+        for k in range(0, way.size, _SHOWN_EVERY)
+    ]
+    screen.print(numbers(f"Frequencies [Hz], joints {joints}", heads, rows))
+    if options.csv is not None:
+        write_text(_tracks_table(tracks), options.csv)
+        screen.print(f"all {way.size} samples in {options.csv}", soft_wrap=True)
+    if options.plot is not None:
+        from flexarm.plot.vibration import tracks_figure
+
+        write_figure(tracks_figure(tracks), options.plot)
+        screen.print(f"plot in {options.plot}", soft_wrap=True)
+
+
+def _tracks_table(tracks: ModeTracks) -> str:
+    count = range(1, tracks.frequency_hz.shape[1] + 1)
+    unit = f" [{tracks.parameter_unit}]" if tracks.parameter_unit else ""
+    heads = [f"{tracks.parameter_name}{unit}"]
+    heads += [f"frequency_{k} [Hz]" for k in count] + [f"damping_ratio_{k} [1]" for k in count]
+    columns = [tracks.parameter[:, None], tracks.frequency_hz, tracks.damping_ratio]
+    rows = np.concatenate(columns, axis=1).tolist()
+    return "\n".join([",".join(heads), *(",".join(map(repr, row)) for row in rows)]) + "\n"

@@ -51,12 +51,14 @@ class Equilibrium:
         stable: whether every small disturbance is drawn back (locked joints cannot be disturbed).
         lowest_eigenvalue: of stiffness over mass, rad^2/s^2: the lowest squared frequency;
             negative where unstable.
+        loads: what acts besides gravity, the force at the tip among it.
     """
 
     q: FloatArray
     torque: FloatArray
     stable: bool
     lowest_eigenvalue: float
+    loads: tuple[Load, ...] = ()
 
 
 def equilibrium(
@@ -203,4 +205,4 @@ class _Search:
                     "where links bend more than their mesh allows. Give them segments=2 or more."
                 )
                 raise EquilibriumError(1.0, q, reason) from None
-        return Equilibrium(q, holding, lowest > 0.0, lowest)
+        return Equilibrium(q, holding, lowest > 0.0, lowest, tuple(self.loads))

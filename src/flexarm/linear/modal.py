@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.linalg import LinAlgError, cholesky, eigh
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import LinAlgError, cholesky
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, check_array
+from flexarm.linear.curves import displacements
+from flexarm.linear.eigen import damped, undamped
+from flexarm.linear.equilibrium import Equilibrium
+from flexarm.linear.held import Held, Joints, hold_joints
+from flexarm.linear.steady_rotation import steady_rates, steady_shape
+from flexarm.linear.tangent import Tangent, tangent
+from flexarm.loads import Load, tip_load
 
-JOINTS = ("locked", "free")
-#: Squared frequencies below this part of the shift are rounding about a rigid-body mode.
-_ZERO = 1e-10
+_WHERE = "modes"
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,80 +29,167 @@ class Modes:
     """Modes of small vibration, frequencies ascending.
 
     Attributes:
-        frequency_hz: (k,) undamped natural frequencies; zero for rigid-body modes, and for modes
-            that gravity makes unstable (``squared_frequency`` is negative there).
-        damping_ratio: (k,) of each mode, from the damping that acts on its own shape; NaN where
-            the frequency is zero.
-        squared_frequency: (k,) eigenvalues, rad^2/s^2.
-        shapes: (k, dof) shapes in the arm's coordinates, unit modal mass.
+        frequency_hz: (k,) natural frequencies: undamped at rest, of an arm that spins the moduli
+            of the eigenvalues; zero for rigid-body modes, and for modes that gravity or spin make
+            unstable (``squared_frequency`` is negative there).
+        damping_ratio: (k,) -Re / modulus of the eigenvalues; above one where a mode does not
+            oscillate at all; NaN where the frequency is zero.
+        squared_frequency: (k,) eigenvalues of stiffness over mass, rad^2/s^2.
+        shapes: (k, dof) undamped shapes in the arm's coordinates, unit modal mass.
+        eigenvalues: (k,) of the damped motion, 1/s, with imaginary part zero or above; of a mode
+            that does not oscillate the slower of two. The other of a pair is its conjugate.
+        complex_shapes: (k, dof) shapes of the damped motion: parts out of phase are imaginary.
+        q: (dof,) about which the arm vibrates. spin: rate of the whole arm, rad/s.
     """
 
     frequency_hz: FloatArray
     damping_ratio: FloatArray
     squared_frequency: FloatArray
     shapes: FloatArray
+    eigenvalues: NDArray[Any]
+    complex_shapes: NDArray[Any]
+    q: FloatArray
+    spin: float
+    arm: Arm = field(repr=False)
+
+    @property
+    def damped_frequency_hz(self) -> FloatArray:
+        """Frequencies (k,) of free vibration: imaginary parts of the eigenvalues."""
+        hertz: FloatArray = np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
+        return hertz
+
+    def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
+        """Return displacements of the axis for unit modal amplitude, (k, links, stations, 2) m.
+
+        World axes. ``damped`` gives those of ``complex_shapes``: multiply by exp(i phase).
+        """
+        shapes = self.complex_shapes if damped else self.shapes
+        return displacements(self.arm, self.q, shapes, stations)
+
+    def curves(self, stations: int = 50, amplitude: float | None = None) -> FloatArray:
+        """Return the mode shapes as curves in the world, (k, links, stations, 2) m.
+
+        The arm as it rests plus displacements, the largest of each mode being ``amplitude`` (m); a
+        tenth of the arm's length by default.
+        """
+        moved = self.displacements(stations)
+        largest = np.linalg.norm(moved, axis=-1).max(axis=(1, 2), initial=0.0)
+        size = 0.1 * self.arm.lengths.sum() if amplitude is None else amplitude
+        factor = size / np.where(largest > 0.0, largest, 1.0)
+        drawn: FloatArray = self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved
+        return drawn
 
 
-def modes(arm: Arm, joint_angles: ArrayLike | None = None, joints: str = "locked") -> Modes:
-    """Compute the modes about straight links at rest.
+def modes(
+    arm: Arm,
+    joint_angles: ArrayLike | Equilibrium | None = None,
+    joints: Joints = "locked",
+    *,
+    q: ArrayLike | Equilibrium | None = None,
+    spin: float = 0.0,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+) -> Modes:
+    """Compute the modes about straight links at rest, about a bent state, or about a steady spin.
 
     Args:
         arm: the arm.
-        joint_angles: (joints,) relative, rad; all zero by default.
-        joints: "locked" clamps every joint, "free" lets every joint turn.
+        joint_angles: (joints,) relative, rad, the links straight; all zero by default. Or an
+            `Equilibrium`, with its loads.
+        joints: "locked" clamps every joint, "free" lets every joint turn; or for each joint one of
+            them, or gains (proportional N m/rad, derivative N m s/rad) that hold it; or an object
+            with such gains for all, as a `JointPD`.
+        q: (dof,) to vibrate about, or an `Equilibrium`, in place of ``joint_angles``.
+        spin: rad/s at which the whole arm turns about its base joint, in the shape that it takes;
+            the first joint is driven at that rate, or free. Without gravity and loads only.
+        tip_force, loads: as in `Arm.forward_dynamics`, whose stiffness counts; those of an
+            `Equilibrium` come with it.
 
     Raises:
-        InputError: unknown ``joints``, or angles of the wrong shape.
+        InputError: unknown ``joints``, numbers of the wrong shape, a spin with gravity or loads.
+        EquilibriumError: no steady shape at that spin.
 
-    The stiffness is the Hessian of strain and gravity energy at that posture, which is the
-    tangent stiffness where the posture is held there.
+    The stiffness is that of small motion about the state, held there if it is no equilibrium.
+    Theory page "small motion", (S.2) to (S.5).
     """
-    if joints not in JOINTS:
-        rule = "be one of " + ", ".join(map(repr, JOINTS))
-        raise InputError(Problem("modes", "joints", rule, shown(joints)))
-    q = arm.rest(np.zeros(arm.joints) if joint_angles is None else joint_angles)
-    M, K, C = arm.mass_matrix(q), arm.stiffness_matrix(q), arm.damping_matrix()
-    kept = np.arange(arm.dof)
-    if joints == "locked":
-        kept = np.setdiff1d(kept, arm.joint_index)
-    part = np.ix_(kept, kept)
-    squared, vectors = _eigen(M[part], K[part])
+    acting = [*tip_load(arm, _WHERE, tip_force), *loads]
+    held = hold_joints(arm, _WHERE, joints)
+    rate = float(check_array(_WHERE, "spin", spin, ()))
+    place, acting = _place(arm, joint_angles, q, acting)
+    if rate != 0.0 and acting:
+        raise InputError(Problem(_WHERE, "loads", "be left out where the arm spins", "given"))
+    if rate != 0.0 and q is None:
+        place = steady_shape(arm, place, rate)
+    return _solve(arm, place, rate, held, _small_motion(arm, place, rate, acting))
+
+
+def _place(
+    arm: Arm,
+    joint_angles: ArrayLike | Equilibrium | None,
+    q: ArrayLike | Equilibrium | None,
+    loads: list[Load],
+) -> tuple[FloatArray, list[Load]]:
+    """Find q and the loads there."""
+    if q is not None and joint_angles is not None:
+        raise InputError(Problem(_WHERE, "joint_angles", "be left out where q is given", "given"))
+    given = joint_angles if isinstance(joint_angles, Equilibrium) else q
+    if isinstance(given, Equilibrium):
+        if loads:
+            rule = "be left out where an equilibrium with its own is given"
+            raise InputError(Problem(_WHERE, "loads", rule, "given"))
+        return given.q, list(given.loads)
+    if given is not None:
+        return check_array(_WHERE, "q", given, (arm.dof,)), loads
+    angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
+    return arm.rest(check_array(_WHERE, "joint_angles", angles, (arm.joints,))), loads
+
+
+def _small_motion(arm: Arm, q: FloatArray, spin: float, loads: list[Load]) -> Tangent:
+    if spin == 0.0 and not arm.assembly.constants.joint_laws.size:
+        # At rest the rates enter through constant dampers alone, and K may be diagonal.
+        K = arm.stiffness_matrix(q, loads=loads)
+        return Tangent(arm.mass_matrix(q), arm.damping_matrix(), K)
+    return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), loads)
+
+
+def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> Modes:
+    part = np.ix_(held.moving, held.moving)
+    M = small.mass[part]
+    _check_mass(M)
+    K = (small.stiffness + np.diag(held.stiffness))[part]
+    D = (small.damping + np.diag(held.damping))[part]
+    squared, vectors = undamped(M, (K + K.T) / 2.0)
+    # Follower loads and centrifugal terms have a part without energy, in rounding else.
+    skew = (K - K.T) / 2.0
+    lasting = np.abs(skew).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0)
+    coupling = vectors.T @ skew @ vectors * lasting
+    found = damped(squared, coupling, vectors.T @ D @ vectors)
     frequency = np.sqrt(np.maximum(squared, 0.0))
-    damping = np.einsum("ik,ij,jk->k", vectors, C[part], vectors)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.where(frequency > 0.0, damping / (2.0 * frequency), np.nan)
-    shapes = np.zeros((kept.size, arm.dof))
-    shapes[:, kept] = vectors.T
-    return Modes(frequency / (2.0 * np.pi), ratio, squared, shapes)
+    if spin != 0.0:
+        frequency = np.where(found.eigenvalues.imag > 0.0, np.abs(found.eigenvalues), 0.0)
+    order = np.argsort(frequency, kind="stable")
+    shapes = np.zeros((held.moving.size, arm.dof))
+    shapes[:, held.moving] = vectors.T
+    turning = np.zeros((held.moving.size, arm.dof), dtype=complex)
+    turning[:, held.moving] = (vectors @ found.vectors).T
+    ratio = np.where(frequency > 0.0, found.ratio, np.nan)
+    return Modes(
+        frequency_hz=frequency[order] / (2.0 * np.pi),
+        damping_ratio=ratio[order],
+        squared_frequency=squared[order],
+        shapes=shapes[order],
+        eigenvalues=found.eigenvalues[order],
+        complex_shapes=turning[order],
+        q=q,
+        spin=spin,
+        arm=arm,
+    )
 
 
-def _eigen(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Solve K x = lambda M x for all pairs, the low ones accurately.
-
-    The stiffest modes of a fine mesh are 1e10 times stiffer than the lowest, whose digits a direct
-    solution would lose. Solving ``M x = mu (K + s M) x`` puts the low modes at the accurate end.
-    """
-    if M.size == 0:
-        return np.zeros(0), np.zeros((0, 0))
-    shift = _positive_shift(M, K)
-    mu, vectors = eigh(M, K + shift * M)
-    squared = 1.0 / mu[::-1] - shift
-    vectors = vectors[:, ::-1] / np.sqrt(mu[::-1])
-    squared[np.abs(squared) < _ZERO * shift] = 0.0
-    largest = np.argmax(np.abs(vectors), axis=0)
-    signs = np.sign(vectors[largest, np.arange(vectors.shape[1])])
-    return squared, vectors * signs
-
-
-def _positive_shift(M: FloatArray, K: FloatArray) -> float:
-    """Find a shift that makes K + shift M positive definite, near the lowest stiffness."""
-    diagonal = np.abs(np.diag(K)) / np.diag(M)
-    positive = diagonal[diagonal > 0.0]
-    shift = float(positive.min()) if positive.size else 1.0
-    while True:
-        try:
-            cholesky(K + shift * M)
-        except LinAlgError:
-            shift *= 4.0
-        else:
-            return shift
+def _check_mass(M: FloatArray) -> None:
+    try:
+        cholesky(M)
+    except LinAlgError:
+        hint = "Links bend further than the second-order theory allows: cut them into segments."
+        rule = "leave the mass matrix positive definite"
+        raise InputError(Problem(_WHERE, "the state", rule, "too far bent", hint)) from None

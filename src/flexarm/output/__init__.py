@@ -2,13 +2,16 @@
 
 from flexarm.output.figures import FIGURE_SUFFIXES, write_figure
 from flexarm.output.formats import FORMATS, read_result, write_result
+from flexarm.output.linear_model import MODEL_SUFFIXES, save_linear
 from flexarm.output.places import check_place, write_text
 
 __all__ = [
     "FIGURE_SUFFIXES",
     "FORMATS",
+    "MODEL_SUFFIXES",
     "check_place",
     "read_result",
+    "save_linear",
     "write_figure",
     "write_result",
     "write_text",

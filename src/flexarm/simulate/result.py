@@ -9,8 +9,8 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray
 from flexarm.model import file_text
+from flexarm.observe import channels_of
 from flexarm.simulate.channels import CHANNELS
-from flexarm.simulate.record import channels_of
 
 if TYPE_CHECKING:
     import xarray as xr

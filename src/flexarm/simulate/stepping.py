@@ -28,9 +28,9 @@ from flexarm.kernels.layout import (
     new_workspace,
     run_time_sizes,
 )
+from flexarm.observe import absolute_angles
 from flexarm.simulate.load_history import LoadHistory
 from flexarm.simulate.meter import Meter
-from flexarm.simulate.record import absolute_angles
 from flexarm.simulate.sampled_reference import sampled_reference
 from flexarm.simulate.sections import cut_systems, fill_sections
 from flexarm.simulate.torque_history import TorqueHistory, constant_torque

@@ -1,11 +1,14 @@
-"""From sampled states to the channels of a result."""
+"""From states to what one sees of them: the channels of results, the outputs of linear models.
+
+Complex states give complex values: this is how linear models get their exact outputs.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.integrate.base import FloatArray
+from flexarm.assemble import FloatArray
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS, observe_many
 
@@ -31,9 +34,9 @@ def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
 def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     assembly = arm.assembly
     count = len(states)
-    poses = np.zeros((count, assembly.bodies, POSE_COLUMNS))
-    tips = np.zeros((count, 6))
-    energy = np.zeros((count, 3))
+    poses = np.zeros((count, assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
+    tips = np.zeros((count, 6), dtype=states.dtype)
+    energy = np.zeros((count, 3), dtype=states.dtype)
     constants = assembly.constants
     observe_many(run_time_sizes(constants), constants, states, poses, tips, energy)
     link = poses[:, assembly.link_body]
@@ -67,7 +70,7 @@ def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
 
 def _twists(arm: Arm, q: FloatArray) -> FloatArray:
     """Twist of each joint's spring (samples, joints), rad; zero without one."""
-    twists = np.zeros((len(q), arm.joints))
+    twists = np.zeros((len(q), arm.joints), dtype=q.dtype)
     for k, seat in enumerate(arm.assembly.seats):
         if seat.twist is not None:
             twists[:, k] = q[:, seat.twist]
@@ -81,7 +84,7 @@ def _link_tips(arm: Arm, poses: FloatArray, tips: FloatArray) -> FloatArray:
     slopes add, and the deflection is the tip's distance from the line of the root tangent.
     """
     assembly = arm.assembly
-    bent = np.empty((len(poses), arm.links, 4))
+    bent = np.empty((len(poses), arm.links, 4), dtype=poses.dtype)
     for i in range(arm.links):
         pieces = assembly.pieces_of(i)
         first, last = pieces[0].body, pieces[-1].body

@@ -1,0 +1,80 @@
+"""Position, velocity and acceleration of points of the bent axis.
+
+Theory page "link", (L.31), with the station in place of the tip.
+
+=================  ===========================================================
+symbol             meaning
+=================  ===========================================================
+``u``, ``v``       shortening and deflection at the station, body axes
+``w``, ``w_dot``   angular rate and acceleration of the body axes
+=================  ===========================================================
+"""
+
+from __future__ import annotations
+
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernels.numbers import cos, sin
+from flexarm.kernels.observables import poses
+
+
+@compiled
+def point_motions(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    acceleration: Array,
+    loads: Loads,
+    stations: Loads,
+    work: Workspace,
+    body_poses: Array,
+    tip: Array,
+    motions: Array,
+) -> None:
+    """Fill ``motions`` (k, 8) of the points where ``stations`` are placed.
+
+    Columns: position from the base (m), velocity from it (m/s), and acceleration in space (m/s^2),
+    x and y in world axes; then what an accelerometer reads along and across the body's root
+    tangent: acceleration less gravity. ``acceleration`` (n, 1 + m) under ``loads``; of ``stations``
+    only the places are used.
+    """
+    inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+    poses(sizes, constants, state, body_poses, tip)
+    for k in range(stations.body.shape[0]):
+        i = stations.body[k]
+        v = 0.0
+        v_dot = 0.0
+        v_dot_dot = 0.0
+        for j in range(len(sizes.modes)):
+            v += stations.rows[k, j] * state[0, i, 1 + j]
+            v_dot += stations.rows[k, j] * state[1, i, 1 + j]
+            v_dot_dot += stations.rows[k, j] * acceleration[i, 1 + j]
+        x = stations.lever[k]
+        u_dot = 0.0
+        u_dot_dot = 0.0
+        for j in range(len(sizes.geometric)):
+            drawn = 0.0
+            drawn_dot = 0.0
+            for p in range(len(sizes.geometric)):
+                drawn += stations.shortening[k, j, p] * state[0, i, 1 + p]
+                drawn_dot += stations.shortening[k, j, p] * state[1, i, 1 + p]
+            x -= 0.5 * state[0, i, 1 + j] * drawn
+            u_dot -= state[1, i, 1 + j] * drawn
+            u_dot_dot -= acceleration[i, 1 + j] * drawn + state[1, i, 1 + j] * drawn_dot
+        w = work.rate[i]
+        w_dot = work.root_acceleration[i, 2]
+        along = work.root_acceleration[i, 0] - w_dot * v - w * w * x - 2.0 * w * v_dot + u_dot_dot
+        across = work.root_acceleration[i, 1] + w_dot * x - w * w * v + 2.0 * w * u_dot + v_dot_dot
+        vx = u_dot - w * v
+        vy = v_dot + w * x
+        cosine = cos(body_poses[i, 2])
+        sine = sin(body_poses[i, 2])
+        motions[k, 0] = body_poses[i, 0] + cosine * x - sine * v
+        motions[k, 1] = body_poses[i, 1] + sine * x + cosine * v
+        motions[k, 2] = body_poses[i, 3] + cosine * vx - sine * vy
+        motions[k, 3] = body_poses[i, 4] + sine * vx + cosine * vy
+        motions[k, 4] = cosine * along - sine * across + constants.gravity[0]
+        motions[k, 5] = sine * along + cosine * across + constants.gravity[1]
+        motions[k, 6] = along
+        motions[k, 7] = across

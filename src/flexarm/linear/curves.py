@@ -1,0 +1,57 @@
+"""Small motions drawn: displacements of the axis in the world per unit of a shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.observables import POSE_COLUMNS, poses
+from flexarm.kernels.sensitivity import STEP
+from flexarm.kernels.shapes import axis_points
+from flexarm.loads import Load, place_loads
+
+
+def displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) -> NDArray[Any]:
+    """Displacements (k, links, stations, 2) of the neutral axis, world axes, m.
+
+    Exactly linear in ``shapes`` (k, dof), real or complex: derivatives of the axis by complex
+    perturbation of its kernel, about q (dof,).
+    """
+    places = [
+        Load(link, station=x)
+        for link, length in enumerate(arm.lengths, start=1)
+        for x in np.linspace(0.0, length, stations)
+    ]
+    placed = place_loads(arm, "modes", places)
+    real = _along(arm, q, np.real(shapes), placed)
+    moved = real + 1j * _along(arm, q, np.imag(shapes), placed) if np.iscomplexobj(shapes) else real
+    return moved.reshape(len(shapes), arm.links, stations, 2)
+
+
+def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArray:
+    constants = arm.assembly.constants
+    sizes = run_time_sizes(constants)
+    body_poses = np.zeros((arm.assembly.bodies, POSE_COLUMNS), dtype=complex)
+    tip = np.zeros(6, dtype=complex)
+    points = np.zeros((len(shapes), len(placed.body), 2), dtype=complex)
+    still = np.zeros(arm.dof)
+    for shape, seen in zip(shapes, points, strict=True):
+        state = arm.padded(np.stack([q + STEP * 1j * shape, still]))
+        poses(sizes, constants, state, body_poses, tip)
+        axis_points(
+            sizes,
+            state,
+            body_poses,
+            placed.body,
+            placed.lever,
+            placed.rows,
+            placed.shortening,
+            seen,
+        )
+    found: FloatArray = points.imag / STEP
+    return found

@@ -1,0 +1,76 @@
+"""What the joints do while an arm vibrates: locked, free, or held by gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, check_array, shown
+
+JOINTS = ("locked", "free")
+
+
+class Gains(Protocol):
+    """What holds every joint, such as a `JointPD`: (joints,) N m/rad and N m s/rad."""
+
+    @property
+    def proportional(self) -> ArrayLike: ...
+
+    @property
+    def derivative(self) -> ArrayLike: ...
+
+
+OneJoint = str | tuple[float, float]
+Joints = str | Sequence[OneJoint] | Gains
+
+
+class Held(NamedTuple):
+    """Coordinates that can move, and what the motors add on the diagonals, (dof,)."""
+
+    moving: NDArray[np.intp]
+    stiffness: FloatArray
+    damping: FloatArray
+
+
+def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
+    """Read ``joints`` as `modes` takes it.
+
+    Raises:
+        InputError: an unknown word, gains that are not numbers, a wrong count.
+    """
+    stiffness, damping = np.zeros(arm.dof), np.zeros(arm.dof)
+    index = arm.joint_index
+    moving = np.ones(arm.dof, dtype=bool)
+    if hasattr(joints, "proportional") and hasattr(joints, "derivative"):
+        count = (arm.joints,)
+        stiffness[index] = check_array(where, "joints.proportional", joints.proportional, count)
+        damping[index] = check_array(where, "joints.derivative", joints.derivative, count)
+        return Held(np.arange(arm.dof), stiffness, damping)
+    if isinstance(joints, str):
+        each: list[OneJoint] = [joints] * arm.joints
+        if joints not in JOINTS:  # also of an arm without joints
+            raise _unknown(where, "joints", joints)
+    else:
+        each = list(joints)
+        if len(each) != arm.joints:
+            rule = f"be one of 'locked', 'free', or one of them or gains for each of {arm.joints}"
+            raise InputError(Problem(where, "joints", rule + " joints", shown(joints)))
+    for place, item in zip(index, each, strict=True):
+        if isinstance(item, str):
+            if item not in JOINTS:
+                raise _unknown(where, "joints", item)
+            moving[place] = item == "free"
+        else:
+            gains = check_array(where, "joints", item, (2,))
+            stiffness[place], damping[place] = gains
+    return Held(np.flatnonzero(moving), stiffness, damping)
+
+
+def _unknown(where: str, name: str, value: object) -> InputError:
+    rule = "be one of " + ", ".join(map(repr, JOINTS)) + " or gains (N m/rad, N m s/rad)"
+    return InputError(Problem(where, name, rule, shown(value)))

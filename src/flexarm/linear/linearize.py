@@ -1,0 +1,261 @@
+"""Linear models about any state: theory page "small motion", (S.1).
+
+The accelerations and the outputs are evaluated by the kernels at states, torques and loads with an
+imaginary part of 1e-30 in one place after the other (``kernels.sensitivity``): every entry of A, B,
+C and D is exact to rounding, and no derivative is written down anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, check_array
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.layout import Loads, new_workspace, run_time_sizes
+from flexarm.kernels.observables import POSE_COLUMNS
+from flexarm.kernels.point_motion import point_motions
+from flexarm.kernels.sensitivity import STEP
+from flexarm.linear.equilibrium import Equilibrium, equilibrium
+from flexarm.linear.signals import (
+    Input,
+    InputName,
+    Output,
+    OutputName,
+    find_inputs,
+    find_outputs,
+    state_names,
+    torque_places,
+)
+from flexarm.linear.state_space import LinearModel
+from flexarm.linear.tangent import tangent
+from flexarm.loads import Load, parts_of, place_loads, tip_load
+from flexarm.observe import channels_of
+
+_WHERE = "linearize"
+ComplexArray = NDArray[Any]
+
+
+def linearize(
+    arm: Arm,
+    q: ArrayLike | Equilibrium | None = None,
+    qd: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    *,
+    inputs: Sequence[InputName] = ("torque",),
+    outputs: Sequence[OutputName] = ("joint_angle",),
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: ArrayLike | None = None,
+) -> LinearModel:
+    """Linearise an arm about a state.
+
+    Args:
+        arm: the arm.
+        q: (dof,); or an `Equilibrium`, with its torque and loads; or None for the equilibrium with
+            the joints at zero, or free under ``torque`` where that is given.
+        qd: (dof,) rates; None for none.
+        torque: (joints,) N m; None for those that hold the joints at their rates.
+        inputs: "torque", "tip_force", "tip_moment", "base_acceleration"; a `Load`, whose numbers
+            say in which direction one unit of the input acts; or a pair of a name and a `Load`.
+        outputs: channels of results such as "joint_angle", "tip", "strain", "torque"; `Sensor`s.
+        tip_force, loads, base_acceleration: what acts all the time, as in `Arm.forward_dynamics`.
+
+    Raises:
+        InputError: an unknown signal, a wrong shape, loads given with an equilibrium that has its
+            own, a base that accelerates while the arm is to rest.
+        EquilibriumError: an equilibrium was asked for, and there is none.
+    """
+    wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs)
+    if q is None and base_acceleration is not None:
+        rule = "be left out where the equilibrium is asked for: the base rests there"
+        raise InputError(Problem(_WHERE, "base_acceleration", rule, "given"))
+    point = _operating_point(arm, q, qd, torque, [*tip_load(arm, _WHERE, tip_force), *loads])
+    if base_acceleration is not None:
+        base = check_array(_WHERE, "base_acceleration", base_acceleration, (2,))
+    else:
+        base = np.zeros(2)
+    if torque is None and not isinstance(q, Equilibrium) and q is not None:
+        holding = arm.inverse_dynamics(
+            point.q, point.qd, np.zeros(arm.dof), None, point.loads, base
+        )
+        point.torque[:] = holding[arm.joint_index]
+    return _Perturbed(arm, point, base, wanted, seen).model()
+
+
+@dataclass
+class _Point:
+    q: FloatArray
+    qd: FloatArray
+    torque: FloatArray
+    loads: list[Load]
+
+
+def _operating_point(
+    arm: Arm,
+    q: ArrayLike | Equilibrium | None,
+    qd: ArrayLike | None,
+    torque: ArrayLike | None,
+    loads: list[Load],
+) -> _Point:
+    if q is None:
+        q = equilibrium(arm, torque=torque, loads=loads)
+    elif isinstance(q, Equilibrium) and (loads or torque is not None):
+        rule = "be left out where an equilibrium with its own is given"
+        raise InputError(Problem(_WHERE, "torque and loads", rule, "given"))
+    rates = np.zeros(arm.dof) if qd is None else check_array(_WHERE, "qd", qd, (arm.dof,))
+    if isinstance(q, Equilibrium):
+        return _Point(q.q, rates, q.torque.copy(), list(q.loads))
+    place = check_array(_WHERE, "q", q, (arm.dof,))
+    tau = np.zeros(arm.joints)
+    if torque is not None:
+        tau = check_array(_WHERE, "torque", torque, (arm.joints,))
+    return _Point(place, rates, tau, loads)
+
+
+class _Perturbed:
+    """States, torques and loads with an imaginary step in one place after the other.
+
+    Row 0 has none; rows 1 to 2 dof step a state, the others an input.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        point: _Point,
+        base: FloatArray,
+        inputs: list[Input],
+        outputs: list[Output],
+    ) -> None:
+        self.arm, self.point, self.base = arm, point, base
+        self.inputs, self.outputs = inputs, outputs
+        self.sizes = run_time_sizes(arm.assembly.constants)
+        self.work = new_workspace(arm.assembly.constants, complex)
+        size = 2 * arm.dof
+        self.rows = 1 + size + len(inputs)
+        moved = np.tile(np.concatenate([point.q, point.qd]).astype(complex), (self.rows, 1))
+        moved[np.arange(1, 1 + size), np.arange(size)] += STEP * 1j
+        self.states = arm.padded(moved.reshape(self.rows, 2, arm.dof))
+        torque = np.tile(point.torque.astype(complex), (self.rows, 1))
+        torque[1 + size :] += STEP * 1j * torque_places(inputs, arm.joints).T
+        self.torque = torque
+        self.placed, self.values, self.bases = self._loads()
+        self.accelerations = self._respond()
+
+    def _loads(self) -> tuple[Loads, ComplexArray, ComplexArray]:
+        """Places of all loads; their values (rows, k, 3) and the base's accelerations (rows, 2)."""
+        acting = list(self.point.loads)
+        pushes = [item.load for item in self.inputs if item.load is not None]
+        placed = place_loads(self.arm, _WHERE, [*acting, *pushes])
+        owners = [
+            *(None for _ in parts_of(self.arm, acting)),
+            *(k for k, load in enumerate(pushes) for _ in parts_of(self.arm, [load])),
+        ]
+        values = np.tile(placed.value.astype(complex), (self.rows, 1, 1))
+        bases = np.tile(self.base.astype(complex), (self.rows, 1))
+        for part, owner in enumerate(owners):
+            if owner is not None:
+                values[:, part] = 0.0  # an input is zero at the operating point
+        push = -1
+        for row, item in enumerate(self.inputs, start=1 + 2 * self.arm.dof):
+            if item.axis is not None:
+                bases[row, item.axis] += STEP * 1j
+            if item.load is not None:
+                push += 1
+                own = [part for part, owner in enumerate(owners) if owner == push]
+                values[row, own] = STEP * 1j * placed.value[own]
+        return placed, values, bases
+
+    def _loads_of(self, row: int) -> Loads:
+        return self.placed._replace(value=self.values[row], base_acceleration=self.bases[row])
+
+    def _respond(self) -> ComplexArray:
+        constants = self.arm.assembly.constants
+        tau = self.arm.padded_torque(self.torque)
+        found = np.empty((self.rows, *self.states.shape[2:]), dtype=complex)
+        for row in range(self.rows):
+            loads = self._loads_of(row)
+            forward_dynamics(self.sizes, constants, self.states[row], tau[row], loads, self.work)
+            found[row] = self.work.acceleration
+        return found
+
+    def _outputs(self) -> ComplexArray:
+        """Outputs (rows, outputs) of every row."""
+        channels: dict[str, Any] = {}
+        if any(item.channel not in (None, "torque") for item in self.outputs):
+            channels = channels_of(self.arm, self.states)
+        channels["torque"] = self.torque
+        columns = [np.zeros((self.rows, 0), dtype=complex)]
+        motions = self._sensors()
+        for item in self.outputs:
+            if item.sensor is not None:
+                columns.append(motions.pop(0)[:, item.sensor.columns])
+            else:
+                columns.append(channels[str(item.channel)].reshape(self.rows, -1))
+        return np.concatenate(columns, axis=1)
+
+    def _sensors(self) -> list[ComplexArray]:
+        """Motions (rows, 8) of each sensor's point."""
+        sensors = [item.sensor for item in self.outputs if item.sensor is not None]
+        if not sensors:
+            return []
+        places = [Load(sensor.link, station=sensor.station) for sensor in sensors]
+        stations = place_loads(self.arm, _WHERE, places)
+        assembly = self.arm.assembly
+        poses = np.zeros((assembly.bodies, POSE_COLUMNS), dtype=complex)
+        tip, motions = np.zeros(6, dtype=complex), np.zeros((self.rows, len(sensors), 8), complex)
+        for row in range(self.rows):
+            point_motions(
+                self.sizes,
+                assembly.constants,
+                self.states[row],
+                self.accelerations[row],
+                self._loads_of(row),
+                stations,
+                self.work,
+                poses,
+                tip,
+                motions[row],
+            )
+        return [motions[:, k] for k in range(len(sensors))]
+
+    def model(self) -> LinearModel:
+        """Collect the matrices."""
+        arm, point, size = self.arm, self.point, 2 * self.arm.dof
+        qdd = arm.unpadded(self.accelerations)
+        by_all = qdd[1:].imag.T / STEP
+        A, B = np.zeros((size, size)), np.zeros((size, len(self.inputs)))
+        A[: arm.dof, arm.dof :] = np.eye(arm.dof)
+        A[arm.dof :], B[arm.dof :] = by_all[:, :size], by_all[:, size:]
+        seen = self._outputs()
+        slopes = seen[1:].imag.T / STEP
+        names, units = state_names(arm)
+        outputs = [name for item in self.outputs for name in item.names]
+        units_of = dict(zip(names, units, strict=True))
+        units_of |= {item.name: item.unit for item in self.inputs}
+        units_of |= {name: item.unit for item in self.outputs for name in item.names}
+        small = tangent(arm, point.q, point.qd, qdd[0].real, point.loads, self.base)
+        return LinearModel(
+            A=A,
+            B=B,
+            C=slopes[:, :size],
+            D=slopes[:, size:],
+            states=tuple(names),
+            inputs=tuple(item.name for item in self.inputs),
+            outputs=tuple(outputs),
+            units=units_of,
+            mass=small.mass,
+            damping=small.damping,
+            stiffness=small.stiffness,
+            q=point.q,
+            qd=point.qd,
+            torque=point.torque,
+            drift=np.concatenate([point.qd, qdd[0].real]),
+            output=seen[0].real,
+        )

@@ -1,0 +1,243 @@
+"""Inputs and outputs of linear models: their names, units and places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, shown
+from flexarm.loads import Load
+
+KINDS = ("position", "velocity", "acceleration")
+_AXES = ("x", "y")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A point of a link whose motion is an output, in two components.
+
+    Args:
+        kind: "position" (m) and "velocity" (m/s), from the base joint; "acceleration" (m/s^2), in
+            space, that of the base included.
+        link: number of the link, counted from 1 at the base.
+        station: distance from the link's root, m; None for its tip.
+        frame: "world": x and y; "link", for accelerations: what an accelerometer on the link reads
+            along and across the root tangent (of the segment that carries it), gravity included.
+        name: of the outputs; None for one made of the others.
+
+    Raises:
+        InputError: an unknown kind or frame, or a frame that the kind does not have.
+    """
+
+    kind: str
+    link: int
+    station: float | None = None
+    frame: str = "world"
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        problems = []
+        if self.kind not in KINDS:
+            rule = "be one of " + ", ".join(map(repr, KINDS))
+            problems.append(Problem("Sensor", "kind", rule, shown(self.kind)))
+        if self.frame not in ("world", "link"):
+            rule = "be one of 'world', 'link'"
+            problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
+        elif self.frame == "link" and self.kind != "acceleration":
+            rule = "be 'world' but for accelerations"
+            problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
+        if problems:
+            raise InputError(*problems)
+
+    @property
+    def columns(self) -> slice:
+        """Columns of ``kernels.point_motion`` that it shows."""
+        first = 6 if self.frame == "link" else 2 * KINDS.index(self.kind)
+        return slice(first, first + 2)
+
+    def labels(self) -> list[str]:
+        """Names of its two outputs."""
+        # In mm: python-control takes no dots in names.
+        place = "tip" if self.station is None else f"{1e3 * self.station:.0f}mm"
+        stem = self.name or f"{self.kind}[{self.link}@{place}]"
+        return [f"{stem}[{a}]" for a in (_AXES if self.frame == "world" else ("along", "across"))]
+
+    @property
+    def unit(self) -> str:
+        """Unit of its outputs."""
+        return ("m", "m/s", "m/s^2")[KINDS.index(self.kind)]
+
+
+class Input(NamedTuple):
+    """One scalar input. Exactly one of the places is given."""
+
+    name: str
+    unit: str
+    joint: int | None = None  # position among the joints
+    load: Load | None = None  # what acts for an input of one
+    axis: int | None = None  # of the base
+
+
+class Output(NamedTuple):
+    """What is seen in one go: a channel of results, the torque, or a sensor."""
+
+    names: tuple[str, ...]
+    unit: str
+    channel: str | None = None
+    sensor: Sensor | None = None
+
+
+#: Channels of results that can be outputs: what their columns are counted by, and the unit.
+CHANNEL_OUTPUTS = {
+    "joint_angle": ("joint", "rad"),
+    "joint_rate": ("joint", "rad/s"),
+    "joint_twist": ("joint", "rad"),
+    "link_angle": ("link", "rad"),
+    "link_rate": ("link", "rad/s"),
+    "link_tip_deflection": ("link", "m"),
+    "link_tip_slope": ("link", "rad"),
+    "link_tip_deflection_rate": ("link", "m/s"),
+    "link_tip_slope_rate": ("link", "rad/s"),
+    "tip": ("axis", "m"),
+    "tip_velocity": ("axis", "m/s"),
+    "tip_angle": ("", "rad"),
+    "tip_angle_rate": ("", "rad/s"),
+    "strain": ("gauge", "1"),
+    "torque": ("joint", "N m"),
+}
+INPUTS = ("torque", "tip_force", "tip_moment", "base_acceleration")
+
+InputName = str | Load | tuple[str, Load]
+OutputName = str | Sensor
+
+
+def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
+    """Resolve what the user calls the inputs.
+
+    Raises:
+        InputError: an unknown name.
+    """
+    found: list[Input] = []
+    loads = 0
+    for item in _listed(wanted):
+        if isinstance(item, str):
+            found += _named_inputs(arm, item)
+            continue
+        loads += 1
+        name, load = (
+            item if isinstance(item, tuple) and len(item) == 2 else (f"load[{loads}]", item)
+        )
+        if not isinstance(load, Load):
+            rule = "hold names, Load objects and pairs of a name and a Load"
+            raise InputError(Problem("linearize", "inputs", rule, shown(item)))
+        unit = "N/m" if load.spread is not None else "N" if np.any(load.force) else "N m"
+        if load.factor is None and np.any(load.value):
+            # The numbers of the load are its direction; the input scales them.
+            found.append(Input(str(name), f"x {unit}", load=load))
+        else:
+            rule = "have a direction, and no function of time, where it is an input"
+            raise InputError(Problem("linearize", f"inputs {name!r}", rule, shown(load.value)))
+    _check_names("inputs", [item.name for item in found])
+    return found
+
+
+def _named_inputs(arm: Arm, name: str) -> list[Input]:
+    last = arm.links
+    if name == "torque":
+        return [Input(f"torque[{n}]", "N m", joint=k) for k, n in enumerate(arm.joint_numbers)]
+    if name == "tip_force":
+        forces = ((1.0, 0.0), (0.0, 1.0))
+        return [
+            Input(f"tip_force[{axis}]", "N", load=Load(last, force))
+            for axis, force in zip(_AXES, forces, strict=True)
+        ]
+    if name == "tip_moment":
+        return [Input("tip_moment", "N m", load=Load(last, moment=1.0))]
+    if name == "base_acceleration":
+        return [Input(f"base_acceleration[{a}]", "m/s^2", axis=k) for k, a in enumerate(_AXES)]
+    rule = "be a Load or one of " + ", ".join(map(repr, INPUTS))
+    raise InputError(Problem("linearize", "inputs", rule, shown(name)))
+
+
+def find_outputs(arm: Arm, wanted: Sequence[OutputName]) -> list[Output]:
+    """Resolve what the user calls the outputs.
+
+    Raises:
+        InputError: an unknown name, or strains of an arm without gauges.
+    """
+    counted = {
+        "joint": [str(n) for n in arm.joint_numbers],
+        "link": [str(n) for n in range(1, arm.links + 1)],
+        "gauge": [str(n) for n in range(1, len(arm.gauges) + 1)],
+        "axis": list(_AXES),
+    }
+    found = []
+    for item in _listed(wanted):
+        if isinstance(item, Sensor):
+            found.append(Output(tuple(item.labels()), item.unit, sensor=item))
+            continue
+        if item not in CHANNEL_OUTPUTS:
+            rule = "be a Sensor or one of " + ", ".join(map(repr, CHANNEL_OUTPUTS))
+            raise InputError(Problem("linearize", "outputs", rule, shown(item)))
+        if item == "strain" and not arm.gauges:
+            rule = "leave out the strain of an arm without gauges"
+            raise InputError(Problem("linearize", "outputs", rule, shown(item)))
+        by, unit = CHANNEL_OUTPUTS[item]
+        names = tuple(f"{item}[{n}]" for n in counted[by]) if by else (item,)
+        found.append(Output(names, unit, channel=item))
+    _check_names("outputs", [name for item in found for name in item.names])
+    return found
+
+
+def _listed(wanted: object) -> list[object]:
+    """Take one name for a list of one."""
+    pair = isinstance(wanted, tuple) and len(wanted) == 2 and isinstance(wanted[1], Load)
+    if isinstance(wanted, (str, Load, Sensor)) or pair:
+        return [wanted]
+    return list(wanted)  # type: ignore[call-overload, no-any-return]
+
+
+def _check_names(which: str, names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        rule = "have different names; give a Sensor or a Load a name of its own"
+        raise InputError(Problem("linearize", which, rule, ", ".join(twice)))
+    dotted = next((name for name in names if "." in name), None)
+    if dotted is not None:
+        rule = "have names without dots, which python-control takes apart"
+        raise InputError(Problem("linearize", which, rule, shown(dotted)))
+
+
+def state_names(arm: Arm) -> tuple[list[str], list[str]]:
+    """Names and units of the states: the coordinates, then their rates, 2 dof of each."""
+    names = [""] * arm.dof
+    rates = [""] * arm.dof
+    units = ["m kg^0.5"] * arm.dof
+    for seat in arm.assembly.seats:
+        n = seat.link + 1
+        names[seat.angle], rates[seat.angle] = f"joint_angle[{n}]", f"joint_rate[{n}]"
+        units[seat.angle] = "rad"
+        if seat.twist is not None:
+            names[seat.twist], rates[seat.twist] = f"joint_twist[{n}]", f"joint_twist_rate[{n}]"
+            units[seat.twist] = "rad"
+    counts = [0] * arm.links
+    for piece in arm.assembly.pieces:
+        for place in range(piece.modal.start, piece.modal.stop):
+            counts[piece.link] += 1
+            number = f"[{piece.link + 1},{counts[piece.link]}]"
+            names[place], rates[place] = f"mode{number}", f"mode_rate{number}"
+    return names + rates, units + [f"{unit}/s" for unit in units]
+
+
+def torque_places(inputs: list[Input], joints: int) -> FloatArray:
+    """Derivative (joints, inputs) of the torque by the inputs."""
+    matrix = np.zeros((joints, len(inputs)))
+    for column, item in enumerate(inputs):
+        if item.joint is not None:
+            matrix[item.joint, column] = 1.0
+    return matrix

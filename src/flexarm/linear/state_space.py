@@ -1,0 +1,95 @@
+"""A linear model: matrices with names on their rows and columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from scipy.linalg import eigvals
+
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Small deviations from an operating point: x' = A x + B u, y = C x + D u; (S.1), (S.2).
+
+    Attributes:
+        A, B, C, D: (2 dof, 2 dof), (2 dof, inputs), (outputs, 2 dof), (outputs, inputs).
+        states, inputs, outputs: names; ``units`` maps each to its unit.
+        mass, damping, stiffness: (dof, dof): M, D, K of M q'' + D q' + K q = forces, the same
+            motion to second order in time; gyroscopic and centrifugal terms included.
+        q, qd, torque: the operating point, (dof,), (dof,), (joints,) N m.
+        drift: (2 dof,) rate of the state there, zero at an equilibrium; a term x' lacks otherwise.
+        output: (outputs,) values of the outputs there.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: dict[str, str] = field(repr=False)
+    mass: FloatArray = field(repr=False)
+    damping: FloatArray = field(repr=False)
+    stiffness: FloatArray = field(repr=False)
+    q: FloatArray = field(repr=False)
+    qd: FloatArray = field(repr=False)
+    torque: FloatArray = field(repr=False)
+    drift: FloatArray = field(repr=False)
+    output: FloatArray = field(repr=False)
+    references: ClassVar[str] = "SquireTrapp1998"
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<flexarm.LinearModel: {sizes}>"
+
+    @property
+    def poles(self) -> Any:
+        """Eigenvalues of A (2 dof,), complex, 1/s, slowest first."""
+        found = eigvals(self.A)
+        return found[np.lexsort((found.imag, np.abs(found.imag), np.abs(found)))]
+
+    def to_control(self) -> control.StateSpace:
+        """Return a system of python-control with the same names.
+
+        Raises:
+            InputError: python-control is not installed.
+        """
+        try:
+            import control
+        except ImportError:
+            hint = "pip install 'flexarm[control]' brings it."
+            problem = Problem(
+                "LinearModel.to_control", "python-control", "be installed", "not", hint
+            )
+            raise InputError(problem) from None
+        return control.StateSpace(
+            self.A,
+            self.B,
+            self.C,
+            self.D,
+            states=list(self.states),
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+            remove_useless_states=False,
+        )
+
+    def arrays(self) -> dict[str, Any]:
+        """Return all of it by name, as ``scipy.io.savemat`` and JSON take it; names as lists."""
+        numeric = ("A", "B", "C", "D", "mass", "damping", "stiffness")
+        point = ("q", "qd", "torque", "drift", "output")
+        named = ("states", "inputs", "outputs")
+        found: dict[str, Any] = {name: getattr(self, name) for name in (*numeric, *point)}
+        for name in named:
+            labels = getattr(self, name)
+            found[name] = list(labels)
+            found[f"{name.removesuffix('s')}_units"] = [self.units[label] for label in labels]
+        return found

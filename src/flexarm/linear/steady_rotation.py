@@ -1,0 +1,60 @@
+"""Steady rotation of a whole arm: the bent shape that turns without changing."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, shown
+from flexarm.linear.equilibrium import EquilibriumError
+from flexarm.linear.tangent import tangent
+
+_STEPS = 40
+
+
+def steady_rates(arm: Arm, spin: float) -> FloatArray:
+    """Rates (dof,) of an arm that turns as a whole with ``spin``, rad/s.
+
+    Raises:
+        InputError: a spin with gravity, in which no shape stays as it is; or without a joint at
+            the base.
+    """
+    rates = np.zeros(arm.dof)
+    if spin == 0.0:
+        return rates
+    if any(arm.spec.gravity):
+        raise InputError(Problem("modes", "spin", "be zero for an arm with gravity", shown(spin)))
+    if arm.joints == 0 or arm.joint_numbers[0] != 1:
+        rule = "be zero for an arm whose first joint is fixed"
+        raise InputError(Problem("modes", "spin", rule, shown(spin)))
+    rates[arm.joint_index[0]] = spin
+    return rates
+
+
+def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
+    """Find q (dof,) that the links take at a steady spin, the joints at their angles in ``q``.
+
+    Theory page "small motion", (S.5); Newton's method with the exact tangent.
+
+    Raises:
+        InputError: as ``steady_rates``.
+        EquilibriumError: none was found.
+    """
+    rates, still = steady_rates(arm, spin), np.zeros(arm.dof)
+    bending = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    if spin == 0.0 or bending.size == 0:
+        return q
+    found, part = q.copy(), np.ix_(bending, bending)
+    for _ in range(_STEPS):
+        missing = arm.inverse_dynamics(found, rates, still)[bending]
+        try:
+            step = solve(tangent(arm, found, rates, still).stiffness[part], -missing)
+        except LinAlgError:
+            break
+        found[bending] += step
+        # Quadratic convergence: once a step is that small, the next is rounding.
+        if np.max(np.abs(step)) <= 1e-9 * (1e-3 + np.max(np.abs(found[bending]))):
+            return found
+    raise EquilibriumError(0.0, q, f"no steady shape at {spin:g} rad/s")

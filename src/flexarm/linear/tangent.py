@@ -1,0 +1,51 @@
+"""Mass, damping and stiffness of small motion about any motion: theory "small motion", (S.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.kernels.tangent import inverse_jacobian
+from flexarm.loads import Load, place_loads
+
+
+class Tangent(NamedTuple):
+    """M qdd + D qd + K q of small deviations, each (dof, dof)."""
+
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+
+
+def tangent(
+    arm: Arm,
+    q: FloatArray,
+    qd: FloatArray,
+    qdd: FloatArray,
+    loads: Sequence[Load] = (),
+    base_acceleration: FloatArray | None = None,
+) -> Tangent:
+    """Linearise the inverse dynamics about a motion (dof,) each; exact to rounding.
+
+    About a state that moves, ``damping`` holds gyroscopic terms and ``stiffness`` centrifugal ones.
+    """
+    constants = arm.assembly.constants
+    n, width = arm.assembly.bodies, 1 + arm.assembly.modes
+    jacobian = np.zeros((n, width, 2, n, width))
+    inverse_jacobian(
+        run_time_sizes(constants),
+        constants,
+        arm.padded(np.stack([q, qd])).astype(complex),
+        arm.padded(qdd),
+        place_loads(arm, "linearize", loads, base_acceleration),
+        new_workspace(constants, complex),
+        jacobian,
+    )
+    kept = arm.assembly.coordinates
+    by_state = jacobian.reshape(n * width, 2, n * width)[kept]
+    return Tangent(arm.mass_matrix(q), by_state[:, 1, kept], by_state[:, 0, kept])

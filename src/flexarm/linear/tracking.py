@@ -1,0 +1,207 @@
+"""Modes followed along postures, a motion, or a rising spin: lines that do not swap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.linear.equilibrium import equilibrium
+from flexarm.linear.held import Joints
+from flexarm.linear.modal import Modes, modes
+
+#: Shapes less alike than this ask for a posture between; below it they teach nothing.
+_ALIKE = 0.8
+_MOST_HALVINGS = 8
+_SAMPLES = 101
+
+
+class Motion(Protocol):
+    """What `line_motion` and `joint_motion` return."""
+
+    @property
+    def start_time(self) -> float: ...
+
+    @property
+    def end_time(self) -> float: ...
+
+    def joint_angle(self, t: Any) -> FloatArray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class ModeTracks:
+    """Modes followed along a parameter; column j is one mode throughout.
+
+    Attributes:
+        parameter: (s,), the ``parameter_name`` in ``parameter_unit``.
+        frequency_hz: (s, k) undamped; of a spinning arm the moduli of the eigenvalues.
+        damping_ratio: (s, k).
+        eigenvalues: (s, k) 1/s, complex.
+        shapes: (s, k, dof) of the damped motion.
+        similarity: (s, k): how much of the shape at the sample before is in this one, 0 to 1, in
+            the sense of (S.6); one at the first.
+    """
+
+    parameter: FloatArray
+    parameter_name: str
+    parameter_unit: str
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+    eigenvalues: NDArray[Any] = field(repr=False)
+    shapes: NDArray[Any] = field(repr=False)
+    similarity: FloatArray = field(repr=False)
+    references: ClassVar[str] = "AllemangBrown1982 SquireTrapp1998"
+
+
+def track_modes(
+    arm: Arm,
+    along: ArrayLike | Motion,
+    joints: Joints = "locked",
+    *,
+    count: int = 6,
+    samples: int = _SAMPLES,
+    sag: bool = False,
+) -> ModeTracks:
+    """Follow modes along postures or a motion.
+
+    Args:
+        arm: the arm.
+        along: joint angles (s, joints) rad, or a motion of `line_motion` or `joint_motion`, of
+            which ``samples`` postures are taken; the parameter is then its time (s), else the
+            number of the posture.
+        joints: as in `modes`.
+        count: how many, from the lowest that is no rigid-body mode at the first posture.
+        sag: vibrate about the equilibrium under gravity at each posture, not about straight links.
+
+    Raises:
+        InputError: postures of the wrong shape, fewer than one mode.
+        EquilibriumError: with ``sag``, where there is none.
+
+    Each mode goes on as the one whose shape is most like it; where none is, postures between are
+    looked at. Two lines that come close and part again (veering) exchange their shapes gradually
+    and are followed as the curves that they are.
+    """
+    where = "track_modes"
+    motion: Any = along
+    if hasattr(motion, "joint_angle"):
+        parameter = np.linspace(motion.start_time, motion.end_time, max(int(samples), 2))
+        postures = np.asarray(motion.joint_angle(parameter))
+        name, unit = "time", "s"
+    else:
+        postures = check_array(where, "along", along, (-1, arm.joints))
+        parameter = np.arange(len(postures), dtype=np.float64)
+        name, unit = "posture", ""
+
+    def solve(at: float) -> Modes:
+        angles = np.array([np.interp(at, parameter, column) for column in postures.T])
+        return modes(arm, equilibrium(arm, angles) if sag else angles, joints)
+
+    return _follow(where, arm, solve, parameter, count, (name, unit))
+
+
+def campbell(
+    arm: Arm,
+    spin: ArrayLike,
+    joint_angles: ArrayLike | None = None,
+    joints: Joints = "locked",
+    *,
+    count: int = 4,
+) -> ModeTracks:
+    """Follow modes of an arm that turns as a whole, faster and faster.
+
+    Args:
+        arm: the arm, without gravity; only with ``theory="second_order"`` does spin stiffen it.
+        spin: (s,) rad/s, ascending.
+        joint_angles, joints: as in `modes`.
+        count: how many, from the lowest that is no rigid-body mode at the first spin.
+
+    Raises:
+        InputError: gravity, a fixed first joint, fewer than one mode.
+        EquilibriumError: no steady shape at some spin.
+    """
+    rates = check_array("campbell", "spin", spin, (-1,))
+
+    def solve(at: float) -> Modes:
+        return modes(arm, joint_angles, joints, spin=at)
+
+    return _follow("campbell", arm, solve, rates, count, ("spin", "rad/s"))
+
+
+def _follow(
+    where: str,
+    arm: Arm,
+    solve: Callable[[float], Modes],
+    parameter: FloatArray,
+    count: int,
+    named: tuple[str, str],
+) -> ModeTracks:
+    if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
+        raise InputError(Problem(where, named[0], "ascend, one at least", shown(parameter)))
+    first = solve(float(parameter[0]))
+    vibrating = np.flatnonzero(first.frequency_hz > 0.0)
+    if count < 1 or vibrating.size == 0:
+        rule = "be at least 1, and the arm must vibrate"
+        raise InputError(Problem(where, "count", rule, shown(count)))
+    chosen = vibrating[:count]
+    lines = _Lines(arm, first.complex_shapes[chosen])
+    rows = [_row(first, chosen, np.ones(chosen.size))]
+    for before, at in pairwise(parameter):
+        found, chosen, alike = _step(lines, solve, float(before), float(at), 0)
+        rows.append(_row(found, chosen, alike))
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    return ModeTracks(parameter, *named, *columns)
+
+
+def _row(found: Modes, chosen: NDArray[np.intp], alike: FloatArray) -> tuple[Any, ...]:
+    return (
+        found.frequency_hz[chosen],
+        found.damping_ratio[chosen],
+        found.eigenvalues[chosen],
+        found.complex_shapes[chosen],
+        alike,
+    )
+
+
+class _Lines:
+    """The shapes that are followed, as they were last seen clearly."""
+
+    def __init__(self, arm: Arm, shapes: NDArray[Any]) -> None:
+        self.arm, self.shapes = arm, shapes
+
+    def match(self, found: Modes) -> tuple[NDArray[np.intp], FloatArray]:
+        """Find each line's mode and how much alike they are: (S.6)."""
+        M = self.arm.mass_matrix(found.q)
+        theirs = found.complex_shapes
+        products = np.abs(self.shapes.conj() @ M @ theirs.T) ** 2
+        mine = np.einsum("ki,ij,kj->k", self.shapes.conj(), M, self.shapes).real
+        other = np.einsum("ki,ij,kj->k", theirs.conj(), M, theirs).real
+        alike = products / np.outer(mine, other)
+        rows, columns = linear_sum_assignment(alike, maximize=True)
+        return columns, alike[rows, columns]
+
+    def take(self, found: Modes, chosen: NDArray[np.intp], alike: FloatArray) -> None:
+        """Go on with the shapes now seen; where lines cross and shapes mix, keep the older."""
+        clear = alike >= _ALIKE
+        self.shapes = np.where(clear[:, None], found.complex_shapes[chosen], self.shapes)
+
+
+def _step(
+    lines: _Lines, solve: Callable[[float], Modes], before: float, at: float, depth: int
+) -> tuple[Modes, NDArray[np.intp], FloatArray]:
+    """Go from one parameter to the next, in halves where shapes change too much for one step."""
+    found = solve(at)
+    chosen, alike = lines.match(found)
+    if alike.min() < _ALIKE and depth < _MOST_HALVINGS:
+        middle = 0.5 * (before + at)
+        _step(lines, solve, before, middle, depth + 1)
+        return _step(lines, solve, middle, at, depth + 1)
+    lines.take(found, chosen, alike)
+    return found, chosen, alike

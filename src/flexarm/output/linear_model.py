@@ -1,0 +1,50 @@
+"""Linear models to files: MATLAB's and JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexarm.linear import LinearModel
+from flexarm.output.places import AnyPath, check_place, write_text, write_whole
+
+#: What a linear model's file may end in.
+MODEL_SUFFIXES = (".mat", ".json")
+
+
+def save_linear(model: LinearModel, path: AnyPath) -> None:
+    """Write a linear model to a ``.mat`` or ``.json`` file, whole or not at all.
+
+    Both hold the same names: ``A``, ``B``, ``C``, ``D``, ``mass``, ``damping``, ``stiffness``, the
+    operating point, and the names and units of states, inputs and outputs. In MATLAB
+    ``load model.mat; sys = ss(A, B, C, D)``; the names are cell arrays.
+
+    Raises:
+        InputError: unknown suffix, or a path that cannot be written.
+    """
+    place = check_place("save_linear", "path", path, MODEL_SUFFIXES)
+    if place.suffix.lower() == ".json":
+        write_text(json.dumps(_plain(model.arrays()), indent=1) + "\n", place)
+    else:
+        write_whole(place, lambda beside: _write_mat(model, beside))
+
+
+def _write_mat(model: LinearModel, path: Path) -> None:
+    from scipy.io import savemat
+
+    cells = {
+        name: np.array(value, dtype=object) if isinstance(value, list) else value
+        for name, value in model.arrays().items()
+    }
+    with open(path, "wb") as stream:
+        savemat(stream, cells, oned_as="column", do_compression=True)
+
+
+def _plain(arrays: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in arrays.items()
+    }

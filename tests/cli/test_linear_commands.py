@@ -1,0 +1,148 @@
+"""``flexarm modes`` along ways and spins, ``flexarm linearize``: tables, files, plots, refusals."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+
+ARM = """\
+flexarm: 1
+arm:
+  theory: second_order
+  links:
+    - {length: 1.0, flexural_rigidity: 105.0, mass_per_length: 0.6, elements: 2,
+       damping: {kind: modal, ratio: 0.01}}
+    - {length: 0.8, flexural_rigidity: 105.0, mass_per_length: 0.6, elements: 1}
+"""
+HEAVY = ARM + "  gravity: [0, -9.81]\n"
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+@pytest.fixture
+def path(tmp_path):
+    file = tmp_path / "arm.yaml"
+    file.write_text(ARM)
+    return file
+
+
+@pytest.fixture
+def heavy(tmp_path):
+    file = tmp_path / "heavy.yaml"
+    file.write_text(HEAVY)
+    return file
+
+
+def frequencies(outcome):
+    """First column of numbers of the table, Hz."""
+    assert outcome.exit_code == 0, outcome.output
+    rows = [line.split() for line in outcome.stdout.splitlines() if line.strip()[:1].isdigit()]
+    return [float(row[1]) for row in rows]
+
+
+def read(table):
+    with open(table, newline="") as stream:
+        head, *rows = csv.reader(stream)
+    return head, np.array(rows, dtype=float)
+
+
+def test_modes_held_by_gains(path):
+    gains = ["--proportional", "40,10", "--derivative", "2,1", "--angles", "0.3,1", "--count", 3]
+    expected = fa.modes(fa.load_arm(path), [0.3, 1.0], [(40.0, 2.0), (10.0, 1.0)])
+    found = frequencies(invoke("modes", path, *gains))
+    np.testing.assert_allclose(found, expected.frequency_hz[:3], rtol=1e-5)
+
+
+def test_modes_of_an_arm_that_sags(heavy):
+    arm = fa.load_arm(heavy)
+    expected = fa.modes(arm, fa.equilibrium(arm)).frequency_hz[:6]
+    found = frequencies(invoke("modes", heavy, "--sag"))
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def test_modes_of_an_arm_that_spins(path):
+    expected = fa.modes(fa.load_arm(path), spin=10.0).frequency_hz[:6]
+    found = frequencies(invoke("modes", path, "--spin", 10))
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def test_modes_followed_to_a_posture(path, tmp_path):
+    table, plot = tmp_path / "way.csv", tmp_path / "way.png"
+    outcome = invoke("modes", path, "--to", "0,2", "--count", 3, "--csv", table, "--plot", plot)
+    assert "way" in outcome.stdout
+    head, rows = read(table)
+    assert head[0] == "posture"
+    assert rows.shape == (81, 7)
+    last = fa.modes(fa.load_arm(path), [0.0, 2.0]).frequency_hz[:3]
+    np.testing.assert_allclose(np.sort(rows[-1, 1:4]), last, rtol=1e-9)
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_campbell_diagram(path, tmp_path):
+    table, plot = tmp_path / "spin.csv", tmp_path / "spin.pdf"
+    invoke("modes", path, "--campbell", 20, "--count", 2, "--csv", table, "--plot", plot)
+    head, rows = read(table)
+    assert head[0] == "spin [rad/s]"
+    assert np.all(np.diff(rows[:, 1]) > 0.0)
+    assert plot.read_bytes().startswith(b"%PDF")
+
+
+def test_shapes_are_drawn(path, tmp_path):
+    plot = tmp_path / "shapes.svg"
+    assert "shapes in" in invoke("modes", path, "--plot", plot).stdout
+    assert "<svg" in plot.read_text()
+
+
+def test_linearize(heavy, tmp_path):
+    out, plot = tmp_path / "arm.mat", tmp_path / "response.png"
+    signals = ["--inputs", "torque,tip_force", "--outputs", "tip, joint_rate"]
+    outcome = invoke(
+        "linearize", heavy, "--angles", "0.3,1", *signals, "--out", out, "--plot", plot
+    )
+    assert outcome.exit_code == 0, outcome.output
+    assert "torque[1], torque[2], tip_force[x], tip_force[y]" in outcome.stdout
+    arm = fa.load_arm(heavy)
+    model = fa.linearize(
+        arm,
+        fa.equilibrium(arm, [0.3, 1.0]),
+        inputs=["torque", "tip_force"],
+        outputs=["tip", "joint_rate"],
+    )
+    np.testing.assert_array_equal(loadmat(out)["A"], model.A)
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_poles_of_an_arm_that_floats(path, tmp_path):
+    outcome = invoke("linearize", path, "--count", 6, "--out", tmp_path / "arm.json")
+    rows = [line.split() for line in outcome.stdout.splitlines()]
+    assert sum(row == ["0", "0", "0", "-"] for row in rows) == 4  # two rigid modes, twice each
+    assert json.loads((tmp_path / "arm.json").read_text())["inputs"] == ["torque[1]", "torque[2]"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["modes", "--to", "1"], "--to must be 2 numbers"),
+        (["modes", "--proportional", "1"], "--proportional must be 2 numbers"),
+        (["modes", "--sag", "--spin", "1"], "--sag must be left out"),
+        (["modes", "--to", "1,1", "--spin", "1"], "--to must be left out"),
+        (["modes", "--spin", "2", "--campbell", "1"], "--campbell must be above --spin"),
+        (["modes", "--plot", "a.mat"], "--plot must end in"),
+        (["linearize", "--inputs", "torqe"], "inputs must be a Load or one of"),
+        (["linearize", "--out", "a.csv"], "--out must end in .mat or .json"),
+        (["linearize", "--angles", "x"], "--angles must be 2 numbers"),
+    ],
+)
+def test_wrong_input(arguments, message, path):
+    command, *options = arguments
+    outcome = invoke(command, path, *options)
+    assert outcome.exit_code == 2
+    assert message in outcome.stderr

@@ -1,0 +1,38 @@
+"""Outputs of linear models are channels of results: same names, same units, same order."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.simulate.channels import CHANNELS
+
+LINK = fa.Link(
+    length=0.5,
+    flexural_rigidity=3.0,
+    mass_per_length=0.4,
+    elements=1,
+    gauges=[fa.Gauge(station=0.1, distance=0.002)],
+)
+ARM = fa.Arm(links=[LINK, LINK], gravity=(0.0, -9.81))
+
+
+@pytest.mark.parametrize("name", CHANNEL_OUTPUTS)
+def test_an_output_is_the_channel_of_that_name(name):
+    by, unit = CHANNEL_OUTPUTS[name]
+    assert CHANNELS[name].unit == unit
+    assert CHANNELS[name].dims == ((by,) if by else ())
+    rest = fa.equilibrium(ARM, [0.3, 0.2])
+    shown = fa.linearize(ARM, rest, outputs=name).output
+    run = fa.simulate(ARM, 0.01, initial=rest.q, torque=lambda t: rest.torque)
+    np.testing.assert_allclose(shown, np.ravel(run[name].values[0]), rtol=1e-12, atol=1e-15)
+
+
+def test_citation_names_the_methods():
+    model = fa.linearize(ARM)
+    assert "SquireTrapp1998" in fa.citation(model)
+    assert f"version = {{{fa.__version__}}}" in fa.citation(model)
+    tracks = fa.track_modes(ARM, [[0.0, 0.1]], count=1)
+    assert "AllemangBrown1982" in fa.citation(tracks)
+    with pytest.raises(fa.InputError, match="be a result of simulate"):
+        fa.citation(ARM)

@@ -1,0 +1,40 @@
+"""Linear models in files: what MATLAB and other programs read."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import flexarm as fa
+
+
+@pytest.fixture(scope="module")
+def model():
+    arm = fa.Arm(
+        links=[fa.Link(length=1.0, flexural_rigidity=2.0, mass_per_length=1.0, elements=1)]
+    )
+    return fa.linearize(arm, inputs=["torque", "tip_moment"], outputs=["tip"])
+
+
+def test_matlab(model, tmp_path):
+    fa.save_linear(model, tmp_path / "arm.mat")
+    read = loadmat(tmp_path / "arm.mat")
+    for name in ("A", "B", "C", "D", "mass", "damping", "stiffness"):
+        np.testing.assert_array_equal(read[name], getattr(model, name))
+    assert [str(cell[0]) for cell in read["inputs"].ravel()] == ["torque[1]", "tip_moment"]
+    assert [str(cell[0]) for cell in read["output_units"].ravel()] == ["m", "m"]
+    assert read["q"].shape == (3, 1)
+
+
+def test_json(model, tmp_path):
+    fa.save_linear(model, tmp_path / "arm.json")
+    read = json.loads((tmp_path / "arm.json").read_text())
+    np.testing.assert_array_equal(read["A"], model.A)
+    assert read["states"] == list(model.states)
+    assert read["state_units"][:2] == ["rad", "m kg^0.5"]
+
+
+def test_other_formats_are_refused(model, tmp_path):
+    with pytest.raises(fa.InputError, match=r"end in .mat or .json"):
+        fa.save_linear(model, tmp_path / "arm.csv")
