@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from flexarm.linear import Modes as Modes
     from flexarm.linear import equilibrium as equilibrium
     from flexarm.linear import modes as modes
+    from flexarm.linear.along import Separation as Separation
+    from flexarm.linear.along import linearize_along as linearize_along
+    from flexarm.linear.step_jacobian import StepJacobian as StepJacobian
+    from flexarm.linear.step_jacobian import step_jacobian as step_jacobian
     from flexarm.loads import Load as Load
     from flexarm.model import Box as Box
     from flexarm.model import Circle as Circle
@@ -48,6 +52,12 @@ if TYPE_CHECKING:
     from flexarm.simulate import PrescribedAngle as PrescribedAngle
     from flexarm.simulate import run_scenario as run_scenario
     from flexarm.simulate import simulate as simulate
+    from flexarm.simulate.flexible_torque import FlexibleTorque as FlexibleTorque
+    from flexarm.simulate.flexible_torque import flexible_torque as flexible_torque
+    from flexarm.simulate.separated import simulate_separated as simulate_separated
+    from flexarm.simulate.tip_inversion import InversionError as InversionError
+    from flexarm.simulate.tip_inversion import TipInversion as TipInversion
+    from flexarm.simulate.tip_inversion import tip_inversion as tip_inversion
 
 #: Every public name, and the module that holds it.
 _HOME = {
@@ -58,9 +68,11 @@ _HOME = {
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
     "FlexarmError": "errors",
+    "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
     "Gauge": "model",
     "InputError": "errors",
+    "InversionError": "simulate.tip_inversion",
     "Joint": "model",
     "JointLimits": "model",
     "JointPD": "control",
@@ -76,18 +88,26 @@ _HOME = {
     "RayleighDamping": "model",
     "Rectangle": "model",
     "SectionTable": "model",
+    "Separation": "linear.along",
     "SimulationError": "errors",
+    "StepJacobian": "linear.step_jacobian",
+    "TipInversion": "simulate.tip_inversion",
     "Tube": "model",
     "citation": "references",
     "equilibrium": "linear",
+    "flexible_torque": "simulate.flexible_torque",
     "joint_motion": "motion",
     "line_motion": "motion",
+    "linearize_along": "linear.along",
     "load_arm": "arm",
     "modes": "linear",
     "rigid_torque": "motion",
     "run_scenario": "simulate",
     "save_arm": "arm",
     "simulate": "simulate",
+    "simulate_separated": "simulate.separated",
+    "step_jacobian": "linear.step_jacobian",
+    "tip_inversion": "simulate.tip_inversion",
 }
 
 __all__ = sorted(_HOME)

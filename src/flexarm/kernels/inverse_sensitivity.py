@@ -81,9 +81,7 @@ def inverse_jacobian_many(
                     else:
                         kept = accelerations[k, i, j]
                         accelerations[k, i, j] = kept + STEP * 1j
-                    inverse_dynamics(
-                        sizes, constants, states[k], accelerations[k], loads, work
-                    )
+                    inverse_dynamics(sizes, constants, states[k], accelerations[k], loads, work)
                     tip_motion(sizes, constants, states[k], loads, work, body_poses, pose, tip)
                     if level < 2:
                         states[k, level, i, j] = kept

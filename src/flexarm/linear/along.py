@@ -109,7 +109,8 @@ class Separation:
     def _inputs(self) -> FloatArray:
         """Generalised forces (k, inputs) by unit torque."""
         chosen = self.kept[:, None] == self.arm.joint_index
-        return chosen[:, chosen.any(axis=0)].astype(np.float64)
+        inputs: FloatArray = chosen[:, chosen.any(axis=0)].astype(np.float64)
+        return inputs
 
     def at(self, t: ArrayLike) -> Separation:
         """Return the same with samples at other times (T,), s: at any time, exact."""
@@ -120,8 +121,12 @@ class Separation:
             _sample(self.arm, self.motion, self.kept, times[k : k + _CHUNK])
             for k in range(0, max(times.size, 1), _CHUNK)
         ]
-        reference = Reference(*(np.concatenate(p) for p in zip(*(a for a, _ in parts), strict=True)))
-        deviation = Deviation(*(np.concatenate(p) for p in zip(*(b for _, b in parts), strict=True)))
+        reference = Reference(
+            *(np.concatenate(p) for p in zip(*(a for a, _ in parts), strict=True))
+        )
+        deviation = Deviation(
+            *(np.concatenate(p) for p in zip(*(b for _, b in parts), strict=True))
+        )
         return Separation(self.arm, self.motion, self.joints, self.kept, reference, deviation)
 
     def quasi_static(self) -> FloatArray:
@@ -129,12 +134,16 @@ class Separation:
 
         It leaves out that the links swing, and keeps the joints on the reference.
         """
+        return self.bent(self.deviation.K, self.deviation.r)
+
+    def bent(self, K: FloatArray, r: FloatArray) -> FloatArray:
+        """Return the links' static deflection dq (T, k) by forces r (T, k); (S.7)."""
         elastic = np.flatnonzero(~np.isin(self.kept, self.arm.joint_index))
-        bent = np.zeros_like(self.deviation.r)
+        dq = np.zeros_like(r)
         if elastic.size:
-            K = self.deviation.K[:, elastic[:, None], elastic]
-            bent[:, elastic] = np.linalg.solve(K, self.deviation.r[:, elastic, None])[:, :, 0]
-        return bent
+            stiffness = K[:, elastic[:, None], elastic]
+            dq[:, elastic] = np.linalg.solve(stiffness, r[:, elastic, None])[:, :, 0]
+        return dq
 
     def to_dataset(self) -> xr.Dataset:
         """Return the samples as a labelled ``xarray.Dataset``; names of states and inputs in it."""
@@ -173,7 +182,7 @@ class Separation:
     def save(self, path: str | PathLike[str]) -> None:
         """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names."""
         dataset = self.to_dataset()
-        arrays = {str(name): array.values for name, array in dataset.variables.items()}
+        arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
         np.savez_compressed(path, **arrays)
 
     def _torque_names(self) -> list[str]:
@@ -219,9 +228,7 @@ def linearize_along(
     if joints == "locked":
         kept = np.setdiff1d(kept, arm.joint_index)
     none = np.zeros(0)
-    empty = Separation(
-        arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5)
-    )
+    empty = Separation(arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5))
     return empty.at(times)
 
 

@@ -1,8 +1,8 @@
 """Solve the deviations about a rigid reference over time, by Gauss's collocation.
 
 The equations are linear, so each step is one linear map from its start to its end, found for many
-steps at once. Stiff modes need no shorter steps; where they are not resolved they keep their energy:
-(S.6).
+steps at once. Stiff modes need no shorter steps; where they are not resolved they keep their
+energy: (S.6).
 """
 
 from __future__ import annotations
@@ -83,9 +83,7 @@ def _accelerations(
     return np.asarray(solved.reshape(count, s, k, 2 * k + 1))
 
 
-def _march(
-    edges: FloatArray, solved: FloatArray, dq: FloatArray, dqd: FloatArray
-) -> DeviationPath:
+def _march(edges: FloatArray, solved: FloatArray, dq: FloatArray, dqd: FloatArray) -> DeviationPath:
     """Go from edge to edge with the accelerations that ``_accelerations`` gives."""
     count, _, k = solved.shape[:3]
     h = np.diff(edges)[:, None, None]

@@ -24,7 +24,9 @@ class SmoothMatrices:
         self._model = model
         motion = model.motion
         # At rest, before the motion and after it, one evaluation serves.
-        self._rest = [self._packed(np.array([t])) for t in (motion.start_time - 1.0, motion.end_time)]
+        self._rest = [
+            self._packed(np.array([t])) for t in (motion.start_time - 1.0, motion.end_time)
+        ]
         self._breaks = np.array(motion.breaks)
         self._series = [
             self._fit(a, b) for a, b in zip(self._breaks[:-1], self._breaks[1:], strict=True)

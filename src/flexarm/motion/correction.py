@@ -51,7 +51,7 @@ class CorrectedTorque:
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Times (s) where the torque or its slope may jump, and where the spline begins and ends."""
+        """Times (s) where the torque or its slope may jump, and the spline's ends."""
         return tuple(sorted({*self.rigid.breaks, float(self.knots[0]), float(self.knots[-1])}))
 
     def __call__(self, t: ArrayLike) -> Floats:

@@ -10,6 +10,8 @@ Reference:
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,7 @@ PLACES: Floats = 0.5 + np.polynomial.legendre.leggauss(STAGES)[0] / 2.0
 
 def _lagrange() -> Floats:
     """Coefficients (3, 3), rising powers, of the polynomials that are 1 at one stage (rows)."""
-    return np.linalg.inv(np.vander(PLACES, increasing=True)).T
+    return np.asarray(np.linalg.inv(np.vander(PLACES, increasing=True)).T, dtype=np.float64)
 
 
 def rate_weights(theta: Floats) -> Floats:
@@ -69,7 +71,7 @@ def interpolate(
 def step_edges(breaks: Floats, longest: float) -> Floats:
     """Divide each interval between breaks evenly into steps no longer than ``longest``."""
     parts = [breaks[:1]]
-    for a, b in zip(breaks[:-1], breaks[1:], strict=True):
+    for a, b in pairwise(breaks):
         count = max(int(np.ceil((b - a) / longest * (1.0 - 1e-12))), 1)
         parts.append(np.linspace(a, b, count + 1)[1:])
     return np.concatenate(parts)

@@ -1,8 +1,8 @@
 """Rest with the tip in place, and how the links can move while the tip is held there.
 
 With the tip given, the links still move: the zero dynamics. For torques at joints and a tip at
-the other end of flexible links it has parts that grow as fast as others decay, so neither forward nor
-backward integration in time is stable; their rates say how long torques must act before the tip
+the other end of flexible links it has parts that grow as fast as others decay, so neither forward
+nor backward integration in time is stable; their rates say how long torques must act before the tip
 moves and after it has stopped; (S.10), (S.11).
 """
 

@@ -95,7 +95,9 @@ def flexible_torque(
     """
     where = "flexible_torque"
     check_motion(where, arm, motion)
-    until = motion.end_time if duration is None else float(check_array(where, "duration", duration, ()))
+    until = (
+        motion.end_time if duration is None else float(check_array(where, "duration", duration, ()))
+    )
     if until <= 0.0:
         raise InputError(Problem(where, "duration", "be greater than 0", shown(until)))
     locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
@@ -120,5 +122,5 @@ def flexible_torque(
 
 def _spline(times: FloatArray, values: FloatArray, a: float, b: float) -> BSpline:
     """Through the samples between two breaks, none on them: they might belong to either side."""
-    own = (times > a) & (times < b) if 0.0 < a else times < b
+    own = (times > a) & (times < b) if a > 0.0 else times < b
     return make_interp_spline(times[own], values[own], k=min(5, np.count_nonzero(own) - 1))

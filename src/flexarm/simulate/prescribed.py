@@ -64,12 +64,23 @@ def prescribe(
         body = arm.assembly.joint_body[index]
         state[0, body, 0], state[1, body, 0] = own.angle(0.0), own.rate(0.0)
 
-        def row(t: float, own: PrescribedAngle = own) -> FloatArray:
-            return np.array([own.acceleration(t)])
-
-        column = function_torque(row, duration, 1, relative, own.breaks)
+        column = function_torque(_row(motion, own, index), duration, 1, relative, own.breaks)
         history = _replaced(history, index, column)
     return history
+
+
+def _row(
+    motion: PrescribedAngle | Motion, own: PrescribedAngle, index: int
+) -> Callable[[float], ArrayLike]:
+    """The joint's acceleration as a function to (1,), for many times at once where it can be."""
+    if isinstance(motion, PrescribedAngle):
+        return lambda t: np.array([own.acceleration(t)])
+
+    def rows(t: ArrayLike) -> FloatArray:
+        return motion.joint_acceleration(t)[..., index : index + 1]
+
+    rows.vectorized = True  # type: ignore[attr-defined]
+    return rows
 
 
 def _of_joint(motion: PrescribedAngle | Motion, index: int) -> PrescribedAngle:

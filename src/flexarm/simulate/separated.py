@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from importlib.metadata import version
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from flexarm.linear import modes
 from flexarm.linear.along import Separation, linearize_along
 from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
 from flexarm.linear.smooth import SmoothMatrices
-from flexarm.motion import Motion, gauss
+from flexarm.motion import Motion, gauss, rigid_torque
 from flexarm.simulate.result import make_result
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 
 Input = Callable[[FloatArray], FloatArray]
 METHODS = ("dynamic", "quasi_static")
-#: Two runs, one of half the step, must agree to this part of the largest deviation. Linearising costs
-#: more than that where deflections are worth speaking of.
+#: Two runs, one of half the step, must agree to this part of the largest deviation. Linearising
+#: costs more than that where deflections are worth speaking of.
 RTOL = 1e-2
 #: Steps are halved until two runs agree, this often at most.
 _HALVINGS = 12
@@ -80,7 +81,7 @@ def simulate_separated(
     until = motion.end_time if duration is None else _positive(where, "duration", duration)
     frequency = _positive(where, "rate", rate)
     count = int(np.floor(until * frequency * (1 + 1e-12))) + 1
-    sampled = model.at(np.minimum(np.arange(count) / frequency, until))
+    times = np.minimum(np.arange(count) / frequency, until)
     start = [
         _start(where, name, value, arm)[model.kept]
         for name, value in (
@@ -88,30 +89,32 @@ def simulate_separated(
             ("initial_deviation_rate", initial_deviation_rate),
         )
     ]
-    attributes = {"method": method, "joints": joints, "rtol": _positive(where, "rtol", rtol)}
+    allowed = _positive(where, "rtol", rtol)
+    attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
     added = None if added_torque is None else _many(where, added_torque, arm.joints)
     if method == "quasi_static":
-        dq, dqd = _quasi_static(sampled, until)
+        dq, dqd = _quasi_static(model, times, until)
     else:
-        path = _converged(model, until, start, added, attributes["rtol"])
-        dq, dqd = path.at(sampled.time)
+        path = _converged(model, until, start, added, allowed)
+        dq, dqd = path.at(times)
         attributes |= {"steps": len(path.edges) - 1, "step": float(np.max(np.diff(path.edges)))}
     attributes |= {
         "flexarm_version": version("flexarm"),
-        "integrator": "gauss6",
-        "references": "HairerWanner1996",
-        "wall_seconds": time.perf_counter() - started,
+        "integrator": "gauss6" if method == "dynamic" else "quasi_static",
+        "references": "HairerWanner1996" if method == "dynamic" else "",
     }
-    torque = sampled.reference.torque.copy()
-    if added is not None:
-        torque += added(sampled.time)
+    torque = rigid_torque(arm, motion)(times)
+    if added is not None and joints == "free":
+        torque += added(times)
     if joints == "locked":
-        torque += _taken(sampled, dq, dqd)
-    q, qd = sampled.reference.q.copy(), sampled.reference.qd.copy()
+        torque += _taken(model.at(times), dq, dqd)
+    q, qd = np.zeros((2, times.size, arm.dof))
+    q[:, arm.joint_index], qd[:, arm.joint_index], _ = motion.state(times)
     q[:, model.kept] += dq
     qd[:, model.kept] += dqd
+    attributes["wall_seconds"] = time.perf_counter() - started
     states = arm.padded(np.stack([q, qd], axis=1))
-    return make_result(arm, sampled.time, states, {"torque": torque}, attributes)
+    return make_result(arm, times, states, {"torque": torque}, attributes)
 
 
 def _converged(
@@ -132,7 +135,7 @@ def _converged(
             force = np.zeros((*times.shape, model.kept.size))
             torque = added(times.ravel()).reshape(*times.shape, -1)
             force[..., model.arm.joint_index] = torque
-        return solve_deviations(matrices, edges, *start, force)
+        return solve_deviations(matrices, edges, start[0], start[1], force)
 
     coarse = run(longest)
     for _ in range(_HALVINGS):
@@ -148,12 +151,15 @@ def _converged(
     raise SimulationError(0.0, reason, "A larger rtol may do, or damping of the stiffest modes.")
 
 
-def _quasi_static(sampled: Separation, until: float) -> tuple[FloatArray, FloatArray]:
+def _quasi_static(
+    model: Separation, times: FloatArray, until: float
+) -> tuple[FloatArray, FloatArray]:
     """Deflection by inertia alone, and its rate from splines between the motion's breaks."""
-    dq, times = sampled.quasi_static(), sampled.time
+    _, _, K, r = SmoothMatrices(model).at(times)
+    dq = model.bent(K, r)
     dqd = np.zeros_like(dq)
-    breaks = break_times(sampled.motion, until)
-    for a, b in zip(breaks[:-1], breaks[1:], strict=True):
+    breaks = break_times(model.motion, until)
+    for a, b in pairwise(breaks):
         own = (times >= a) & ((times < b) | (b == until))
         if np.count_nonzero(own) >= 4:  # a not-a-knot spline needs four
             dqd[own] = CubicSpline(times[own], dq[own])(times[own], 1)
@@ -163,7 +169,7 @@ def _quasi_static(sampled: Separation, until: float) -> tuple[FloatArray, FloatA
 def _taken(sampled: Separation, dq: FloatArray, dqd: FloatArray) -> FloatArray:
     """Torque (T, joints) that locked joints take beside the rigid one, to first order; (S.8)."""
     arm, kept = sampled.arm, sampled.kept
-    free = Separation.at(_freed(sampled), sampled.time).deviation
+    free = linearize_along(arm, sampled.motion, times=sampled.time).deviation
     own = sampled.deviation
     left = own.r - np.einsum("tij,tj->ti", own.K, dq) - np.einsum("tij,tj->ti", own.D, dqd)
     ddq = np.linalg.solve(own.M, left[:, :, None])[:, :, 0]
@@ -173,10 +179,6 @@ def _taken(sampled: Separation, dq: FloatArray, dqd: FloatArray) -> FloatArray:
         + np.einsum("tij,tj->ti", free.D[:, *rows], dqd)
         + np.einsum("tij,tj->ti", free.M[:, *rows], ddq)
     )
-
-
-def _freed(model: Separation) -> Separation:
-    return linearize_along(model.arm, model.motion, times=np.zeros(1))
 
 
 def _start(where: str, name: str, value: ArrayLike | None, arm: Arm) -> FloatArray:

@@ -123,8 +123,9 @@ def tip_inversion(
         InversionError: the error cannot be reduced to a hundredth, or to ``reduction`` if that is
             more.
 
-    Levenberg-Marquardt on the full nonlinear model: each step runs ``simulate`` and corrects the torque,
-    all of it at once, by the response of the arm along that run; (S.12) to (S.14).
+    Levenberg-Marquardt on the full nonlinear model: each step runs ``simulate`` and
+    corrects the torque, all of it at once, by the response of the arm along that run; (S.12) to
+    (S.14).
     """
     where = "tip_inversion"
     check_motion(where, arm, motion)
