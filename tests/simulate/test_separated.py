@@ -111,3 +111,9 @@ def test_refused():
         fa.simulate_separated(arm, line, -1.0)
     with pytest.raises(fa.InputError, match="motion"):
         fa.simulate_separated(arm.rigid(), None)
+
+
+def test_it_can_be_cited():
+    arm = paper_arm()
+    parts = fa.simulate_separated(arm, paper_line(arm, 1.0), rate=100.0)
+    assert "HairerWanner1996" in fa.citation(parts)
