@@ -227,6 +227,8 @@ def linearize_along(
     kept = np.arange(arm.dof)
     if joints == "locked":
         kept = np.setdiff1d(kept, arm.joint_index)
+    if kept.size == 0:
+        raise InputError(Problem(where, "arm", "have coordinates that can deviate", "rigid"))
     none = np.zeros(0)
     empty = Separation(arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5))
     return empty.at(times)
