@@ -8,8 +8,9 @@ import flexarm as fa
 STEP = 2e-3
 #: Truncation of a difference of order 8, steps chosen for it.
 CLOSE = 1e-9
-#: Rounding of one step, raised a thousandfold by the stiffest modes, over the difference's step.
-ROUNDING = 1e-13 / STEP
+#: Rounding of one step, which stiff modes and the weights of the method of order 8 (up to 40) raise
+#: ten-thousandfold, over the difference's step.
+ROUNDING = 1e-12 / STEP
 _WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 
 
