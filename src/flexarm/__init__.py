@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from flexarm.linear import linearize as linearize
     from flexarm.linear import modes as modes
     from flexarm.linear import track_modes as track_modes
+    from flexarm.linear.along import Separation as Separation
+    from flexarm.linear.along import linearize_along as linearize_along
+    from flexarm.linear.step_jacobian import StepJacobian as StepJacobian
+    from flexarm.linear.step_jacobian import step_jacobian as step_jacobian
     from flexarm.loads import Load as Load
     from flexarm.model import Box as Box
     from flexarm.model import Circle as Circle
@@ -59,6 +63,12 @@ if TYPE_CHECKING:
     from flexarm.simulate import PrescribedAngle as PrescribedAngle
     from flexarm.simulate import run_scenario as run_scenario
     from flexarm.simulate import simulate as simulate
+    from flexarm.simulate.flexible_torque import FlexibleTorque as FlexibleTorque
+    from flexarm.simulate.flexible_torque import flexible_torque as flexible_torque
+    from flexarm.simulate.separated import simulate_separated as simulate_separated
+    from flexarm.simulate.tip_inversion import InversionError as InversionError
+    from flexarm.simulate.tip_inversion import TipInversion as TipInversion
+    from flexarm.simulate.tip_inversion import tip_inversion as tip_inversion
 
 #: Every public name, and the module that holds it.
 _HOME = {
@@ -69,9 +79,11 @@ _HOME = {
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
     "FlexarmError": "errors",
+    "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
     "Gauge": "model",
     "InputError": "errors",
+    "InversionError": "simulate.tip_inversion",
     "Joint": "model",
     "JointLimits": "model",
     "JointPD": "control",
@@ -91,14 +103,19 @@ _HOME = {
     "Rectangle": "model",
     "SectionTable": "model",
     "Sensor": "linear",
+    "Separation": "linear.along",
     "SimulationError": "errors",
+    "StepJacobian": "linear.step_jacobian",
+    "TipInversion": "simulate.tip_inversion",
     "Tube": "model",
     "campbell": "linear",
     "citation": "references",
     "equilibrium": "linear",
+    "flexible_torque": "simulate.flexible_torque",
     "joint_motion": "motion",
     "line_motion": "motion",
     "linearize": "linear",
+    "linearize_along": "linear.along",
     "load_arm": "arm",
     "load_scenario": "model",
     "modes": "linear",
@@ -110,6 +127,9 @@ _HOME = {
     "simulate": "simulate",
     "write_result": "output",
     "track_modes": "linear",
+    "simulate_separated": "simulate.separated",
+    "step_jacobian": "linear.step_jacobian",
+    "tip_inversion": "simulate.tip_inversion",
 }
 
 __all__ = sorted(_HOME)

@@ -73,6 +73,11 @@ _ENTRIES = {
   title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},
   edition = {2}, publisher = {Springer}, year = {1993}
 }""",
+    "HairerWanner1996": """@book{HairerWanner1996,
+  author = {Hairer, E. and Wanner, G.},
+  title = {Solving Ordinary Differential Equations {II}: Stiff and Differential-Algebraic Problems},
+  edition = {2}, publisher = {Springer}, year = {1996}
+}""",
 }
 
 

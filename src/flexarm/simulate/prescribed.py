@@ -129,7 +129,7 @@ def prescribe(
 
         name = f"prescribed[{joint}].acceleration"
         column = function_torque(
-            _Row(own.acceleration), duration, 1, relative, own.breaks, name=name
+            _row(motion, own, index), duration, 1, relative, own.breaks, name=name
         )
         history = _replaced(history, index, column)
     return history
@@ -144,6 +144,20 @@ class _Row:
 
     def __call__(self, t: Any) -> FloatArray:
         return np.asarray(self._function(t))[..., None]
+
+
+def _row(
+    motion: PrescribedAngle | Motion, own: PrescribedAngle, index: int
+) -> Callable[[float], ArrayLike]:
+    """The joint's acceleration as a function to (1,), for many times at once where it can be."""
+    if isinstance(motion, PrescribedAngle):
+        return _Row(own.acceleration)
+
+    def rows(t: ArrayLike) -> FloatArray:
+        return motion.joint_acceleration(t)[..., index : index + 1]
+
+    rows.vectorized = True  # type: ignore[attr-defined]
+    return rows
 
 
 def _of_joint(motion: PrescribedAngle | Motion, index: int) -> PrescribedAngle:

@@ -1,0 +1,100 @@
+"""Inverse dynamics and the tip's motion, with exact derivatives by q, qd and qdd.
+
+By complex perturbation, as in ``sensitivity``. A motion need not obey any law of motion here: so
+one can ask what a wanted motion takes, and how that changes.
+"""
+
+from __future__ import annotations
+
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernels.observables import poses
+from flexarm.kernels.sensitivity import STEP
+
+
+@compiled
+def tip_motion(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    loads: Loads,
+    work: Workspace,
+    body_poses: Array,
+    pose: Array,
+    tip: Array,
+) -> None:
+    """Fill ``tip`` (6,): position, velocity, acceleration (x, y each), world axes, from the base.
+
+    Right after ``inverse_dynamics`` of the same state: ``work`` holds the tip's acceleration in
+    the axes of the last body, net of gravity. ``body_poses`` (n, 10) and ``pose`` (6,) are scratch.
+    """
+    poses(sizes, constants, state, body_poses, pose)
+    last = len(sizes.bodies) - 1
+    cosine = 1.0 + 0.0 * work.rotation[last, 0]
+    sine = 0.0 * work.rotation[last, 0]
+    for i in range(len(sizes.bodies)):
+        turned = cosine * work.rotation[i, 0] - sine * work.rotation[i, 1]
+        sine = sine * work.rotation[i, 0] + cosine * work.rotation[i, 1]
+        cosine = turned
+    Ax = work.tip_acceleration[last, 0]
+    Ay = work.tip_acceleration[last, 1]
+    tip[0] = pose[0]
+    tip[1] = pose[1]
+    tip[2] = pose[3]
+    tip[3] = pose[4]
+    tip[4] = cosine * Ax - sine * Ay + constants.gravity[0] - loads.base_acceleration[0]
+    tip[5] = sine * Ax + cosine * Ay + constants.gravity[1] - loads.base_acceleration[1]
+
+
+@compiled
+def inverse_jacobian_many(
+    sizes: Sizes,
+    constants: ArmConstants,
+    states: Array,
+    accelerations: Array,
+    loads: Loads,
+    work: Workspace,
+    body_poses: Array,
+    pose: Array,
+    tip: Array,
+    forces: Array,
+    tips: Array,
+    force_by: Array,
+    tip_by: Array,
+) -> None:
+    """Generalised forces and tip motions of many motions, and their derivatives.
+
+    Complex: ``states`` (k, 2, n, 1 + m), ``accelerations`` (k, n, 1 + m), ``work``, and the scratch
+    ``body_poses`` (n, 10), ``pose`` (6,), ``tip`` (6,). Filled: ``forces`` (k, n, 1 + m) and
+    ``tips`` (k, 6) as ``tip_motion``; ``force_by`` (k, 3, n, 1 + m, n, 1 + m) and ``tip_by``
+    (k, 3, n, 1 + m, 6), derivatives by coordinates (0), rates (1), accelerations (2), whose
+    places stand before what is differentiated. Those by padded and fixed ones mean nothing.
+    """
+    for k in range(states.shape[0]):
+        for level in range(3):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
+                    if level < 2:
+                        kept = states[k, level, i, j]
+                        states[k, level, i, j] = kept + STEP * 1j
+                    else:
+                        kept = accelerations[k, i, j]
+                        accelerations[k, i, j] = kept + STEP * 1j
+                    inverse_dynamics(sizes, constants, states[k], accelerations[k], loads, work)
+                    tip_motion(sizes, constants, states[k], loads, work, body_poses, pose, tip)
+                    if level < 2:
+                        states[k, level, i, j] = kept
+                    else:
+                        accelerations[k, i, j] = kept
+                    for a in range(len(sizes.bodies)):
+                        for p in range(1 + len(sizes.modes)):
+                            force_by[k, level, i, j, a, p] = work.force[a, p].imag / STEP
+                    for p in range(6):
+                        tip_by[k, level, i, j, p] = tip[p].imag / STEP
+        # The perturbation leaves the real parts as they are.
+        for a in range(len(sizes.bodies)):
+            for p in range(1 + len(sizes.modes)):
+                forces[k, a, p] = work.force[a, p].real
+        for p in range(6):
+            tips[k, p] = tip[p].real

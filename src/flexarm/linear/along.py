@@ -1,0 +1,270 @@
+"""The paper's separation: a rigid motion, and small elastic deviations about it.
+
+The deviations obey a linear system whose matrices change with time as the rigid reference moves.
+Theory page "separation", (D.1) to (D.7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.motion import Motion
+from flexarm.motion.dynamics_along import dynamics_along
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+JOINTS = ("free", "locked")
+#: Times evaluated in one go: bounds the memory of long motions with many coordinates.
+_CHUNK = 256
+
+
+class Reference(NamedTuple):
+    """The rigid motion in the flexible arm's coordinates, and what it takes, at T times."""
+
+    time: FloatArray  # (T,) s
+    q: FloatArray  # (T, dof), straight links
+    qd: FloatArray  # (T, dof)
+    qdd: FloatArray  # (T, dof)
+    torque: FloatArray  # (T, joints) N m, the rigid torque
+
+
+class Deviation(NamedTuple):
+    """M dqdd + D dqd + K dq = r + (torque added), at T times, over the k coordinates kept.
+
+    Matrices (T, k, k); ``r`` (T, k), the forces of inertia and gravity that bend the links;
+    ``tip`` (T, 2, k), motion of the tip in world axes by dq, m.
+    """
+
+    M: FloatArray
+    D: FloatArray
+    K: FloatArray
+    r: FloatArray
+    tip: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """A rigid reference motion and the linear time-varying system of the deviations about it.
+
+    With ``x = [dq, dqd]`` over the k coordinates kept, ``x' = A x + B u + f``: ``u`` (joints,) is
+    the torque added to the rigid one, N m. ``A``, ``B``, ``f`` and the rest are samples at
+    ``time``; ``at(t)`` evaluates the same at any other time, exactly and not by interpolation.
+
+    Attributes:
+        arm, motion: what was linearised, and about what.
+        joints: "free", or "locked" where the joints follow the motion and only links deviate.
+        kept: (k,) positions in the arm's q of the coordinates that deviate.
+        reference: the rigid motion at the samples.
+        deviation: matrices at the samples.
+    """
+
+    arm: Arm
+    motion: Motion
+    joints: str
+    kept: NDArray[np.intp]
+    reference: Reference
+    deviation: Deviation
+
+    @property
+    def time(self) -> FloatArray:
+        """Times of the samples (T,), s."""
+        return self.reference.time
+
+    @property
+    def A(self) -> FloatArray:
+        """System matrices (T, 2 k, 2 k); (D.5)."""
+        M, D, K = self.deviation[:3]
+        count, k = M.shape[:2]
+        A = np.zeros((count, 2 * k, 2 * k))
+        A[:, :k, k:] = np.eye(k)
+        A[:, k:] = -np.linalg.solve(M, np.concatenate([K, D], axis=2))
+        return A
+
+    @property
+    def B(self) -> FloatArray:
+        """Input matrices (T, 2 k, joints); no input where joints are locked; (D.5)."""
+        count, k = self.deviation.M.shape[:2]
+        B = np.zeros((count, 2 * k, self._inputs.shape[1]))
+        B[:, k:] = np.linalg.solve(self.deviation.M, np.broadcast_to(self._inputs, B[:, k:].shape))
+        return B
+
+    @property
+    def f(self) -> FloatArray:
+        """Forcing (T, 2 k): what bends the links although they follow the reference; (D.5)."""
+        count, k = self.deviation.r.shape
+        f = np.zeros((count, 2 * k))
+        f[:, k:] = np.linalg.solve(self.deviation.M, self.deviation.r[:, :, None])[:, :, 0]
+        return f
+
+    @property
+    def _inputs(self) -> FloatArray:
+        """Generalised forces (k, inputs) by unit torque."""
+        chosen = self.kept[:, None] == self.arm.joint_index
+        inputs: FloatArray = chosen[:, chosen.any(axis=0)].astype(np.float64)
+        return inputs
+
+    def at(self, t: ArrayLike) -> Separation:
+        """Return the same with samples at other times (T,), s: at any time, exact."""
+        where = "Separation.at"
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        times = check_array(where, "t", times, (-1,))
+        parts = [
+            _sample(self.arm, self.motion, self.kept, times[k : k + _CHUNK])
+            for k in range(0, max(times.size, 1), _CHUNK)
+        ]
+        reference = Reference(
+            *(np.concatenate(p) for p in zip(*(a for a, _ in parts), strict=True))
+        )
+        deviation = Deviation(
+            *(np.concatenate(p) for p in zip(*(b for _, b in parts), strict=True))
+        )
+        return Separation(self.arm, self.motion, self.joints, self.kept, reference, deviation)
+
+    def quasi_static(self) -> FloatArray:
+        """Return the first estimate of dq (T, k): bent by ``r`` alone, at each instant; (D.7).
+
+        It leaves out that the links swing, and keeps the joints on the reference.
+        """
+        return self.bent(self.deviation.K, self.deviation.r)
+
+    def bent(self, K: FloatArray, r: FloatArray) -> FloatArray:
+        """Return the links' static deflection dq (T, k) by forces r (T, k); (D.7)."""
+        elastic = np.flatnonzero(~np.isin(self.kept, self.arm.joint_index))
+        dq = np.zeros_like(r)
+        if elastic.size:
+            stiffness = K[:, elastic[:, None], elastic]
+            dq[:, elastic] = np.linalg.solve(stiffness, r[:, elastic, None])[:, :, 0]
+        return dq
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return the samples as a labelled ``xarray.Dataset``; names of states and inputs in it."""
+        import xarray as xr
+
+        q, tau = [f"q[{i}]" for i in self.kept], self._torque_names()
+        states = [f"d{name}" for name in q] + [f"d{name}/dt" for name in q]
+        ref, dev = self.reference, self.deviation
+        pairs, whole = ("time", "coordinate", "coordinate_too"), ("time", "arm_coordinate")
+        variables: dict[str, Any] = {
+            "A": (("time", "state", "state_too"), self.A),
+            "B": (("time", "state", "input"), self.B),
+            "f": (("time", "state"), self.f),
+            "M": (pairs, dev.M),
+            "D": (pairs, dev.D),
+            "K": (pairs, dev.K),
+            "r": (("time", "coordinate"), dev.r),
+            "tip_jacobian": (("time", "axis", "coordinate"), dev.tip),
+            "q": (whole, ref.q),
+            "qd": (whole, ref.qd),
+            "qdd": (whole, ref.qdd),
+            "rigid_torque": (("time", "joint"), ref.torque, {"units": "N m"}),
+        }
+        coordinates: dict[str, Any] = {
+            "time": ("time", ref.time, {"units": "s"}),
+            "state": states,
+            "state_too": states,
+            "input": tau if self.joints == "free" else [],
+            "coordinate": q,
+            "coordinate_too": q,
+            "axis": ["x", "y"],
+            "joint": self.arm.joint_numbers,
+        }
+        return xr.Dataset(variables, coords=coordinates, attrs={"joints": self.joints})
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names."""
+        dataset = self.to_dataset()
+        arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
+        np.savez_compressed(path, **arrays)
+
+    def _torque_names(self) -> list[str]:
+        return [f"torque_{number}" for number in self.arm.joint_numbers]
+
+
+def linearize_along(
+    arm: Arm,
+    motion: Motion,
+    *,
+    joints: str = "free",
+    rate: float = 500.0,
+    times: ArrayLike | None = None,
+) -> Separation:
+    """Separate rigid motion and elastic deviations: linearise about the rigid reference.
+
+    Args:
+        arm: the flexible arm.
+        motion: what the rigid arm follows.
+        joints: "free": joints and links deviate, driven by the rigid torque and what is added to
+            it. "locked": drives hold the joints on the motion, only the links deviate.
+        rate: samples per second of the motion, Hz; both ends are samples too.
+        times: (T,) s, samples at these times instead.
+
+    Raises:
+        InputError: the motion has other joints, or an argument the wrong value.
+
+    Matrices are exact to rounding: complex perturbation of the inverse dynamics along straight
+    links, (D.3). Where an acceleration jumps, a sample belongs to what follows.
+    """
+    where = "linearize_along"
+    check_motion(where, arm, motion)
+    if joints not in JOINTS:
+        rule = "be one of " + ", ".join(map(repr, JOINTS))
+        raise InputError(Problem(where, "joints", rule, shown(joints)))
+    if times is None:
+        frequency = float(check_array(where, "rate", rate, ()))
+        if frequency <= 0.0:
+            raise InputError(Problem(where, "rate", "be greater than 0", shown(rate)))
+        count = max(int(np.ceil(motion.duration * frequency)), 1)
+        times = np.linspace(motion.start_time, motion.end_time, count + 1)
+    kept = np.arange(arm.dof)
+    if joints == "locked":
+        kept = np.setdiff1d(kept, arm.joint_index)
+    if kept.size == 0:
+        raise InputError(Problem(where, "arm", "have coordinates that can deviate", "rigid"))
+    none = np.zeros(0)
+    empty = Separation(arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5))
+    return empty.at(times)
+
+
+def check_motion(where: str, arm: Arm, motion: Motion) -> None:
+    """Refuse a motion of another number of joints.
+
+    Raises:
+        InputError: so it is.
+    """
+    if not isinstance(motion, Motion):
+        raise InputError(Problem(where, "motion", "be a motion", shown(motion)))
+    if motion.joints != arm.joints:
+        rule = f"have the arm's {arm.joints} joint(s)"
+        raise InputError(Problem(where, "motion", rule, f"a motion of {motion.joints} joint(s)"))
+
+
+def _sample(
+    arm: Arm, motion: Motion, kept: NDArray[np.intp], times: FloatArray
+) -> tuple[Reference, Deviation]:
+    """Reference and matrices at times (T,)."""
+    q, qd, qdd = np.zeros((3, times.size, arm.dof))
+    for array, given in zip((q, qd, qdd), motion.state(times), strict=True):
+        array[:, arm.joint_index] = given
+    along = dynamics_along(arm, q, qd, qdd)
+    # On straight links the joints feel what the rigid twin's do: their rows are its torques.
+    torque = along.force[:, arm.joint_index]
+    missing = -along.force
+    missing[:, arm.joint_index] = 0.0
+    by = along.force_by[:, kept][..., kept]
+    deviation = Deviation(
+        M=by[:, :, 2],
+        D=by[:, :, 1],
+        K=by[:, :, 0],
+        r=missing[:, kept],
+        tip=along.tip_by[:, :2, 0][..., kept],
+    )
+    return Reference(times, q, qd, qdd, torque), deviation

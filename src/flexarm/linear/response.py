@@ -1,0 +1,75 @@
+"""How small torques beside those of a run change its coordinates: along the bent arm itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.motion import gauss
+from flexarm.motion.dynamics_along import dynamics_along
+
+_CHUNK = 256
+
+
+def torque_response(
+    arm: Arm, times: FloatArray, q: FloatArray, qd: FloatArray, shapes: FloatArray, rows: FloatArray
+) -> FloatArray:
+    """Return what outputs change by for a unit of each torque shape, (T, r, shapes, joints).
+
+    Args:
+        times: (T,) s, evenly spaced. q, qd: (T, dof), a run of the arm at them.
+        shapes: (T - 1, 3, s) torque shapes at the stages of each step, N m, for each joint alike.
+        rows: (T, r, dof) derivatives of the outputs by q.
+
+    Gauss's collocation on the equations linearised along the run, (D.3), with their matrices of the
+    middle of each step: the arm's vibrations are followed to high order, its change of posture to
+    second, which is what an iteration needs that judges by the run itself.
+    """
+    h = float(times[1] - times[0])
+    count, dof = q.shape
+    width = shapes.shape[2] * arm.joints
+    state = np.zeros((2 * dof, width))
+    answer = np.zeros((count, rows.shape[1], width))
+    for first in range(0, count - 1, _CHUNK):
+        part = slice(first, min(first + _CHUNK, count - 1))
+        by_state, by_force = _step_maps(arm, h, q, qd, part)
+        for k, (A, B) in enumerate(zip(by_state, by_force, strict=True), start=part.start):
+            force = np.einsum("xsj,sp->xpj", B, shapes[k]).reshape(2 * dof, width)
+            state = A @ state + force
+            answer[k + 1] = rows[k + 1] @ state[:dof]
+    return answer.reshape(count, rows.shape[1], shapes.shape[2], arm.joints)
+
+
+def _step_maps(
+    arm: Arm, h: float, q: FloatArray, qd: FloatArray, part: slice
+) -> tuple[FloatArray, FloatArray]:
+    """Maps of some steps: from the start (N, 2 dof, 2 dof), from torques at the stages
+    (N, 2 dof, 3, joints)."""
+    after = slice(part.start + 1, part.stop + 1)
+    middle = [0.5 * (q[part] + q[after]), 0.5 * (qd[part] + qd[after]), (qd[after] - qd[part]) / h]
+    by = dynamics_along(arm, *middle).force_by
+    K, D, M = (by[:, None, :, level] for level in range(3))
+    count, dof, s, joints = len(by), arm.dof, gauss.STAGES, arm.joints
+    a, b = gauss.PLACE_AT_STAGES[:, :, None, None], gauss.RATE_AT_STAGES[:, :, None, None]
+    G = h * h * a * K[:, :, None] + h * b * D[:, :, None]
+    G[:, range(s), range(s)] += M
+    G = G.transpose(0, 1, 3, 2, 4).reshape(count, s * dof, s * dof)
+    torque = np.zeros((s, dof, s, joints))
+    for stage in range(s):
+        torque[stage, arm.joint_index, stage, range(joints)] = 1.0
+    by_rate = D + h * gauss.PLACES[:, None, None] * K
+    spread = np.broadcast_to(torque.reshape(s, dof, -1), (count, s, dof, s * joints))
+    right = np.concatenate([np.broadcast_to(-K, by_rate.shape), -by_rate, spread], axis=3)
+    solved = np.linalg.solve(G, right.reshape(count, s * dof, -1)).reshape(count, s, dof, -1)
+    maps = np.concatenate(
+        [
+            h * h * np.tensordot(solved, gauss.PLACE_AT_END, axes=(1, 0)),
+            h * np.tensordot(solved, gauss.RATE_AT_END, axes=(1, 0)),
+        ],
+        axis=1,
+    )
+    maps[:, range(2 * dof), range(2 * dof)] += 1.0
+    maps[:, range(dof), range(dof, 2 * dof)] += h
+    by_force = maps[:, :, 2 * dof :].reshape(count, 2 * dof, s, joints)
+    return maps[:, :, : 2 * dof], by_force

@@ -1,0 +1,148 @@
+"""Exact Jacobians of one integrator step, for optimisers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.integrate import INTEGRATORS
+from flexarm.integrate.runge_kutta import ExplicitRungeKutta
+from flexarm.integrate.step_sensitivity import held_torque_step
+from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
+from flexarm.kernels.sensitivity import STEP
+from flexarm.linear.parameters import constants_by
+
+
+@dataclass(frozen=True, eq=False)
+class StepJacobian:
+    """A step x = [q, qd] to x', and its derivatives, exact to rounding.
+
+    Attributes:
+        q, qd: (dof,) after the step.
+        state: (2 dof, 2 dof) by [q, qd] before it.
+        torque: (2 dof, joints) by the torque held over it, N m.
+        parameters: for each parameter asked for, (2 dof,) by it, q and qd before the step held.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    state: FloatArray
+    torque: FloatArray
+    parameters: dict[str, FloatArray]
+
+
+def step_jacobian(
+    arm: Arm,
+    q: ArrayLike,
+    qd: ArrayLike,
+    torque: ArrayLike,
+    step: float,
+    *,
+    method: str = "rk4",
+    parameters: Sequence[str] = (),
+) -> StepJacobian:
+    """Take one step of an explicit integrator and differentiate it.
+
+    Args:
+        arm: the arm.
+        q, qd: (dof,) before the step.
+        torque: (joints,) N m, held over the step.
+        step: s.
+        method: an explicit method of ``flexarm.integrate.INTEGRATORS``; one with step control takes
+            this step as it is.
+        parameters: "link_1.length", "link_1.mass", "link_1.rigidity": by a factor on the whole
+            link, at one; "payload.mass" by kg, "payload.inertia" by kg m^2.
+
+    Raises:
+        InputError: an argument has the wrong shape or value, or a parameter cannot be had.
+
+    By parameters the modal coordinates are held, not the nodal ones: chained over steps that is the
+    derivative of the whole run as ``simulate`` computes it, from links that start straight. Complex
+    perturbation of the same kernels that step; (D.15).
+    """
+    where = "step_jacobian"
+    h = float(check_array(where, "step", step, ()))
+    if h <= 0.0:
+        raise InputError(Problem(where, "step", "be greater than 0", shown(step)))
+    state = [check_array(where, n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
+    held = check_array(where, "torque", torque, (arm.joints,))
+    stepper = _Stepper(arm, _tableau_rows(where, method), h)
+    x, tau = np.concatenate(state), arm.padded_torque(held)
+    exact = arm.assembly.constants
+    columns = []
+    for place in range(2 * arm.dof):
+        columns.append(stepper.take(x + _unit(place, x.size), tau, exact).imag / STEP)
+    inputs = []
+    for joint in range(arm.joints):
+        perturbed = arm.padded_torque(held + _unit(joint, arm.joints))
+        inputs.append(stepper.take(x, perturbed, exact).imag / STEP)
+    named = {}
+    for parameter in parameters:
+        by = constants_by(arm, where, parameter)
+        moved = ArmConstants(*(c + 1j * STEP * d for c, d in zip(exact, by, strict=True)))
+        named[parameter] = stepper.take(x, tau, moved).imag / STEP
+    after = stepper.take(x, tau, exact).real
+    return StepJacobian(
+        after[: arm.dof],
+        after[arm.dof :],
+        np.stack(columns, axis=1),
+        np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0)),
+        named,
+    )
+
+
+class _Stepper:
+    """Takes steps with complex numbers."""
+
+    def __init__(self, arm: Arm, rows: FloatArray, h: float) -> None:
+        self.arm, self.rows, self.h = arm, rows, h
+        constants = arm.assembly.constants
+        self.sizes = run_time_sizes(constants)
+        self.work, self.loads = new_workspace(constants, complex), no_loads(constants)
+        n, m = constants.S.shape
+        self.stages = np.zeros((len(rows) - 1, 2, n, 1 + m), dtype=complex)
+        self.new = np.zeros((2, n, 1 + m), dtype=complex)
+
+    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
+        """Return [q, qd] (2 dof,) after the step, complex."""
+        # One number type for all, so that one compilation serves.
+        whole = ArmConstants(*(array.astype(complex) for array in constants))
+        state = self.arm.padded(x.reshape(2, -1)).astype(complex)
+        held_torque_step(
+            self.sizes,
+            whole,
+            self.rows,
+            self.h,
+            state,
+            torque.astype(complex),
+            self.loads,
+            self.work,
+            self.stages,
+            self.new,
+        )
+        return self.arm.unpadded(self.new).ravel()
+
+
+def _tableau_rows(where: str, method: str) -> FloatArray:
+    explicit = {
+        name: kind for name, kind in INTEGRATORS.items() if issubclass(kind, ExplicitRungeKutta)
+    }
+    if method not in explicit:
+        rule = f"be one of {', '.join(map(repr, explicit))}"
+        raise InputError(Problem(where, "method", rule, shown(method)))
+    tableau = explicit[method]().tableau
+    s = tableau.stages
+    return np.ascontiguousarray(tableau.A[: s + 1, : s + 1])
+
+
+def _unit(place: int, size: int) -> FloatArray:
+    """An imaginary step in one direction."""
+    unit = np.zeros(size, dtype=complex)
+    unit[place] = 1j * STEP
+    return unit

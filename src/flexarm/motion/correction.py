@@ -1,0 +1,80 @@
+"""Rigid torques and a spline that corrects them for the links' flexibility."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from flexarm.motion.rigid_torques import RigidTorque
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from flexarm.motion.motion import Motion
+
+    Floats = NDArray[np.float64]
+
+DEGREE = 3
+#: Coefficients at each end that are held, so that value and slope are those outside.
+_HELD = 2
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedTorque:
+    """The rigid torque of a motion plus a cubic spline; call it with the time.
+
+    Attributes:
+        rigid: torque of the rigid arm.
+        knots: (N + 7,) s, with threefold ends besides.
+        coefficients: (N + 3, joints) N m; before and after the knots the first and the last hold.
+    """
+
+    #: ``simulate`` may ask for many times in one call.
+    vectorized: ClassVar[bool] = True
+
+    rigid: RigidTorque
+    knots: Floats
+    coefficients: Floats
+
+    @property
+    def motion(self) -> Motion:
+        """The motion that is followed."""
+        return self.rigid.motion
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.rigid.joints
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) where the torque or its slope may jump, and the spline's ends."""
+        return tuple(sorted({*self.rigid.breaks, float(self.knots[0]), float(self.knots[-1])}))
+
+    def __call__(self, t: ArrayLike) -> Floats:
+        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
+        inside = np.clip(np.asarray(t, dtype=np.float64), self.knots[0], self.knots[-1])
+        added: Floats = BSpline(self.knots, self.coefficients, DEGREE)(inside)
+        return self.rigid(t) + added
+
+
+def spline_knots(start: float, end: float, spacing: float) -> Floats:
+    """Return evenly spaced knots, threefold at the ends besides."""
+    count = max(int(np.ceil((end - start) / spacing)), 2 * _HELD)
+    inner = np.linspace(start, end, count + 1)
+    return np.concatenate([[start] * DEGREE, inner, [end] * DEGREE])
+
+
+def spline_values(knots: Floats, t: Floats) -> Floats:
+    """Values (T, N + 3) of all B-splines at times (T,)."""
+    inside = np.clip(t, knots[0], knots[-1])
+    values: Floats = BSpline.design_matrix(inside, knots, DEGREE).toarray()
+    return values
+
+
+def free_coefficients(knots: Floats) -> slice:
+    """Those that may change while value and slope at the ends stay."""
+    return slice(_HELD, len(knots) - DEGREE - 1 - _HELD)

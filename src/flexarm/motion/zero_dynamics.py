@@ -1,0 +1,95 @@
+"""Rest with the tip in place, and how the links can move while the tip is held there.
+
+With the tip given, the links still move: the zero dynamics. For torques at joints and a tip at
+the other end of flexible links it has parts that grow as fast as others decay, so neither forward
+nor backward integration in time is stable; their rates say how long torques must act before the tip
+moves and after it has stopped; (D.10), (D.11).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.linalg import eigvals, null_space
+
+from flexarm.errors import InputError, Problem
+from flexarm.motion.dynamics_along import dynamics_along
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm.motion.tip_constraint import TipConstraint
+
+    Floats = NDArray[np.float64]
+
+#: Real parts below this part of an eigenvalue's size are rounding about zero.
+_NEUTRAL = 1e-6
+_NEWTON_STEPS = 30
+
+
+class RestEnd(NamedTuple):
+    """The state of rest at one end of a motion, with the tip in place.
+
+    Attributes:
+        q: (dof,) coordinates; links sag under gravity.
+        torque: (joints,) N m that holds them.
+        zeros: eigenvalues of the zero dynamics, 1/s, slowest first.
+    """
+
+    q: Floats
+    torque: Floats
+    zeros: NDArray[np.complex128]
+
+    @property
+    def growth(self) -> float:
+        """Slowest rate at which a part of the zero dynamics grows, 1/s; infinite if none does."""
+        return float(np.min(self._real[self._real > 0.0], initial=np.inf))
+
+    @property
+    def decay(self) -> float:
+        """Slowest rate at which a part decays, 1/s; infinite if none does."""
+        return float(np.min(-self._real[self._real < 0.0], initial=np.inf))
+
+    @property
+    def _real(self) -> Floats:
+        real = self.zeros.real
+        return np.where(np.abs(real) > _NEUTRAL * np.abs(self.zeros), real, 0.0)
+
+
+def rest_end(constraint: TipConstraint, t: float) -> RestEnd:
+    """Find the state of rest at a time at which the motion rests.
+
+    Raises:
+        InputError: the arm does not come to rest with its tip there.
+    """
+    arm = constraint.arm
+    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    q = _rest(constraint, t, elastic)
+    still = np.zeros((1, arm.dof))
+    along = dynamics_along(arm, q[None], still, still)
+    free = null_space(constraint.misses(np.array([t]), q[None], along)[1][0])
+    K, D, M = (along.force_by[0, elastic, level] @ free for level in range(3))
+    none, one = np.zeros_like(M), np.eye(len(M))
+    values = eigvals(np.block([[none, one], [-K, -D]]), np.block([[one, none], [none, M]]))
+    values = values[np.isfinite(values)]
+    zeros = values[np.argsort(np.abs(values))]
+    return RestEnd(q, along.force[0, arm.joint_index], zeros)
+
+
+def _rest(constraint: TipConstraint, t: float, elastic: NDArray[np.intp]) -> Floats:
+    """Newton's method for links in equilibrium and the tip in place."""
+    arm, motion = constraint.arm, constraint.motion
+    q = arm.rest(motion.joint_angle(t))
+    still = np.zeros((1, arm.dof))
+    for _ in range(_NEWTON_STEPS):
+        along = dynamics_along(arm, q[None], still, still)
+        value, by = constraint.misses(np.array([t]), q[None], along)
+        missing = np.concatenate([along.force[0, elastic], value[0]])
+        matrix = np.concatenate([along.force_by[0, elastic, 0], by[0]])
+        step = np.linalg.solve(matrix, -missing)
+        q = q + step
+        if np.max(np.abs(step)) < 1e-11 * (1.0 + np.max(np.abs(q))):
+            return q
+    rule = "start and end where the arm can rest with its tip in place"
+    raise InputError(Problem("tip_inversion", "motion", rule, f"not at t = {t:.6g} s"))

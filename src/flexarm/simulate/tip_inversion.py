@@ -1,0 +1,259 @@
+"""Torques that make the tip of a flexible arm follow a path: stable, non-causal inversion.
+
+Theory page "separation", sections 4 and 5. The torques begin before the tip moves and end after it
+has stopped: the links must be bent when the tip sets off, and unbent when it has come to rest.
+
+References:
+    E. Bayo, J. Robotic Systems 4 (1987) 63-75: one link, in the frequency domain.
+    S. Devasia, D. Chen and B. Paden, IEEE Trans. Automatic Control 41 (1996) 930-942.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import FlexarmError, InputError, Problem, SimulationError, check_array, shown
+from flexarm.linear import modes
+from flexarm.linear.along import check_motion
+from flexarm.linear.response import torque_response
+from flexarm.motion import Motion, gauss, rigid_torque
+from flexarm.motion.correction import (
+    CorrectedTorque,
+    free_coefficients,
+    spline_knots,
+    spline_values,
+)
+from flexarm.motion.dynamics_along import dynamics_along
+from flexarm.motion.tip_constraint import TipConstraint
+from flexarm.motion.zero_dynamics import RestEnd, rest_end
+from flexarm.simulate.run import simulate
+
+#: What is left of the bending, as a part of that at the start of the motion, where torques begin.
+_LEFT = 1e-6
+#: Longest time before and after a motion, as a multiple of its duration.
+_LONGEST = 5.0
+#: Knots of the torque and samples of the tip in a period of the slowest vibration.
+_KNOTS, _SAMPLES = 12.0, 64.0
+#: Torques that hardly move the tip are damped as if they moved it by this part of all together.
+#: Where a step fails, more so.
+_DAMPING, _MOST_DAMPING = 1e-5, 0.1
+_STEPS = 12
+
+
+class InversionError(FlexarmError, RuntimeError):
+    """No torque was found that keeps the tip on its path.
+
+    Attributes:
+        tip_error: largest distance from the path that was reached, m.
+    """
+
+    def __init__(self, tip_error: float, reason: str) -> None:
+        super().__init__(tip_error, reason)
+        self.tip_error = tip_error
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return f"the tip comes within {self.tip_error:.3g} m of its path, not closer: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class TipInversion:
+    """The torques that make the tip of a flexible arm follow a path.
+
+    Attributes:
+        torque: function of time: (joints,) N m, for ``simulate``.
+        start, end: when they depart from those that hold the arm at rest, s.
+        initial: (dof,) coordinates at rest before ``start``.
+        pre_actuation, post_actuation: how long they act before and after the motion, s.
+        tip_error: largest distance of the tip from the path in the last run, m.
+        rigid_tip_error: the same under rigid torques.
+        zeros: eigenvalues of the motion that is left to the links with the tip held at its start,
+            1/s: those in the right half-plane make it non-minimum phase.
+    """
+
+    arm: Arm
+    motion: Motion
+    torque: CorrectedTorque
+    start: float
+    end: float
+    initial: FloatArray
+    tip_error: float
+    rigid_tip_error: float
+    zeros: FloatArray
+
+    @property
+    def pre_actuation(self) -> float:
+        """How long the torques act before the tip moves, s."""
+        return self.motion.start_time - self.start
+
+    @property
+    def post_actuation(self) -> float:
+        """How long they act after the tip has stopped, s."""
+        return self.end - self.motion.end_time
+
+
+def tip_inversion(
+    arm: Arm,
+    motion: Motion,
+    *,
+    pre_actuation: float | None = None,
+    post_actuation: float | None = None,
+    reduction: float = 2e-3,
+) -> TipInversion:
+    """Find the torques that make the tip of a flexible arm follow the tip of the rigid one.
+
+    Args:
+        arm: the arm, with links that bend.
+        motion: rest to rest, of the rigid arm; it must start late enough for what comes before it,
+            ``pre_actuation``. Arms of three joints and more have some to spare: all but the two
+            that move the tip best follow it too. The tip of a single link is kept in the
+            direction of the rigid one.
+        pre_actuation, post_actuation: s; by default until a millionth of the bending is left.
+        reduction: stop when the tip's largest error is this part of that under rigid torques.
+
+    Raises:
+        InputError: the motion starts too early, leaves the joints no hold on the tip, or an
+            argument has the wrong value.
+        InversionError: the error cannot be reduced to a hundredth, or to ``reduction`` if that is
+            more.
+
+    Levenberg-Marquardt on the full nonlinear model: each step runs ``simulate`` and
+    corrects the torque, all of it at once, by the response of the arm along that run; (D.12) to
+    (D.14).
+    """
+    where = "tip_inversion"
+    check_motion(where, arm, motion)
+    wanted = _positive(where, "reduction", reduction)
+    if arm.dof == arm.joints:
+        hint = "Its torques are fa.rigid_torque(arm, motion)."
+        raise InputError(Problem(where, "arm", "have a link that bends", "rigid", hint))
+    constraint = TipConstraint(arm, motion)
+    constraint.check()
+    first, last = rest_end(constraint, motion.start_time), rest_end(constraint, motion.end_time)
+    before = _span(where, "pre_actuation", pre_actuation, first.growth, motion.duration)
+    after = _span(where, "post_actuation", post_actuation, last.decay, motion.duration)
+    if motion.start_time < before:
+        rule = f"start at {before:.6g} s or later: the torques begin that long before it"
+        hint = "Give start_time where the motion is made, or a shorter pre_actuation."
+        problem = Problem(where, "motion", rule, f"starts at {motion.start_time:.6g} s", hint)
+        raise InputError(problem)
+    start, end = motion.start_time - before, motion.end_time + after
+    search = _Search(constraint, first, last, start, end)
+    error, torque = search.run(wanted)
+    rigid = search.errors[0]
+    if error > max(wanted, 1e-2) * rigid:
+        raise InversionError(error, f"under rigid torques it is within {rigid:.3g} m.")
+    return TipInversion(
+        arm, motion, torque, start, end, first.q, error, rigid, np.asarray(first.zeros)
+    )
+
+
+class _Judged(NamedTuple):
+    """A torque, the run that it gives, and by how much the tip misses its path there."""
+
+    torque: CorrectedTorque
+    error: float  # m, the largest
+    times: FloatArray
+    q: FloatArray
+    qd: FloatArray
+    missed: FloatArray  # (T, n) m
+    rows: FloatArray  # (T, n, dof)
+
+
+class _Search:
+    """Runs, errors and corrections."""
+
+    def __init__(
+        self, constraint: TipConstraint, first: RestEnd, last: RestEnd, start: float, end: float
+    ) -> None:
+        self.constraint, self.first = constraint, first
+        arm = self.arm = constraint.arm
+        frequency = modes(arm, constraint.motion.joint_angle(0.0), joints="free").frequency_hz
+        self.period = 1.0 / float(np.min(frequency[frequency > 0.0]))
+        rigid = rigid_torque(arm, constraint.motion)
+        knots = spline_knots(start, end, self.period / _KNOTS)
+        ends = [first.torque - rigid(start - 1.0), last.torque - rigid(end + 1.0)]
+        share = np.clip(np.linspace(-0.2, 1.2, len(knots) - 4), 0.0, 1.0)[:, None]
+        self.torque = CorrectedTorque(rigid, knots, (1.0 - share) * ends[0] + share * ends[1])
+        # One period more: what vibrates then was not brought to rest.
+        self.duration = end + self.period
+        self.rate = np.ceil(_SAMPLES / self.period)
+        self.errors: list[float] = []
+
+    def run(self, reduction: float) -> tuple[float, CorrectedTorque]:
+        """Correct until the error is small enough, or no longer falls."""
+        damping = _DAMPING
+        best = self._judged(self.torque)
+        self.errors.append(best.error)
+        gram, gradient = self._linear(best)
+        while best.error > reduction * self.errors[0] and damping <= _MOST_DAMPING:
+            damped = gram + damping**2 * np.trace(gram) * np.eye(len(gram))
+            change = solve(damped, -gradient, assume_a="pos").reshape(-1, self.arm.joints)
+            coefficients = best.torque.coefficients.copy()
+            coefficients[free_coefficients(best.torque.knots)] += change
+            try:
+                trial = self._judged(replace(best.torque, coefficients=coefficients))
+            except SimulationError:
+                damping *= 10.0
+                continue
+            if trial.error >= best.error:
+                damping *= 10.0
+                continue
+            stalled = damping == _DAMPING and trial.error > 0.9 * best.error
+            damping = max(0.1 * damping, _DAMPING)
+            best = trial
+            self.errors.append(best.error)
+            if stalled or len(self.errors) > _STEPS:
+                break
+            gram, gradient = self._linear(best)
+        return best.error, best.torque
+
+    def _judged(self, torque: CorrectedTorque) -> _Judged:
+        """Run the arm under a torque, and see what its tip misses."""
+        result = simulate(
+            self.arm,
+            self.duration,
+            torque=torque,
+            initial=self.first.q,
+            rate=self.rate,
+            progress=False,
+        )
+        times, q, qd = result.time.values, result.q.values, result.qd.values
+        along = dynamics_along(self.arm, q, qd, np.zeros_like(q))
+        missed, rows = self.constraint.misses(times, q, along)
+        error = float(np.max(np.linalg.norm(missed, axis=1)))
+        return _Judged(torque, error, times, q, qd, missed, rows)
+
+    def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
+        """Squared response to the free coefficients (p, p), and the gradient of the error (p,)."""
+        knots = run.torque.knots
+        stages = gauss.stage_times(run.times)
+        shapes = spline_values(knots, stages.ravel())[:, free_coefficients(knots)]
+        response = torque_response(
+            self.arm, run.times, run.q, run.qd, shapes.reshape(*stages.shape, -1), run.rows
+        )
+        matrix = response.reshape(run.missed.size, -1)
+        return matrix.T @ matrix, matrix.T @ run.missed.ravel()
+
+
+def _span(where: str, name: str, given: float | None, slowest: float, duration: float) -> float:
+    if given is None:
+        shortest = 1e-3 * duration
+        return float(np.clip(-np.log(_LEFT) / slowest, shortest, _LONGEST * duration))
+    span = float(check_array(where, name, given, ()))
+    if span <= 0.0:
+        raise InputError(Problem(where, name, "be greater than 0 s", shown(given)))
+    return span
+
+
+def _positive(where: str, name: str, value: object) -> float:
+    number = float(check_array(where, name, value, ()))
+    if number <= 0.0:
+        raise InputError(Problem(where, name, "be greater than 0", shown(value)))
+    return number

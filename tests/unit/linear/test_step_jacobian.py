@@ -1,0 +1,130 @@
+"""Jacobians of one step against differences of high order, by state, torque and every parameter."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+STEP = 2e-3
+#: Truncation of a difference of order 8, steps chosen for it.
+CLOSE = 1e-9
+#: Rounding of one step, which stiff modes and the weights of the method of order 8 (up to 40) raise
+#: ten-thousandfold, over the difference's step.
+ROUNDING = 1e-12 / STEP
+_WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+
+
+def difference(function, step=STEP):
+    """Central difference of order 8 at zero."""
+    return sum(w * (function(k * step) - function(-k * step)) for k, w in _WEIGHTS.items()) / step
+
+
+def an_arm(theory="linear", length=1.0, mass=1.0, rigidity=1.0, payload=0.4, inertia=0.02, **more):
+    rod = {"flexural_rigidity": 60.0, "mass_per_length": 0.7}
+    changed = {"flexural_rigidity": 60.0 * rigidity, "mass_per_length": 0.7 * mass}
+    links = [
+        fa.Link(
+            length=1.2, elements=2, damping=fa.RayleighDamping(stiffness_coefficient=1e-4), **rod
+        ),
+        fa.Link(
+            length=0.9 * length, elements=2, damping=fa.ModalDamping(ratio=0.02), **changed, **more
+        ),
+    ]
+    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05, mass=0.3, damping=0.2)]
+    cargo = fa.Payload(mass=payload, inertia=inertia, offset=(0.05, 0.1))
+    return fa.Arm(links=links, joints=joints, payload=cargo, theory=theory, gravity=(0.0, -9.81))
+
+
+def a_state(arm):
+    rng = np.random.default_rng(5)
+    # The second-order mass matrix is near to singular where links bend far (theory page "link").
+    size = 0.05 if arm.spec.theory == "linear" else 0.005
+    return size * rng.standard_normal((2, arm.dof)), np.array([3.0, -1.0])
+
+
+H = 5e-4
+
+
+def stepped(arm, x, torque, method="rk4"):
+    q, qd = x
+    after = fa.step_jacobian(arm, q, qd, torque, H, method=method)
+    return np.concatenate([after.q, after.qd])
+
+
+def assert_close(exact, wanted, after, size=1.0):
+    rounding = ROUNDING / size * np.max(np.abs([after.q, after.qd]))
+    allowed = CLOSE * np.max(np.abs(wanted)) + rounding
+    np.testing.assert_allclose(exact, wanted, rtol=0, atol=allowed)
+    assert allowed < 1e-4 * np.max(np.abs(wanted))  # the check means something
+
+
+@pytest.mark.parametrize("method", ["rk4", "dormand_prince_8"])
+def test_by_state_and_torque(method):
+    arm = an_arm("second_order")
+    x, torque = a_state(arm)
+    found = fa.step_jacobian(arm, *x, torque, H, method=method)
+    for place in range(0, 2 * arm.dof, 3):
+        unit = np.eye(2 * arm.dof)[place].reshape(2, -1)
+        wanted = difference(lambda s, u=0.05 * unit: stepped(arm, x + s * u, torque, method)) / 0.05
+        assert_close(found.state[:, place], wanted, found, size=0.05)
+    for joint in range(2):
+        unit = np.eye(2)[joint]
+        wanted = (
+            difference(lambda s, u=unit: stepped(arm, x, torque + 100.0 * s * u, method)) / 100.0
+        )
+        assert_close(found.torque[:, joint], wanted, found, size=100.0)
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+@pytest.mark.parametrize("more", [{}, {"modes": 3}, {"segments": 2}])
+@pytest.mark.parametrize(
+    ("parameter", "field"),
+    [
+        ("link_2.length", "length"),
+        ("link_2.mass", "mass"),
+        ("link_2.rigidity", "rigidity"),
+        ("payload.mass", "payload"),
+        ("payload.inertia", "inertia"),
+    ],
+)
+def test_by_parameters(theory, more, parameter, field):
+    arm = an_arm(theory, **more)
+    x, torque = a_state(arm)
+    base = {"payload": 0.4, "inertia": 0.02}.get(field, 1.0)
+
+    def changed(s):
+        return stepped(an_arm(theory, **{field: base * (1.0 + s)}, **more), x, torque)
+
+    wanted = difference(changed) / base
+    found = fa.step_jacobian(arm, *x, torque, H, parameters=[parameter])
+    assert_close(found.parameters[parameter], wanted, found, base)
+
+
+def test_it_is_the_step_that_simulate_takes():
+    arm = an_arm()
+    (q, qd), torque = a_state(arm)
+    after = fa.step_jacobian(arm, q, qd, torque, H)
+    run = fa.simulate(
+        arm,
+        H,
+        torque=lambda t: torque,
+        initial=q,
+        initial_rate=qd,
+        integrator="rk4",
+        step=H,
+        rate=1 / H,
+    )
+    np.testing.assert_allclose(run.q.values[-1], after.q, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(run.qd.values[-1], after.qd, rtol=1e-12, atol=1e-12)
+
+
+def test_refused():
+    arm = an_arm(rotary_inertia_per_length=1e-3)
+    (q, qd), torque = a_state(arm)
+    fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_2.mass", "link_1.length"])
+    with pytest.raises(fa.InputError, match="rotary inertia"):
+        fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_2.length"])
+    with pytest.raises(fa.InputError, match=r"link_3\.mass"):
+        fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_3.mass"])
+    with pytest.raises(fa.InputError, match="method"):
+        fa.step_jacobian(arm, q, qd, torque, H, method="euler")
