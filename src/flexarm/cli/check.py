@@ -61,14 +61,16 @@ def _about_arm(arm: Arm) -> list[tuple[str, str]]:
     theory = spec.theory.replace("_", "-")
     size = f"{_count(arm.links, 'link')}, {_count(arm.dof, 'coordinate')}"
     rows = [("arm", f"{size}, {theory} theory, {gravity}")]
-    shown = zip(spec.links, arm.assembly.links, strict=True)
-    for number, (link, constants) in enumerate(shown, start=1):
+    for number, link in enumerate(spec.links, start=1):
         if number > _MOST_LINKS_SHOWN:
             rows.append(("", f"... and {arm.links - _MOST_LINKS_SHOWN} more links"))
             break
         bends = f"{_count(link.elements, 'element')}, {_count(link.coordinates, 'mode')}"
+        if link.segments > 1:
+            bends = f"{_count(link.segments, 'segment')}, {bends}"
         bends = bends if link.flexible else "rigid"
-        rows.append((f"link {number}", f"{link.length:g} m, {constants.mass:.4g} kg, {bends}"))
+        mass = sum(piece.shapes.mass for piece in arm.assembly.pieces_of(number - 1))
+        rows.append((f"link {number}", f"{link.length:g} m, {mass:.4g} kg, {bends}"))
     if spec.payload.mass or spec.payload.inertia:
         rows.append(("payload", f"{spec.payload.mass:g} kg, {spec.payload.inertia:g} kg m^2"))
     return rows

@@ -12,11 +12,13 @@ from scipy.linalg import LinAlgError, eigh, solve
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import FlexarmError, InputError, Problem, check_array
+from flexarm.linear.descent import LONGEST, descent_step, largest_turn
 from flexarm.loads import Load, place_loads, tip_load
 
 #: Residual forces below this part of the largest force present count as none.
 _RESIDUAL = 1e-11
 _NEWTON_STEPS = 30
+_DESCENT_STEPS = 300
 _SMALLEST_STEP = 1e-4
 
 
@@ -88,7 +90,9 @@ def equilibrium(
         EquilibriumError: none was found; it holds the last one along the way.
 
     Newton's method with the exact stiffness, gravity and loads growing from zero in steps that
-    adapt, so that links that sag far are followed.
+    adapt, so that links that sag far are followed. Where that ends unstable or nowhere, and with
+    free joints from the beginning, steps that go downhill look for a stable one. Friction holds
+    nothing here.
     """
     where = "equilibrium"
     if base_acceleration is not None:
@@ -104,8 +108,9 @@ def equilibrium(
     if torque is not None:
         search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
         search.unknown = np.arange(arm.dof)
-    q = search.follow(q, at_once=start is not None)
-    return search.result(q)
+    if start is not None:
+        return search.result(search.follow(q, at_once=True))
+    return search.best(q, free=torque is not None)
 
 
 class _Search:
@@ -169,7 +174,50 @@ class _Search:
                 return q
         raise LinAlgError("Newton's method does not converge")
 
-    def follow(self, q: FloatArray, at_once: bool) -> FloatArray:
+    def best(self, q: FloatArray, free: bool) -> Equilibrium:
+        """Find a stable equilibrium if there is one near, else an unstable one.
+
+        Under growing loads Newton's method keeps to the branch that begins at the straight arm;
+        downhill steps leave it where it loses its stability. Arms with free joints go downhill at
+        once: without loads nothing says where they are.
+        """
+        found, failure = None, None
+        for way in (self.descend, self.follow) if free else (self.follow, self.descend):
+            try:
+                there = self.result(way(q))
+            except EquilibriumError as error:
+                failure = failure or error
+                continue
+            if there.stable:
+                return there
+            found = found or there
+        if found is None:
+            assert failure is not None
+            raise failure
+        return found
+
+    def descend(self, q: FloatArray) -> FloatArray:
+        """Go downhill under the full load, then finish by Newton's method."""
+        arm, free, begin = self.arm, self.unknown, q
+        rest, part = np.zeros(arm.dof), np.ix_(free, free)
+        for _ in range(_DESCENT_STEPS if free.size else 0):
+            try:
+                force = self.force - arm.inverse_dynamics(q, rest, rest, loads=self.loads)
+                K, M = arm.stiffness_matrix(q, loads=self.loads), arm.mass_matrix(q)
+                step = np.zeros(arm.dof)
+                step[free], stable = descent_step(K[part], M[part], force[free])
+                turn = largest_turn(arm, step)
+                q = q + step * min(1.0, LONGEST / max(turn, 1e-300))
+                if stable and turn < 0.1 * LONGEST:
+                    near = self.newton(q, 1.0)
+                    if largest_turn(arm, near - q) < LONGEST:
+                        return near
+            except (LinAlgError, ValueError):
+                reason = "the arm buckles, swings away, or bends more than its mesh allows."
+                raise EquilibriumError(0.0, begin, reason) from None
+        raise EquilibriumError(0.0, begin, "going downhill does not come to rest.")
+
+    def follow(self, q: FloatArray, at_once: bool = False) -> FloatArray:
         """Grow the load from zero to one, or give up if the whole does not go at once."""
         done, step = 0.0, 1.0
         while done < 1.0:

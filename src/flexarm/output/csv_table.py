@@ -47,10 +47,10 @@ def _parts(result: xr.Dataset, variable: xr.DataArray) -> Iterator[tuple[str, st
 
 
 def _labels(result: xr.Dataset, dimension: str) -> list[object]:
-    """Axes and coordinates have names; joints, links and gauges are counted from 1."""
+    """Gauges and stations are counted from 1; joints and links have numbers, the rest names."""
     values = result[dimension].values
-    named = dimension in ("axis", "coordinate")
-    return list(values) if named else list(range(1, values.size + 1))
+    counted = dimension in ("gauge", "station")
+    return list(range(1, values.size + 1)) if counted else list(values)
 
 
 def _write(result: xr.Dataset, path: Path) -> None:

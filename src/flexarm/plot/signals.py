@@ -66,7 +66,9 @@ def draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:
     scale, unit = readable_unit(channel.unit, result[name].values)
     values = scale * result[name].values
     (part,) = channel.dims
-    names = [f"{part} {number}" for number in range(1, values.shape[1] + 1)]
+    # Joints and links have numbers; gauges have names that are too long for a legend.
+    numbers = result[part].values if part in ("joint", "link") else range(1, values.shape[1] + 1)
+    names = [f"{part} {number}" for number in numbers]
     for line, label, color in zip(values.T, names, series_colors(len(names)), strict=True):
         axes.plot(result["time"].values, line, color=color, linewidth=1.0, label=label)
     title = name.replace("_", " ").capitalize()
