@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import flexarm as fa
-from flexarm.model import ArmSpec, Friction, Joint, JointLimits, Link
+from flexarm.model import ArmSpec, Friction, Joint, JointLimits, Link, RayleighDamping
 from oracles.chain import cut
 from random_arms import MODERATE, NodalState, decide, maybe, random_bending, random_spec
 
@@ -97,8 +97,10 @@ def in_segments(rng: np.random.Generator, link: Link, reduced: bool) -> Link:
     mesh = int(rng.integers(1, 4 if count < 3 else 2))
     modes = int(rng.integers(1, 2 * mesh + 1)) if reduced else None
     damping = link.damping
-    if getattr(damping, "kind", None) == "modal" and isinstance(damping.ratio, tuple):
-        damping = damping.replace(ratio=damping.ratio[0])  # segments have fewer modes
+    if damping is not None and count > 1:  # the only one that segments take
+        damping = RayleighDamping(stiffness_coefficient=float(rng.uniform(0, 1e-3)))
+    elif getattr(damping, "kind", None) == "modal" and isinstance(damping.ratio, tuple):
+        damping = damping.replace(ratio=damping.ratio[0])  # there may be fewer modes
     return link.replace(segments=count, elements=count * mesh, modes=modes, damping=damping)
 
 

@@ -14,7 +14,7 @@ from flexarm.dynamics import Dynamics
 from flexarm.errors import check_result
 from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
-from flexarm.loads import Load, place_loads, tip_load
+from flexarm.loads import Load, acting_loads, place_loads
 from flexarm.model import ArmSpec, load_arm_spec, save_arm_spec
 from flexarm.stations import (
     Cut,
@@ -166,7 +166,7 @@ class Arm(Dynamics):
         where = "Arm.section_forces"
         if len(self._cuts) != check_stations(where, stations):
             self._cuts = cuts_at(self, int(stations))
-        acting = [*tip_load(self, where, tip_force), *loads]
+        acting = acting_loads(self, where, tip_force, loads)
         work = self._newton_euler(where, q, qd, qdd, None, acting, base_acceleration)
         placed = place_loads(self, where, acting, base_acceleration)
         motion = self._state(where, q, qd), self.padded(np.asarray(qdd, np.float64))

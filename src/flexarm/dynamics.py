@@ -19,7 +19,7 @@ from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.newton_euler import inverse_dynamics, inverse_dynamics_many
 from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
-from flexarm.loads import Load, place_loads, tip_load
+from flexarm.loads import Load, acting_loads, place_loads
 from flexarm.model import ArmSpec
 
 
@@ -73,7 +73,7 @@ class Dynamics(Coordinates):
         state = self._state(where, q, qd)
         tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
         work = self._work()
-        acting = [*tip_load(self, where, tip_force), *loads]
+        acting = acting_loads(self, where, tip_force, loads)
         placed = place_loads(self, where, acting, base_acceleration)
         forward_dynamics(self._sizes, self.assembly.constants, state, tau, placed, work)
         return check_result(where, self.unpadded(work.acceleration), q, qd, torque)
@@ -131,7 +131,7 @@ class Dynamics(Coordinates):
         state = self._state(where, q, qd)
         acceleration = self.padded(check_array(where, "qdd", qdd, (self.dof,)))
         work = self._work()
-        acting = [*tip_load(self, where, tip_force), *loads]
+        acting = acting_loads(self, where, tip_force, loads)
         placed = place_loads(self, where, acting, base_acceleration)
         inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, placed, work)
         check_result(where, work.force, q, qd, qdd)
@@ -183,7 +183,7 @@ class Dynamics(Coordinates):
         state = self._state(where, q, None)
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         constants = self.assembly.constants
-        acting = [*tip_load(self, where, tip_force), *loads]
+        acting = acting_loads(self, where, tip_force, loads)
         if np.any(constants.gravity) or constants.joint_laws.size or acting:
             K = np.zeros((n, width, n, width))
             work = self._work(complex)
@@ -229,7 +229,7 @@ class Dynamics(Coordinates):
         where = "Arm.derivatives"
         state = self._state(where, q, qd).astype(complex)
         tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
-        acting = [*tip_load(self, where, tip_force), *loads]
+        acting = acting_loads(self, where, tip_force, loads)
         placed = place_loads(self, where, acting, base_acceleration)
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         by_state = np.zeros((n, width, 2, n, width))

@@ -120,6 +120,19 @@ def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[
     return [Load(link=arm.links, force=force[:2], moment=moment)]
 
 
+def acting_loads(
+    arm: Coordinates, where: str, tip_force: ArrayLike | None, loads: Sequence[Load]
+) -> list[Load]:
+    """Return the force on the last tip and the loads in one list.
+
+    Raises:
+        InputError: ``loads`` is no list of `Load`s.
+    """
+    if not isinstance(loads, list | tuple) or not all(isinstance(load, Load) for load in loads):
+        raise InputError(Problem(where, "loads", "be a list of Load objects", shown(loads)))
+    return [*tip_load(arm, where, tip_force), *loads]
+
+
 def place_loads(
     arm: Coordinates,
     where: str,

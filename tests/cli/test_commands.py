@@ -49,6 +49,13 @@ def test_check_says_what_it_found(good):
     assert words.endswith("ok")
 
 
+def test_check_knows_segments(good):
+    good.write_text(GOOD.replace("elements: 1", "elements: 2, segments: 2", 1))
+    outcome = invoke("check", good)
+    assert outcome.exit_code == 0
+    assert "2 segments, 2 elements, 4 modes" in " ".join(outcome.stdout.split())
+
+
 def test_check_takes_an_arm_file(good, tmp_path):
     fa.save_arm(fa.load_arm(good), tmp_path / "arm.yaml")
     outcome = invoke("check", tmp_path / "arm.yaml")

@@ -78,14 +78,16 @@ def test_energy_changes_by_motors_and_losses_alone(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_exact_derivatives_are_those_of_differences(seed):
-    b = drawn(seed)
-    exact = b.arm.derivatives(b.q, b.qd, b.torque)
+    b = busy(seed, theory=["linear", "second_order"][seed % 2])
+    acting = (b.tip_force, b.loads, b.base_acceleration)
+    exact = b.arm.derivatives(b.q, b.qd, b.torque, *acting)
     rng = np.random.default_rng(seed)
     dq, dqd = rng.normal(size=(2, b.arm.dof)) * 1e-3
     dtorque = rng.normal(size=b.arm.joints)
 
     def moved(h):
-        return b.arm.forward_dynamics(b.q + h * dq, b.qd + h * dqd, b.torque + h * dtorque)
+        state = b.q + h * dq, b.qd + h * dqd
+        return b.arm.forward_dynamics(*state, b.torque + h * dtorque, *acting)
 
     wanted = exact.q @ dq + exact.qd @ dqd + exact.torque @ dtorque
     errors = []

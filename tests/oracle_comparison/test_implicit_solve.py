@@ -1,7 +1,7 @@
 """The recursion with a diagonal added to the mass matrix, against dense algebra: (R.27), (R.28)."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
@@ -69,6 +69,7 @@ def test_solves_the_dense_equations(seed, reduced, largest):
 def test_solves_them_with_every_option(seed, reduced):
     """Segments on fixed joints, friction, stops, springs, shear: nothing of it is in the way."""
     d = busy(seed, reduced=reduced)
+    assume(d.arm.dof > 0)  # all joints fixed, all links rigid
     rng = np.random.default_rng(seed)
     added = random_diagonal(rng, d.arm.dof, 1e6)
     force = rng.normal(size=d.arm.dof)

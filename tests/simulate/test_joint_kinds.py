@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.output.csv_table import columns
+from flexarm.plot.signals import signals_figure
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 LENGTH, INERTIA = 0.8, 0.5 * 0.8**3 / 3  # of a rigid bar of 0.5 kg/m about its end
@@ -217,6 +219,19 @@ def test_a_scenario_counts_the_joints_that_turn(tmp_path):
     asked = [0.2, 0.5]
     ends = result.joint_angle.sel(joint=3).values[[0, -1]]
     np.testing.assert_allclose(ends, asked, rtol=0, atol=1e-7)
+
+
+def test_tables_and_plots_keep_the_numbers_of_joints(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(SCENARIO)
+    result = fa.run_scenario(path)
+    names = columns(result)
+    assert "joint_angle_3 [rad]" in names
+    assert "joint_angle_2 [rad]" not in names
+    legends = [axes.get_legend() for axes in signals_figure(result).axes]
+    said = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
+    assert "joint 3" in said
+    assert "joint 2" not in said
 
 
 @pytest.mark.parametrize(

@@ -88,8 +88,8 @@ def test_breaks_are_landed_on():
     """A jump of acceleration: the joint turns by exactly the area under it."""
     arm = two_links().rigid()
     given = fa.PrescribedAngle(
-        lambda t: 0.0,
-        lambda t: 0.0,
+        lambda t: 4.0 * np.clip(t - 0.2, 0.0, 0.5) ** 2 + 4.0 * max(t - 0.7, 0.0),
+        lambda t: 8.0 * np.clip(t - 0.2, 0.0, 0.5),
         lambda t: 8.0 if 0.2 <= t < 0.7 else 0.0,
         breaks=(0.2, 0.7),
     )
@@ -122,3 +122,30 @@ def test_not_beside_a_controller():
         fa.simulate(
             arm, 0.1, controller=controller, reference=motion, prescribed={1: swing(1.0, 1.0)}
         )
+
+
+def test_a_rate_that_is_not_the_derivative_is_refused():
+    """0.5 sin 3t has the rate 1.5 cos 3t."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
+    wrong = fa.PrescribedAngle(
+        lambda t: 0.5 * np.sin(3 * t), lambda t: 1.4 * np.cos(3 * t), lambda t: -4.2 * np.sin(3 * t)
+    )
+    with pytest.raises(fa.InputError, match=r"prescribed\[1\].rate must be the derivative"):
+        fa.simulate(arm, 1.0, prescribed={1: wrong})
+
+
+@pytest.mark.parametrize(
+    ("prescribed", "message"),
+    [({1: 0.3}, "be a PrescribedAngle or a motion"), ([0.3], "be a mapping of joint numbers")],
+)
+def test_what_is_no_motion_is_refused(prescribed, message):
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
+    with pytest.raises(fa.InputError, match=message):
+        fa.simulate(arm, 1.0, prescribed=prescribed)
+
+
+@pytest.mark.parametrize("loads", [fa.Load(1), None, [{"link": 1}]])
+def test_what_is_no_load_is_refused(loads):
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
+    with pytest.raises(fa.InputError, match="loads must be a list of Load objects"):
+        fa.simulate(arm, 1.0, loads=loads)

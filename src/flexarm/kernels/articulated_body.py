@@ -30,13 +30,12 @@ symbol         meaning; all in the axes of the body at hand, wrenches and accele
 
 from __future__ import annotations
 
-from typing import Any
-
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.external import apply_loads
 from flexarm.kernels.joint_law import passive_torque
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.woodbury import softened
 
 
 @merged
@@ -109,40 +108,6 @@ def implicit_dynamics(
 ) -> None:
     """``solve_implicit`` as a call of its own, for places that are not hot."""
     solve_implicit(sizes, constants, state, force, torque, loads, work)
-
-
-@merged
-def _woodbury(
-    Wxx: Any, Wxy: Any, Wyy: Any, Wxw: Any, Wyw: Any, Www: Any,
-    Nxx: Any, Nxy: Any, Nyy: Any, Nxw: Any, Nyw: Any, Nww: Any,
-) -> Any:  # fmt: skip
-    """Y = (1 + W N)^-1 W for symmetric W, N: valid for singular W. Returns six entries."""
-    axx = 1.0 + Wxx * Nxx + Wxy * Nxy + Wxw * Nxw
-    axy = Wxx * Nxy + Wxy * Nyy + Wxw * Nyw
-    axw = Wxx * Nxw + Wxy * Nyw + Wxw * Nww
-    ayx = Wxy * Nxx + Wyy * Nxy + Wyw * Nxw
-    ayy = 1.0 + Wxy * Nxy + Wyy * Nyy + Wyw * Nyw
-    ayw = Wxy * Nxw + Wyy * Nyw + Wyw * Nww
-    awx = Wxw * Nxx + Wyw * Nxy + Www * Nxw
-    awy = Wxw * Nxy + Wyw * Nyy + Www * Nyw
-    aww = 1.0 + Wxw * Nxw + Wyw * Nyw + Www * Nww
-    cxx = ayy * aww - ayw * awy
-    cxy = axw * awy - axy * aww
-    cxw = axy * ayw - axw * ayy
-    cyx = ayw * awx - ayx * aww
-    cyy = axx * aww - axw * awx
-    cyw = axw * ayx - axx * ayw
-    cwx = ayx * awy - ayy * awx
-    cwy = axy * awx - axx * awy
-    cww = axx * ayy - axy * ayx
-    d = 1.0 / (axx * cxx + axy * cyx + axw * cwx)
-    Yxx = d * (cxx * Wxx + cxy * Wxy + cxw * Wxw)
-    Yxy = d * (cxx * Wxy + cxy * Wyy + cxw * Wyw)
-    Yxw = d * (cxx * Wxw + cxy * Wyw + cxw * Www)
-    Yyy = d * (cyx * Wxy + cyy * Wyy + cyw * Wyw)
-    Yyw = d * (cyx * Wxw + cyy * Wyw + cyw * Www)
-    Yww = d * (cwx * Wxw + cwy * Wyw + cww * Www)
-    return Yxx, Yxy, Yyy, Yxw, Yyw, Yww
 
 
 @merged
@@ -244,7 +209,7 @@ def _inward(
         Tww = c.residual_tip[i, 3]
 
         # The outboard chain, softened by the modes, moved to the root.
-        Yxx, Yxy, Yyy, Yxw, Yyw, Yww = _woodbury(
+        Yxx, Yxy, Yyy, Yxw, Yyw, Yww = softened(
             Wxx, Wxy, Wyy, Wxw, Wyw, Www, Nxx, Nxy, Nyy, Nxw, Nyw, Nww
         )
         ex = zx + Nxx * kx + Nxy * ky + Nxw * kw

@@ -13,7 +13,7 @@ from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import FlexarmError, InputError, Problem, check_array
 from flexarm.linear.descent import LONGEST, descent_step, largest_turn
-from flexarm.loads import Load, place_loads, tip_load
+from flexarm.loads import Load, acting_loads, place_loads
 
 #: Residual forces below this part of the largest force present count as none.
 _RESIDUAL = 1e-11
@@ -104,7 +104,7 @@ def equilibrium(
     q = arm.rest(check_array(where, "joint_angles", angles, (arm.joints,)))
     if start is not None:
         q = check_array(where, "start", start, (arm.dof,))
-    search = _Search(arm, [*tip_load(arm, where, tip_force), *loads], q)
+    search = _Search(arm, acting_loads(arm, where, tip_force, loads), q)
     if torque is not None:
         search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
         search.unknown = np.arange(arm.dof)

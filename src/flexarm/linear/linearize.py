@@ -35,7 +35,7 @@ from flexarm.linear.signals import (
 )
 from flexarm.linear.state_space import LinearModel
 from flexarm.linear.tangent import tangent
-from flexarm.loads import Load, parts_of, place_loads, tip_load
+from flexarm.loads import Load, acting_loads, parts_of, place_loads
 from flexarm.observe import channels_of
 
 _WHERE = "linearize"
@@ -76,7 +76,7 @@ def linearize(
     if q is None and base_acceleration is not None:
         rule = "be left out where the equilibrium is asked for: the base rests there"
         raise InputError(Problem(_WHERE, "base_acceleration", rule, "given"))
-    point = _operating_point(arm, q, qd, torque, [*tip_load(arm, _WHERE, tip_force), *loads])
+    point = _operating_point(arm, q, qd, torque, acting_loads(arm, _WHERE, tip_force, loads))
     if base_acceleration is not None:
         base = check_array(_WHERE, "base_acceleration", base_acceleration, (2,))
     else:

@@ -19,7 +19,7 @@ from flexarm.linear.equilibrium import Equilibrium
 from flexarm.linear.held import Held, Joints, hold_joints
 from flexarm.linear.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.tangent import Tangent, tangent
-from flexarm.loads import Load, tip_load
+from flexarm.loads import Load, acting_loads
 
 _WHERE = "modes"
 
@@ -112,7 +112,7 @@ def modes(
     The stiffness is that of small motion about the state, held there if it is no equilibrium.
     Theory page "small motion", (S.2) to (S.5).
     """
-    acting = [*tip_load(arm, _WHERE, tip_force), *loads]
+    acting = acting_loads(arm, _WHERE, tip_force, loads)
     held = hold_joints(arm, _WHERE, joints)
     rate = float(check_array(_WHERE, "spin", spin, ()))
     place, acting = _place(arm, joint_angles, q, acting)

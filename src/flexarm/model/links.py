@@ -179,6 +179,8 @@ class Link(Record):
             yield from _table_end_faults(given.length, given.table.x[-1])
         if given.has("elements", "segments"):
             yield from _mesh_faults(given)
+        if given.has("segments", "damping") and given.segments > 1:
+            yield from _segment_damping_faults(given.damping)
         if given.has("length", "gauges"):
             for i, gauge in enumerate(given.gauges):
                 if gauge.station > given.length:
@@ -228,6 +230,18 @@ def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
     if given.has("table") and 0 in given.table.mass_per_length:
         where = ("table", "mass_per_length", given.table.mass_per_length.index(0))
         yield Fault(where, "be greater than 0", "0", hint)
+
+
+def _segment_damping_faults(damping: Damping) -> Iterator[Fault]:
+    """Yield what would mean something else for each segment than for the whole link."""
+    if damping.kind == "rayleigh" and damping.mass_coefficient == 0:
+        return
+    hint = (
+        "Ratios and mass_coefficient are about modes of the whole link, which its segments do not "
+        "have; stiffness_coefficient alone (Kelvin-Voigt) damps any cut of a link alike."
+    )
+    rule = "be rayleigh without mass_coefficient on a link in segments"
+    yield Fault(("damping",), rule, damping.kind, hint)
 
 
 def _shear_faults(given: Given) -> Iterator[Fault]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar
@@ -12,7 +13,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, LargeDeflectionWarning, Problem, check_array, shown
 from flexarm.linear import modes
 from flexarm.linear.along import check_motion
 from flexarm.motion import Motion
@@ -103,16 +104,18 @@ def flexible_torque(
     locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
-    result = simulate(
-        arm,
-        until,
-        prescribed={int(number): motion for number in arm.joint_numbers},
-        initial=arm.rest(motion.joint_angle(0.0)) if initial is None else initial,
-        rate=count / until,
-        rtol=rtol,
-        atol=1e-2 * rtol,
-        progress=False,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # told by who simulates the result
+        result = simulate(
+            arm,
+            until,
+            prescribed={int(number): motion for number in arm.joint_numbers},
+            initial=arm.rest(motion.joint_angle(0.0)) if initial is None else initial,
+            rate=count / until,
+            rtol=rtol,
+            atol=1e-2 * rtol,
+            progress=False,
+        )
     inner = [t for t in motion.breaks if 0.0 < t < until]
     edges = (0.0, *inner, until)
     samples = result.time.values, result.torque.values

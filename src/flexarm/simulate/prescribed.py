@@ -117,13 +117,17 @@ def prescribe(
     Raises:
         InputError: no such joint.
     """
+    if not isinstance(prescribed, Mapping):
+        rule = "be a mapping of joint numbers to motions"
+        raise InputError(Problem("simulate", "prescribed", rule, shown(prescribed)))
     for joint, motion in prescribed.items():
         numbers = arm.joint_numbers.tolist()
         if joint not in numbers:
             rule = f"name joints that turn: {', '.join(map(str, numbers)) or 'there is none'}"
             raise InputError(Problem("simulate", "prescribed", rule, shown(joint)))
         index = numbers.index(joint)
-        own = _of_joint(motion, index)
+        own = _of_joint(motion, index, f"prescribed[{joint}]")
+        _check_derivatives(own, f"prescribed[{joint}]", duration)
         body = arm.assembly.joint_body[index]
         state[0, body, 0], state[1, body, 0] = own.angle(0.0), own.rate(0.0)
 
@@ -160,9 +164,13 @@ def _row(
     return rows
 
 
-def _of_joint(motion: PrescribedAngle | Motion, index: int) -> PrescribedAngle:
+def _of_joint(motion: PrescribedAngle | Motion, index: int, name: str) -> PrescribedAngle:
     if isinstance(motion, PrescribedAngle):
         return motion
+    if not isinstance(motion, Motion):
+        hint = "fa.PrescribedAngle.hold(angle) locks a joint at an angle."
+        rule = "be a PrescribedAngle or a motion"
+        raise InputError(Problem("simulate", name, rule, shown(motion), hint))
 
     def part(of: Callable[[float], ArrayLike]) -> Callable[[float], float]:
         return lambda t: float(np.asarray(of(t))[index])
@@ -173,6 +181,33 @@ def _of_joint(motion: PrescribedAngle | Motion, index: int) -> PrescribedAngle:
         part(motion.joint_acceleration),
         tuple(motion.breaks),
     )
+
+
+def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None:
+    """Refuse rates and accelerations that are not the derivatives of what they belong to.
+
+    By differences over a hundred-thousandth of the run, at a few times away from breaks: they err
+    by far less than the hundredth that is let pass.
+    """
+    step = 1e-5 * duration
+    times = [
+        t
+        for t in duration * np.linspace(0.031, 0.957, 9)
+        if all(abs(t - b) > 2.0 * step for b in own.breaks)
+    ]
+    pairs = (("rate", own.angle, own.rate), ("acceleration", own.rate, own.acceleration))
+    for kind, value, slope in pairs:
+        values = [[value(t - step), value(t + step), slope(t)] for t in times]
+        if not values:
+            continue
+        before, after, said = check_array("simulate", f"{name}.{kind}", values, (-1, 3)).T
+        found = (after - before) / (2.0 * step)
+        rounding = 1e-14 * float(np.max(np.abs(before))) / step
+        if np.max(np.abs(found - said)) > 0.01 * np.max(np.abs(found)) + rounding + 1e-9:
+            worst = int(np.argmax(np.abs(found - said)))
+            rule = f"be the derivative, {found[worst]:.6g} at t = {times[worst]:.6g}"
+            problem = Problem("simulate", f"{name}.{kind}", rule, shown(float(said[worst])))
+            raise InputError(problem)
 
 
 def _replaced(history: TorqueHistory, index: int, column: TorqueHistory) -> TorqueHistory:

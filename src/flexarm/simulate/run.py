@@ -23,7 +23,7 @@ from flexarm.errors import (
 )
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
-from flexarm.loads import Load, tip_load
+from flexarm.loads import Load, acting_loads
 from flexarm.model.scenario import sample_fault
 from flexarm.simulate.choice import Choice, choose_integrator
 from flexarm.simulate.load_history import BaseAcceleration, load_history
@@ -156,7 +156,7 @@ def simulate(
             samples=np.empty((len(times), *state.shape)),
             loads=load_history(
                 simulated,
-                [*tip_load(simulated, where, tip_force), *loads],
+                acting_loads(simulated, where, tip_force, loads),
                 base_acceleration,
                 duration,
                 max(rtol * _TORQUE_SHARE, 1e-12),

@@ -10,6 +10,7 @@ References:
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,7 +19,15 @@ from scipy.linalg import solve
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import FlexarmError, InputError, Problem, SimulationError, check_array, shown
+from flexarm.errors import (
+    FlexarmError,
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
 from flexarm.linear import modes
 from flexarm.linear.along import check_motion
 from flexarm.linear.response import torque_response
@@ -216,14 +225,17 @@ class _Search:
 
     def _judged(self, torque: CorrectedTorque) -> _Judged:
         """Run the arm under a torque, and see what its tip misses."""
-        result = simulate(
-            self.arm,
-            self.duration,
-            torque=torque,
-            initial=self.first.q,
-            rate=self.rate,
-            progress=False,
-        )
+        with warnings.catch_warnings():
+            # Whoever simulates the result is told; what was tried on the way does not matter.
+            warnings.simplefilter("ignore", LargeDeflectionWarning)
+            result = simulate(
+                self.arm,
+                self.duration,
+                torque=torque,
+                initial=self.first.q,
+                rate=self.rate,
+                progress=False,
+            )
         times, q, qd = result.time.values, result.q.values, result.qd.values
         along = dynamics_along(self.arm, q, qd, np.zeros_like(q))
         missed, rows = self.constraint.misses(times, q, along)

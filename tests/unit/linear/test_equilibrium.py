@@ -159,10 +159,27 @@ class TestFreeJoints:
 
     def test_a_pendulum_stands_but_not_stably(self):
         arm = cantilever(gravity=(0.0, -9.81))
-        result = fa.equilibrium(arm, [1.5], torque=[0.0])
+        result = fa.equilibrium(arm, torque=[0.0], start=arm.rest([1.5]))
         assert arm.joint_angles(result.q)[0] == pytest.approx(np.pi / 2, abs=1e-9)
         assert not result.stable
         assert result.lowest_eigenvalue == pytest.approx(-1.5 * 9.81 / L, rel=0.01)
+
+    @pytest.mark.parametrize("begin", [3.0, 1.5, 0.2, 0.0, -1.0])
+    def test_a_pendulum_falls_to_where_it_hangs(self, begin):
+        arm = cantilever(gravity=(0.0, -9.81))
+        result = fa.equilibrium(arm, [begin], torque=[0.0])
+        assert result.stable
+        assert np.sin(arm.joint_angles(result.q)[0]) == pytest.approx(-1.0, abs=1e-9)
+        assert abs(arm.joint_angles(result.q)[0] - begin) < np.pi + 1.6  # no turns on the way
+
+    @pytest.mark.parametrize("begin", [0.0, 0.3, 3.0])
+    def test_a_joint_falls_onto_its_stop(self, begin):
+        stops = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=1e4)
+        link = fa.Link(length=L, mass_per_length=MU, flexible=False)
+        arm = fa.Arm(links=[link], joints=[fa.Joint(limits=stops)], gravity=(0.0, -9.81))
+        angle = fa.equilibrium(arm, [begin], torque=[0.0]).q[0]
+        weight = MU * L * 9.81 * L / 2
+        assert 1e4 * (-0.5 - angle) == pytest.approx(weight * np.cos(angle), rel=1e-6)
 
     def test_a_torque_holds_a_rigid_pendulum_out(self):
         arm = cantilever(gravity=(0.0, -9.81)).rigid()
@@ -243,3 +260,15 @@ class TestNone:
     def test_wrong_input(self, fields, message):
         with pytest.raises(fa.InputError, match=message):
             fa.equilibrium(cantilever(), **fields)
+
+
+@pytest.mark.parametrize(("force", "side"), [(2.7, 1e-4), (2.7, 0.01), (3.5, 0.1), (6.0, -0.1)])
+def test_a_column_bends_to_the_side_that_it_is_pushed_to(force, side):
+    """Beyond Euler's load of 2.467 the straight branch is unstable: the bent one is found."""
+    link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=8, segments=8)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(fixed=True)], theory="second_order")
+    result = fa.equilibrium(arm, tip_force=(-force, side))
+    assert result.stable
+    assert np.sign(side) * arm.tip(result.q)[1] > 0.4
+    # Without a push the straight column is all that downhill steps can find.
+    assert not fa.equilibrium(arm, tip_force=(-force, 0.0)).stable

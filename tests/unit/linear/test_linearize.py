@@ -30,7 +30,7 @@ def two_links(theory="second_order", gravity=GRAVITY, coulomb=0.2):
                 mass_per_length=1.0,
                 segments=2,
                 elements=2,
-                damping={"kind": "modal", "ratio": 0.01},
+                damping={"kind": "rayleigh", "stiffness_coefficient": 1e-3},
                 gauges=[fa.Gauge(station=0.1, distance=0.005)],
             ),
             fa.Link(length=0.7, flexural_rigidity=20.0, mass_per_length=1.0, elements=1),
