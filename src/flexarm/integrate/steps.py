@@ -30,6 +30,10 @@ CLOCK_PLACES = 5
 
 #: Steps shorter than this part of a radian of the fastest mode are cut ones: nothing moves in them.
 SHORT = 1e-3
+#: No explicit step turns the fastest mode by more radians than this, which is beyond all limits of
+#: stability. While an arm only turns, without bending, any step would pass the error control; but
+#: the polynomial between its ends multiplies the rounding of the modes by high powers of the step.
+LONGEST = 7.0
 #: A mode that turns by more radians than this in a step is not resolved by it.
 RESOLVED = 1.6
 
