@@ -117,3 +117,20 @@ def test_it_can_be_cited():
     arm = paper_arm()
     parts = fa.simulate_separated(arm, paper_line(arm, 1.0), rate=100.0)
     assert "HairerWanner1996" in fa.citation(parts)
+
+
+@pytest.mark.parametrize("name", ["added_torque", "initial_deviation", "initial_deviation_rate"])
+def test_the_quasi_static_estimate_takes_nothing_besides(name):
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
+    motion = fa.joint_motion(arm, [0.0], [0.5], 1.0)
+    given = {name: (lambda t: [0.1]) if name == "added_torque" else np.zeros(arm.dof)}
+    with pytest.raises(fa.InputError, match=f"{name} must be left out of the quasi_static"):
+        fa.simulate_separated(arm, motion, method="quasi_static", **given)
+
+
+def test_a_separation_is_saved_under_its_own_ending(tmp_path):
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
+    model = fa.linearize_along(arm, fa.joint_motion(arm, [0.0], [0.5], 1.0))
+    with pytest.raises(fa.InputError, match=r"path must end in \.npz"):
+        model.save(tmp_path / "model.mat")
+    assert list(tmp_path.iterdir()) == []

@@ -180,7 +180,13 @@ class Separation:
         return xr.Dataset(variables, coords=coordinates, attrs={"joints": self.joints})
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names."""
+        """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names.
+
+        Raises:
+            InputError: the name does not end in ``.npz``.
+        """
+        if not str(path).endswith(".npz"):
+            raise InputError(Problem("Separation.save", "path", "end in .npz", shown(str(path))))
         dataset = self.to_dataset()
         arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
         np.savez_compressed(path, **arrays)

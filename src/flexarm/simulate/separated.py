@@ -93,6 +93,14 @@ def simulate_separated(
     attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
     added = None if added_torque is None else _many(where, added_torque, arm.joints)
     if method == "quasi_static":
+        given = {
+            "added_torque": added_torque,
+            "initial_deviation": initial_deviation,
+            "initial_deviation_rate": initial_deviation_rate,
+        }
+        for name in (name for name, value in given.items() if value is not None):
+            rule = "be left out of the quasi_static estimate, which knows the reference alone"
+            raise InputError(Problem(where, name, rule, "given"))
         dq, dqd = _quasi_static(model, times, until)
     else:
         path = _converged(model, until, start, added, allowed)

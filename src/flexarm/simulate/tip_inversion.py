@@ -52,6 +52,8 @@ _KNOTS, _SAMPLES = 12.0, 64.0
 #: Torques that hardly move the tip are damped as if they moved it by this part of all together.
 #: Where a step fails, more so.
 _DAMPING, _MOST_DAMPING = 1e-5, 0.1
+#: Rigid torques that miss by more than this part of the arm's length are no yardstick.
+_MOST_RIGID = 0.05
 _STEPS = 12
 
 
@@ -124,7 +126,8 @@ def tip_inversion(
             that move the tip best follow it too. The tip of a single link is kept in the
             direction of the rigid one.
         pre_actuation, post_actuation: s; by default until a millionth of the bending is left.
-        reduction: stop when the tip's largest error is this part of that under rigid torques.
+        reduction: stop when the tip's largest error is this part of that under rigid torques, or
+            of a twentieth of the arm's length where those leave the arm to fall.
 
     Raises:
         InputError: the motion starts too early, leaves the joints no hold on the tip, or an
@@ -156,7 +159,7 @@ def tip_inversion(
     search = _Search(constraint, first, last, start, end)
     error, torque = search.run(wanted)
     rigid = search.errors[0]
-    if error > max(wanted, 1e-2) * rigid:
+    if error > max(wanted, 1e-2) * search.yardstick:
         raise InversionError(error, f"under rigid torques it is within {rigid:.3g} m.")
     return TipInversion(
         arm, motion, torque, start, end, first.q, error, rigid, np.asarray(first.zeros)
@@ -195,13 +198,18 @@ class _Search:
         self.rate = np.ceil(_SAMPLES / self.period)
         self.errors: list[float] = []
 
+    @property
+    def yardstick(self) -> float:
+        """Error (m) that reductions are counted from: an arm that falls misses by any amount."""
+        return min(self.errors[0], _MOST_RIGID * float(np.sum(self.arm.lengths)))
+
     def run(self, reduction: float) -> tuple[float, CorrectedTorque]:
         """Correct until the error is small enough, or no longer falls."""
         damping = _DAMPING
         best = self._judged(self.torque)
         self.errors.append(best.error)
         gram, gradient = self._linear(best)
-        while best.error > reduction * self.errors[0] and damping <= _MOST_DAMPING:
+        while best.error > reduction * self.yardstick and damping <= _MOST_DAMPING:
             damped = gram + damping**2 * np.trace(gram) * np.eye(len(gram))
             change = solve(damped, -gradient, assume_a="pos").reshape(-1, self.arm.joints)
             coefficients = best.torque.coefficients.copy()
