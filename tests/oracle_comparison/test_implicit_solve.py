@@ -88,8 +88,12 @@ def test_nothing_added_is_forward_dynamics(seed):
     sizes, constants, work = parts(d.arm)
     state, torque = state_array(d.arm, d.q, d.qd), d.arm.padded_torque(d.torque)
     forward_dynamics(sizes, constants, state, torque, no_loads(constants), work)
-    # The same operations in the same order; two compilations may fuse them differently.
-    np.testing.assert_allclose(x, d.arm.unpadded(work.acceleration), rtol=1e-10)
+    # The same operations in the same order; two compilations may fuse them differently, and an
+    # ill-conditioned arm multiplies what that changes.
+    M, wanted = d.arm.mass_matrix(d.q), d.arm.unpadded(work.acceleration)
+    scale = np.sqrt(np.diag(M))
+    limit = max(1e-10, 10.0 * np.finfo(float).eps * np.linalg.cond(M / np.outer(scale, scale)))
+    assert np.linalg.norm(scale * (x - wanted)) <= limit * np.linalg.norm(scale * wanted)
 
 
 def test_a_fine_mesh_keeps_its_digits():
