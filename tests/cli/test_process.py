@@ -12,7 +12,7 @@ COMMAND = [sys.executable, "-c", "from flexarm.cli.main import main; main()"]
 def run(*arguments, code=None):
     command = [sys.executable, "-c", code] if code else COMMAND
     return subprocess.run(
-        [*command, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
+        [*command, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False
     )
 
 
