@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
     from flexarm.control import Controller as Controller
+    from flexarm.control import Hardware as Hardware
+    from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
     from flexarm.control import Measurement as Measurement
+    from flexarm.control import Motors as Motors
     from flexarm.errors import FlexarmError as FlexarmError
     from flexarm.errors import InputError as InputError
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
@@ -82,7 +85,9 @@ _HOME = {
     "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
     "Gauge": "model",
+    "Hardware": "control",
     "InputError": "errors",
+    "Instrument": "control",
     "InversionError": "simulate.tip_inversion",
     "Joint": "model",
     "JointLimits": "model",
@@ -95,6 +100,7 @@ _HOME = {
     "Measurement": "control",
     "ModalDamping": "model",
     "ModelError": "errors",
+    "Motors": "control",
     "ModeTracks": "linear",
     "Modes": "linear",
     "Payload": "model",

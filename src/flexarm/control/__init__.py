@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 from flexarm.control.base import Controller, Measurement, Reference
+from flexarm.control.hardware import Hardware, Motors
+from flexarm.control.instruments import Instrument
 from flexarm.control.joint_pd import JointPD
 
 #: Every controller by the name that scenario files use.
 CONTROLLERS: dict[str, type[Controller]] = {JointPD.name: JointPD}
 
-__all__ = ["CONTROLLERS", "Controller", "JointPD", "Measurement", "Reference"]
+__all__ = [
+    "CONTROLLERS",
+    "Controller",
+    "Hardware",
+    "Instrument",
+    "JointPD",
+    "Measurement",
+    "Motors",
+    "Reference",
+]

@@ -3,28 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from flexarm.control.measurement import FloatArray, Measurement
 
-
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """What the sensors say at a sample time.
-
-    Attributes:
-        joint_angle: (joints,) relative, rad, as encoders read them.
-        joint_rate: (joints,) rad/s.
-        strain: (gauges,) at the declared gauges.
-    """
-
-    joint_angle: FloatArray
-    joint_rate: FloatArray
-    strain: FloatArray
+__all__ = ["Controller", "FloatArray", "Measurement", "Reference"]
 
 
 class Reference(Protocol):

@@ -15,6 +15,8 @@ from flexarm.simulate.channels import CHANNELS
 if TYPE_CHECKING:
     import xarray as xr
 
+    from flexarm.simulate.closed_loop import ClosedLoop
+
 
 def make_result(
     arm: Arm,
@@ -44,6 +46,27 @@ def make_result(
     dataset = xr.Dataset(variables, coords=coordinates)
     dataset.attrs = {**attributes, "arm": file_text(arm.spec)}
     return dataset
+
+
+def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
+    """Add what a closed loop tells beside the arm's own motion.
+
+    ``torque_command`` (time, joint), and with hardware for each reading ``measured_NAME`` over
+    ``tick``, the number of the sample time, with the coordinate ``tick_time`` (s).
+    """
+    dataset.attrs["controller_calls"] = len(loop.ticks)
+    dataset.attrs["controller_seconds"] = loop.seconds
+    asked = loop.asked_at(dataset["time"].values)
+    dataset["torque_command"] = (("time", "joint"), asked, _labels("torque_command"))
+    if loop.hardware is None:
+        return dataset
+    times = np.asarray(loop.ticks)
+    ticks = ("tick", times, {"units": "s", "long_name": "sample time of the controller"})
+    for name, values in loop.readings().items():
+        reading = f"measured_{name}"
+        meaning = {"long_name": f"{name} as measured"}
+        dataset[reading] = (("tick", f"{reading}_part"), values[: len(times)], meaning)
+    return dataset.assign_coords(tick_time=ticks)
 
 
 def _labels(name: str) -> dict[str, str]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control import Controller, Reference
+from flexarm.control import Controller, Hardware, Reference
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -26,12 +26,13 @@ from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
 from flexarm.model.scenario import sample_fault
 from flexarm.simulate.choice import Choice, choose_integrator
+from flexarm.simulate.closed_loop import ClosedLoop
 from flexarm.simulate.load_history import BaseAcceleration, load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.prescribed import Prescribed, prescribe
-from flexarm.simulate.result import make_result
+from flexarm.simulate.result import add_loop, make_result
 from flexarm.simulate.sections import section_channels
-from flexarm.simulate.stepping import ClosedLoop, Run, run_open_loop
+from flexarm.simulate.stepping import Run, run_open_loop
 from flexarm.simulate.tolerance import tolerance_of
 from flexarm.simulate.torque_history import (
     TorqueHistory,
@@ -62,6 +63,7 @@ def simulate(
     controller: Controller | None = None,
     reference: Reference | None = None,
     plant: Arm | None = None,
+    hardware: Hardware | None = None,
     prescribed: Prescribed | None = None,
     initial: ArrayLike | None = None,
     initial_rate: ArrayLike | None = None,
@@ -90,6 +92,8 @@ def simulate(
             ``flexarm.Controller``); instead of ``torque``.
         reference: motion for the controller; the arm starts at its beginning.
         plant: the arm that is really simulated, where it differs from ``arm``.
+        hardware: instruments and motors between controller and arm; None for exact sensors of joint
+            angles, rates and strain, and motors that give what they are asked for.
         prescribed: joints, by number from 1, that follow a given motion exactly; the result's
             torque is what that takes. Not together with a controller.
         initial: q (dof,), by default straight links at the start of the reference, or of
@@ -121,7 +125,7 @@ def simulate(
         LargeDeflectionWarning: a link has bent too far for the linear theory.
     """
     where = "simulate"
-    _check_objects(where, arm, plant, controller)
+    _check_objects(where, arm, plant, controller, hardware)
     if torque is not None and controller is not None:
         raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
     if prescribed and controller is not None:
@@ -166,7 +170,8 @@ def simulate(
             specialized=specialized,
         )
         if controller is not None:
-            result = _closed_loop(run, controller, reference, choice)
+            loop = ClosedLoop(run, controller, reference, hardware)
+            result = _closed_loop(run, loop, choice)
         else:
             history = _history(
                 where, torque, duration, rate, arm.joints, rtol, torque_interpolation
@@ -191,18 +196,16 @@ def _open_loop(run: Run, history: TorqueHistory, choice: Choice) -> xr.Dataset:
     return _result(run, history.at, choice, started)
 
 
-def _closed_loop(
-    run: Run, controller: Controller, reference: Reference | None, choice: Choice
-) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice) -> xr.Dataset:
     started = time.perf_counter()
-    loop = ClosedLoop(run, controller, reference)
     try:
         loop.execute()
     except SimulationError as error:
         if loop.ticks:
-            error.result = _result(run, loop.torque_at, choice, started, str(error))
+            result = _result(run, loop.torque_at, choice, started, str(error))
+            error.result = add_loop(result, loop)
         raise
-    return _result(run, loop.torque_at, choice, started)
+    return add_loop(_result(run, loop.torque_at, choice, started), loop)
 
 
 def _result(
@@ -236,12 +239,20 @@ def _result(
 
 
 def _check_objects(
-    where: str, arm: object, plant: object | None, controller: object | None
+    where: str,
+    arm: object,
+    plant: object | None,
+    controller: object | None,
+    hardware: object | None,
 ) -> None:
     """Refuse what is no arm or no controller before anything is asked of it."""
     for name, value in (("arm", arm), ("plant", plant)):
         if not isinstance(value, Arm) and not (name == "plant" and value is None):
             raise InputError(Problem(where, name, "be an Arm", shown(value)))
+    if hardware is not None and (not isinstance(hardware, Hardware) or controller is None):
+        rule = "be a Hardware object, and given together with a controller"
+        value = "given" if isinstance(hardware, Hardware) else shown(hardware)
+        raise InputError(Problem(where, "hardware", rule, value))
     if controller is None:
         return
     for name in ("reset", "update"):

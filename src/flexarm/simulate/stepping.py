@@ -1,4 +1,4 @@
-"""Carry a run through time: open loop, or tick by tick with a controller."""
+"""Carry a run through time."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
-from flexarm.control import Controller, Measurement, Reference
-from flexarm.errors import SimulationError, check_array
+from flexarm.errors import SimulationError
 from flexarm.integrate.base import (
     Drive,
     FloatArray,
@@ -31,7 +30,6 @@ from flexarm.kernels.layout import (
 from flexarm.observe import absolute_angles
 from flexarm.simulate.load_history import LoadHistory
 from flexarm.simulate.meter import Meter
-from flexarm.simulate.sampled_reference import sampled_reference
 from flexarm.simulate.sections import cut_systems, fill_sections
 from flexarm.simulate.torque_history import TorqueHistory, constant_torque
 from flexarm.simulate.validity import weakest_joint
@@ -44,7 +42,6 @@ _WORTH_COMPILING, _MOST_BODIES, _MOST_MODES = 60.0, 8, 16
 #: More steps than this to the end of a run or a sample time (days of computing) mean that
 #: something has gone wrong: an unstable loop turns faster and faster.
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
-_NO_GAUGES = np.zeros(0)
 #: Samples whose reactions are computed in one go: bounds the scratch memory of long runs.
 _CHUNK = 4096
 
@@ -201,67 +198,3 @@ class Run:
 def run_open_loop(run: Run, history: TorqueHistory) -> None:
     """Simulate under a given torque history."""
     run.carry_to(run.system(history), run.duration)
-
-
-class ClosedLoop:
-    """Sense, control, hold the torque, advance; again at the next sample time."""
-
-    def __init__(self, run: Run, controller: Controller, reference: Reference | None) -> None:
-        self._run = run
-        self._controller = controller
-        self._reference = sampled_reference(reference, controller.sample_time, run.duration)
-        self._bodies = run.arm.assembly.joint_body
-        self.ticks: list[float] = []
-        self.torques: list[FloatArray] = []
-
-    def execute(self) -> None:
-        """Simulate to the end.
-
-        Raises:
-            SimulationError: the integrator gave up, or the controller returned no finite torque.
-        """
-        run, arm = self._run, self._run.arm
-        coefficients = np.zeros((1, 4, arm.joints))
-        system = run.system(TorqueHistory(np.array([0.0, 1.0]), coefficients, np.zeros(0)))
-        held = system.drive.coefficients
-        sample_time = self._controller.sample_time
-        self._controller.reset()
-        tick = 0
-        while True:
-            t = tick * sample_time
-            # A last tick that is left over from rounding alone would hold no time.
-            if t >= run.duration * (1.0 - 1e-12):
-                return
-            torque = self._update(t)
-            self.ticks.append(t)
-            self.torques.append(torque)
-            held[0, 0, self._bodies] = torque
-            tick += 1
-            system = run.carry_to(system, min(tick * sample_time, run.duration))
-            if tick % 256 == 0:
-                run.meter.update(run.progress.time / run.duration)
-
-    def _update(self, t: float) -> FloatArray:
-        run, arm = self._run, self._run.arm
-        state = run.progress.state
-        measurement = Measurement(
-            joint_angle=state[0, self._bodies, 0],
-            joint_rate=state[1, self._bodies, 0],
-            strain=arm.strains(state[None])[0] if arm.gauges else _NO_GAUGES,
-        )
-        try:
-            given = self._controller.update(t, measurement, self._reference)
-        except Exception as error:
-            reason = f"the controller failed with {type(error).__name__}: {error}"
-            raise SimulationError(t, reason, "", run.state()) from error
-        try:
-            return check_array("controller", "torque", given, (arm.joints,))
-        except ValueError as error:
-            raise SimulationError(
-                t, f"the controller's answer cannot be used: {error}", "", run.state()
-            ) from None
-
-    def torque_at(self, times: FloatArray) -> FloatArray:
-        """Return the torque held at times (T,): (T, joints)."""
-        index = np.searchsorted(np.asarray(self.ticks), times * (1.0 + 1e-12), side="right") - 1
-        return np.asarray(self.torques)[np.clip(index, 0, None)]

@@ -1,0 +1,162 @@
+"""Sensors as they are: resolution, noise, bias, range, frames of their own and delay."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.linear.signals import CHANNEL_OUTPUTS, Sensor
+
+FloatArray = NDArray[np.float64]
+
+#: Channels that an instrument can read.
+SIGNALS = (*CHANNEL_OUTPUTS,)
+#: How much a time may miss a whole number of sample times by: rounding of decimal fractions.
+_GRID = 1e-9
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """One sensor, or one for each joint, link or gauge: what it reads and how well.
+
+    What it says of a value is ``clip(round_to(value + bias + noise, resolution), +-limit)``, taken
+    at its own frames, and known ``delay`` later. Until the first frame is known it says what it
+    would have said of the start.
+
+    Args:
+        signal: a channel of results ("joint_angle", "strain", "tip", "torque", ...), or a `Sensor`
+            for the position, velocity or acceleration of a point of a link.
+        name: in the measurement; None for that of the signal.
+        resolution: step that readings are rounded to, unit of the signal; 0 for none.
+        noise: standard deviation of a white, normal error, drawn afresh for each frame.
+        bias: constant error.
+        limit: largest reading, in both directions.
+        delay: s from a frame to the moment when the controller knows it.
+        sample_time: s between frames, a multiple of the controller's; None for that of the
+            controller.
+        rate_cutoff: Hz; given, the instrument also tells the rate of what it reads, by a filtered
+            difference of its readings (Tustin's rule for ``s / (1 + s / (2 pi rate_cutoff))``).
+        rate_name: of that rate in the measurement; "joint_rate" for a joint angle, else the name
+            with "_rate".
+
+    Raises:
+        InputError: an unknown signal, or a number that is negative or not finite.
+    """
+
+    signal: str | Sensor
+    name: str | None = None
+    resolution: float = 0.0
+    noise: float = 0.0
+    bias: float = 0.0
+    limit: float = math.inf
+    delay: float = 0.0
+    sample_time: float | None = None
+    rate_cutoff: float | None = None
+    rate_name: str | None = None
+
+    def __post_init__(self) -> None:
+        problems = []
+        if not isinstance(self.signal, Sensor) and self.signal not in (*SIGNALS, "contact_force"):
+            rule = "be a Sensor or one of " + ", ".join(map(repr, SIGNALS))
+            problems.append(Problem("Instrument", "signal", rule, shown(self.signal)))
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in ("signal", "name", "rate_name") or value is None:
+                continue
+            if field.name == "limit" and value == math.inf:
+                continue
+            number = float(check_array("Instrument", field.name, value, ()))
+            if field.name in ("limit", "sample_time", "rate_cutoff") and number <= 0.0:
+                problems.append(
+                    Problem("Instrument", field.name, "be greater than 0", shown(value))
+                )
+            elif field.name != "bias" and number < 0.0:
+                problems.append(Problem("Instrument", field.name, "be at least 0", shown(value)))
+        if problems:
+            raise InputError(*problems)
+
+    @property
+    def label(self) -> str:
+        """What the measurement calls its reading."""
+        if self.name is not None:
+            return self.name
+        if isinstance(self.signal, Sensor):
+            return self.signal.name or self.signal.kind
+        return self.signal
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the measurement calls its readings: the value, and the rate if it tells one."""
+        if self.rate_cutoff is None:
+            return (self.label,)
+        rate = "joint_rate" if self.label == "joint_angle" else f"{self.label}_rate"
+        return self.label, self.rate_name or rate
+
+
+class Readings:
+    """An instrument in use: frames, delays and the memory of its difference."""
+
+    def __init__(self, instrument: Instrument, tick: float, generator: np.random.Generator) -> None:
+        self._instrument = instrument
+        self._generator = generator
+        every = (instrument.sample_time or tick) / tick
+        if abs(every - round(every)) > _GRID * every:
+            rule = f"be a multiple of the controller's sample time, {tick:g} s"
+            name = f"sample_time of {instrument.label!r}"
+            raise InputError(Problem("Instrument", name, rule, shown(instrument.sample_time)))
+        self._every = round(every)
+        self._late = math.ceil(instrument.delay / tick - _GRID)
+        self._frames: deque[tuple[int, FloatArray, FloatArray | None]] = deque()
+        self._known: tuple[FloatArray, FloatArray | None] | None = None
+        self._last: FloatArray | None = None
+        self._rate: FloatArray | None = None
+        cutoff = instrument.rate_cutoff
+        if cutoff is not None:
+            lag, frame = 1.0 / (2.0 * math.pi * cutoff), self._every * tick
+            self._forget = (2.0 * lag - frame) / (2.0 * lag + frame)
+            self._per_change = 2.0 / (2.0 * lag + frame)
+
+    def wants(self, k: int) -> bool:
+        """Whether there is a frame at sample time k."""
+        return k % self._every == 0
+
+    def take(self, k: int, value: FloatArray) -> None:
+        """Take the frame of sample time k."""
+        read = self._read(value)
+        rate = self._difference(read)
+        if self._known is None:
+            self._known = read, rate
+        self._frames.append((k + self._late, read, rate))
+
+    def tell(self, k: int, values: dict[str, FloatArray]) -> None:
+        """Write what is known at sample time k; copies, which the reader may change."""
+        while self._frames and self._frames[0][0] <= k:
+            self._known = self._frames.popleft()[1:]
+        assert self._known is not None
+        for label, value in zip(self._instrument.labels, self._known, strict=False):
+            assert value is not None
+            values[label] = value.copy()
+
+    def _read(self, value: FloatArray) -> FloatArray:
+        it = self._instrument
+        read = value + it.bias
+        if it.noise > 0.0:
+            read += self._generator.normal(0.0, it.noise, read.shape)
+        if it.resolution > 0.0:
+            read = it.resolution * np.round(read / it.resolution)
+        return np.clip(read, -it.limit, it.limit) if it.limit < math.inf else read
+
+    def _difference(self, read: FloatArray) -> FloatArray | None:
+        if self._instrument.rate_cutoff is None:
+            return None
+        if self._last is None or self._rate is None:
+            self._rate = np.zeros_like(read)  # as at rest
+        else:
+            self._rate = self._forget * self._rate + self._per_change * (read - self._last)
+        self._last = read
+        return self._rate

@@ -1,0 +1,45 @@
+"""What the sensors say at one sample time, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Measurement(Mapping[str, FloatArray]):
+    """Readings by name: ``measurement.joint_angle`` and ``measurement["joint_angle"]`` alike.
+
+    Without ``hardware`` every arm gives ``joint_angle`` (joints,) rad and ``joint_rate`` (joints,)
+    rad/s, relative, and ``strain`` (gauges,). With it, what its instruments are called.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, **values: FloatArray) -> None:
+        self._values = values
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __getattr__(self, name: str) -> FloatArray:
+        try:
+            return self._values[name]
+        except KeyError:
+            given = ", ".join(self._values)
+            raise AttributeError(
+                f"no instrument measures {name!r}; measured are: {given}. Give simulate a hardware "
+                f"with an Instrument of that signal or name."
+            ) from None
+
+    def __repr__(self) -> str:
+        return f"Measurement({', '.join(f'{k}={v}' for k, v in self._values.items())})"

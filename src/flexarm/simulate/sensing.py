@@ -1,0 +1,154 @@
+"""What sensors find at a sample time: exact values of a run's state, then each instrument's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.control import Hardware, Measurement
+from flexarm.control.instruments import Instrument, Readings
+from flexarm.errors import InputError, Problem
+from flexarm.integrate.base import FloatArray, System
+from flexarm.integrate.torque import slope_at, torque_at
+from flexarm.kernels.observables import POSE_COLUMNS, poses
+from flexarm.kernels.point_motion import point_motions
+from flexarm.linear.signals import Sensor
+from flexarm.loads import Load, place_loads
+from flexarm.observe import channels_of
+
+if TYPE_CHECKING:
+    from flexarm.simulate.stepping import Run
+
+#: Value of a signal from the state (2, n, 1 + m), the system and the time.
+Reader = Callable[[FloatArray, System, float], FloatArray]
+#: Columns of the tip that ``poses`` fills.
+_TIP = {
+    "tip": slice(0, 2),
+    "tip_angle": slice(2, 3),
+    "tip_velocity": slice(3, 5),
+    "tip_angle_rate": slice(5, 6),
+}
+
+
+class ExactSensing:
+    """Sensors without error: what an arm gives to a controller unless hardware is named."""
+
+    def __init__(self, run: Run) -> None:
+        names = ["joint_angle", "joint_rate", *(["strain"] if run.arm.gauges else [])]
+        self._readers = [(name, _channel(run.arm, name)) for name in names]
+        self._none = {} if run.arm.gauges else {"strain": np.zeros(0)}
+
+    def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
+        """Return the measurement of sample time k, at t (s)."""
+        values = {name: read(state, system, t) for name, read in self._readers}
+        return Measurement(**values, **self._none)
+
+
+class InstrumentSensing:
+    """Sensors as the hardware has them."""
+
+    def __init__(self, run: Run, hardware: Hardware, tick: float) -> None:
+        assert hardware.instruments is not None
+        generator = np.random.default_rng(hardware.seed)
+        self._pairs = [
+            (Readings(item, tick, child), _reader(run, item))
+            for item, child in zip(
+                hardware.instruments, generator.spawn(len(hardware.instruments)), strict=True
+            )
+        ]
+
+    def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
+        """Return the measurement of sample time k, at t (s)."""
+        values: dict[str, FloatArray] = {}
+        for readings, read in self._pairs:
+            if readings.wants(k):
+                readings.take(k, read(state, system, t))
+            readings.tell(k, values)
+        return Measurement(**values)
+
+
+def sensing_of(
+    run: Run, hardware: Hardware | None, tick: float
+) -> ExactSensing | InstrumentSensing:
+    """Make the sensors of a run whose controller acts every ``tick`` seconds.
+
+    Raises:
+        InputError: an instrument has no place on this arm, or frames between sample times.
+    """
+    if hardware is None or hardware.instruments is None:
+        return ExactSensing(run)
+    return InstrumentSensing(run, hardware, tick)
+
+
+def _reader(run: Run, instrument: Instrument) -> Reader:
+    signal = instrument.signal
+    if isinstance(signal, Sensor):
+        return _point(run.arm, signal)
+    if signal == "contact_force":
+        rule = "measure a contact_force only where there are contacts"
+        raise InputError(Problem("Hardware", "instruments", rule, "without them"))
+    if signal == "strain" and not run.arm.gauges:
+        rule = "leave out the strain of an arm without gauges"
+        raise InputError(Problem("Hardware", "instruments", rule, "'strain'"))
+    return _channel(run.arm, signal)
+
+
+def _channel(arm: Arm, name: str) -> Reader:
+    """Read a channel; those that controllers ask for most without computing all the others."""
+    joints = arm.assembly.joint_body
+    if name in ("joint_angle", "joint_rate"):
+        level = int(name == "joint_rate")
+        return lambda state, system, t: np.asarray(state[level, joints, 0])
+    if name == "strain":
+        return lambda state, system, t: arm.strains(state[None])[0]
+    if name == "torque":
+        return lambda state, system, t: _torque(arm, system, t)
+    if name in _TIP:
+        columns, body_poses, tip = (
+            _TIP[name],
+            np.zeros((arm.assembly.bodies, POSE_COLUMNS)),
+            np.zeros(6),
+        )
+
+        def read_tip(state: FloatArray, system: System, t: float) -> FloatArray:
+            poses(system.sizes, system.constants, state, body_poses, tip)
+            return tip[columns].copy()
+
+        return read_tip
+    return lambda state, system, t: np.ravel(channels_of(arm, state[None])[name][0])
+
+
+def _torque(arm: Arm, system: System, t: float) -> FloatArray:
+    """Torque that the motors give until t."""
+    torque = np.zeros(arm.assembly.bodies)
+    torque_at(system, t, True, torque)
+    return torque[arm.assembly.joint_body]
+
+
+def _point(arm: Arm, sensor: Sensor) -> Reader:
+    """Read the motion of a point; accelerations are those under the torque up to then."""
+    places = place_loads(arm, "Sensor", [Load(sensor.link, station=sensor.station)])
+    n, shape = arm.assembly.bodies, arm.assembly.constants.S.shape
+    torque, stages = np.zeros(n), np.zeros((1, 2, n, 1 + shape[1]))
+    body_poses, tip, motion = np.zeros((n, POSE_COLUMNS)), np.zeros(6), np.zeros((1, 8))
+
+    def read(state: FloatArray, system: System, t: float) -> FloatArray:
+        slope_at(system, t, True, state, torque, stages, 0)
+        point_motions(
+            system.sizes,
+            system.constants,
+            state,
+            stages[0, 1],
+            system.drive.loads,
+            places,
+            system.work,
+            body_poses,
+            tip,
+            motion,
+        )
+        return motion[0, sensor.columns].copy()
+
+    return read
