@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from flexarm.simulate import PrescribedAngle as PrescribedAngle
     from flexarm.simulate import run_scenario as run_scenario
     from flexarm.simulate import simulate as simulate
+    from flexarm.simulate.compare import compare as compare
     from flexarm.simulate.flexible_torque import FlexibleTorque as FlexibleTorque
     from flexarm.simulate.flexible_torque import flexible_torque as flexible_torque
     from flexarm.simulate.separated import simulate_separated as simulate_separated
@@ -116,6 +117,7 @@ _HOME = {
     "Tube": "model",
     "campbell": "linear",
     "citation": "references",
+    "compare": "simulate.compare",
     "equilibrium": "linear",
     "flexible_torque": "simulate.flexible_torque",
     "joint_motion": "motion",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.feedforward import SampledFeedforward
 from flexarm.errors import InputError, Problem, check_array, shown
 
 
@@ -45,10 +46,12 @@ class JointPD(Controller):
         self.sample_time = float(sample_time)
         self.feedforward = feedforward
         self._held: FloatArray | None = None
+        self._ahead: SampledFeedforward | None = None
 
     def reset(self) -> None:
         """Forget the angles held."""
         self._held = None
+        self._ahead = None
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
@@ -61,8 +64,14 @@ class JointPD(Controller):
         torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
         torque = torque + self.derivative * (rate - measurement.joint_rate)
         if self.feedforward is not None:
-            torque = torque + np.asarray(self.feedforward(t))
+            torque = torque + self._sampled()(t)
         return torque
+
+    def _sampled(self) -> SampledFeedforward:
+        if self._ahead is None:
+            assert self.feedforward is not None
+            self._ahead = SampledFeedforward(self.feedforward, self.sample_time)
+        return self._ahead
 
 
 def _gain(name: str, value: ArrayLike) -> FloatArray:

@@ -12,6 +12,7 @@ from flexarm.model.files import load_scenario as load_scenario
 from flexarm.model.files import locate_scenario as locate_scenario
 from flexarm.model.files import save_arm_spec as save_arm_spec
 from flexarm.model.files import save_scenario as save_scenario
+from flexarm.model.hardware import HardwareSpec as HardwareSpec
 from flexarm.model.joints import Friction as Friction
 from flexarm.model.joints import Joint as Joint
 from flexarm.model.joints import JointLimits as JointLimits

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import Drive, NoDrive
+from flexarm.model.hardware import LIMITS, HardwareSpec, hardware_faults
 from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
 from flexarm.model.motions import MotionSpec
 from flexarm.model.prescribed import PrescribedJoint, prescribed_faults
@@ -93,6 +94,9 @@ class Scenario(Record):
     arm: ArmSpec = Field(description="The arm.")
     motion: MotionSpec | None = Field(default=None, description="The motion asked for.")
     drive: Drive = Field(default=NoDrive(), description="What moves the joints.")
+    hardware: HardwareSpec | None = Field(
+        default=None, description="Instruments and motors between the controller and the arm."
+    )
     prescribed: Listed[PrescribedJoint] = Field(
         default=(), description="Joints that follow a given motion, whatever torque it takes."
     )
@@ -122,12 +126,18 @@ class Scenario(Record):
             if joints and length not in (None, joints):
                 rule = f"have one value for each of the {joints} joints"
                 yield Fault(path, rule, f"{length} long")
+        if given.has("hardware") and kind not in _CONTROLLED:
+            rule = "be left out where drive is no controller"
+            yield Fault(("hardware",), rule, "given")
+        yield from hardware_faults(given)
         yield from load_faults(given)
         yield from prescribed_faults(given, turning)
 
 
 _FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")
 """Drives that follow a motion."""
+_CONTROLLED = ("joint_pd",)
+"""Drives that measure."""
 
 
 def _turning(arm: object) -> list[int]:
@@ -159,5 +169,8 @@ def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
     if look(drive, "kind") == "joint_pd":
         yield ("drive", "proportional"), look(drive, "proportional")
         yield ("drive", "derivative"), look(drive, "derivative")
+    motors = look(given.raw("hardware"), "motors")
+    for name in LIMITS:
+        yield ("hardware", "motors", name), look(motors, name)
     yield ("initial", "joint_angle"), look(initial, "joint_angle")
     yield ("initial", "joint_rate"), look(initial, "joint_rate")

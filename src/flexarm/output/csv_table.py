@@ -1,7 +1,8 @@
 """A table for spreadsheets and MATLAB: one row for each time, one column for each number.
 
 The header names every column after its channel, with the unit: ``joint_angle_1 [rad]``,
-``tip_x [m]``, ``strain_1 [1]``, ``joint_force_2_x [N]``.
+``tip_x [m]``, ``strain_1 [1]``, ``joint_force_2_x [N]``. What is not given at those times, such as
+readings of instruments, is left to NetCDF.
 """
 
 from __future__ import annotations
@@ -25,11 +26,17 @@ _ROWS_AT_ONCE = 4096  # bounds the memory of the text of long runs
 def columns(result: xr.Dataset) -> list[str]:
     """Return the header of the table of a result, time first."""
     names = ["time [s]"]
-    for name, variable in result.data_vars.items():
+    for name in _over_time(result):
+        variable = result[name]
         names += [
             f"{name}{part} [{unit}]" for part, unit in _parts(result, variable) if unit is not None
         ]
     return names
+
+
+def _over_time(result: xr.Dataset) -> list[str]:
+    """Names of what has a value at each time; what controllers measured has times of its own."""
+    return [str(name) for name, item in result.data_vars.items() if item.dims[:1] == ("time",)]
 
 
 def _parts(result: xr.Dataset, variable: xr.DataArray) -> Iterator[tuple[str, str]]:
@@ -55,7 +62,7 @@ def _labels(result: xr.Dataset, dimension: str) -> list[object]:
 
 def _write(result: xr.Dataset, path: Path) -> None:
     times = result["time"].values
-    blocks = [result[name].values.reshape(times.size, -1) for name in result.data_vars]
+    blocks = [result[name].values.reshape(times.size, -1) for name in _over_time(result)]
     table = np.column_stack([times, *blocks])
     with open(path, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")

@@ -23,6 +23,7 @@ from flexarm.model import (
 from flexarm.model.wording import Path, path_of
 from flexarm.motion import Motion, joint_motion, line_motion
 from flexarm.simulate.choice import check_integrator
+from flexarm.simulate.hardware_file import hardware_of
 from flexarm.simulate.outside import base_acceleration_of, loads_of
 from flexarm.simulate.run import simulate
 from flexarm.simulate.start import Start, feedforward, start_of
@@ -103,6 +104,9 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
         options["prescribed"] = start.prescribed
     with _told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
         _set_drive(arm, scenario, motion, start, options)
+    if scenario.hardware is not None:
+        with _told_as(place, "hardware"):
+            options["hardware"] = hardware_of(scenario.hardware)
     with _told_as(place, "run"):
         check_integrator(run.integrator, run.step, "scenario")
     return Prepared(arm, motion, options, file_text(scenario))

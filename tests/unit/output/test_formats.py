@@ -112,3 +112,19 @@ def test_a_file_of_someone_else_is_refused(tmp_path):
     xr.Dataset({"a": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
     with pytest.raises(InputError, match="must be a result that flexarm has written"):
         read_result(tmp_path / "other.nc")
+
+
+def test_readings_of_instruments_are_kept_in_netcdf_and_left_out_of_tables(tmp_path):
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
+    hardware = fa.Hardware([fa.Instrument("joint_angle", noise=1e-3, rate_cutoff=30.0)])
+    result = fa.simulate(
+        arm, 0.1, controller=fa.JointPD(3.0, 0.1, 0.01), hardware=hardware, initial=[0.2]
+    )
+    write_result(result, tmp_path / "run.nc")
+    xr.testing.assert_identical(read_result(tmp_path / "run.nc"), result)
+    write_result(result, tmp_path / "run.csv")
+    with open(tmp_path / "run.csv", newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert len(rows) == 102
+    assert "torque_command_1 [N m]" in rows[0]
+    assert not any("measured" in name for name in rows[0])

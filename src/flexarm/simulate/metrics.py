@@ -1,0 +1,90 @@
+"""How well a run did what its reference asked for, in a few numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.control import Reference
+from flexarm.integrate.base import FloatArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Metric(NamedTuple):
+    """One number of a run."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+METRICS = (
+    Metric("tip_error_rms", "m", "distance of the tip from its reference while this moves, RMS"),
+    Metric("tip_error_peak", "m", "largest distance of the tip from its reference, all the run"),
+    Metric("tip_error_settled", "m", "mean tip from its goal, after the motion"),
+    Metric("residual_vibration", "m", "largest distance of the tip from its mean, likewise"),
+    Metric("joint_error_rms", "rad", "joint angles from their reference while this moves, RMS"),
+    Metric("torque_rms", "N m", "root of the mean sum of squares of the torques"),
+    Metric("torque_peak", "N m", "largest torque of any joint"),
+    Metric("force_error_rms", "N", "normal contact force from its reference, RMS, in contact"),
+    Metric("controller_time", "s", "computing time of the controller for one sample"),
+)
+
+
+def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArray:
+    """Return where the tip is asked to be, (T, 2) m: of the rigid arm along the reference."""
+    tip = getattr(reference, "tip", None)
+    if tip is not None:
+        return np.asarray(tip(times))
+    rigid = arm.rigid()
+    angles = (np.asarray(reference.joint_angle(float(t))) for t in times)
+    return np.array([rigid.tip(rigid.rest(angle))[:2] for angle in angles])
+
+
+def metrics_of(
+    result: xr.Dataset, arm: Arm, reference: Reference, settling: float = 0.0
+) -> dict[str, float]:
+    """Return ``METRICS`` of a closed-loop result; NaN where the run or the reference has none.
+
+    Args:
+        arm: whose rigid twin the reference is for.
+        reference: with ``end_time`` (s), as motions have it, or moving to the end of the run.
+        settling: s after the end of the motion that the numbers of the time after it leave out.
+
+    The first four are relative to the tip of the rigid arm along the reference; an arm that sags
+    under gravity misses it by its sag.
+    """
+    times = result["time"].values
+    start = float(getattr(reference, "start_time", 0.0))
+    end = float(getattr(reference, "end_time", np.inf))
+    moving = (times >= start) & (times <= end)
+    after = times >= end + settling
+    tip = result["tip"].values
+    missed = tip - tip_reference(arm, reference, times)
+    distance = np.hypot(*missed.T)
+    angles = np.array([np.asarray(reference.joint_angle(float(t))) for t in times[moving]])
+    joints = result["joint_angle"].values[moving] - angles.reshape(-1, arm.joints)
+    torque = result["torque"].values
+    values = dict.fromkeys((metric.name for metric in METRICS), np.nan)
+    if moving.any():
+        values["tip_error_rms"] = _rms(distance[moving])
+        values["joint_error_rms"] = _rms(np.hypot.reduce(joints, axis=1))
+    values["tip_error_peak"] = float(distance.max())
+    if after.any():
+        values["tip_error_settled"] = float(np.hypot(*missed[after].mean(axis=0)))
+        about = tip[after] - tip[after].mean(axis=0)
+        values["residual_vibration"] = float(np.hypot(*about.T).max())
+    values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
+    values["torque_peak"] = float(abs(torque).max())
+    calls = result.attrs.get("controller_calls", 0)
+    if calls:
+        values["controller_time"] = result.attrs["controller_seconds"] / calls
+    return values
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

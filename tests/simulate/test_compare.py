@@ -1,0 +1,128 @@
+"""Numbers of runs, and tables of them."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.simulate.metrics import METRICS, metrics_of, tip_reference
+
+
+@pytest.fixture(scope="module")
+def arm():
+    link = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
+    links = [fa.Link(length=0.8, **link), fa.Link(length=0.6, **link)]
+    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+
+
+@pytest.fixture(scope="module")
+def motion(arm):
+    return fa.joint_motion(arm, [0.2, -0.4], [0.9, 0.5], 0.3, start_time=0.1)
+
+
+def gains(factor=1.0):
+    return fa.JointPD([20.0 * factor, 8.0 * factor], [2.0, 0.8])
+
+
+def test_numbers_of_a_run_made_up_with_known_ones(arm, motion):
+    """The tip misses by 3 mm in x and vibrates by 2 mm in y; joint 1 is 1 mrad behind."""
+    result = fa.simulate(arm, 0.8, rate=1000.0, controller=gains(), reference=motion).copy(
+        deep=True
+    )
+    t = result.time.values
+    vibration = 2e-3 * np.sin(2 * np.pi * 50.0 * (t - 0.4))
+    wanted = motion.tip(t)
+    result["tip"].values[:] = wanted + np.stack([np.full_like(t, 3e-3), vibration], axis=1)
+    result["joint_angle"].values[:] = motion.joint_angle(t) - [1e-3, 0.0]
+    result["torque"].values[:] = [3.0, -4.0]
+    result.attrs |= {"controller_calls": 4, "controller_seconds": 1e-5}
+    found = metrics_of(result, arm, motion)
+    assert set(found) == {metric.name for metric in METRICS}
+    # Sixteen whole periods of the sine while it moves; one sample more than they have.
+    assert found["tip_error_rms"] == pytest.approx(np.sqrt(9e-6 + 2e-6), rel=1e-2)
+    assert found["tip_error_peak"] == pytest.approx(np.hypot(3e-3, 2e-3), rel=1e-6)
+    assert found["tip_error_settled"] == pytest.approx(3e-3, rel=1e-3)
+    assert found["residual_vibration"] == pytest.approx(2e-3, rel=1e-2)
+    assert found["joint_error_rms"] == pytest.approx(1e-3, rel=1e-9)
+    assert found["torque_rms"] == pytest.approx(5.0)
+    assert found["torque_peak"] == 4.0
+    assert found["controller_time"] == pytest.approx(2.5e-6)
+    assert np.isnan(found["force_error_rms"])
+    # A second later the vibration that has been left out does not count.
+    result["tip"].values[t < 0.7, 1] += 0.1
+    late = metrics_of(result, arm, motion, settling=0.3)
+    assert late["residual_vibration"] == pytest.approx(2e-3, rel=1e-2)
+
+
+def test_any_reference_will_do(arm, motion):
+    class Plain:
+        joint_angle, joint_rate = motion.joint_angle, motion.joint_rate
+        joint_acceleration = motion.joint_acceleration
+
+    times = np.linspace(0.0, 0.5, 7)
+    np.testing.assert_allclose(
+        tip_reference(arm, Plain(), times), motion.tip(times), rtol=0, atol=1e-14
+    )
+    result = fa.simulate(
+        arm, 0.5, controller=gains(), reference=Plain(), initial=arm.rest([0.2, -0.4])
+    )
+    found = metrics_of(result, arm, Plain())
+    assert found["tip_error_rms"] > 0.0
+    assert np.isnan(found["residual_vibration"])  # nobody knows when it ends
+
+
+def test_a_table_of_every_combination(arm, motion):
+    heavy = fa.Arm(links=arm.spec.links, joints=arm.spec.joints, payload=fa.Payload(mass=0.3))
+    back = fa.joint_motion(arm, [0.9, 0.5], [0.2, -0.4], 0.3)
+    table = fa.compare(
+        arm,
+        {"soft": gains(0.5), "stiff": gains()},
+        0.6,
+        {"there": motion, "back": back},
+        {"nominal": arm, "heavy": heavy},
+        rate=200.0,
+    )
+    assert table.sizes == {"controller": 2, "plant": 2, "reference": 2}
+    for metric in METRICS:
+        assert table[metric.name].attrs == {"units": metric.unit, "long_name": metric.meaning}
+    alone = fa.simulate(arm, 0.6, controller=gains(0.5), reference=back, plant=heavy, rate=200.0)
+    one = table.sel(controller="soft", plant="heavy", reference="back")
+    for name, value in metrics_of(alone, arm, back).items():
+        if name != "controller_time":
+            assert one[name].item() == pytest.approx(value, rel=1e-12, nan_ok=True)
+    assert (table.failure == "").all()
+    assert (
+        table.tip_error_rms.sel(controller="stiff") < table.tip_error_rms.sel(controller="soft")
+    ).all()
+
+
+def test_the_same_noise_for_all_and_the_same_again(arm, motion):
+    hardware = fa.Hardware([fa.Instrument("joint_angle", noise=1e-3, rate_cutoff=50.0)], seed=5)
+    tables = [
+        fa.compare(arm, {"a": gains(), "b": gains()}, 0.5, {"move": motion}, hardware=hardware)
+        for _ in range(2)
+    ]
+    np.testing.assert_array_equal(tables[0].tip_error_rms, tables[1].tip_error_rms)
+    a, b = tables[0].tip_error_rms.values.ravel()
+    assert a == b > 0.0
+
+
+def test_a_run_that_fails_is_told_and_the_others_go_on(arm, motion):
+    class Broken(fa.Controller):
+        sample_time = 0.01
+
+        def update(self, t, measurement, reference):
+            return [np.nan, 0.0] if t > 0.1 else [0.0, 0.0]
+
+    table = fa.compare(arm, {"broken": Broken(), "pd": gains()}, 0.5, {"move": motion})
+    assert "torque[0] must be finite" in table.failure.sel(controller="broken").item()
+    assert "t = 0.11 s" in table.failure.sel(controller="broken").item()
+    assert np.isnan(table.tip_error_peak.sel(controller="broken")).all()
+    assert np.isfinite(table.tip_error_peak.sel(controller="pd")).all()
+
+
+@pytest.mark.parametrize("wrong", ["controllers", "references", "plants"])
+@pytest.mark.parametrize("value", [{}, [1, 2]])
+def test_nothing_to_compare_is_refused(arm, motion, wrong, value):
+    given = {"controllers": {"pd": gains()}, "references": {"move": motion}, "plants": None}
+    with pytest.raises(fa.InputError, match=f"{wrong} must be a dictionary by name"):
+        fa.compare(arm, duration=0.1, **{**given, wrong: value})

@@ -1,0 +1,112 @@
+"""The hardware of a scenario file: checked with its line, and the same run as in Python."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.control.instruments import SIGNALS
+from flexarm.model.hardware import CHANNEL_SIGNALS, POINT_SIGNALS, Signal
+
+ARM = """\
+flexarm: 1
+arm:
+  links:
+    - length: 0.8
+      flexural_rigidity: 40.0
+      mass_per_length: 0.5
+      elements: 1
+      gauges: [{station: 0.1, distance: 0.005}]
+    - {length: 0.6, flexural_rigidity: 25.0, mass_per_length: 0.4, elements: 1}
+  joints: [{hub_inertia: 0.05}, {hub_inertia: 0.03}]
+motion: {kind: joint, start: [0.2, -0.4], end: [0.9, 0.5], duration: 0.3}
+drive: {kind: joint_pd, proportional: [20, 8], derivative: [2, 0.8], sample_time: 0.002}
+run: {duration: 0.4, rate: 500}
+"""
+HARDWARE = """\
+hardware:
+  seed: 3
+  instruments:
+    - {signal: joint_angle, resolution: 0.0001, rate_cutoff: 80}
+    - {signal: strain, noise: 2e-6, bias: 1e-6}
+    - {signal: tip, name: camera, sample_time: 0.02, delay: 0.03}
+    - {signal: acceleration, link: 2, station: 0.3, frame: link, limit: 20}
+  motors: {torque_limit: [3, 1], delay: 0.0005, time_constant: 0.001}
+"""
+
+
+def written(tmp_path, text):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_same_run_as_in_python(tmp_path):
+    from_file = fa.run_scenario(written(tmp_path, ARM + HARDWARE))
+    arm = fa.load_arm(tmp_path / "scenario.yaml")
+    point = fa.Sensor("acceleration", 2, 0.3, "link")
+    hardware = fa.Hardware(
+        [
+            fa.Instrument("joint_angle", resolution=1e-4, rate_cutoff=80.0),
+            fa.Instrument("strain", noise=2e-6, bias=1e-6),
+            fa.Instrument("tip", name="camera", sample_time=0.02, delay=0.03),
+            fa.Instrument(point, limit=20.0),
+        ],
+        fa.Motors(torque_limit=[3.0, 1.0], delay=0.0005, time_constant=0.001),
+        seed=3,
+    )
+    by_hand = fa.simulate(
+        arm,
+        0.4,
+        controller=fa.JointPD([20.0, 8.0], [2.0, 0.8], 0.002),
+        reference=fa.joint_motion(arm, [0.2, -0.4], [0.9, 0.5], 0.3),
+        hardware=hardware,
+        rate=500.0,
+    )
+    assert set(from_file.data_vars) == set(by_hand.data_vars)
+    for name in by_hand.data_vars:
+        np.testing.assert_array_equal(from_file[name], by_hand[name])
+    assert abs(from_file.torque).max() <= 3.0
+    # And the file that the result keeps says the same again.
+    again = fa.run_scenario(written(tmp_path, from_file.attrs["scenario"]))
+    np.testing.assert_array_equal(again.q, by_hand.q)
+
+
+def test_signals_of_files_are_those_of_python():
+
+    assert set(CHANNEL_SIGNALS) == set(SIGNALS)
+    assert set(get_args(Signal)) == {*CHANNEL_SIGNALS, "contact_force", *POINT_SIGNALS}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("signal: strain", "signal: strian", "scenario.yaml:18: hardware.instruments[1].signal"),
+        ("noise: 2e-6", "noise: -1", "hardware.instruments[1].noise must be at least 0"),
+        ("name: camera", "link: 1", "link must be left out where the signal is tip"),
+        ("link: 2,", "", "link must be given for the acceleration of a point"),
+        ("link: 2,", "link: 3,", "link must be the number of a link, 1 to 2"),
+        ("station: 0.3", "station: 0.7", "station must be at most 0.6"),
+        ("name: camera", "name: strain", "name must be different from the names of the other"),
+        ("[3, 1]", "[3, 1, 2]", "torque_limit must have one value for each of the 2 joints"),
+        ("[3, 1]", "-2", "torque_limit must be greater than 0"),
+        ("delay: 0.0005", "current_limit: 2", "torque_constant must be given with a limit"),
+        ("sample_time: 0.02,", "sample_time: 0.003,", "multiple of the controller's sample time"),
+        ("seed: 3", "seed: -3", "hardware.seed must be at least 0"),
+    ],
+)
+def test_problems_are_told_with_their_place(tmp_path, old, new, words):
+    text = ARM + HARDWARE.replace(old, new)
+    assert text != ARM + HARDWARE
+    with pytest.raises(fa.InputError) as caught:
+        fa.run_scenario(written(tmp_path, text))
+    assert words in str(caught.value)
+    assert len(caught.value.problems) == 1
+
+
+def test_hardware_without_a_controller_is_refused(tmp_path):
+    drive = ARM.splitlines()[-2]
+    text = (ARM + HARDWARE).replace(drive, "drive: {kind: rigid_inverse_dynamics}")
+    with pytest.raises(fa.InputError, match="hardware must be left out where drive is no contr"):
+        fa.run_scenario(written(tmp_path, text))
