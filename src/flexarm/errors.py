@@ -42,6 +42,12 @@ def shown(value: object) -> str:
     return " ".join(text.split())
 
 
+def few(values: Any, most: int = 4) -> str:
+    """Write the first numbers of an array on one line, four digits each, as a repr shows them."""
+    first = ", ".join(f"{value + 0.0:.4g}" for value in values[:most])
+    return f"{first}, ..." if len(values) > most else first
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing wrong with an input.

@@ -85,3 +85,93 @@ def test_joints_follow_under_flexible_torque(profile):
     # The tolerance of the integration, over the run; rigid torques leave 0.05 and 0.24 rad.
     assert away < 1e-7
     assert torque(np.array([0.1, 0.2])).shape == (2, 2)
+
+
+ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 1}
+ELASTIC = fa.Joint(rotor_inertia=0.02, stiffness=400.0, hub_inertia=0.05)
+BESIDE = fa.Payload(mass=0.3, inertia=0.01, offset=(0.05, 0.1))
+LINKS = [fa.Link(length=length, **ROD) for length in (1.0, 0.9, 0.6)]
+#: Arms that differ from the paper's in one thing, and a motion of a second for each.
+OTHERS = {
+    "payload beside the tip": (
+        fa.Arm(links=LINKS[:2], payload=BESIDE),
+        [0.2, 0.9],
+        [0.7, 1.2],
+    ),
+    "elastic joints": (fa.Arm(links=LINKS[:2], joints=[ELASTIC] * 2), [0.2, 0.9], [0.7, 1.2]),
+    "three joints": (fa.Arm(links=LINKS), [0.2, 0.6, 0.6], [0.8, 0.9, 0.5]),
+    "last joint fixed": (
+        fa.Arm(links=LINKS, joints=[fa.Joint(), fa.Joint(), fa.Joint(fixed=True, rest_angle=0.3)]),
+        [0.2, 0.9],
+        [0.7, 1.2],
+    ),
+    "middle joint fixed": (
+        fa.Arm(links=LINKS, joints=[fa.Joint(), fa.Joint(fixed=True, rest_angle=0.3), fa.Joint()]),
+        [0.2, 0.9],
+        [0.5, 1.1],
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # under rigid torques
+@pytest.mark.parametrize("name", OTHERS)
+def test_tip_error_of_other_arms(name):
+    """The full model under the torque, run afresh: a hundredth at most, as the issue asks of two.
+
+    Measured: payload 1800, elastic joints 2600, three joints 730, fixed joints 980 and 1200 times.
+    """
+    arm, start, end = OTHERS[name]
+    motion = fa.joint_motion(arm, start, end, 1.0, start_time=0.4)
+    found = fa.tip_inversion(arm, motion)
+    until = found.end
+    rigid = tip_error(arm, motion, fa.rigid_torque(arm, motion), found.initial, until)
+    own = tip_error(arm, motion, found.torque, found.initial, until)
+    assert own < rigid / 400.0
+    # Its own figures are of a longer run, and at the usual tolerance: that is off by 1e-6 of the
+    # arm's length or two.
+    assert found.tip_error == pytest.approx(own, rel=0.3, abs=5e-6)
+    assert found.rigid_tip_error >= rigid * (1.0 - 1e-3)
+
+
+def test_what_three_joints_have_to_spare_follows_the_motion():
+    """The joint that the tip can best do without goes as the rigid arm's, up to the same part."""
+    arm, start, end = OTHERS["three joints"]
+    motion = fa.joint_motion(arm, start, end, 1.0, start_time=0.4)
+    found = fa.tip_inversion(arm, motion)
+    run = fa.simulate(arm, found.end, torque=found.torque, initial=found.initial)
+    away = np.abs(run.joint_angle.values - motion.joint_angle(run.time.values)).max(axis=0)
+    assert away[2] < 14e-3 / 300.0  # 14 mrad under rigid torques
+    assert min(away[0], away[1]) > 1e-2  # these two keep the tip where it belongs
+
+
+def test_zeros_behind_the_springs_of_joints_are_those_of_the_arm_behind_them():
+    """A spring and a rotor of no gear pass on what the motor gives: zeros are the links' own.
+
+    The spring's damper adds one zero, -k / c, for each joint. The pairs at infinity are left out.
+    """
+    stiff = fa.Arm(links=LINKS[:2], joints=[fa.Joint(hub_inertia=0.05)] * 2)
+    motion = fa.joint_motion(stiff, [0.2, 0.9], [0.7, 1.2], 1.0, start_time=0.4)
+
+    def zeros(joint):
+        arm = fa.Arm(links=LINKS[:2], joints=[joint] * 2)
+        return np.sort_complex(fa.tip_inversion(arm, motion, reduction=0.5).zeros)
+
+    wanted = zeros(fa.Joint(hub_inertia=0.05))
+    assert len(wanted) == 8
+    # Double precision leaves six digits beside a fourfold eigenvalue at infinity.
+    np.testing.assert_allclose(zeros(ELASTIC), wanted, rtol=1e-5, atol=1e-3)
+    damped = zeros(ELASTIC.replace(damping=0.5))
+    # A double eigenvalue, known to the root of those digits.
+    np.testing.assert_allclose(damped[np.abs(damped + 800.0) < 1.0], [-800.0] * 2, rtol=1e-3)
+    left = damped[np.abs(damped + 800.0) >= 1.0]
+    np.testing.assert_allclose(np.sort_complex(left), wanted, rtol=1e-5, atol=1e-3)
+
+
+def test_a_rigid_link_behind_a_spring_has_no_zeros():
+    """Its tip held, the spring is held: nothing can move but at infinity."""
+    link = fa.Link(length=1.0, flexible=False, mass_per_length=0.6)
+    arm = fa.Arm(links=[link], joints=[ELASTIC])
+    motion = fa.joint_motion(arm, [0.0], [0.5], 1.0, start_time=0.4)
+    found = fa.tip_inversion(arm, motion)
+    assert found.zeros.size == 0
+    assert tip_error(arm, motion, found.torque, found.initial, 1.6) < 1e-3

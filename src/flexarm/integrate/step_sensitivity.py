@@ -1,4 +1,4 @@
-"""One step of an explicit Runge-Kutta method, exact in its derivatives by complex perturbation.
+"""One step of a Runge-Kutta method, exact in its derivatives by complex perturbation.
 
 Every number may be complex: the state, the torque, the constants of the arm. A perturbation of
 1e-30 i in one of them carries its derivative through all stages in the imaginary part.
@@ -6,6 +6,11 @@ Every number may be complex: the state, the torque, the constants of the arm. A 
 
 from __future__ import annotations
 
+import numpy as np
+
+from flexarm.integrate.additive import SOFTENED, additive_step
+from flexarm.integrate.base import System
+from flexarm.integrate.torque import slope_at
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
@@ -44,3 +49,21 @@ def held_torque_step(
                 for j in range(1 + len(sizes.modes)):
                     stages[k, 0, i, j] = new[1, i, j]
                     stages[k, 1, i, j] = work.acceleration[i, j]
+
+
+@compiled
+def held_torque_additive_step(
+    system: System, softened: ArmConstants, AE: Array, AI: Array, c: Array, h: float,
+    state: Array, new: Array, known: Array, added: Array, force: Array, torque: Array,
+    stages: Array, clock: Array,
+) -> None:  # fmt: skip
+    """The same with a method that is implicit in bending: ``additive_step`` after the first slope.
+
+    ``system.drive`` holds the torque; the other arguments are those of ``additive_step``, whose
+    ``smooth`` is the new state.
+    """
+    clock[SOFTENED] = -1.0  # the constants may have changed since the last call
+    slope_at(system, 0.0, bool(np.bool_(False)), state, torque, stages, int(np.int64(0)))
+    additive_step(
+        system, softened, AE, AI, c, 0.0, h, state, new, known, added, force, torque, stages, clock
+    )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -73,6 +74,16 @@ class Separation:
     kept: NDArray[np.intp]
     reference: Reference
     deviation: Deviation
+
+    def __repr__(self) -> str:
+        samples = f"{self.time.size} samples"
+        if self.time.size:
+            samples += f" from {self.time[0]:.4g} to {self.time[-1]:.4g} s"
+        inputs = self._inputs.shape[1]
+        return (
+            f"<flexarm.Separation: {2 * self.kept.size} states, {inputs} inputs, joints "
+            f"{self.joints}, {samples}>"
+        )
 
     @property
     def time(self) -> FloatArray:
@@ -182,14 +193,21 @@ class Separation:
     def save(self, path: str | PathLike[str]) -> None:
         """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names.
 
+        Missing folders are made.
+
         Raises:
-            InputError: the name does not end in ``.npz``.
+            InputError: the name does not end in ``.npz``, or the file cannot be written.
         """
         if not str(path).endswith(".npz"):
             raise InputError(Problem("Separation.save", "path", "end in .npz", shown(str(path))))
         dataset = self.to_dataset()
         arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
-        np.savez_compressed(path, **arrays)
+        try:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            np.savez_compressed(path, **arrays)
+        except OSError as error:
+            reason = f"not: {error.strerror or error}"
+            raise InputError(Problem(str(path), "the file", "be writable", reason)) from None
 
     def _torque_names(self) -> list[str]:
         return [f"torque_{number}" for number in self.arm.joint_numbers]

@@ -11,7 +11,7 @@ from scipy.linalg import LinAlgError, eigh, solve
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import FlexarmError, InputError, Problem, check_array
+from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
 from flexarm.linear.descent import LONGEST, descent_step, largest_turn
 from flexarm.loads import Load, acting_loads, place_loads
 
@@ -61,6 +61,12 @@ class Equilibrium:
     stable: bool
     lowest_eigenvalue: float
     loads: tuple[Load, ...] = ()
+
+    def __repr__(self) -> str:
+        stable = "stable" if self.stable else "unstable"
+        held = f", held by {few(self.torque)} N m" if self.torque.size else ""
+        loads = f", {len(self.loads)} loads" if self.loads else ""
+        return f"<flexarm.Equilibrium: {self.q.size} coordinates, {stable}{held}{loads}>"
 
 
 def equilibrium(

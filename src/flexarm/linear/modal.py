@@ -12,7 +12,7 @@ from scipy.linalg import LinAlgError, cholesky
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array
+from flexarm.errors import InputError, Problem, check_array, few
 from flexarm.linear.curves import displacements
 from flexarm.linear.eigen import damped, undamped
 from flexarm.linear.equilibrium import Equilibrium
@@ -51,6 +51,11 @@ class Modes:
     q: FloatArray
     spin: float
     arm: Arm = field(repr=False)
+
+    def __repr__(self) -> str:
+        about = f", spinning at {self.spin:g} rad/s" if self.spin else ""
+        frequencies = f": {few(self.frequency_hz)} Hz" if self.frequency_hz.size else ""
+        return f"<flexarm.Modes: {self.frequency_hz.size}{about}{frequencies}>"
 
     @property
     def damped_frequency_hz(self) -> FloatArray:
@@ -175,7 +180,7 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> 
     ratio = np.where(frequency > 0.0, found.ratio, np.nan)
     return Modes(
         frequency_hz=frequency[order] / (2.0 * np.pi),
-        damping_ratio=ratio[order],
+        damping_ratio=ratio[order] + 0.0,  # no minus before a zero
         squared_frequency=squared[order],
         shapes=shapes[order],
         eigenvalues=found.eigenvalues[order],

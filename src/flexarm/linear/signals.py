@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, shown
-from flexarm.loads import Load
+from flexarm.loads import SAME_PLACE, Load
 
 KINDS = ("position", "velocity", "acceleration")
 _AXES = ("x", "y")
@@ -31,7 +31,8 @@ class Sensor:
         name: of the outputs; None for one made of the others.
 
     Raises:
-        InputError: an unknown kind or frame, or a frame that the kind does not have.
+        InputError: an unknown kind or frame, a frame that the kind does not have, a link that is no
+            number, or a station that is none or negative.
     """
 
     kind: str
@@ -51,6 +52,12 @@ class Sensor:
         elif self.frame == "link" and self.kind != "acceleration":
             rule = "be 'world' but for accelerations"
             problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
+        if not isinstance(self.link, int | np.integer) or self.link < 1:
+            rule = "be the number of a link, 1 or more"
+            problems.append(Problem("Sensor", "link", rule, shown(self.link)))
+        if self.station is not None and not _is_length(self.station):
+            rule = "be a distance from the link's root in m, or None for its tip"
+            problems.append(Problem("Sensor", "station", rule, shown(self.station)))
         if problems:
             raise InputError(*problems)
 
@@ -179,6 +186,7 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName]) -> list[Output]:
     found = []
     for item in _listed(wanted):
         if isinstance(item, Sensor):
+            _check_place(arm, item)
             found.append(Output(tuple(item.labels()), item.unit, sensor=item))
             continue
         if item not in CHANNEL_OUTPUTS:
@@ -194,12 +202,31 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName]) -> list[Output]:
     return found
 
 
+def _check_place(arm: Arm, sensor: Sensor) -> None:
+    """Refuse a sensor that is not on the arm."""
+    if sensor.link > arm.links:
+        rule = f"be the number of a link, 1 to {arm.links}"
+        raise InputError(Problem("linearize", "Sensor.link", rule, shown(sensor.link)))
+    length = arm.spec.links[sensor.link - 1].length
+    if sensor.station is not None and sensor.station > length * (1.0 + SAME_PLACE):
+        rule = f"lie within the link, whose length is {length:g}"
+        raise InputError(Problem("linearize", "Sensor.station", rule, shown(sensor.station)))
+
+
+def _is_length(value: object) -> bool:
+    """Tell whether a value is a finite number, zero or more."""
+    return isinstance(value, int | float | np.number) and 0.0 <= float(value) < np.inf
+
+
 def _listed(wanted: object) -> list[object]:
     """Take one name for a list of one."""
     pair = isinstance(wanted, tuple) and len(wanted) == 2 and isinstance(wanted[1], Load)
     if isinstance(wanted, (str, Load, Sensor)) or pair:
         return [wanted]
-    return list(wanted)  # type: ignore[call-overload, no-any-return]
+    if not isinstance(wanted, Iterable):
+        rule = "be names, Loads or Sensors"
+        raise InputError(Problem("linearize", "inputs and outputs", rule, shown(wanted)))
+    return list(wanted)
 
 
 def _check_names(which: str, names: list[str]) -> None:

@@ -11,11 +11,9 @@ from numpy.typing import ArrayLike
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.integrate import INTEGRATORS
-from flexarm.integrate.runge_kutta import ExplicitRungeKutta
-from flexarm.integrate.step_sensitivity import held_torque_step
-from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
+from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.sensitivity import STEP
+from flexarm.linear.complex_step import stepper_of
 from flexarm.linear.parameters import constants_by
 
 
@@ -36,6 +34,10 @@ class StepJacobian:
     torque: FloatArray
     parameters: dict[str, FloatArray]
 
+    def __repr__(self) -> str:
+        by = [f"{self.state.shape[1]} states", f"{self.torque.shape[1]} torques", *self.parameters]
+        return f"<flexarm.StepJacobian: {self.state.shape[0]} states by {', '.join(by)}>"
+
 
 def step_jacobian(
     arm: Arm,
@@ -47,20 +49,21 @@ def step_jacobian(
     method: str = "rk4",
     parameters: Sequence[str] = (),
 ) -> StepJacobian:
-    """Take one step of an explicit integrator and differentiate it.
+    """Take one step of an integrator and differentiate it.
 
     Args:
         arm: the arm.
         q, qd: (dof,) before the step.
         torque: (joints,) N m, held over the step.
         step: s.
-        method: an explicit method of ``flexarm.integrate.INTEGRATORS``; one with step control takes
-            this step as it is.
+        method: a one-step method of ``flexarm.integrate.INTEGRATORS``, explicit or implicit in
+            bending; one with step control takes this step as it is.
         parameters: "link_1.length", "link_1.mass", "link_1.rigidity": by a factor on the whole
             link, at one; "payload.mass" by kg, "payload.inertia" by kg m^2.
 
     Raises:
-        InputError: an argument has the wrong shape or value, or a parameter cannot be had.
+        InputError: an argument has the wrong shape or value, a multistep method, or a parameter
+            that cannot be had.
 
     By parameters the modal coordinates are held, not the nodal ones: chained over steps that is the
     derivative of the whole run as ``simulate`` computes it, from links that start straight. Complex
@@ -72,7 +75,7 @@ def step_jacobian(
         raise InputError(Problem(where, "step", "be greater than 0", shown(step)))
     state = [check_array(where, n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
     held = check_array(where, "torque", torque, (arm.joints,))
-    stepper = _Stepper(arm, _tableau_rows(where, method), h)
+    stepper = stepper_of(where, arm, method, h)
     x, tau = np.concatenate(state), arm.padded_torque(held)
     exact = arm.assembly.constants
     columns = []
@@ -95,50 +98,6 @@ def step_jacobian(
         np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0)),
         named,
     )
-
-
-class _Stepper:
-    """Takes steps with complex numbers."""
-
-    def __init__(self, arm: Arm, rows: FloatArray, h: float) -> None:
-        self.arm, self.rows, self.h = arm, rows, h
-        constants = arm.assembly.constants
-        self.sizes = run_time_sizes(constants)
-        self.work, self.loads = new_workspace(constants, complex), no_loads(constants)
-        n, m = constants.S.shape
-        self.stages = np.zeros((len(rows) - 1, 2, n, 1 + m), dtype=complex)
-        self.new = np.zeros((2, n, 1 + m), dtype=complex)
-
-    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
-        """Return [q, qd] (2 dof,) after the step, complex."""
-        # One number type for all, so that one compilation serves.
-        whole = ArmConstants(*(array.astype(complex) for array in constants))
-        state = self.arm.padded(x.reshape(2, -1)).astype(complex)
-        held_torque_step(
-            self.sizes,
-            whole,
-            self.rows,
-            self.h,
-            state,
-            torque.astype(complex),
-            self.loads,
-            self.work,
-            self.stages,
-            self.new,
-        )
-        return self.arm.unpadded(self.new).ravel()
-
-
-def _tableau_rows(where: str, method: str) -> FloatArray:
-    explicit = {
-        name: kind for name, kind in INTEGRATORS.items() if issubclass(kind, ExplicitRungeKutta)
-    }
-    if method not in explicit:
-        rule = f"be one of {', '.join(map(repr, explicit))}"
-        raise InputError(Problem(where, "method", rule, shown(method)))
-    tableau = explicit[method]().tableau
-    s = tableau.stages
-    return np.ascontiguousarray(tableau.A[: s + 1, : s + 1])
 
 
 def _unit(place: int, size: int) -> FloatArray:

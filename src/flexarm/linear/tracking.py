@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, Protocol
 
@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, few, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.held import Joints
 from flexarm.linear.modal import Modes, modes
@@ -55,10 +55,18 @@ class ModeTracks:
     parameter_unit: str
     frequency_hz: FloatArray
     damping_ratio: FloatArray
-    eigenvalues: NDArray[Any] = field(repr=False)
-    shapes: NDArray[Any] = field(repr=False)
-    similarity: FloatArray = field(repr=False)
+    eigenvalues: NDArray[Any]
+    shapes: NDArray[Any]
+    similarity: FloatArray
     references: ClassVar[str] = "AllemangBrown1982 SquireTrapp1998"
+
+    def __repr__(self) -> str:
+        ends = f"{self.parameter[0]:.4g} to {self.parameter[-1]:.4g} {self.parameter_unit}".strip()
+        samples, modes = self.frequency_hz.shape
+        return (
+            f"<flexarm.ModeTracks: {modes} modes at {samples} samples, {self.parameter_name} {ends}, "
+            f"from {few(self.frequency_hz[0])} Hz>"
+        )
 
 
 def track_modes(

@@ -78,7 +78,8 @@ def locate_scenario(path: AnyPath) -> tuple[Scenario, Callable[[Path], str]]:
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
     """Write an arm file; `load_arm_spec` reads it back equal.
 
-    Values equal to their defaults are left out. The file appears complete or not at all.
+    Values equal to their defaults are left out. The file appears complete or not at all; missing
+    folders are made.
 
     Raises:
         ModelError: the file cannot be written.
@@ -244,6 +245,7 @@ def _write(file: FilePath, text: str) -> None:
     beside = target.with_name(f".{target.name}.{os.urandom(4).hex()}.tmp")
     try:
         try:
+            target.parent.mkdir(parents=True, exist_ok=True)
             with open(beside, "x", encoding="utf-8", newline="\n") as stream:
                 stream.write(text)
                 stream.flush()

@@ -39,6 +39,12 @@ class CorrectedTorque:
     knots: Floats
     coefficients: Floats
 
+    def __repr__(self) -> str:
+        return (
+            f"<flexarm.CorrectedTorque: {self.joints} joints, rigid torque and a spline of "
+            f"{len(self.coefficients)} coefficients each>"
+        )
+
     @property
     def motion(self) -> Motion:
         """The motion that is followed."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flexarm.errors import InputError, Problem, shown
 from flexarm.linear import LinearModel
 from flexarm.output.places import AnyPath, check_place, write_text, write_whole
 
@@ -22,9 +23,15 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
     operating point, and the names and units of states, inputs and outputs. In MATLAB
     ``load model.mat; sys = ss(A, B, C, D)``; the names are cell arrays.
 
+    Missing folders are made, as by all that saves.
+
     Raises:
-        InputError: unknown suffix, or a path that cannot be written.
+        InputError: no linear model, an unknown suffix, or a path that cannot be written.
     """
+    if not isinstance(model, LinearModel):
+        hint = "fa.linearize makes one."
+        rule = "be a LinearModel"
+        raise InputError(Problem("save_linear", "model", rule, shown(model), hint))
     place = check_place("save_linear", "path", path, MODEL_SUFFIXES)
     if place.suffix.lower() == ".json":
         write_text(json.dumps(_plain(model.arrays()), indent=1) + "\n", place)

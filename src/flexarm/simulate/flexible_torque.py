@@ -46,6 +46,9 @@ class FlexibleTorque:
     _splines: tuple[BSpline, ...]  # between two breaks each
     _edges: tuple[float, ...]
 
+    def __repr__(self) -> str:
+        return f"<flexarm.FlexibleTorque: {self.joints} joints, up to {self.end:g} s>"
+
     @property
     def breaks(self) -> tuple[float, ...]:
         """Times (s) where the torque or a derivative of it may jump."""

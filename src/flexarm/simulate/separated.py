@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from itertools import pairwise
@@ -14,13 +15,21 @@ from scipy.interpolate import CubicSpline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.errors import (
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
 from flexarm.linear import modes
 from flexarm.linear.along import Separation, linearize_along
 from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
 from flexarm.linear.smooth import SmoothMatrices
 from flexarm.motion import Motion, gauss, rigid_torque
 from flexarm.simulate.result import make_result
+from flexarm.simulate.validity import too_far_deviated
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,6 +78,9 @@ def simulate_separated(
     Raises:
         InputError: an argument has the wrong shape or value.
         SimulationError: the deviations cannot be followed to ``rtol``.
+
+    Warns:
+        LargeDeflectionWarning: a link has bent by more than a tenth of its length.
 
     Theory page "separation", (D.5) to (D.7).
     """
@@ -122,7 +134,11 @@ def simulate_separated(
     qd[:, model.kept] += dqd
     attributes["wall_seconds"] = time.perf_counter() - started
     states = arm.padded(np.stack([q, qd], axis=1))
-    return make_result(arm, times, states, {"torque": torque}, attributes)
+    attributes["warning"] = too_far_deviated(arm, states)
+    result = make_result(arm, times, states, {"torque": torque}, attributes)
+    if result.attrs["warning"]:
+        warnings.warn(result.attrs["warning"], LargeDeflectionWarning, stacklevel=2)
+    return result
 
 
 def _converged(

@@ -50,8 +50,8 @@ _LONGEST = 5.0
 #: Knots of the torque and samples of the tip in a period of the slowest vibration.
 _KNOTS, _SAMPLES = 12.0, 64.0
 #: Torques that hardly move the tip are damped as if they moved it by this part of all together.
-#: Where a step fails, more so.
-_DAMPING, _MOST_DAMPING = 1e-5, 0.1
+#: After a step that helps less so, down to the least; where one fails, more so.
+_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 1e-7, 0.1
 #: Rigid torques that miss by more than this part of the arm's length are no yardstick.
 _MOST_RIGID = 0.05
 _STEPS = 12
@@ -97,6 +97,13 @@ class TipInversion:
     tip_error: float
     rigid_tip_error: float
     zeros: FloatArray
+
+    def __repr__(self) -> str:
+        return (
+            f"<flexarm.TipInversion: {self.torque.joints} torques from {self.start:.4g} to "
+            f"{self.end:.4g} s, tip within {self.tip_error:.2g} m of its path "
+            f"({self.rigid_tip_error:.2g} m under rigid torques)>"
+        )
 
     @property
     def pre_actuation(self) -> float:
@@ -157,20 +164,21 @@ def tip_inversion(
         raise InputError(problem)
     start, end = motion.start_time - before, motion.end_time + after
     search = _Search(constraint, first, last, start, end)
-    error, torque = search.run(wanted)
-    rigid = search.errors[0]
-    if error > max(wanted, 1e-2) * search.yardstick:
-        raise InversionError(error, f"under rigid torques it is within {rigid:.3g} m.")
+    found, rigid = search.run(wanted)
+    if found.tip > max(wanted, 1e-2) * search.yardstick(rigid.tip):
+        raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
+    zeros = np.asarray(first.zeros)
     return TipInversion(
-        arm, motion, torque, start, end, first.q, error, rigid, np.asarray(first.zeros)
+        arm, motion, found.torque, start, end, first.q, found.tip, rigid.tip, zeros
     )
 
 
 class _Judged(NamedTuple):
-    """A torque, the run that it gives, and by how much the tip misses its path there."""
+    """A torque, the run that it gives, and by how much the conditions are missed there."""
 
     torque: CorrectedTorque
-    error: float  # m, the largest
+    error: float  # m, the largest of all conditions together
+    tip: float  # m, of the tip alone
     times: FloatArray
     q: FloatArray
     qd: FloatArray
@@ -196,20 +204,21 @@ class _Search:
         # One period more: what vibrates then was not brought to rest.
         self.duration = end + self.period
         self.rate = np.ceil(_SAMPLES / self.period)
-        self.errors: list[float] = []
 
-    @property
-    def yardstick(self) -> float:
+    def yardstick(self, rigid: float) -> float:
         """Error (m) that reductions are counted from: an arm that falls misses by any amount."""
-        return min(self.errors[0], _MOST_RIGID * float(np.sum(self.arm.lengths)))
+        return min(rigid, _MOST_RIGID * float(np.sum(self.arm.lengths)))
 
-    def run(self, reduction: float) -> tuple[float, CorrectedTorque]:
-        """Correct until the error is small enough, or no longer falls."""
-        damping = _DAMPING
-        best = self._judged(self.torque)
-        self.errors.append(best.error)
+    def run(self, reduction: float) -> tuple[_Judged, _Judged]:
+        """Correct until the errors are small enough, or no longer fall; what was found, and rigid.
+
+        The tip alone must be close enough, and all conditions together.
+        """
+        damping, steps = _DAMPING, 0
+        best = rigid = self._judged(self.torque)
+        allowed = [reduction * self.yardstick(error) for error in (rigid.tip, rigid.error)]
         gram, gradient = self._linear(best)
-        while best.error > reduction * self.yardstick and damping <= _MOST_DAMPING:
+        while (best.tip > allowed[0] or best.error > allowed[1]) and damping <= _MOST_DAMPING:
             damped = gram + damping**2 * np.trace(gram) * np.eye(len(gram))
             change = solve(damped, -gradient, assume_a="pos").reshape(-1, self.arm.joints)
             coefficients = best.torque.coefficients.copy()
@@ -222,14 +231,13 @@ class _Search:
             if trial.error >= best.error:
                 damping *= 10.0
                 continue
-            stalled = damping == _DAMPING and trial.error > 0.9 * best.error
-            damping = max(0.1 * damping, _DAMPING)
-            best = trial
-            self.errors.append(best.error)
-            if stalled or len(self.errors) > _STEPS:
+            stalled = damping == _LEAST_DAMPING and trial.error > 0.9 * best.error
+            damping = max(0.1 * damping, _LEAST_DAMPING)
+            best, steps = trial, steps + 1
+            if stalled or steps == _STEPS:
                 break
             gram, gradient = self._linear(best)
-        return best.error, best.torque
+        return best, rigid
 
     def _judged(self, torque: CorrectedTorque) -> _Judged:
         """Run the arm under a torque, and see what its tip misses."""
@@ -248,7 +256,8 @@ class _Search:
         along = dynamics_along(self.arm, q, qd, np.zeros_like(q))
         missed, rows = self.constraint.misses(times, q, along)
         error = float(np.max(np.linalg.norm(missed, axis=1)))
-        return _Judged(torque, error, times, q, qd, missed, rows)
+        tip = float(np.max(np.linalg.norm(missed[:, :2], axis=1)))
+        return _Judged(torque, error, tip, times, q, qd, missed, rows)
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
         """Squared response to the free coefficients (p, p), and the gradient of the error (p,)."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.assemble import Piece
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
@@ -30,8 +31,36 @@ def too_far_bent(arm: Arm, states: FloatArray) -> str:
     Args:
         states: (samples, 2, n, 1 + m).
     """
-    if arm.spec.theory != "linear" or not len(states):
+    found = _furthest_bent(arm, states) if arm.spec.theory == "linear" else None
+    if found is None:
         return ""
+    fact, piece = found
+    more = "or more segments" if arm.spec.links[piece.link].segments > 1 else "and segments=2 to 4"
+    return (
+        f"{fact}: the linear theory takes that for small. Use "
+        f"theory='second_order' {more} on that link; see docs/how-to/large-deflection.md."
+    )
+
+
+def too_far_deviated(arm: Arm, states: FloatArray) -> str:
+    """Say which link has bent too far for linear deviations, which know no other theory.
+
+    Args:
+        states: (samples, 2, n, 1 + m).
+    """
+    found = _furthest_bent(arm, states)
+    if found is None:
+        return ""
+    return (
+        f"{found[0]}: linear deviations take that for small. fa.simulate follows the whole motion, "
+        "with theory='second_order' where links bend that far; see docs/how-to/large-deflection.md."
+    )
+
+
+def _furthest_bent(arm: Arm, states: FloatArray) -> tuple[str, Piece] | None:
+    """Tell the piece that bends furthest for its length, if that is beyond what is small."""
+    if not len(states):
+        return None
     P = arm.assembly.constants.P
     most = np.zeros(len(P))
     for k in range(0, len(states), _CHUNK):
@@ -41,17 +70,15 @@ def too_far_bent(arm: Arm, states: FloatArray) -> str:
     far = [most[piece.body] / piece.shapes.length for piece in pieces]
     worst = pieces[int(np.argmax(far))]
     if not max(far) > _FAR:
-        return ""
+        return None
     name = f"link {worst.link + 1}"
     if arm.spec.links[worst.link].segments > 1:
-        name, more = f"a segment of {name}", "or more segments"
-    else:
-        more = "and segments=2 to 4"
-    return (
+        name = f"a segment of {name}"
+    fact = (
         f"{name} deflects by up to {most[worst.body]:.3g} m, {max(far):.0%} of its length of "
-        f"{worst.shapes.length:.4g} m: the linear theory takes that for small. Use "
-        f"theory='second_order' {more} on that link; see docs/how-to/large-deflection.md."
+        f"{worst.shapes.length:.4g} m"
     )
+    return fact, worst
 
 
 def weakest_joint(arm: Arm, state: FloatArray) -> int | None:

@@ -62,9 +62,12 @@ def assert_close(exact, wanted, after, size=1.0):
     assert allowed < 1e-4 * np.max(np.abs(wanted))  # the check means something
 
 
-@pytest.mark.parametrize("method", ["rk4", "dormand_prince_8"])
-def test_by_state_and_torque(method):
-    arm = an_arm("second_order")
+@pytest.mark.parametrize(
+    "method", ["rk4", "dormand_prince_8", "kennedy_carpenter_4", "kennedy_carpenter_5"]
+)
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_by_state_and_torque(method, theory):
+    arm = an_arm(theory)
     x, torque = a_state(arm)
     found = fa.step_jacobian(arm, *x, torque, H, method=method)
     for place in range(0, 2 * arm.dof, 3):
@@ -79,6 +82,7 @@ def test_by_state_and_torque(method):
         assert_close(found.torque[:, joint], wanted, found, size=100.0)
 
 
+@pytest.mark.parametrize("method", ["rk4", "kennedy_carpenter_5"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("more", [{}, {"modes": 3}, {"segments": 2}])
 @pytest.mark.parametrize(
@@ -91,38 +95,67 @@ def test_by_state_and_torque(method):
         ("payload.inertia", "inertia"),
     ],
 )
-def test_by_parameters(theory, more, parameter, field):
+def test_by_parameters(method, theory, more, parameter, field):
     arm = an_arm(theory, **more)
     x, torque = a_state(arm)
     base = {"payload": 0.4, "inertia": 0.02}.get(field, 1.0)
 
     def changed(s):
-        return stepped(an_arm(theory, **{field: base * (1.0 + s)}, **more), x, torque)
+        return stepped(an_arm(theory, **{field: base * (1.0 + s)}, **more), x, torque, method)
 
     wanted = difference(changed) / base
-    found = fa.step_jacobian(arm, *x, torque, H, parameters=[parameter])
+    found = fa.step_jacobian(arm, *x, torque, H, method=method, parameters=[parameter])
     assert_close(found.parameters[parameter], wanted, found, base)
 
 
 @pytest.mark.filterwarnings(
     "ignore::flexarm.LargeDeflectionWarning"
 )  # bent far, so that every term counts
-def test_it_is_the_step_that_simulate_takes():
+@pytest.mark.parametrize("method", ["rk4", "kennedy_carpenter_4", "kennedy_carpenter_5"])
+def test_it_is_the_step_that_simulate_takes(method):
     arm = an_arm()
     (q, qd), torque = a_state(arm)
-    after = fa.step_jacobian(arm, q, qd, torque, H)
+    after = fa.step_jacobian(arm, q, qd, torque, H, method=method)
     run = fa.simulate(
         arm,
         H,
         torque=lambda t: torque,
         initial=q,
         initial_rate=qd,
-        integrator="rk4",
+        integrator=method,
         step=H,
         rate=1 / H,
+        rtol=1.0,  # whatever the error: one step
+        atol=1.0,
     )
+    assert run.attrs["steps"] == 1
     np.testing.assert_allclose(run.q.values[-1], after.q, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(run.qd.values[-1], after.qd, rtol=1e-12, atol=1e-12)
+
+
+def test_a_step_longer_than_its_fast_modes():
+    """What implicit steps are for: 40 radians of the fastest mode at once, with its derivative."""
+    arm = an_arm()
+    x, torque = a_state(arm)
+    fastest = 2.0 * np.pi * fa.modes(arm).frequency_hz[-1]
+    h = 40.0 / fastest
+    found = fa.step_jacobian(arm, *x, torque, h, method="kennedy_carpenter_5")
+    along = 0.02 * np.random.default_rng(3).standard_normal((2, arm.dof))
+
+    def after(s):
+        q, qd = x + s * along
+        step = fa.step_jacobian(arm, q, qd, torque, h, method="kennedy_carpenter_5")
+        return np.concatenate([step.q, step.qd])
+
+    wanted = difference(after, 0.02)
+    # Truncation and rounding of the difference: its step is as long as the motion allows.
+    np.testing.assert_allclose(
+        found.state @ along.ravel(), wanted, rtol=0, atol=1e-8 * np.abs(wanted).max()
+    )
+    # L-stable: of the fastest mode next to nothing is left, where an explicit method explodes.
+    assert np.abs(np.linalg.eigvals(found.state)).max() < 2.0
+    explicit = fa.step_jacobian(arm, *x, torque, h, method="rk4")
+    assert np.abs(np.linalg.eigvals(explicit.state)).max() > 1e3
 
 
 def test_refused():
@@ -133,5 +166,7 @@ def test_refused():
         fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_2.length"])
     with pytest.raises(fa.InputError, match=r"link_3\.mass"):
         fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_3.mass"])
-    with pytest.raises(fa.InputError, match="method"):
+    with pytest.raises(fa.InputError, match="method must be one of 'rk4'.*but is 'euler'.$"):
         fa.step_jacobian(arm, q, qd, torque, H, method="euler")
+    with pytest.raises(fa.InputError, match="but is 'cowell_4'. Its step depends on several"):
+        fa.step_jacobian(arm, q, qd, torque, H, method="cowell_4")

@@ -92,6 +92,12 @@ def test_failed_saving_leaves_nothing_behind(tmp_path):
     (tmp_path / "arm.yaml").mkdir()
     with pytest.raises(ModelError, match=r"arm\.yaml: the file must be writable, but is not: "):
         save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "arm.yaml")
-    with pytest.raises(ModelError, match="No such file or directory"):
-        save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "nowhere" / "arm.yaml")
-    assert [path.name for path in tmp_path.iterdir()] == ["arm.yaml"]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ModelError, match="the file must be writable, but is not: "):
+        save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "file" / "arm.yaml")
+    assert {path.name for path in tmp_path.iterdir()} == {"arm.yaml", "file"}
+
+
+def test_missing_folders_are_made(tmp_path):
+    save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "a" / "b" / "arm.yaml")
+    assert load_arm_spec(tmp_path / "a" / "b" / "arm.yaml").links == (LINK,)

@@ -1,0 +1,127 @@
+"""One step of an integrator with complex numbers, by the kernels that ``simulate`` steps with."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, shown
+from flexarm.integrate import INTEGRATORS
+from flexarm.integrate.additive import SOFTENED
+from flexarm.integrate.base import Drive, System
+from flexarm.integrate.kennedy_carpenter import Additive, AdditiveTableau
+from flexarm.integrate.runge_kutta import ExplicitRungeKutta
+from flexarm.integrate.step_sensitivity import held_torque_additive_step, held_torque_step
+from flexarm.kernels.implicit_step import constants_to_soften
+from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
+
+
+class Stepper(Protocol):
+    """Takes steps of one length."""
+
+    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
+        """Return [q, qd] (2 dof,) after the step, complex; ``torque`` (n,) by bodies."""
+
+
+def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
+    """Return what takes steps of h (s) by a method of ``INTEGRATORS``.
+
+    Raises:
+        InputError: an unknown method, or one whose step is no function of the state alone.
+    """
+    kind = INTEGRATORS.get(method) if isinstance(method, str) else None
+    if kind is not None and issubclass(kind, ExplicitRungeKutta):
+        tableau = kind().tableau
+        s = tableau.stages
+        return _Explicit(arm, np.ascontiguousarray(tableau.A[: s + 1, : s + 1]), h)
+    if kind is not None and issubclass(kind, Additive):
+        return _Additive(arm, kind.tableau, h)
+    known = [
+        name for name, k in INTEGRATORS.items() if issubclass(k, (ExplicitRungeKutta, Additive))
+    ]
+    rule = f"be one of {', '.join(map(repr, known))}"
+    hint = ""
+    if kind is not None:
+        hint = "Its step depends on several states before it, so it has no Jacobian by one state."
+    raise InputError(Problem(where, "method", rule, shown(method), hint))
+
+
+class _Explicit:
+    """Steps of an explicit Runge-Kutta method."""
+
+    def __init__(self, arm: Arm, rows: FloatArray, h: float) -> None:
+        self.arm, self.rows, self.h = arm, rows, h
+        constants = arm.assembly.constants
+        self.sizes = run_time_sizes(constants)
+        self.work, self.loads = new_workspace(constants, complex), no_loads(constants)
+        self.stages, self.new = _scratch(arm, len(rows) - 1)
+
+    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
+        """See ``Stepper.take``."""
+        held_torque_step(
+            self.sizes,
+            _complex(constants),
+            self.rows,
+            self.h,
+            self.arm.padded(x.reshape(2, -1)).astype(complex),
+            torque.astype(complex),
+            self.loads,
+            self.work,
+            self.stages,
+            self.new,
+        )
+        return self.arm.unpadded(self.new).ravel()
+
+
+class _Additive:
+    """Steps of a method that is implicit in bending."""
+
+    def __init__(self, arm: Arm, tableau: AdditiveTableau, h: float) -> None:
+        self.arm, self.tableau, self.h = arm, tableau, h
+        constants = arm.assembly.constants
+        self.sizes = run_time_sizes(constants)
+        self.work, self.loads = new_workspace(constants, complex), no_loads(constants)
+        self.stages, self.new = _scratch(arm, len(tableau.c))
+        self.known = np.zeros_like(self.new)
+        self.added, self.force = np.zeros((2, *self.new.shape[1:]), dtype=complex)
+        self.torque = np.zeros(len(self.added), dtype=complex)
+        self.clock = np.zeros(SOFTENED + 1)
+
+    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
+        """See ``Stepper.take``."""
+        own = _complex(constants)
+        coefficients = np.zeros((1, 4, torque.size), dtype=complex)
+        coefficients[0, 0] = torque
+        span, nothing = np.array([0.0, 1.0]), np.zeros((1, 4, 0))
+        amplitude = np.zeros((0, 3))
+        drive = Drive(span, coefficients, np.zeros(0), self.loads, amplitude, span, nothing)
+        held_torque_additive_step(
+            System(self.sizes, own, drive, self.work),
+            constants_to_soften(own),
+            self.tableau.explicit,
+            self.tableau.implicit,
+            self.tableau.c,
+            self.h,
+            self.arm.padded(x.reshape(2, -1)).astype(complex),
+            self.new,
+            self.known,
+            self.added,
+            self.force,
+            self.torque,
+            self.stages,
+            self.clock,
+        )
+        return self.arm.unpadded(self.new).ravel()
+
+
+def _scratch(arm: Arm, stages: int) -> tuple[FloatArray, FloatArray]:
+    shape = (2, arm.assembly.constants.S.shape[0], 1 + arm.assembly.constants.S.shape[1])
+    return np.zeros((stages, *shape), dtype=complex), np.zeros(shape, dtype=complex)
+
+
+def _complex(constants: ArmConstants) -> ArmConstants:
+    """One number type for all, so that one compilation serves."""
+    return ArmConstants(*(array.astype(complex) for array in constants))
