@@ -127,11 +127,35 @@ def test_poles_of_an_arm_that_floats(path, tmp_path):
     assert json.loads((tmp_path / "arm.json").read_text())["inputs"] == ["torque[1]", "torque[2]"]
 
 
+CLAMPED = """\
+flexarm: 1
+arm:
+  links: [{length: 1.0, flexural_rigidity: 105.0, mass_per_length: 0.6, elements: 2}]
+  joints: [{fixed: true}]
+"""
+
+
+@pytest.mark.parametrize("joints", [[], ["--joints", "free"], ["--joints", "locked"]])
+def test_an_arm_of_which_no_joint_turns(joints, tmp_path):
+    file = tmp_path / "clamped.yaml"
+    file.write_text(CLAMPED)
+    outcome = invoke("modes", file, *joints)
+    assert outcome.stdout.splitlines()[0].rstrip() == "Modes, no joint turns"
+    expected = fa.modes(fa.load_arm(file)).frequency_hz
+    np.testing.assert_allclose(frequencies(outcome), expected, rtol=1e-5)
+    shown = invoke("linearize", file, "--inputs", "tip_force", "--count", 1).stdout
+    assert "at rest  no joint turns" in shown
+    wrong = invoke("modes", file, "--angles", "1")
+    assert wrong.exit_code == 2
+    assert "--angles must be left out: no joint of this arm turns" in wrong.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["modes", "--to", "1"], "--to must be 2 numbers"),
         (["modes", "--proportional", "1"], "--proportional must be 2 numbers"),
+        (["modes", "--joints", "free", "--derivative", "1,1"], "--joints must be left out where"),
         (["modes", "--sag", "--spin", "1"], "--sag must be left out"),
         (["modes", "--to", "1,1", "--spin", "1"], "--to must be left out"),
         (["modes", "--spin", "2", "--campbell", "1"], "--campbell must be above --spin"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import re
+from typing import Any
 
 import pytest
 import typer
@@ -114,13 +115,30 @@ def test_commands_and_their_options_are_documented() -> None:
         assert listed == real - {"--help"}, f"{COMMANDS}: options of {name}"
 
 
-def test_integrator_table_repeats() -> None:
-    path = ROOT / "docs" / "how-to" / "measure_integrators.py"
-    spec = importlib.util.spec_from_file_location("measure_integrators", path)
+def script(name: str) -> Any:
+    """A script that measures a table of a how-to."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "how-to" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    return module
+
+
+def test_separation_table_repeats() -> None:
+    """Deflections and errors as shown; times are another machine's, but both take some."""
+    module = script("measure_separation")
+    found = part_pattern("separation").search(text_of("docs/how-to/separate-the-motion.md"))
+    assert found is not None
+    rows = [module.measure(case, repeats=1) for case in module.CASES]
+    again = [line.split("|")[1:6] for line in module.table(rows).splitlines()]
+    shown = [line.split("|")[1:6] for line in found[1].splitlines()]
+    assert again == shown, "run `python docs/how-to/measure_separation.py`"
+    assert all(ratio > 0.0 for row in rows for ratio in row.ratios)
+
+
+def test_integrator_table_repeats() -> None:
+    module = script("measure_integrators")
     found = part_pattern("integrators").search(text_of(INTEGRATORS_PAGE))
     assert found is not None
     shown = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in found[1].splitlines()]

@@ -134,3 +134,22 @@ def test_a_separation_is_saved_under_its_own_ending(tmp_path):
     with pytest.raises(fa.InputError, match=r"path must end in \.npz"):
         model.save(tmp_path / "model.mat")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("method", ["dynamic", "quasi_static"])
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_it_says_where_links_bend_too_far(method, theory):
+    """Of any arm: deviations are linear whatever its theory. As in simulate, a tenth is the rule."""
+    arm = paper_arm(theory=theory)
+    with pytest.warns(fa.LargeDeflectionWarning, match="of its length of 1.4") as caught:
+        result = fa.simulate_separated(arm, paper_line(arm, 0.7), method=method)
+    assert caught[0].filename == __file__
+    assert result.attrs["warning"] == str(caught[0].message)
+    assert "linear deviations take that for small" in result.attrs["warning"]
+    bent = np.abs(result.link_tip_deflection.values).max(axis=0) / [1.4142, 1.0]
+    assert bent.max() > 0.1
+
+
+def test_it_says_nothing_below_that():
+    arm = paper_arm()
+    assert fa.simulate_separated(arm, paper_line(arm, 2.0)).attrs["warning"] == ""

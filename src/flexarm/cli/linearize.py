@@ -48,7 +48,7 @@ def show_linear(
     model = linearize(arm, rest, inputs=_names(inputs), outputs=_names(outputs))
     screen = console()
     rows = [
-        ("at rest", f"{told(posture)} rad, held by {told(rest.torque.tolist())} N m"),
+        ("at rest", _held(posture, rest.torque.tolist())),
         ("states", f"{len(model.states)}: {_some(model.states)}"),
         ("inputs", _some(model.inputs)),
         ("outputs", _some(model.outputs)),
@@ -67,6 +67,12 @@ def show_linear(
 
         write_figure(response_figure(model), plot)
         screen.print(f"responses in {plot}", soft_wrap=True)
+
+
+def _held(posture: list[float], torque: list[float]) -> str:
+    if not posture:
+        return "no joint turns"
+    return f"{told(posture)} rad, held by {told(torque)} N m"
 
 
 def _names(text: str) -> list[str]:

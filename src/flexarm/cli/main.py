@@ -100,8 +100,9 @@ def check(
 def modes(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     joints: Annotated[
-        Joints, typer.Option(help="What the joints do while the arm vibrates.")
-    ] = Joints.LOCKED,
+        Joints | None,
+        typer.Option(help="What the joints do while the arm vibrates; locked if left out."),
+    ] = None,
     angles: Annotated[
         str | None,
         typer.Option(metavar='"A,B,..."', help="Relative joint angles, rad; zero if left out."),
@@ -139,7 +140,7 @@ def modes(
     """Show natural frequencies and damping of an arm at rest, or along postures or spins."""
     from flexarm.cli.modes import ModesOptions, show_modes
 
-    held = (joints.value, angles, proportional, derivative)
+    held = (None if joints is None else joints.value, angles, proportional, derivative)
     show_modes(arm, ModesOptions(*held, sag, spin, to, campbell, count, csv, plot))
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.arm import Arm, load_arm
-from flexarm.cli.postures import joint_numbers, told
+from flexarm.cli.postures import at, joint_numbers
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import InputError, Problem
 from flexarm.linear import Modes, ModeTracks, campbell, equilibrium, track_modes
@@ -24,7 +24,7 @@ _SAMPLES, _SHOWN_EVERY = 81, 10
 class ModesOptions(NamedTuple):
     """What the command line says, as it says it."""
 
-    joints: str
+    joints: str | None
     angles: str | None
     proportional: str | None
     derivative: str | None
@@ -62,16 +62,21 @@ def show_modes(path: Path, options: ModesOptions) -> None:
     found = modes_of(arm, about, joints, spin=options.spin)
     state = " sagging" if options.sag else ""
     turning = f", turning at {options.spin:g} rad/s" if options.spin else ""
-    title = f"Modes with the joints {told_joints}, at {told(posture)} rad{state}{turning}"
+    title = f"Modes{told_joints}{at(posture)}{state}{turning}"
     _show(found, title, options)
 
 
 def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
+    """What holds the joints, and how a title says it."""
     if options.proportional is None and options.derivative is None:
-        return options.joints, options.joints
+        joints = options.joints or "locked"
+        return joints, f" with the joints {joints}" if arm.joints else ", no joint turns"
+    if options.joints is not None:
+        rule = "be left out where --proportional or --derivative holds the joints"
+        raise InputError(Problem(_WHERE, "--joints", rule, options.joints))
     stiff = joint_numbers(_WHERE, "--proportional", arm, options.proportional, "N m/rad")
     damping = joint_numbers(_WHERE, "--derivative", arm, options.derivative, "N m s/rad")
-    return list(zip(stiff, damping, strict=True)), "held by gains"
+    return list(zip(stiff, damping, strict=True)), " with the joints held by gains"
 
 
 def _check_together(options: ModesOptions) -> None:
@@ -144,7 +149,7 @@ def _show_tracks(tracks: ModeTracks, joints: str, options: ModesOptions) -> None
         [f"{way[k]:.4g}", *(f"{value:.5g}" for value in tracks.frequency_hz[k])]
         for k in range(0, way.size, _SHOWN_EVERY)
     ]
-    screen.print(numbers(f"Frequencies [Hz], joints {joints}", heads, rows))
+    screen.print(numbers(f"Frequencies [Hz]{joints}", heads, rows))
     if options.csv is not None:
         write_text(_tracks_table(tracks), options.csv)
         screen.print(f"all {way.size} samples in {options.csv}", soft_wrap=True)

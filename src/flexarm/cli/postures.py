@@ -20,10 +20,18 @@ def joint_numbers(where: str, option: str, arm: Arm, text: str | None, unit: str
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
+    if not arm.joints:
+        rule = "be left out: no joint of this arm turns"
+        raise InputError(Problem(where, option, rule, shown(text)))
     if len(values) != arm.joints or not all(math.isfinite(value) for value in values):
         rule = f"be {arm.joints} numbers with commas between, one for each joint ({unit})"
         raise InputError(Problem(where, option, rule, shown(text)))
     return values
+
+
+def at(angles: list[float]) -> str:
+    """Where the arm is, for a title; nothing of an arm whose joints are all fixed."""
+    return f", at {told(angles)} rad" if angles else ""
 
 
 def told(angles: list[float]) -> str:

@@ -65,7 +65,8 @@ class Equilibrium:
     def __repr__(self) -> str:
         stable = "stable" if self.stable else "unstable"
         held = f", held by {few(self.torque)} N m" if self.torque.size else ""
-        loads = f", {len(self.loads)} loads" if self.loads else ""
+        count = len(self.loads)
+        loads = f", {count} load{'s' * (count > 1)}" if count else ""
         return f"<flexarm.Equilibrium: {self.q.size} coordinates, {stable}{held}{loads}>"
 
 

@@ -38,3 +38,40 @@ def test_citation_names_the_methods():
     assert "AllemangBrown1982" in fa.citation(tracks)
     with pytest.raises(fa.InputError, match="be a result of simulate"):
         fa.citation(ARM)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"link": "two"}, "Sensor: link must be the number of a link, 1 or more, but is 'two'"),
+        ({"link": 1.5}, "Sensor: link must be the number of a link"),
+        ({"link": 0}, "Sensor: link must be the number of a link"),
+        ({"station": -0.1}, "Sensor: station must be a distance from the link's root"),
+        ({"station": "tip"}, "Sensor: station must be a distance from the link's root"),
+        ({"station": np.nan}, "Sensor: station must be a distance from the link's root"),
+    ],
+)
+def test_a_sensor_that_cannot_be(fields, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.Sensor(**{"kind": "position", "link": 1, **fields})
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        (fa.Sensor("position", 3), "linearize: Sensor.link must be the number of a link, 1 to 2"),
+        (
+            fa.Sensor("velocity", 1, 0.7),
+            "Sensor.station must lie within the link, whose length is 0.5, but is 0.7",
+        ),
+    ],
+)
+def test_a_sensor_beside_the_arm_is_told_as_the_sensor(sensor, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.linearize(ARM, outputs=sensor)
+
+
+@pytest.mark.parametrize("name", ["inputs", "outputs"])
+def test_what_is_no_list_is_refused(name):
+    with pytest.raises(fa.InputError, match="inputs and outputs must be names, Loads or Sensors"):
+        fa.linearize(ARM, **{name: 5})

@@ -38,3 +38,22 @@ def test_json(model, tmp_path):
 def test_other_formats_are_refused(model, tmp_path):
     with pytest.raises(fa.InputError, match=r"end in .mat or .json"):
         fa.save_linear(model, tmp_path / "arm.csv")
+
+
+@pytest.mark.parametrize("wrong", [None, np.eye(2), "arm.mat"])
+def test_something_else_is_refused_before_anything_is_made(wrong, tmp_path):
+    with pytest.raises(fa.InputError, match="save_linear: model must be a LinearModel"):
+        fa.save_linear(wrong, tmp_path / "new" / "arm.mat")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_all_that_saves_makes_missing_folders(model, tmp_path):
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=2.0, mass_per_length=1.0)])
+    fa.save_linear(model, tmp_path / "a" / "arm.mat")
+    fa.save_arm(arm, tmp_path / "b" / "arm.yaml")
+    separation = fa.linearize_along(arm, fa.joint_motion(arm, [0.0], [0.5], 1.0), rate=10.0)
+    separation.save(tmp_path / "c" / "along.npz")
+    made = sorted(path.name for path in tmp_path.rglob("*.*"))
+    assert made == ["along.npz", "arm.mat", "arm.yaml"]
+    with pytest.raises(fa.InputError, match="the file must be writable, but is not"):
+        separation.save(tmp_path / "a" / "arm.mat" / "along.npz")

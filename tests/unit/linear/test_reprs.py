@@ -1,0 +1,67 @@
+"""What a user sees who types a name at the prompt: one short line."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+LINK = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, elements=1)
+ARM = fa.Arm(links=[LINK, LINK])
+MOTION = fa.joint_motion(ARM, [0.2, 0.9], [0.3, 1.0], 1.0, start_time=0.6)
+INVERSE = fa.tip_inversion(ARM, MOTION, reduction=0.5)
+
+SHOWN = {
+    "modes": (
+        fa.modes(ARM),
+        "<flexarm.Modes: 4: 0.9157, 6.066, 20.78, 63.71 Hz>",
+    ),
+    "modes of a spinning arm": (
+        fa.modes(fa.Arm(links=[LINK], theory="second_order"), spin=2.0),
+        "<flexarm.Modes: 2, spinning at 2 rad/s: 3.563, 35.06 Hz>",
+    ),
+    "many modes": (
+        fa.modes(fa.Arm(links=[LINK] * 3), joints="free"),
+        "<flexarm.Modes: 9: 0, 0, 0, 20.72, ... Hz>",
+    ),
+    "no modes": (fa.modes(ARM.rigid()), "<flexarm.Modes: 0>"),
+    "equilibrium": (
+        fa.equilibrium(ARM, [0.1, 0.2], tip_force=(0.0, 2.0)),
+        "<flexarm.Equilibrium: 6 coordinates, stable, held by -3.9, -1.906 N m, 1 load>",
+    ),
+    "tracks": (
+        fa.track_modes(ARM, [[0.0, 0.1], [0.0, 0.5]], count=2),
+        "<flexarm.ModeTracks: 2 modes at 2 samples, posture 0 to 1, from 0.9165, 6.051 Hz>",
+    ),
+    "separation": (
+        fa.linearize_along(ARM, MOTION, rate=10.0),
+        "<flexarm.Separation: 12 states, 2 inputs, joints free, 11 samples from 0.6 to 1.6 s>",
+    ),
+    "step": (
+        fa.step_jacobian(
+            ARM, np.zeros(6), np.zeros(6), [1.0, 0.0], 1e-4, parameters=["payload.mass"]
+        ),
+        "<flexarm.StepJacobian: 12 states by 12 states, 2 torques, payload.mass>",
+    ),
+    "torque of the joints": (
+        fa.flexible_torque(ARM, MOTION),
+        "<flexarm.FlexibleTorque: 2 joints, up to 1.6 s>",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_line_that_says_what_it_is(name):
+    value, expected = SHOWN[name]
+    assert repr(value) == expected
+
+
+def test_an_inversion_says_how_good_it_is():
+    text = repr(INVERSE)
+    assert text.startswith("<flexarm.TipInversion: 2 torques from ")
+    assert f"tip within {INVERSE.tip_error:.2g} m of its path" in text
+    assert len(text) < 160
+    assert len(repr(INVERSE.torque)) < 120
+
+
+def test_undamped_is_zero_without_a_sign():
+    assert not np.signbit(fa.modes(ARM).damping_ratio).any()
