@@ -139,7 +139,7 @@ def test_a_separation_is_saved_under_its_own_ending(tmp_path):
 @pytest.mark.parametrize("method", ["dynamic", "quasi_static"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_it_says_where_links_bend_too_far(method, theory):
-    """Of any arm: deviations are linear whatever its theory. As in simulate, a tenth is the rule."""
+    """Of any arm: deviations are linear in all. A tenth is the rule, as in simulate."""
     arm = paper_arm(theory=theory)
     with pytest.warns(fa.LargeDeflectionWarning, match="of its length of 1.4") as caught:
         result = fa.simulate_separated(arm, paper_line(arm, 0.7), method=method)

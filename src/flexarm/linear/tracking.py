@@ -64,8 +64,8 @@ class ModeTracks:
         ends = f"{self.parameter[0]:.4g} to {self.parameter[-1]:.4g} {self.parameter_unit}".strip()
         samples, modes = self.frequency_hz.shape
         return (
-            f"<flexarm.ModeTracks: {modes} modes at {samples} samples, {self.parameter_name} {ends}, "
-            f"from {few(self.frequency_hz[0])} Hz>"
+            f"<flexarm.ModeTracks: {modes} modes at {samples} samples, {self.parameter_name} "
+            f"{ends}, from {few(self.frequency_hz[0])} Hz>"
         )
 
 

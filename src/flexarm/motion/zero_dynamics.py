@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 #: Real parts below this part of an eigenvalue's size are rounding about zero.
 _NEUTRAL = 1e-6
-#: Zeros faster than the fastest vibration by this factor are taken for infinite: those that rounding
-#: has made finite were 20 times as fast on the finest meshes that were tried, 1e4 on coarse ones.
+#: Zeros faster than the fastest vibration by this factor are taken for infinite: those that
+#: rounding has made finite were 20 times as fast at least, on coarse meshes 1e4 times.
 _INFINITE = 10.0
 _NEWTON_STEPS = 30
 

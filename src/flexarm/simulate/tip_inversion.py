@@ -168,9 +168,7 @@ def tip_inversion(
     if found.tip > max(wanted, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
     zeros = np.asarray(first.zeros)
-    return TipInversion(
-        arm, motion, found.torque, start, end, first.q, found.tip, rigid.tip, zeros
-    )
+    return TipInversion(arm, motion, found.torque, start, end, first.q, found.tip, rigid.tip, zeros)
 
 
 class _Judged(NamedTuple):

@@ -137,7 +137,7 @@ def test_a_step_longer_than_its_fast_modes():
     """What implicit steps are for: 40 radians of the fastest mode at once, with its derivative."""
     arm = an_arm()
     rest = fa.equilibrium(arm, [0.3, -0.5])
-    x, torque = np.stack([rest.q, np.zeros(arm.dof)]), rest.torque + [1.0, -0.5]
+    x, torque = np.stack([rest.q, np.zeros(arm.dof)]), rest.torque + np.array([1.0, -0.5])
     fastest = 2.0 * np.pi * fa.modes(arm).frequency_hz[-1]
     h = 40.0 / fastest
     found = fa.step_jacobian(arm, *x, torque, h, method="kennedy_carpenter_5")
@@ -167,7 +167,7 @@ def test_refused():
         fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_2.length"])
     with pytest.raises(fa.InputError, match=r"link_3\.mass"):
         fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_3.mass"])
-    with pytest.raises(fa.InputError, match="method must be one of 'rk4'.*but is 'euler'.$"):
+    with pytest.raises(fa.InputError, match=r"method must be one of 'rk4'.*but is 'euler'\.$"):
         fa.step_jacobian(arm, q, qd, torque, H, method="euler")
-    with pytest.raises(fa.InputError, match="but is 'cowell_4'. Its step depends on several"):
+    with pytest.raises(fa.InputError, match=r"but is 'cowell_4'\. Its step depends on several"):
         fa.step_jacobian(arm, q, qd, torque, H, method="cowell_4")
