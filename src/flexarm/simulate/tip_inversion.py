@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve
 
 from flexarm.arm import Arm
@@ -96,7 +97,7 @@ class TipInversion:
     initial: FloatArray
     tip_error: float
     rigid_tip_error: float
-    zeros: FloatArray
+    zeros: NDArray[np.complex128]
 
     def __repr__(self) -> str:
         return (
