@@ -68,6 +68,31 @@ _ENTRIES = {
   journal = {Journal of Scientific Computing},
   volume = {68}, number = {3}, pages = {975--1001}, year = {2016}
 }""",
+    "ChungHulbert1993": """@article{ChungHulbert1993,
+  author = {Chung, J. and Hulbert, G. M.},
+  title = {A time integration algorithm for structural dynamics with improved numerical dissipation:
+    the generalized-$\\alpha$ method},
+  journal = {Journal of Applied Mechanics},
+  volume = {60}, number = {2}, pages = {371--375}, year = {1993}
+}""",
+    "ArnoldBruels2007": """@article{ArnoldBruels2007,
+  author = {Arnold, M. and Br{\\"u}ls, O.},
+  title = {Convergence of the generalized-$\\alpha$ scheme for constrained mechanical systems},
+  journal = {Multibody System Dynamics},
+  volume = {18}, number = {2}, pages = {185--202}, year = {2007}
+}""",
+    "HairerLubichWanner2006": """@book{HairerLubichWanner2006,
+  author = {Hairer, E. and Lubich, C. and Wanner, G.},
+  title = {Geometric Numerical Integration: Structure-Preserving Algorithms for Ordinary
+    Differential Equations},
+  edition = {2}, publisher = {Springer}, year = {2006}
+}""",
+    "HouwenSwart1997": """@article{HouwenSwart1997,
+  author = {van der Houwen, P. J. and de Swart, J. J. B.},
+  title = {Triangularly implicit iteration methods for {ODE-IVP} solvers},
+  journal = {SIAM Journal on Scientific Computing},
+  volume = {18}, number = {1}, pages = {41--55}, year = {1997}
+}""",
     "HairerNorsettWanner1993": """@book{HairerNorsettWanner1993,
   author = {Hairer, E. and N{\\o}rsett, S. P. and Wanner, G.},
   title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},

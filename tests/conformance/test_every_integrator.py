@@ -38,7 +38,9 @@ def exact(problem):
 def make(name, allowed=1e-8):
     """An integrator that meets this accuracy on the problems here."""
     integrator = INTEGRATORS[name]()
-    return integrator if integrator.adaptive else INTEGRATORS[name](step=2e-4)
+    if integrator.adaptive:
+        return integrator
+    return INTEGRATORS[name](step=2e-4 if integrator.order > 2 else 1e-5)
 
 
 # The class itself ----------------------------------------------------------------------------
@@ -167,11 +169,13 @@ def test_samples_between_steps_are_of_third_order_at_least(name):
     arm, state = double_pendulum()
     middles = np.array([0.13, 0.37, 0.61, 0.93])
     wanted = np.array([exact("double pendulum")(t) for t in middles])
-    errors, counts = [], np.unique(np.geomspace(16, 600, 20).astype(int))
+    order = INTEGRATORS[name].order
+    errors, counts = [], step_counts(name, 16, 600)
     for count in counts:
         _, samples = equal_steps(INTEGRATORS[name], arm, state, int(count), middles)
         errors.append(abs(samples - wanted).max())
-    assert observed_order(counts, np.array(errors)) > 2.8  # the slope tends to it from both sides
+    # The slope tends to it from both sides. Samples cannot be better than the steps themselves.
+    assert observed_order(counts, np.array(errors)) > min(2.8, order - 0.2)
 
 
 # Rules 3 and 4: stops --------------------------------------------------------------------------
@@ -263,7 +267,7 @@ def test_a_torque_that_grows_without_bound_never_makes_a_bad_state(name):
         1.0,
         times,
     )
-    assert status in (Status.NOT_FINITE, Status.STEP_UNDERFLOW)
+    assert status in (Status.NOT_FINITE, Status.STEP_UNDERFLOW, Status.NOT_CONVERGED)
     assert progress.time < 1.0
     assert np.all(np.isfinite(progress.state))
     assert np.all(np.isfinite(samples[: progress.sample]))
@@ -276,7 +280,7 @@ def test_too_long_a_fixed_step_is_told_and_not_hidden(name):
     progress = start(arm, state)
     integrator = INTEGRATORS[name](step=20.0 / allowed.fastest)
     status, _ = advance(integrator, make_system(arm), allowed, progress, 50.0)
-    assert status in (Status.NOT_FINITE, Status.INERTIA_LOST)
+    assert status in (Status.NOT_FINITE, Status.INERTIA_LOST, Status.NOT_CONVERGED)
     assert np.all(np.isfinite(progress.state))
 
 
@@ -298,6 +302,12 @@ def test_every_status_has_its_sentence(status):
 # Rule 6: the order it claims -------------------------------------------------------------------
 
 
+def step_counts(name, fewest, most):
+    """Numbers of equal steps in a second; of a method of order 2 a hundred times as many."""
+    more = 1 if INTEGRATORS[name].order > 2 else 100
+    return np.unique(np.geomspace(fewest * more, most * more, 24).astype(int))
+
+
 def observed_order(counts, errors):
     """Slope of error against step at its four smallest steps that stand above rounding."""
     seen = np.flatnonzero((errors > 2e-12) & (errors < 1e-4))[-4:]
@@ -310,7 +320,7 @@ def observed_order(counts, errors):
 def test_observed_order_is_the_claimed_one(name, problem):
     arm, state = PROBLEMS[problem]()
     # From a step of 0.8 radians of the fastest vibration on: several ones are unstable at 1.4.
-    counts = np.unique(np.geomspace(40, 2000, 24).astype(int))
+    counts = step_counts(name, 40, 2000)
     wanted = exact(problem)(1.0)
     errors = [
         abs(equal_steps(INTEGRATORS[name], arm, state, int(count))[0].state - wanted).max()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from flexarm.integrate.base import Integrator
 from flexarm.integrate.dormand_prince import DormandPrince5, DormandPrince8
+from flexarm.integrate.gauss import Gauss6
+from flexarm.integrate.generalized_alpha import GeneralizedAlpha
 from flexarm.integrate.kennedy_carpenter import KennedyCarpenter4, KennedyCarpenter5
 from flexarm.integrate.rk4 import RungeKutta4
 from flexarm.integrate.stoermer_cowell import Cowell4
@@ -16,6 +18,8 @@ INTEGRATORS: dict[str, type[Integrator]] = {
     KennedyCarpenter4.name: KennedyCarpenter4,
     KennedyCarpenter5.name: KennedyCarpenter5,
     Cowell4.name: Cowell4,
+    Gauss6.name: Gauss6,
+    GeneralizedAlpha.name: GeneralizedAlpha,
 }
 
 __all__ = [
@@ -23,6 +27,8 @@ __all__ = [
     "Cowell4",
     "DormandPrince5",
     "DormandPrince8",
+    "Gauss6",
+    "GeneralizedAlpha",
     "Integrator",
     "KennedyCarpenter4",
     "KennedyCarpenter5",

@@ -27,15 +27,12 @@ from flexarm.integrate.steps import (
     DONE,
     INERTIA_LOST,
     PAUSED,
-    RESOLVED,
-    SHORT,
     accept_step,
+    between_ends,
     combine,
-    coordinate_between,
     error_norm,
     inertia_left,
     next_stop,
-    rate_between,
     refuse_step,
 )
 from flexarm.integrate.torque import drive_at, slope_at
@@ -109,36 +106,6 @@ def additive_step(
     combine(system.sizes, state, stages, AE, s, s, h, smooth)
 
 
-@merged
-def _between(
-    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, x: float,
-    h: float, sample: Array,
-) -> None:  # fmt: skip
-    """Sample at x (0 to 1) of a step from the values and slopes at both ends.
-
-    A mode that the step does not resolve has accelerations that mean nothing inside it: cubic.
-    """
-    s = stages.shape[0] - 1
-    fine = h * tolerance.fastest > SHORT
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
-            q0 = state[0, i, j]
-            v0 = state[1, i, j]
-            a0 = stages[0, 1, i, j]
-            q1 = new[0, i, j]
-            v1 = new[1, i, j]
-            a1 = stages[s, 1, i, j]
-            stiff = False
-            if j > 0:
-                stiff = h * h * system.constants.w2[i, j - 1] > RESOLVED * RESOLVED
-            if stiff:
-                sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
-                sample[1, i, j] = v0 + x * (v1 - v0)
-            else:
-                sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
-                sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
-
-
 @compiled
 def advance_additive(
     system: System,
@@ -210,7 +177,7 @@ def advance_additive(
             if asked == t_new:
                 combine(system.sizes, new, stages, AE, zero, zero, 0.0, samples[counts[0]])
             else:
-                _between(
+                between_ends(
                     system, tolerance, state, new, stages, (asked - t) / h, h, samples[counts[0]]
                 )
             counts[0] += 1

@@ -37,6 +37,7 @@ class Status(IntEnum):
     STEP_UNDERFLOW = 2
     NOT_FINITE = 3
     INERTIA_LOST = 4
+    NOT_CONVERGED = 5
 
     @property
     def sentence(self) -> str:
@@ -51,6 +52,8 @@ _SENTENCES = {
     Status.NOT_FINITE: "the state is no longer finite: the step is too long for the stiffest "
     "mode, or the arm is unstable.",
     Status.INERTIA_LOST: "a joint no longer feels any inertia.",
+    Status.NOT_CONVERGED: "the equations of an implicit step could not be solved: the step is too "
+    "long for the motion.",
 }
 
 

@@ -11,8 +11,7 @@ symbol         meaning
                span: coordinates, rates, accelerations
 ``rise``       (n, 1 + m) q_k - q_(k-1), kept as a sum of its own: no digits are lost
 ``stiff``      (n, 1 + m) 1.0 where h times the mode's frequency is too large for the formula
-``span``       start, end, length of a step, steps in all and steps done of the present span
-               between two stops
+``span``       the present span between two stops, see ``steps``
 =============  =============================================================================
 """
 
@@ -25,18 +24,23 @@ import numpy as np
 from flexarm.integrate.additive import additive_step
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.steps import (
+    COUNT,
     DONE,
+    END,
     INERTIA_LOST,
+    LENGTH,
     NOT_FINITE,
     PAUSED,
+    PLACE,
     RESOLVED,
     SHORT,
+    START,
     TIME,
     all_finite,
+    begin_span,
     combine,
     coordinate_between,
     inertia_left,
-    next_stop,
     rate_between,
 )
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
@@ -45,7 +49,6 @@ from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
 
-START, END, LENGTH, COUNT, PLACE = 0, 1, 2, 3, 4
 #: Points that the formulas look back on; the first ones of a span come from a one-step method.
 _STARTED = 3
 #: Weights of the new acceleration in (I.5) and (I.6).
@@ -306,11 +309,7 @@ def advance_cowell(
         if t >= until:
             break
         if span[PLACE] >= span[COUNT]:  # a new span begins
-            span[START] = t
-            span[END] = next_stop(system.drive.stops, t, until)
-            span[COUNT] = max(1.0, math.ceil((span[END] - t) / step * (1.0 - 1e-9)))
-            span[LENGTH] = (span[END] - t) / span[COUNT]
-            span[PLACE] = 0.0
+            begin_span(system.drive.stops, t, until, step, span)
             _soften(
                 system, softened, tolerance, state, smooth, known, force, torque, stiff, added,
                 span[LENGTH],

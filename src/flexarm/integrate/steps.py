@@ -13,7 +13,7 @@ from flexarm.integrate.base import System, Tolerance
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.layout import Array, Sizes
 
-DONE, PAUSED, STEP_UNDERFLOW, NOT_FINITE, INERTIA_LOST = 0, 1, 2, 3, 4
+DONE, PAUSED, STEP_UNDERFLOW, NOT_FINITE, INERTIA_LOST, NOT_CONVERGED = 0, 1, 2, 3, 4, 5
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 #: Soderlind's filter H211b: how much the last two errors and the last change of the step weigh.
@@ -27,6 +27,11 @@ _SMALLEST = 1e-14
 #: over the allowed and length of the last step that stood, zero if there is none.
 TIME, STEP, REFUSED, LAST_NORM, LAST_STEP = 0, 1, 2, 3, 4
 CLOCK_PLACES = 5
+
+#: Places in the array ``span`` of a method of fixed steps: start and end of the present span
+#: between two stops, s; length of its equal steps, s; how many they are, and how many are done.
+START, END, LENGTH, COUNT, PLACE = 0, 1, 2, 3, 4
+SPAN_PLACES = 5
 
 #: Steps shorter than this part of a radian of the fastest mode are cut ones: nothing moves in them.
 SHORT = 1e-3
@@ -175,6 +180,16 @@ def next_stop(stops: Array, t: float, until: float) -> float:
 
 
 @merged
+def begin_span(stops: Array, t: float, until: float, step: float, span: Array) -> None:
+    """Cut the time from t to the next stop into equal steps, none longer than ``step``."""
+    span[START] = t
+    span[END] = next_stop(stops, t, until)
+    span[COUNT] = max(1.0, math.ceil((span[END] - t) / step * (1.0 - 1e-9)))
+    span[LENGTH] = (span[END] - t) / span[COUNT]
+    span[PLACE] = 0.0
+
+
+@merged
 def dense_weights(dense: Array, theta: float, weights: Array) -> None:
     """Weights (1, r) of the stages at t + theta h."""
     for k in range(dense.shape[0]):
@@ -218,3 +233,33 @@ def rate_between(
         missing = (q1 - q0) / h - 0.5 * (v0 + v1) - h * (a0 - a1) / 12.0
         rate += 30.0 * missing * x * x * (1.0 - x) * (1.0 - x)
     return rate
+
+
+@merged
+def between_ends(
+    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, x: float,
+    h: float, sample: Array,
+) -> None:  # fmt: skip
+    """Sample at x (0 to 1) of a step from the values and the first and last slopes of ``stages``.
+
+    A mode that the step does not resolve has accelerations that mean nothing inside it: cubic.
+    """
+    s = stages.shape[0] - 1
+    fine = h * tolerance.fastest > SHORT
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            q0 = state[0, i, j]
+            v0 = state[1, i, j]
+            a0 = stages[0, 1, i, j]
+            q1 = new[0, i, j]
+            v1 = new[1, i, j]
+            a1 = stages[s, 1, i, j]
+            stiff = False
+            if j > 0:
+                stiff = h * h * system.constants.w2[i, j - 1] > RESOLVED * RESOLVED
+            if stiff:
+                sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
+                sample[1, i, j] = v0 + x * (v1 - v0)
+            else:
+                sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
+                sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)

@@ -10,7 +10,7 @@ from flexarm.integrate.additive import SOFTENED
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
 from flexarm.integrate.cowell import advance_cowell
 from flexarm.integrate.kennedy_carpenter import KennedyCarpenter4, named
-from flexarm.integrate.steps import TIME
+from flexarm.integrate.steps import SPAN_PLACES, TIME
 from flexarm.kernels.implicit_step import constants_to_soften
 
 
@@ -51,7 +51,7 @@ class Cowell4(Integrator):
         shape = progress.state.shape
         if not memory:
             memory["clock"] = np.zeros(SOFTENED + 1)
-            memory["span"] = np.zeros(5)
+            memory["span"] = np.zeros(SPAN_PLACES)
             memory["counts"] = np.zeros(4, dtype=np.int64)
             memory["past"] = np.zeros((4, 3, *shape[1:]))
             for name in ("smooth", "known"):
