@@ -109,9 +109,7 @@ def test_pausing_changes_nothing(name, problem):
     for max_steps in (10**9, 7, 1):
         progress = start(arm, state)
         # A first step so long that it is refused, so that pauses also fall behind refusals.
-        integrator = make(name)
-        if integrator.adaptive:
-            integrator = INTEGRATORS[name](step=0.3)
+        integrator = INTEGRATORS[name](step=0.3 if INTEGRATORS[name].adaptive else 1e-3)
         _, samples = advance(
             integrator,
             make_system(arm),
