@@ -340,3 +340,21 @@ def test_watching_does_not_change_the_run():
         np.testing.assert_array_equal(watched[name], plain[name])
     assert "event" not in plain.sizes
     assert plain.attrs["ended_by"] == "duration"
+
+
+@pytest.mark.parametrize("rate", [30.0, 1000.0])
+def test_hardware_that_is_late_and_slow(rate):
+    """The torque changes within a sample time, and its motor lags: against a tight run."""
+    arm = rod()
+    hardware = fa.Hardware(motors=fa.Motors(time_constant=0.02, delay=0.004))
+    event = fa.joint_event(arm, 1, 1.0, name="there", terminal=True)
+
+    def run(**options):
+        return fa.simulate(
+            arm, 2.0, controller=Steps(), hardware=hardware, events=[event], **options
+        )
+
+    result, tight = run(rate=rate), run(rtol=1e-12, atol=1e-14, rate=7000.0)
+    assert result.attrs["ended_by"] == "there"
+    assert result.joint_angle.values[-1, 0] == pytest.approx(1.0, abs=1e-12)
+    assert float(result.time[-1]) == pytest.approx(float(tight.time[-1]), abs=1e-8)
