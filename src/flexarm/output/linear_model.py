@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.linear import LinearModel
 from flexarm.output.places import AnyPath, check_place, write_text, write_whole
+
+if TYPE_CHECKING:
+    # Not at run time: processes that only draw figures would load the kernels for nothing.
+    from flexarm.linear import LinearModel
 
 #: What a linear model's file may end in.
 MODEL_SUFFIXES = (".mat", ".json")
