@@ -67,6 +67,9 @@ if TYPE_CHECKING:
     from flexarm.simulate import run_scenario as run_scenario
     from flexarm.simulate import simulate as simulate
     from flexarm.simulate.compare import compare as compare
+    from flexarm.simulate.events import Event as Event
+    from flexarm.simulate.events import joint_event as joint_event
+    from flexarm.simulate.events import tip_event as tip_event
     from flexarm.simulate.flexible_torque import FlexibleTorque as FlexibleTorque
     from flexarm.simulate.flexible_torque import flexible_torque as flexible_torque
     from flexarm.simulate.separated import simulate_separated as simulate_separated
@@ -82,6 +85,7 @@ _HOME = {
     "Controller": "control",
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
+    "Event": "simulate.events",
     "FlexarmError": "errors",
     "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
@@ -120,6 +124,7 @@ _HOME = {
     "compare": "simulate.compare",
     "equilibrium": "linear",
     "flexible_torque": "simulate.flexible_torque",
+    "joint_event": "simulate.events",
     "joint_motion": "motion",
     "line_motion": "motion",
     "linearize": "linear",
@@ -137,6 +142,7 @@ _HOME = {
     "track_modes": "linear",
     "simulate_separated": "simulate.separated",
     "step_jacobian": "linear.step_jacobian",
+    "tip_event": "simulate.events",
     "tip_inversion": "simulate.tip_inversion",
 }
 

@@ -22,6 +22,11 @@ def channels_of(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
 
 
+def tips_of(arm: Arm, states: FloatArray) -> FloatArray:
+    """Position (m), angle (rad) of the last tip, world axes, and their rates: (samples, 6)."""
+    return _observed(arm, states)[1]
+
+
 def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
     """Return the absolute angles (samples, links) of root tangents, rad."""
     constants = arm.assembly.constants
@@ -31,14 +36,19 @@ def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
     return np.asarray((joints + before)[:, arm.assembly.link_body])
 
 
-def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
-    assembly = arm.assembly
-    count = len(states)
-    poses = np.zeros((count, assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
+def _observed(arm: Arm, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Poses (samples, n, 10), tips (samples, 6) and energies (samples, 3)."""
+    count, constants = len(states), arm.assembly.constants
+    poses = np.zeros((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.zeros((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)
-    constants = assembly.constants
     observe_many(run_time_sizes(constants), constants, states, poses, tips, energy)
+    return poses, tips, energy
+
+
+def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
+    assembly = arm.assembly
+    poses, tips, energy = _observed(arm, states)
     link = poses[:, assembly.link_body]
     bent = _link_tips(arm, poses, tips)
     q, qd = arm.unpadded(states[:, 0]), arm.unpadded(states[:, 1])

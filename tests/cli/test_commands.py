@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -178,3 +179,23 @@ def test_schema_is_json_on_screen_and_in_a_file(kind, tmp_path):
     file = tmp_path / "schema.json"
     assert invoke("schema", "--kind", kind, "--out", file).exit_code == 0
     assert json.loads(file.read_text()) == schema
+
+
+def test_run_says_which_events_happened(tmp_path):
+    path = tmp_path / "run.yaml"
+    events = (
+        "events:\n"
+        "  - {kind: joint_angle, joint: 1, angle: 0.0, name: never}\n"
+        "  - {kind: tip_line, point: [0.5, 0.0], normal: [-1, 0], name: half way}\n"
+        "  - {kind: tip_line, point: [0.3, 0.0], normal: [1, 0], terminal: true}\n"
+    )
+    path.write_text(GOOD + events)
+    output = invoke("run", path).stdout
+    assert "half way: at t = 0.0" in output
+    assert "event_3: at t = 0.0" in output
+    assert "never" not in output
+    assert re.search(r"ended by +event_3", output)
+    path.write_text(GOOD + events.partition("  - {kind: tip_line")[0])
+    assert re.search(r"events +none", invoke("run", path).stdout)
+    assert "ended by" not in invoke("run", path).stdout
+    assert re.search(r"event +joint angle", invoke("check", path).stdout)

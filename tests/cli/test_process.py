@@ -71,3 +71,14 @@ writer.stdout.close()
 sys.stderr.buffer.write(writer.stderr.read())
 """
     assert "Traceback" not in run(code=code).stderr
+
+
+def test_processes_that_draw_load_no_kernels():
+    code = """
+import sys
+from flexarm.cli.drawing import load_plotting
+load_plotting()
+print([name for name in ("numba", "scipy", "xarray") if name in sys.modules])
+"""
+    shown = run(code=code)
+    assert (shown.returncode, shown.stdout) == (0, "[]\n"), shown.stderr

@@ -271,3 +271,36 @@ def test_without_a_file_only_the_key_is_told(write):
     scenario = load_scenario(write("drive: {kind: torque, rate: 9, values: [[0, 0], [1, 1]]}\n"))
     with pytest.raises(fa.InputError, match=r"^scenario: drive\.values must"):
         fa.run_scenario(scenario)
+
+
+def test_events(run, arm, write):
+    text = (
+        "events:\n"
+        "  - {kind: tip_line, point: [0, -0.5], normal: [0, 1], name: low}\n"
+        "  - {kind: joint_angle, joint: 1, angle: -0.4, direction: falling, terminal: true}\n"
+    )
+    found = run(text)
+    events = [
+        fa.tip_event(arm, (0.0, -0.5), (0.0, 1.0), name="low"),
+        fa.joint_event(arm, 1, -0.4, direction=-1, terminal=True),
+    ]
+    wanted = fa.simulate(arm, events=events, **FINE)
+    assert wanted.event_name.values.tolist() == ["low", "event_2"]
+    np.testing.assert_array_equal(found.q, wanted.q)
+    np.testing.assert_array_equal(found.event_time, wanted.event_time)
+    assert found.attrs["ended_by"] == "event_2"
+    # On another arm they are watched there.
+    prepared = prepare(load_scenario(write(text)))
+    rigid = prepared.run(arm=arm.rigid())
+    height = [arm.rigid().tip(q)[1] for q in rigid.event_q.values]
+    assert height[0] == pytest.approx(-0.5, abs=1e-9)
+
+
+def test_event_at_a_stop(tmp_path):
+    path = tmp_path / "run.yaml"
+    stops = "limits: {lower: -0.3, upper: 1.0, stiffness: 1.0e+3}"
+    text = ARM.replace("damping: 0.1}", f"damping: 0.1, {stops}}}")
+    path.write_text(text + "events: [{kind: joint_angle, joint: 1, stop: lower, terminal: true}]\n")
+    result = fa.run_scenario(path)
+    assert result.joint_angle.values[-1, 0] == pytest.approx(-0.3, abs=1e-9)
+    assert result.attrs["ended_by"] == "event_1"

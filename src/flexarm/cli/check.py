@@ -91,6 +91,9 @@ def _about_run(scenario: Scenario) -> list[tuple[str, str]]:
         rows.append((f"joint {joint.joint}", f"prescribed: {joint.kind}"))
     for load in scenario.loads:
         rows.append(("load", f"on link {load.link}{' over time' if load.factor else ''}"))
+    for event in scenario.events:
+        ends = ", ends the run" if event.terminal else ""
+        rows.append(("event", f"{event.kind.replace('_', ' ')}{ends}"))
     if scenario.base_acceleration is not None:
         over_time = isinstance(scenario.base_acceleration, AccelerationTable)
         rows.append(("base", f"accelerates{' over time' if over_time else ''}"))

@@ -75,10 +75,29 @@ def _summary(result: xr.Dataset) -> list[tuple[str, str]]:
     steps = f"{attributes['steps']} of {attributes['integrator']}"
     rows = [
         ("run", f"{time.size} samples to t = {time[-1]:g} s"),
+        *_events(result),
         ("steps", f"{steps}, in {attributes['wall_seconds']:.3g} s"),
         ("tip", f"({x:.6g}, {y:.6g}) m at the end"),
     ]
     if deflection[worst] > 0.0:
         most = f"{1e3 * deflection[worst]:.4g} mm at the tip of link {worst + 1}"
         rows.append(("bending", f"at most {most}"))
+    return rows
+
+
+def _events(result: xr.Dataset) -> list[tuple[str, str]]:
+    """How often each event happened and when first; which one ended the run."""
+    if "event_name" not in result:
+        return []
+    names, times = result["event_name"].values, result["event_time"].values
+    told = []
+    for name in dict.fromkeys(names.tolist()):
+        own = times[names == name]
+        when = f"at t = {own[0]:.6g} s" if own.size == 1 else f"{own.size} times"
+        if own.size > 1:
+            when += f", first at t = {own[0]:.6g} s"
+        told.append(f"{name}: {when}")
+    rows = [("events", "; ".join(told) or "none")]
+    if result.attrs["ended_by"] in names:
+        rows.append(("ended by", result.attrs["ended_by"]))
     return rows

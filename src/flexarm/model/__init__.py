@@ -6,6 +6,9 @@ from flexarm.model.drives import JointPDDrive as JointPDDrive
 from flexarm.model.drives import NoDrive as NoDrive
 from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
 from flexarm.model.drives import TorqueDrive as TorqueDrive
+from flexarm.model.events import EventSpec as EventSpec
+from flexarm.model.events import JointEvent as JointEvent
+from flexarm.model.events import TipEvent as TipEvent
 from flexarm.model.files import file_text as file_text
 from flexarm.model.files import load_arm_spec as load_arm_spec
 from flexarm.model.files import load_scenario as load_scenario

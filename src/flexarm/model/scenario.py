@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import Drive, NoDrive
+from flexarm.model.events import EventSpec, event_faults
 from flexarm.model.hardware import LIMITS, HardwareSpec, hardware_faults
 from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
 from flexarm.model.motions import MotionSpec
@@ -106,6 +107,9 @@ class Scenario(Record):
     base_acceleration: BaseAcceleration | None = Field(
         default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
     )
+    events: Listed[EventSpec] = Field(
+        default=(), description="What to locate on the way, to end the run or to be recorded."
+    )
     initial: InitialState = Field(default=InitialState(), description="Where the arm starts.")
     run: RunSettings = Field(description="How the run is computed.")
 
@@ -132,6 +136,7 @@ class Scenario(Record):
         yield from hardware_faults(given)
         yield from load_faults(given)
         yield from prescribed_faults(given, turning)
+        yield from event_faults(given, turning)
 
 
 _FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")

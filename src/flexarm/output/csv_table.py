@@ -2,7 +2,7 @@
 
 The header names every column after its channel, with the unit: ``joint_angle_1 [rad]``,
 ``tip_x [m]``, ``strain_1 [1]``, ``joint_force_2_x [N]``. What is not given at those times, such as
-readings of instruments, is left to NetCDF.
+readings of instruments and events, is left to NetCDF.
 """
 
 from __future__ import annotations

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm.errors import InputError, Problem, shown
-from flexarm.linear import LinearModel
 from flexarm.output.places import AnyPath, check_place, write_text, write_whole
+
+if TYPE_CHECKING:
+    # Not at run time: processes that only draw figures would load the kernels for nothing.
+    from flexarm.linear import LinearModel
 
 #: What a linear model's file may end in.
 MODEL_SUFFIXES = (".mat", ".json")
@@ -28,6 +31,8 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
     Raises:
         InputError: no linear model, an unknown suffix, or a path that cannot be written.
     """
+    from flexarm.linear import LinearModel
+
     if not isinstance(model, LinearModel):
         hint = "fa.linearize makes one."
         rule = "be a LinearModel"

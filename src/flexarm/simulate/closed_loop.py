@@ -63,7 +63,7 @@ class ClosedLoop:
             acting.ask(t, torque)
             tick += 1
             until = min(tick * sample_time, run.duration)
-            while run.progress.time < until:
+            while run.progress.time < min(until, run.duration):  # an event may end the run
                 system = self._advance(system, until)
             if tick % 256 == 0:
                 run.meter.update(run.progress.time / run.duration)

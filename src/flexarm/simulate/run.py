@@ -24,9 +24,11 @@ from flexarm.errors import (
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
+from flexarm.model.events import DURATION, FAILURE
 from flexarm.model.scenario import sample_fault
 from flexarm.simulate.choice import Choice, choose_integrator
 from flexarm.simulate.closed_loop import ClosedLoop
+from flexarm.simulate.events import Event, event_log, event_variables
 from flexarm.simulate.load_history import BaseAcceleration, load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.prescribed import Prescribed, prescribe
@@ -41,6 +43,7 @@ from flexarm.simulate.torque_history import (
     sampled_torque,
 )
 from flexarm.simulate.validity import too_far_bent
+from flexarm.simulate.watch import Watch
 from flexarm.stations import check_stations
 
 if TYPE_CHECKING:
@@ -70,6 +73,7 @@ def simulate(
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
     base_acceleration: BaseAcceleration | None = None,
+    events: Sequence[Event] = (),
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
     stations: int = 0,
@@ -103,6 +107,9 @@ def simulate(
         loads: forces and moments anywhere on the arm, constant or with a factor of time.
         base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it,
             or a table ``(times, values)``; positions stay relative to the base.
+        events: what to locate on the way (``Event``, ``joint_event``, ``tip_event``); looked for
+            between samples, so that ``rate`` decides what is too brief to be seen. A terminal one
+            ends the run, with the event as the last sample.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
@@ -115,7 +122,10 @@ def simulate(
         progress: True or False shows or hides the bar that long runs get on a terminal.
 
     Returns:
-        Dataset over ``time`` with the channels of ``flexarm.simulate.channels``.
+        Dataset over ``time`` with the channels of ``flexarm.simulate.channels``; with ``events``
+        also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1 falling),
+        ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is "duration",
+        "failure" or the name of the event that ended the run.
 
     Raises:
         InputError: an argument has the wrong shape, is not finite, or contradicts another.
@@ -145,6 +155,7 @@ def simulate(
     if stations != 0:
         stations = check_stations(where, stations)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
+    log = event_log(where, simulated, events)
     tolerance = tolerance_of(simulated, state, atol, rtol)
     choice = choose_integrator(integrator, step, simulated, tolerance)
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
@@ -168,6 +179,7 @@ def simulate(
             meter=meter,
             stations=stations,
             specialized=specialized,
+            watch=Watch(simulated, choice.integrator, tolerance, log) if log else None,
         )
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
@@ -218,6 +230,8 @@ def _result(
     count = run.progress.sample
     times = run.sample_times[:count]
     integrator, progress = run.integrator, run.progress
+    log = run.watch.log if run.watch is not None else None
+    ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
     attributes: dict[str, Any] = {
         "flexarm_version": version("flexarm"),
         "integrator": integrator.name,
@@ -230,12 +244,14 @@ def _result(
         "wall_seconds": time.perf_counter() - started,
         "references": " ".join(integrator.reference),
         "failure": failure,
+        "ended_by": ended_by,
         "warning": too_far_bent(run.arm, run.samples[:count]),
     }
     motor, force, moment, inside = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
     forces |= section_channels(inside)
-    return make_result(run.arm, times, run.samples[:count], forces, attributes)
+    result = make_result(run.arm, times, run.samples[:count], forces, attributes)
+    return result if log is None else result.assign(event_variables(run.arm, log))
 
 
 def _check_objects(

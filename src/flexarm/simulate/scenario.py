@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -12,6 +12,7 @@ from flexarm.arm import Arm
 from flexarm.control import JointPD
 from flexarm.errors import InputError, SimulationError
 from flexarm.model import (
+    EventSpec,
     JointPDDrive,
     LineMotionSpec,
     RigidInverseDynamicsDrive,
@@ -23,6 +24,7 @@ from flexarm.model import (
 from flexarm.model.wording import Path, path_of
 from flexarm.motion import Motion, joint_motion, line_motion
 from flexarm.simulate.choice import check_integrator
+from flexarm.simulate.events import events_of
 from flexarm.simulate.hardware_file import hardware_of
 from flexarm.simulate.outside import base_acceleration_of, loads_of
 from flexarm.simulate.run import simulate
@@ -42,13 +44,15 @@ class Prepared:
 
     Attributes:
         arm: the arm. motion: what it is asked to do, or None. options: arguments of ``simulate``.
-        text: the scenario as a file, which results keep.
+        text: the scenario as a file, which results keep. events: what it asks to watch for; in
+        the options they are those of ``arm``.
     """
 
     arm: Arm
     motion: Motion | None
     options: dict[str, Any]
     text: str
+    events: Sequence[EventSpec] = ()
 
     def run(self, *, arm: Arm | None = None, progress: bool | None = None) -> xr.Dataset:
         """Simulate, with another ``arm`` of as many joints (its rigid twin, say) if given."""
@@ -58,6 +62,7 @@ class Prepared:
             if "initial_rate" in options:
                 rates = self.arm.joint_angles(options["initial_rate"])
                 options["initial_rate"] = arm.rest(rates)
+            options["events"] = events_of(self.events, arm)
         try:
             result = simulate(arm or self.arm, progress=progress, **options)
         except SimulationError as error:
@@ -93,6 +98,8 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
             options[name] = getattr(run, name)
     if scenario.loads:
         options["loads"] = loads_of(scenario)
+    if scenario.events:
+        options["events"] = events_of(scenario.events, arm)
     if scenario.base_acceleration is not None:
         options["base_acceleration"] = base_acceleration_of(scenario)
     with _told_as(place, "initial"):
@@ -109,7 +116,7 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
             options["hardware"] = hardware_of(scenario.hardware)
     with _told_as(place, "run"):
         check_integrator(run.integrator, run.step, "scenario")
-    return Prepared(arm, motion, options, file_text(scenario))
+    return Prepared(arm, motion, options, file_text(scenario), scenario.events)
 
 
 def run_scenario(

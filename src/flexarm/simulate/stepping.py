@@ -33,6 +33,7 @@ from flexarm.simulate.meter import Meter
 from flexarm.simulate.sections import cut_systems, fill_sections
 from flexarm.simulate.torque_history import TorqueHistory, constant_torque
 from flexarm.simulate.validity import weakest_joint
+from flexarm.simulate.watch import Watch
 
 #: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
 _CALL_SECONDS = 0.1
@@ -62,6 +63,7 @@ class Run:
     prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is given
     stations: int = 0  # on each link, for section forces
     specialized: bool | None = None  # compile for this model size; None decides by the time ahead
+    watch: Watch | None = None  # looks for events
     max_steps: int = 64
     started: float = field(default_factory=time.perf_counter)
     compiled_before: float = field(default_factory=compile_seconds)
@@ -160,6 +162,8 @@ class Run:
                 self.samples,
                 self.max_steps,
             )
+            if self.watch is not None and self._ended_by_event(self.watch, system, status):
+                return system
             if status == Status.DONE:
                 return system
             if status != Status.PAUSED:
@@ -174,6 +178,31 @@ class Run:
                     f"{ahead:.1g} such steps away: the motion grows without bound."
                 )
             system = self._specialize(system)
+
+    def _ended_by_event(self, watch: Watch, system: System, status: Status) -> bool:
+        """Look for events in what was computed; one may end the run, as its last sample.
+
+        Raises:
+            SimulationError: an event function failed; samples after that are dropped.
+        """
+        progress = self.progress
+        try:
+            event = watch.look(system, progress, self.sample_times, self.samples, status)
+        except SimulationError as error:
+            done = self.sample_times[: progress.sample]
+            progress.sample = int(np.searchsorted(done, error.time, side="right"))
+            raise
+        if event is None:
+            return False
+        keep = int(np.searchsorted(self.sample_times, event.time))
+        self.sample_times = np.append(self.sample_times[:keep], event.time)
+        if keep == len(self.samples):  # the run goes on after its last sample
+            self.samples = np.concatenate([self.samples, event.state[None]])
+        self.samples[keep] = event.state
+        progress.state[...] = event.state
+        self.duration = progress.time = event.time
+        progress.sample = keep + 1
+        return True
 
     def _failure(self, reason: str) -> SimulationError:
         hint = (

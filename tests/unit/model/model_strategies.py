@@ -13,6 +13,7 @@ from flexarm.model import (
     HeldJoint,
     InitialState,
     Joint,
+    JointEvent,
     JointMotionSpec,
     JointPDDrive,
     LineMotionSpec,
@@ -29,6 +30,7 @@ from flexarm.model import (
     Scenario,
     SectionTable,
     TabulatedJoint,
+    TipEvent,
     TorqueDrive,
     Tube,
 )
@@ -183,6 +185,25 @@ def prescribed_joints(draw, count, has_motion):
 
 
 @st.composite
+def events(draw, count):
+    """Draw events of both kinds, each with a name of its own or none."""
+    found = []
+    for name in draw(st.lists(st.sampled_from(["yes", "1e5", "floor"]), unique=True)):
+        common = {
+            "name": draw(st.sampled_from([name, None])),
+            "direction": draw(st.sampled_from(["both", "rising", "falling"])),
+            "terminal": draw(st.booleans()),
+        }
+        if draw(st.booleans()):
+            joint, angle = draw(st.integers(1, count)), draw(numbers)
+            found.append(JointEvent(joint=joint, angle=angle, **common))
+        else:
+            normal = (draw(positive), draw(numbers))
+            found.append(TipEvent(point=draw(pairs), normal=normal, **common))
+    return found
+
+
+@st.composite
 def initial_states(draw, each):
     """Draw where an arm starts: in motion, or in equilibrium."""
     angles = draw(st.none() | each)
@@ -248,6 +269,7 @@ def scenarios(draw):
         prescribed=moved,
         loads=draw(st.lists(loads(arm), max_size=2)),
         base_acceleration=draw(st.none() | pairs | time_tables(AccelerationTable, pairs)),
+        events=draw(events(len(arm.links))),
         initial=draw(initial_states(each)),
         run=draw(
             st.builds(

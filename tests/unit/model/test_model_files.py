@@ -235,6 +235,10 @@ PUSHED = SOUND | {
         },
     ],
     "base_acceleration": {"times": [0, 1], "values": [[0, 0], [0, 1]]},
+    "events": [
+        {"kind": "joint_angle", "joint": 1, "angle": 0.5, "direction": "rising", "terminal": True},
+        {"kind": "tip_line", "point": [0, 1], "normal": [0, 1]},
+    ],
     "initial": {"joint_angle": [0, 0], "equilibrium": True, "balance": True},
 }
 

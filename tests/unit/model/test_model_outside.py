@@ -222,6 +222,53 @@ def test_wrong_loads_are_refused_with_every_reason(load, problems):
             ],
         ),
         (
+            {"events": [{"kind": "joint_angle", "joint": 1}]},
+            ["events[0].angle must be given where there is no stop, but is missing."],
+        ),
+        (
+            {"events": [{"kind": "joint_angle", "joint": 1, "angle": 0.5, "stop": "upper"}]},
+            ["events[0].angle must be left out where there is a stop, but is 0.5."],
+        ),
+        (
+            {"events": [{"kind": "joint_angle", "joint": 2, "stop": "upper"}]},
+            ["events[0].stop must be left out where joint 2 has no limits, but is 'upper'."],
+        ),
+        (
+            {"events": [{"kind": "joint_angle", "joint": 3, "stop": "upper", "terminal": 1}]},
+            ["events[0].terminal must be true or false, but is 1."],
+        ),
+        (
+            {"events": [{"kind": "joint_angle", "joint": 3, "stop": "upper"}]},
+            ["events[0].joint must be the number of a joint that turns: 1, 2, but is 3."],
+        ),
+        (
+            {"events": [{"kind": "tip_line", "point": [1], "normal": [0, 0], "direction": "up"}]},
+            [
+                "events[0].direction must be one of 'both', 'rising', 'falling', but is 'up'.",
+                "events[0].point must be a list of two numbers, but is [1].",
+                "events[0].normal must point somewhere, but is [0, 0].",
+            ],
+        ),
+        (
+            {
+                "events": [
+                    {"kind": "joint_angle", "joint": 1, "angle": 1, "name": "event_2"},
+                    {"kind": "joint_angle", "joint": 1, "angle": 1, "name": "duration"},
+                    {"kind": "tip_line", "point": [1, 2], "normal": [0, 1], "name": "event_2"},
+                ]
+            },
+            ["events[1].name must not be a word for other ends of a run, but is 'duration'."],
+        ),
+        (
+            {
+                "events": [
+                    {"kind": "joint_angle", "joint": 1, "angle": 1, "name": "event_2"},
+                    {"kind": "joint_angle", "joint": 1, "angle": 1},
+                ]
+            },
+            ["events[1].name must be another name than that of events[0], but is 'event_2'."],
+        ),
+        (
             {"initial": {"equilibrium": True, "joint_rate": [0, 1]}},
             ["initial.joint_rate must be left out of an equilibrium, but is given."],
         ),

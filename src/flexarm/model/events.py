@@ -1,0 +1,96 @@
+"""Events of a scenario: a joint that reaches an angle, a tip that crosses a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Count, Flag, Number, Pair, Word
+from flexarm.model.wording import Fault
+
+#: How a run may end without an event: not for names of events.
+DURATION, FAILURE = "duration", "failure"
+
+
+class _Event(Record):
+    """What results call it, which crossings count, and whether the run ends."""
+
+    name: Word | None = Field(
+        default=None, description="What results call it; by its place, event_1, where left out."
+    )
+    direction: Literal["both", "rising", "falling"] = Field(
+        default="both", description="Which crossings count."
+    )
+    terminal: Flag = Field(default=False, description="Whether the run ends there.")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("name") and given.name in (DURATION, FAILURE):
+            yield Fault(("name",), "not be a word for other ends of a run", shown(given.name))
+
+
+class JointEvent(_Event):
+    """A joint passes an angle or touches a stop; rising is a growing angle."""
+
+    kind: Literal["joint_angle"] = "joint_angle"
+    joint: Count = Field(description="Number of the joint, counted from 1 at the base.")
+    angle: Number | None = Field(default=None, description="Relative joint angle (rad).")
+    stop: Literal["lower", "upper"] | None = Field(
+        default=None, description="Which of the joint's limits, instead of an angle."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from super()._faults(given)
+        if given.absent("angle") and given.absent("stop"):
+            yield Fault(("angle",), "be given where there is no stop", "missing")
+        elif not given.absent("angle") and not given.absent("stop"):
+            rule = "be left out where there is a stop"
+            yield Fault(("angle",), rule, shown(given.raw("angle")))
+
+
+class TipEvent(_Event):
+    """The arm's tip crosses a straight line; rising is along the normal."""
+
+    kind: Literal["tip_line"] = "tip_line"
+    point: Pair = Field(description="Any point of the line [x, y], world frame (m).")
+    normal: Pair = Field(description="Direction across the line [x, y], of any length.")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from super()._faults(given)
+        if given.has("normal") and not any(given.normal):
+            yield Fault(("normal",), "point somewhere", shown(list(given.normal)))
+
+
+EventSpec = Annotated[JointEvent | TipEvent, Field(discriminator="kind")]
+
+
+def event_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
+    """Yield the events that have no name of their own or do not fit the arm.
+
+    Args:
+        turning: numbers of the joints that turn; none where they are not known.
+    """
+    if not given.has("events"):
+        return
+    names: list[str] = []
+    for i, event in enumerate(given.events):
+        name = event.name or f"event_{i + 1}"
+        if name in names:
+            rule = f"be another name than that of events[{names.index(name)}]"
+            yield Fault(("events", i, "name"), rule, shown(name))
+        names.append(name)
+        if event.kind != "joint_angle":
+            continue
+        if given.has("arm") and event.joint not in turning:
+            known = ", ".join(map(str, turning)) or "none does"
+            rule = f"be the number of a joint that turns: {known}"
+            yield Fault(("events", i, "joint"), rule, shown(event.joint))
+        elif event.stop and given.has("arm") and given.arm.joints[event.joint - 1].limits is None:
+            rule = f"be left out where joint {event.joint} has no limits"
+            yield Fault(("events", i, "stop"), rule, shown(event.stop))

@@ -1,0 +1,252 @@
+"""Events of a run: what the user watches for, and the ready-made kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.integrate.base import FloatArray
+from flexarm.model import EventSpec, JointEvent
+from flexarm.model.events import DURATION, FAILURE
+from flexarm.observe import tips_of
+
+#: Function of t (s), q (dof,), qd (dof,) to a number.
+EventFunction = Callable[[Any, Any, Any], Any]
+#: The stops of a joint, for the angle of an event.
+STOPS = ("lower", "upper")
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A function of the state whose zero crossings are located during a run.
+
+    Args:
+        function: of time t (s), coordinates q (dof,) and rates qd (dof,) of the arm that is
+            simulated, to one finite number. With an attribute ``vectorized = True`` it is called
+            with many samples at once: (k,), (k, dof), (k, dof) to (k,).
+        name: what results call it; "event_1" and so on by its place in the list where left out.
+        direction: 1 counts crossings from below zero, -1 those from above, 0 both.
+        terminal: whether the run ends there.
+
+    Raises:
+        InputError: no function, a name that is empty or says how runs end without an event
+            ("duration", "failure"), or another direction.
+    """
+
+    function: EventFunction
+    name: str | None = None
+    direction: int = 0
+    terminal: bool = False
+
+    def __post_init__(self) -> None:
+        problems = []
+        if not callable(self.function):
+            rule = "be a function of t, q and qd"
+            problems.append(Problem("Event", "function", rule, shown(self.function)))
+        if self.name is not None and not (isinstance(self.name, str) and self.name):
+            problems.append(Problem("Event", "name", "be text", shown(self.name)))
+        elif self.name in (DURATION, FAILURE):
+            rule = "not be a word for other ends of a run"
+            problems.append(Problem("Event", "name", rule, shown(self.name)))
+        if isinstance(self.direction, bool) or self.direction not in (-1, 0, 1):
+            problems.append(Problem("Event", "direction", "be -1, 0 or 1", shown(self.direction)))
+        if not isinstance(self.terminal, bool):
+            problems.append(Problem("Event", "terminal", "be a bool", shown(self.terminal)))
+        if problems:
+            raise InputError(*problems)
+
+
+def joint_event(
+    arm: Arm,
+    joint: int,
+    angle: float | str,
+    *,
+    name: str | None = None,
+    direction: int = 0,
+    terminal: bool = False,
+) -> Event:
+    """Watch a joint pass an angle; the function is the joint's angle less that one, rad.
+
+    Args:
+        arm: the arm that is simulated.
+        joint: number of the joint, that of the link at whose root it is.
+        angle: rad, or "lower" or "upper": the joint's stop of that side.
+        name, direction, terminal: as for ``Event``; 1 is a growing angle.
+
+    Raises:
+        InputError: no such joint, a joint without limits, an angle that is no number.
+    """
+    where = "joint_event"
+    numbers = arm.joint_numbers.tolist()
+    if joint not in numbers:
+        rule = f"be the number of a joint that turns: {', '.join(map(str, numbers)) or 'none does'}"
+        raise InputError(Problem(where, "joint", rule, shown(joint)))
+    if isinstance(angle, str):
+        limits = arm.spec.joints[joint - 1].limits
+        if angle not in STOPS:
+            rule = "be a number, 'lower' or 'upper'"
+            raise InputError(Problem(where, "angle", rule, shown(angle)))
+        if limits is None:
+            hint = "Give the joint limits, or the angle itself."
+            rule = f"be a number where joint {joint} has no limits"
+            raise InputError(Problem(where, "angle", rule, shown(angle), hint))
+        value = limits.lower if angle == "lower" else limits.upper
+    else:
+        value = float(check_array(where, "angle", angle, ()))
+    place = int(arm.joint_index[numbers.index(joint)])
+    return Event(_JointAngle(arm, place, value), name, direction, terminal)
+
+
+def tip_event(
+    arm: Arm,
+    point: ArrayLike,
+    normal: ArrayLike,
+    *,
+    name: str | None = None,
+    direction: int = 0,
+    terminal: bool = False,
+) -> Event:
+    """Watch the arm's tip pass a line; the function is its distance from the line, m.
+
+    Args:
+        arm: the arm that is simulated.
+        point: (x, y) of any point of the line, m, world axes.
+        normal: (x, y) across the line, of any length; the distance grows that way.
+        name, direction, terminal: as for ``Event``; 1 is a tip that moves along the normal.
+
+    Raises:
+        InputError: a value that is no pair of numbers, or a normal of no length.
+    """
+    where = "tip_event"
+    place = check_array(where, "point", point, (2,))
+    across = check_array(where, "normal", normal, (2,))
+    length = float(np.hypot(*across))
+    if length == 0.0:
+        raise InputError(Problem(where, "normal", "point somewhere", shown(across.tolist())))
+    return Event(_TipDistance(arm, place, across / length), name, direction, terminal)
+
+
+def events_of(specs: Sequence[EventSpec], arm: Arm) -> list[Event]:
+    """Return the events of a scenario, watched on ``arm``."""
+    return [_event(spec, arm) for spec in specs]
+
+
+def _event(spec: EventSpec, arm: Arm) -> Event:
+    common: dict[str, Any] = {"name": spec.name, "terminal": spec.terminal}
+    common["direction"] = {"both": 0, "rising": 1, "falling": -1}[spec.direction]
+    if isinstance(spec, JointEvent):
+        angle = spec.stop if spec.angle is None else spec.angle
+        assert angle is not None  # one of the two was given, or the file was refused
+        return joint_event(arm, spec.joint, angle, **common)
+    return tip_event(arm, spec.point, spec.normal, **common)
+
+
+@dataclass(frozen=True, eq=False)
+class _JointAngle:
+    """Angle of a joint beyond a given one, of many samples."""
+
+    vectorized: ClassVar[bool] = True
+
+    arm: Arm
+    place: int  # in q
+    angle: float
+
+    def __call__(self, t: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+        return np.asarray(q[..., self.place] - self.angle)
+
+
+@dataclass(frozen=True, eq=False)
+class _TipDistance:
+    """Distance of the tip from a line, of many samples."""
+
+    vectorized: ClassVar[bool] = True
+
+    arm: Arm
+    point: FloatArray
+    normal: FloatArray  # of unit length
+
+    def __call__(self, t: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+        tips = tips_of(self.arm, self.arm.padded(np.stack([q, qd], axis=1)))
+        return np.asarray((tips[:, :2] - self.point) @ self.normal)
+
+
+@dataclass(eq=False)
+class Found:
+    """One event that happened."""
+
+    place: int  # in the list of events
+    time: float  # s
+    state: FloatArray  # (2, n, 1 + m)
+    direction: int  # 1 from below zero, -1 from above
+
+
+@dataclass(eq=False)
+class EventLog:
+    """The events that a run watches for, their names, and those that happened, in order."""
+
+    events: list[Event]
+    names: list[str]
+    found: list[Found] = field(default_factory=list)
+
+    @property
+    def ended_by(self) -> str | None:
+        """Name of the event that ended the run, or None."""
+        if self.found and self.events[self.found[-1].place].terminal:
+            return self.names[self.found[-1].place]
+        return None
+
+
+def event_log(where: str, arm: Arm, events: Sequence[Event]) -> EventLog | None:
+    """Check the events of a run of ``arm``; None where there are none.
+
+    Raises:
+        InputError: no list of events, two of one name, or one made for another arm.
+    """
+    if not isinstance(events, list | tuple) or not all(isinstance(e, Event) for e in events):
+        raise InputError(Problem(where, "events", "be a list of Event objects", shown(events)))
+    names = [event.name or f"event_{k}" for k, event in enumerate(events, start=1)]
+    problems = []
+    for k, event in enumerate(events):
+        if names[k] in names[:k]:
+            rule = "have a name of its own"
+            problems.append(Problem(where, f"events[{k}]", rule, shown(names[k])))
+        made_for = getattr(event.function, "arm", arm)
+        if made_for is not arm and getattr(made_for, "spec", arm.spec) != arm.spec:
+            hint = "With a plant the events are those of the plant."
+            rule = "be made for the arm that is simulated"
+            problems.append(Problem(where, f"events[{k}]", rule, "made for another", hint))
+    if problems:
+        raise InputError(*problems)
+    return EventLog(list(events), names) if events else None
+
+
+def event_variables(arm: Arm, log: EventLog) -> dict[str, Any]:
+    """Variables of a result over ``event``: when, which way, which, and the state there."""
+    found = log.found
+    states = np.array([arm.unpadded(one.state) for one in found]).reshape(len(found), 2, arm.dof)
+    names = np.array([log.names[one.place] for one in found], dtype=None if found else "U1")
+    times = np.array([one.time for one in found])
+    directions = np.array([one.direction for one in found], dtype=np.int64)
+    axes = ("event", "coordinate")
+    modal = "rad or m kg^0.5"
+    return {
+        "event_time": ("event", times, {"units": "s", "long_name": "time of the event"}),
+        "event_name": ("event", names, {"long_name": "name of the event"}),
+        "event_direction": (
+            "event",
+            directions,
+            {"units": "1", "long_name": "1 where the function rises through zero, -1 falls"},
+        ),
+        "event_q": (axes, states[:, 0], {"units": modal, "long_name": "coordinates at the event"}),
+        "event_qd": (
+            axes,
+            states[:, 1],
+            {"units": "rad/s or m kg^0.5/s", "long_name": "rates of the coordinates at the event"},
+        ),
+    }

@@ -1,0 +1,182 @@
+"""Events that are wrong, functions that fail, and what results and files keep."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.integrate import RungeKutta4
+
+
+def arm_of_two(**options):
+    section = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+    links = [
+        fa.Link(length=1.4142, elements=2, **section),
+        fa.Link(length=1.0, elements=1, **section),
+    ]
+    return fa.Arm(links=links, **options)
+
+
+def first(t, q, qd):
+    return q[0]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda a: fa.Event(3), "Event: function must be a function of t, q and qd, but is 3."),
+        (lambda a: fa.Event(first, ""), "Event: name must be text, but is ''."),
+        (lambda a: fa.Event(first, 3), "Event: name must be text, but is 3."),
+        (lambda a: fa.Event(first, "failure"), "name must not be a word for other ends of a run"),
+        (lambda a: fa.Event(first, direction=2), "direction must be -1, 0 or 1, but is 2."),
+        (lambda a: fa.Event(first, direction=True), "direction must be -1, 0 or 1, but is True."),
+        (lambda a: fa.Event(first, terminal=1), "terminal must be a bool, but is 1."),
+        (lambda a: fa.joint_event(a, 3, 0.1), "joint must be the number of a joint that turns: 1"),
+        (lambda a: fa.joint_event(a, 1, np.nan), "joint_event: angle must be finite"),
+        (lambda a: fa.joint_event(a, 1, "top"), "angle must be a number, 'lower' or 'upper'"),
+        (lambda a: fa.joint_event(a, 1, "upper"), "be a number where joint 1 has no limits"),
+        (lambda a: fa.tip_event(a, (1.0,), (0, 1)), "tip_event: point must be numbers of shape"),
+        (lambda a: fa.tip_event(a, (1.0, 0), (0, 0)), "normal must point somewhere"),
+        (lambda a: fa.simulate(a, 0.1, events=first), "events must be a list of Event objects"),
+        (lambda a: fa.simulate(a, 0.1, events=[first]), "events must be a list of Event objects"),
+        (
+            lambda a: fa.simulate(a, 0.1, events=[fa.Event(first, "event_2"), fa.Event(first)]),
+            r"events\[1\] must have a name of its own, but is 'event_2'",
+        ),
+        (
+            lambda a: fa.simulate(a, 0.1, plant=a.rigid(), events=[fa.joint_event(a, 1, 0.0)]),
+            r"events\[0\] must be made for the arm that is simulated",
+        ),
+    ],
+)
+def test_wrong_events_are_refused(make, message):
+    with pytest.raises(fa.InputError, match=message):
+        make(arm_of_two())
+
+
+def test_all_that_is_wrong_is_told_at_once():
+    with pytest.raises(fa.InputError) as caught:
+        fa.Event(None, name="", direction=7, terminal="yes")
+    assert len(caught.value.problems) == 4
+
+
+def test_events_of_an_equal_arm_will_do():
+    event = fa.joint_event(arm_of_two(), 1, 0.05)
+    result = fa.simulate(arm_of_two(), 0.1, initial_rate=arm_of_two().rest([1, 0]), events=[event])
+    assert result.sizes["event"] == 1
+
+
+def bad(kind):
+    """Functions that go wrong at 0.0503 s, between samples, or at 0.0505 s and after."""
+
+    def function(t, q, qd):
+        if t < 0.0503:
+            return 1.0
+        return {"raises": lambda: 1 / 0, "nan": lambda: np.nan, "text": lambda: "x"}[kind]()
+
+    return function
+
+
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("raises", "the event 'bad' failed with ZeroDivisionError: division by zero"),
+        ("nan", "event 'bad': its value must be finite, but is nan"),
+        ("text", "event 'bad': its value must be a number, but is 'x'"),
+    ],
+)
+@pytest.mark.parametrize("loop", ["open", "closed"])
+def test_function_that_fails_ends_the_run_with_time_reason_and_what_was_computed(
+    kind, reason, loop
+):
+    arm = arm_of_two()
+    events = [fa.joint_event(arm, 1, 0.02, name="passed"), fa.Event(bad(kind), name="bad")]
+    drive = {"controller": fa.JointPD(0.0, 0.0)} if loop == "closed" else {}
+    if loop == "closed":
+        drive["reference"] = fa.joint_motion(arm, [0.0, 0.0], [0.0, 0.0], 1.0)
+    with pytest.raises(fa.SimulationError) as caught:
+        fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=events, **drive)
+    error = caught.value
+    assert reason in error.reason
+    assert error.time == pytest.approx(0.051)  # the first sample that it fails at
+    result = error.result
+    assert result.time.values[-1] == pytest.approx(0.051)
+    assert result.event_name.values.tolist() == ["passed"]
+    assert result.attrs["ended_by"] == "failure"
+    assert result.attrs["failure"] == str(error)
+    np.testing.assert_array_equal(error.state[0], result.q.values[-1])
+
+
+def test_failure_between_samples_is_told_too():
+    arm = arm_of_two()
+
+    def function(t, q, qd):
+        return 0.047 - t if abs(t - round(t, 2)) < 1e-9 else np.nan
+
+    with pytest.raises(fa.SimulationError, match="its value must be finite") as caught:
+        fa.simulate(arm, 0.2, events=[fa.Event(function)], rate=1 / 0.02)
+    assert 0.04 < caught.value.time < 0.06
+    assert caught.value.result.time.values[-1] == pytest.approx(0.04)
+
+
+def test_terminal_event_comes_before_a_function_that_fails_later():
+    arm = arm_of_two()
+    events = [fa.Event(bad("nan")), fa.joint_event(arm, 1, 0.03, name="end", terminal=True)]
+    result = fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=events)
+    assert result.attrs["ended_by"] == "end"
+
+
+def test_terminal_event_comes_before_a_run_that_fails_later():
+    """10 ms are far too long a step for this arm, which blows up within 0.1 s."""
+    arm = arm_of_two()
+    options = {"integrator": RungeKutta4(step=0.01), "torque": lambda t: [4.0, 1.5]}
+    with pytest.raises(fa.SimulationError) as caught:
+        fa.simulate(arm, 5.0, **options)
+    end = fa.Event(lambda t, q, qd: t - 0.5 * caught.value.time, name="end", terminal=True)
+    with pytest.warns(fa.LargeDeflectionWarning):
+        result = fa.simulate(arm, 5.0, events=[end], **options)
+    assert result.attrs["ended_by"] == "end"
+
+
+def test_functions_that_take_many_samples_at_once():
+    arm = arm_of_two()
+    calls = []
+
+    def angle(t, q, qd):
+        calls.append(q.shape)
+        assert t.shape == (len(q),)
+        assert q.shape == qd.shape == (len(t), arm.dof)
+        return q[:, 0] - 0.05
+
+    angle.vectorized = True
+    options = {"initial_rate": arm.rest([1.0, 0.0])}
+    result = fa.simulate(arm, 0.2, events=[fa.Event(angle)], **options)
+    assert max(shape[0] for shape in calls) > 1
+    single = fa.simulate(arm, 0.2, events=[fa.Event(lambda t, q, qd: q[0] - 0.05)], **options)
+    np.testing.assert_array_equal(result.event_time, single.event_time)
+
+    def late(t, q, qd):
+        return np.where(t < 0.0505, 1.0, np.nan)
+
+    late.vectorized = True
+    with pytest.raises(fa.SimulationError, match="its value must be finite") as caught:
+        fa.simulate(arm, 0.2, events=[fa.Event(late)], **options)
+    assert caught.value.time == pytest.approx(0.051)
+
+
+@pytest.mark.parametrize("angle", [0.05, 9.0])
+def test_files_keep_events_or_leave_them_out(tmp_path, angle):
+    arm = arm_of_two()
+    event = fa.joint_event(arm, 1, angle, name="there")
+    result = fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=[event])
+    assert result.sizes["event"] == (angle < 1.0)
+    assert result.event_time.attrs["units"] == "s"
+    fa.write_result(result, tmp_path / "run.nc")
+    assert fa.read_result(tmp_path / "run.nc").identical(result)
+    fa.write_result(result, tmp_path / "run.csv")
+    with open(tmp_path / "run.csv", encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    assert len(rows) == 1 + result.sizes["time"]
+    assert len({len(row) for row in rows}) == 1
+    assert not any("event" in name for name in rows[0])
