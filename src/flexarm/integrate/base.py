@@ -12,6 +12,8 @@ keeps (``tests/conformance/test_every_integrator.py`` checks each for every entr
 5. It keeps the last good state when it gives up, and says why with a status, never with NaN.
 6. Its observed order is the order it claims.
 7. It never calls Python, and it allocates nothing per step.
+8. Where it follows contacts, no step passes a surface unseen (``integrate.nearness``), and a fixed
+   step that is too long for a touch ends with a status.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ class Status(IntEnum):
     STEP_UNDERFLOW = 2
     NOT_FINITE = 3
     INERTIA_LOST = 4
+    CONTACT_UNSEEN = 5
+    PRESSED_THROUGH = 6
 
     @property
     def sentence(self) -> str:
@@ -51,6 +55,9 @@ _SENTENCES = {
     Status.NOT_FINITE: "the state is no longer finite: the step is too long for the stiffest "
     "mode, or the arm is unstable.",
     Status.INERTIA_LOST: "a joint no longer feels any inertia.",
+    Status.CONTACT_UNSEEN: "the fixed step is too long to follow a touch at this speed.",
+    Status.PRESSED_THROUGH: "a point has gone through what it touches: the contact is too soft for "
+    "the momentum behind it.",
 }
 
 
@@ -111,13 +118,15 @@ class Progress:
 class Integrator(ABC):
     """Base of all integrators; subclasses add fields for their parameters.
 
-    Class attributes: ``name`` in the registry, ``order``, ``adaptive``, and ``reference``, the
-    BibTeX keys of the method (``flexarm.citation``).
+    Class attributes: ``name`` in the registry, ``order``, ``adaptive``, ``follows_contacts``, false
+    for a method that looks back over several steps and so needs smooth motion between stops, and
+    ``reference``, the BibTeX keys of the method (``flexarm.citation``).
     """
 
     name: ClassVar[str] = ""
     order: ClassVar[int] = 0
     adaptive: ClassVar[bool] = False
+    follows_contacts: ClassVar[bool] = True
     reference: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod

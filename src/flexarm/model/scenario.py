@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
+from flexarm.model.contacts import ContactSpec, contact_faults
 from flexarm.model.drives import Drive, NoDrive
 from flexarm.model.hardware import LIMITS, HardwareSpec, hardware_faults
 from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
@@ -106,6 +107,9 @@ class Scenario(Record):
     base_acceleration: BaseAcceleration | None = Field(
         default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
     )
+    contacts: Listed[ContactSpec] = Field(
+        default=(), description="Surfaces that points of the arm may touch."
+    )
     initial: InitialState = Field(default=InitialState(), description="Where the arm starts.")
     run: RunSettings = Field(description="How the run is computed.")
 
@@ -131,6 +135,7 @@ class Scenario(Record):
             yield Fault(("hardware",), rule, "given")
         yield from hardware_faults(given)
         yield from load_faults(given)
+        yield from contact_faults(given)
         yield from prescribed_faults(given, turning)
 
 

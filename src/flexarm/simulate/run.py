@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
+from flexarm.contacts import Contact
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.errors import (
     InputError,
@@ -25,6 +26,7 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
 from flexarm.model.scenario import sample_fault
+from flexarm.observe import contact_channels
 from flexarm.simulate.choice import Choice, choose_integrator
 from flexarm.simulate.closed_loop import ClosedLoop
 from flexarm.simulate.load_history import BaseAcceleration, load_history
@@ -40,6 +42,7 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
+from flexarm.simulate.touching import contacts_of_run, touch_frequency
 from flexarm.simulate.validity import too_far_bent
 from flexarm.stations import check_stations
 
@@ -70,6 +73,7 @@ def simulate(
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
     base_acceleration: BaseAcceleration | None = None,
+    contacts: Sequence[Contact] = (),
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
     stations: int = 0,
@@ -103,6 +107,7 @@ def simulate(
         loads: forces and moments anywhere on the arm, constant or with a factor of time.
         base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it,
             or a table ``(times, values)``; positions stay relative to the base.
+        contacts: surfaces that points of the arm may touch; they stand still relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
@@ -145,8 +150,11 @@ def simulate(
     if stations != 0:
         stations = check_stations(where, stations)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
+    touching = contacts_of_run(simulated, contacts, state)
+    touch = touch_frequency(touching)
     tolerance = tolerance_of(simulated, state, atol, rtol)
-    choice = choose_integrator(integrator, step, simulated, tolerance)
+    choice = choose_integrator(integrator, step, simulated, tolerance, touch)
+    tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     with Meter("simulating", progress) as meter:
@@ -164,6 +172,7 @@ def simulate(
                 base_acceleration,
                 duration,
                 max(rtol * _TORQUE_SHARE, 1e-12),
+                touching,
             ),
             meter=meter,
             stations=stations,
@@ -235,6 +244,7 @@ def _result(
     motor, force, moment, inside = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
     forces |= section_channels(inside)
+    forces |= contact_channels(run.arm, run.loads.placed.contacts, run.samples[:count])
     return make_result(run.arm, times, run.samples[:count], forces, attributes)
 
 

@@ -24,7 +24,7 @@ from flexarm.model.wording import Path, path_of
 from flexarm.motion import Motion, joint_motion, line_motion
 from flexarm.simulate.choice import check_integrator
 from flexarm.simulate.hardware_file import hardware_of
-from flexarm.simulate.outside import base_acceleration_of, loads_of
+from flexarm.simulate.outside import base_acceleration_of, contacts_of, loads_of
 from flexarm.simulate.run import simulate
 from flexarm.simulate.start import Start, feedforward, start_of
 from flexarm.simulate.torque_history import constant_torque, sampled_torque
@@ -93,6 +93,8 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
             options[name] = getattr(run, name)
     if scenario.loads:
         options["loads"] = loads_of(scenario)
+    if scenario.contacts:
+        options["contacts"] = contacts_of(scenario)
     if scenario.base_acceleration is not None:
         options["base_acceleration"] = base_acceleration_of(scenario)
     with _told_as(place, "initial"):
@@ -108,7 +110,7 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
         with _told_as(place, "hardware"):
             options["hardware"] = hardware_of(scenario.hardware)
     with _told_as(place, "run"):
-        check_integrator(run.integrator, run.step, "scenario")
+        check_integrator(run.integrator, run.step, "scenario", bool(scenario.contacts))
     return Prepared(arm, motion, options, file_text(scenario))
 
 
