@@ -19,7 +19,7 @@ def rod(**more):
 
 
 def beam(**more):
-    link = fa.Link(**ROD, flexural_rigidity=40.0, elements=2)
+    link = fa.Link(**ROD, flexural_rigidity=600.0, elements=2, modes=2)
     return fa.Arm(links=[link], theory="second_order", **more)
 
 
@@ -102,13 +102,13 @@ def test_bouncing_keeps_its_energy(make):
     arm = make(gravity=(0.0, -9.81))
     floor = fa.Wall((0.0, -0.2), (0.1, 1.0))
     contact = fa.Contact(floor, 2e4, exponent=1.5)
-    result = fa.simulate(arm, 2.0, contacts=[contact], rate=2000, rtol=1e-9, atol=1e-11)
+    result = fa.simulate(arm, 2.0, contacts=[contact], rate=2000, rtol=1e-11, atol=1e-13)
     energy = total_energy(result)
-    touches = np.diff((result.contact_gap[:, 0] < 0.0).astype(int))
+    touches = np.diff((result.contact_gap[:, 0].values < 0.0).astype(int))
     assert np.sum(touches == 1) >= 3
     assert result.contact_energy.max() > 0.3
-    # Per cent of the energy that changes hands, by the tolerance and the corners of a few blows.
-    assert np.ptp(energy) < 1e-6 * float(result.kinetic_energy.max())
+    # Every corner of the force costs some of the eleven digits that smooth motion would have.
+    assert np.ptp(energy) < 1e-7 * float(result.kinetic_energy.max())
 
 
 @pytest.mark.parametrize("make", [rod, beam])
@@ -135,13 +135,12 @@ def test_pressed_at_rest_the_force_is_torque_over_lever():
     contact = fa.Contact(CEILING, 1e4, damping=2.0)
     arm = beam(joints=[fa.Joint(damping=5.0)])
     result = fa.simulate(arm, 6.0, torque=lambda t: [8.0], contacts=[contact], rate=100)
-    angle = float(result.joint_angle[-1, 0])
     tip = result.tip[-1].values
     force = result.contact_force[-1, 0].values
     assert force[0] == pytest.approx(0.0, abs=1e-12)
     assert -force[1] * tip[0] == pytest.approx(8.0, rel=1e-4)
     assert -float(result.contact_gap[-1, 0]) == pytest.approx(-force[1] / 1e4, rel=1e-6)
-    assert angle < 0.3
+    assert tip[1] == pytest.approx(0.3 - force[1] / 1e4, abs=1e-6)
 
 
 def test_sliding_friction_is_coulombs():
@@ -149,13 +148,19 @@ def test_sliding_friction_is_coulombs():
     floor = fa.Wall((0.0, -0.1), (0.0, 1.0))
     contact = fa.Contact(floor, 1e5, damping=5.0, friction=0.4, friction_speed=1e-3)
     links = [fa.Link(length=1.0, mass_per_length=0.5, flexible=False)] * 2
-    arm = fa.Arm(links=links, joints=[fa.Joint(damping=1.0)] * 2)
-    q = arm.rest(np.array([1.0, -2.2]))
-    result = fa.simulate(arm, 0.6, initial=q, torque=lambda t: [-4.0, -1.0], contacts=[contact])
+    arm = fa.Arm(links=links, joints=[fa.Joint(), fa.Joint(damping=0.5)])
+    first = 1.0 - 0.15 * np.sin(np.linspace(0.0, 2.0 * np.pi, 9))  # there and back
+    drawn = fa.PrescribedAngle.table(np.linspace(0.0, 1.6, 9), first)
+    result = fa.simulate(
+        arm, 1.6, initial=arm.rest([1.0, -2.1]), torque=lambda t: [0.0, -5.0], contacts=[contact],
+        prescribed={1: drawn},
+    )  # fmt: skip
     gliding = (abs(result.tip_velocity[:, 0]) > 0.02) & (result.contact_gap[:, 0] < 0.0)
     force = result.contact_force[:, 0].values[gliding.values]
     sense = np.sign(result.tip_velocity.values[gliding.values, 0])
-    assert gliding.sum() > 100
+    assert gliding.sum() > 400
+    assert {-1.0, 1.0} == set(sense)
+    assert force[:, 1].min() > 1.0
     # tanh(20) is one to all digits.
     np.testing.assert_allclose(force[:, 0], -0.4 * sense * force[:, 1], rtol=1e-12)
 
@@ -171,8 +176,9 @@ def test_a_fast_tip_on_a_stiff_wall(name):
         rod(), 0.2, initial=[-1.0], initial_rate=[12.0], contacts=[contact], integrator=name
     )
     assert float(result.contact_gap.min()) >= -12.0 * np.sqrt(1.0 / 1e6) * 1.001
-    # A fixed step of half a radian of the touch sees the corner of the force to a per cent.
-    loose = 1e-2 if not INTEGRATORS[name].adaptive else 1e-5
+    # Step control to 1e-7 a step leaves 1e-5 at the two corners of the force; a fixed step of half
+    # a radian of the touch, a per cent.
+    loose = 1e-4 if INTEGRATORS[name].adaptive else 1e-2
     assert float(result.joint_rate[-1, 0]) == pytest.approx(-12.0, rel=loose)
 
 
@@ -181,7 +187,7 @@ def test_a_fast_tip_on_a_stiff_wall(name):
 def test_no_post_is_passed_unseen(name, speed):
     """A rigid arm turns at constant rate, which any step would follow; the post is 5 mm thick."""
     post = fa.RoundWall((0.0, 1.0), 0.0025)
-    contact = fa.Contact(post, 1e8)
+    contact = fa.Contact(post, 1e9)
     result = fa.simulate(
         rod(),
         3.0 / speed,
@@ -200,13 +206,11 @@ def test_no_wall_is_grazed_unseen(name):
     result = fa.simulate(
         rod(), 1.0, initial_rate=[3.0], contacts=[contact], integrator=name, rate=5000
     )
-    arm, rate = rod(), 3.0
     exact = solve_ivp(
         lambda t, y: [y[1], -np.cos(y[0]) * 1e5 * max(np.sin(y[0]) - 0.998, 0.0)],
-        (0.0, 1.0), [0.0, rate], "DOP853", rtol=1e-12, atol=1e-12, max_step=1e-4,
+        (0.0, 1.0), [0.0, 3.0], "DOP853", rtol=1e-12, atol=1e-12, max_step=1e-4,
     )  # fmt: skip
     assert float(result.joint_angle[-1, 0]) == pytest.approx(exact.y[0, -1], abs=1e-5)
-    assert arm.joints == 1
 
 
 def test_a_fixed_step_too_long_for_a_touch_stops_and_says_so():

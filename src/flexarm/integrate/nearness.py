@@ -3,7 +3,8 @@
 Theory page "contact", (C.8) to (C.10). A method sees a surface only at its stages. A point cannot
 have touched anything between two moments if its path in between is shorter than the sum of its
 distances at both; where it may have, the step has to resolve the time in which a touch turns the
-point back. In a touch the error control sees it, as it sees a vibration.
+point back. In a touch the error control sees it, as it sees a vibration; at its beginning that is
+not enough, because single stages may touch whose weight in the estimate is zero.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from flexarm.kernels.layout import Contacts
 _NEARLY = 0.999
 UNSEEN, PRESSED_THROUGH = 5, 6
 #: Part of the time that turns a point back, which a step may take where it may have touched.
-_SHARE = 0.25
+_SHARE = 0.1
 _TINY = 1e-300
 #: Lowest speed of a touch (m/s): one that only rests has its own time, that of its springs.
 _SLOWEST = 1e-3
@@ -90,8 +91,6 @@ def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
     """
     longest = h
     for k in range(contacts.body.shape[0]):
-        if -contacts.seen[1, k, GAP] * contacts.seen[1, k, BEND] > _DEEPEST:
-            return 0.0
         before = max(contacts.seen[0, k, GAP], 0.0)
         after = max(contacts.seen[1, k, GAP], 0.0)
         speed = max(_speed(contacts, 0, k), _speed(contacts, 1, k))
@@ -108,4 +107,8 @@ def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
             allowed = turning
         if allowed < _NEARLY * h:
             longest = min(longest, allowed)
+    if longest == h:
+        for k in range(contacts.body.shape[0]):
+            if -contacts.seen[1, k, GAP] * contacts.seen[1, k, BEND] > _DEEPEST:
+                return 0.0
     return longest

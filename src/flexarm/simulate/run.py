@@ -227,6 +227,7 @@ def _result(
     count = run.progress.sample
     times = run.sample_times[:count]
     integrator, progress = run.integrator, run.progress
+    law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
     attributes: dict[str, Any] = {
         "flexarm_version": version("flexarm"),
         "integrator": integrator.name,
@@ -237,7 +238,7 @@ def _result(
         "rejected_steps": progress.rejected,
         "evaluations": progress.evaluations,
         "wall_seconds": time.perf_counter() - started,
-        "references": " ".join(integrator.reference),
+        "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
         "warning": too_far_bent(run.arm, run.samples[:count]),
     }
