@@ -18,6 +18,8 @@ from flexarm.errors import InputError, Problem, check_array, shown
 #: start for Newton's method.
 _TURN = 0.25
 _MOST_CUTS = 64
+#: Points closer than this part of the extent are one: angles round.
+_SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +106,15 @@ class SurfaceTable:
         where = "SurfaceTable"
         x = check_array(where, "x", self.x, (-1,))
         points = np.stack([x, check_array(where, "y", self.y, x.shape)], axis=1)
-        if self.closed and len(points) and np.array_equal(points[0], points[-1]):
+        near = _SAME_PLACE * float(np.ptp(points, axis=0).max(initial=0.0))
+        if self.closed and len(points) and np.linalg.norm(points[0] - points[-1]) <= near:
             points = points[:-1]
         if len(points) < 3:
             raise InputError(Problem(where, "x", "hold three points or more", shown(self.x)))
         if self.closed:
             points = np.concatenate([points, points[:1]])
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        if not lengths.all():
+        if np.any(lengths <= near):
             k = int(np.argmin(lengths)) + 1
             rule = "differ from the point before"
             raise InputError(Problem(where, f"the point [{k}]", rule, shown(points[k].tolist())))

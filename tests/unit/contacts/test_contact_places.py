@@ -82,7 +82,9 @@ def test_contacts_are_the_loads_that_they_put_on(seed):
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * abs(wanted).max())
     free = b.arm.forward_dynamics(*acting, b.loads, b.base_acceleration)
     assert abs(found - free).max() > 1e-6 * abs(found).max()
-    back = b.arm.inverse_dynamics(b.q, b.qd, found, b.tip_force, b.loads, b.base_acceleration, contacts)
+    back = b.arm.inverse_dynamics(
+        b.q, b.qd, found, b.tip_force, b.loads, b.base_acceleration, contacts
+    )
     np.testing.assert_allclose(back[b.arm.joint_index], b.torque, rtol=1e-7, atol=1e-7)
 
 

@@ -60,7 +60,9 @@ def test_circle(inside):
     assert pushed.any()
     normal = sign * away / distance[:, None]
     np.testing.assert_allclose(
-        found[pushed, FORCE : FORCE + 2], -1e3 * found[pushed, GAP, None] * normal[pushed], rtol=1e-6
+        found[pushed, FORCE : FORCE + 2],
+        -1e3 * found[pushed, GAP, None] * normal[pushed],
+        rtol=1e-6,
     )
     np.testing.assert_allclose(found[:, BEND], sign / 0.7, rtol=1e-14)
 
@@ -82,7 +84,7 @@ def test_a_table_of_a_line_is_a_wall_beyond_its_ends_too():
     wall = seen_from(fa.Wall((0.0, -0.1), (-0.6, 0.8)), points, damping=1.0)
     x = np.array([-0.4, 0.0, 0.1, 0.4])
     found = seen_from(fa.SurfaceTable(x, -0.1 + 0.75 * x), points, damping=1.0)
-    np.testing.assert_allclose(found[:, GAP:], wall[:, GAP:], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found[:, GAP:], wall[:, GAP:], rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(found[:, FORCE : FORCE + 2], wall[:, FORCE : FORCE + 2], atol=1e-10)
 
 
@@ -93,8 +95,9 @@ def test_a_closed_table_of_a_circle_is_a_circle(inside):
     table = fa.SurfaceTable(0.3 + 0.8 * np.cos(turn), 0.8 * np.sin(turn), closed=True)
     found = seen_from(table, points)
     exact = seen_from(fa.RoundWall((0.3, 0.0), 0.8, inside), points)
-    # A cubic spline with knots at every 0.13 rad: 0.8 (0.13)^4 / 384.
-    np.testing.assert_allclose(found[:, GAP], exact[:, GAP], rtol=0, atol=1e-6)
+    # A cubic spline with knots at every 0.13 rad: 0.8 (0.13)^4 / 384, and what its parameter adds.
+    away = abs(exact[:, GAP]) < 0.7  # near the centre every place is as near
+    np.testing.assert_allclose(found[away, GAP], exact[away, GAP], rtol=0, atol=3e-6)
     np.testing.assert_allclose(found[:, BEND], exact[:, BEND], rtol=3e-3)
 
 
@@ -110,7 +113,10 @@ def test_distance_from_a_wavy_table():
     u = s - rows[row, 0]
     powers = u[:, None] ** np.arange(4)
     curve = np.stack([np.sum(rows[row, k : k + 4] * powers, axis=1) for k in (1, 5)], axis=1)
-    np.testing.assert_allclose(curve[:, 1], 0.2 * np.sin(3.0 * curve[:, 0]), atol=2e-5)
+    inner = abs(curve[:, 0]) < 1.8  # at its ends the spline is straight, the sine is not
+    np.testing.assert_allclose(curve[inner, 1], 0.2 * np.sin(3.0 * curve[inner, 0]), atol=1e-5)
+    points = points[abs(points[:, 0]) < 1.7]
+    found = seen_from(table, points)
     distance = [np.linalg.norm(curve - point, axis=1).min() for point in points]
     side = np.sign(points[:, 1] - 0.2 * np.sin(3.0 * points[:, 0]))
     near = np.array(distance) < 0.25  # within the smallest radius of curvature, 1 / 1.8
