@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from flexarm.arm import Arm as Arm
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
+    from flexarm.contacts import Contact as Contact
     from flexarm.control import Controller as Controller
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
@@ -76,12 +77,16 @@ if TYPE_CHECKING:
     from flexarm.simulate.tip_inversion import InversionError as InversionError
     from flexarm.simulate.tip_inversion import TipInversion as TipInversion
     from flexarm.simulate.tip_inversion import tip_inversion as tip_inversion
+    from flexarm.surfaces import RoundWall as RoundWall
+    from flexarm.surfaces import SurfaceTable as SurfaceTable
+    from flexarm.surfaces import Wall as Wall
 
 #: Every public name, and the module that holds it.
 _HOME = {
     "Arm": "arm",
     "Box": "model",
     "Circle": "model",
+    "Contact": "contacts",
     "Controller": "control",
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
@@ -112,13 +117,16 @@ _HOME = {
     "PrescribedAngle": "simulate",
     "RayleighDamping": "model",
     "Rectangle": "model",
+    "RoundWall": "surfaces",
     "SectionTable": "model",
     "Sensor": "linear",
     "Separation": "linear.along",
     "SimulationError": "errors",
     "StepJacobian": "linear.step_jacobian",
+    "SurfaceTable": "surfaces",
     "TipInversion": "simulate.tip_inversion",
     "Tube": "model",
+    "Wall": "surfaces",
     "campbell": "linear",
     "citation": "references",
     "compare": "simulate.compare",

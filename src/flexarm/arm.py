@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.assemble import FloatArray
+from flexarm.contacts import Contact, place_outside
 from flexarm.dynamics import Dynamics
 from flexarm.errors import check_result
 from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
-from flexarm.loads import Load, acting_loads, place_loads
+from flexarm.loads import Load, acting_loads
 from flexarm.model import ArmSpec, load_arm_spec, save_arm_spec
 from flexarm.stations import (
     Cut,
@@ -154,6 +155,7 @@ class Arm(Dynamics):
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
     ) -> FloatArray:
         """Return axial force N, shear force V and bending moment M: (links, stations, 3).
 
@@ -167,8 +169,8 @@ class Arm(Dynamics):
         if len(self._cuts) != check_stations(where, stations):
             self._cuts = cuts_at(self, int(stations))
         acting = acting_loads(self, where, tip_force, loads)
-        work = self._newton_euler(where, q, qd, qdd, None, acting, base_acceleration)
-        placed = place_loads(self, where, acting, base_acceleration)
+        work = self._newton_euler(where, q, qd, qdd, None, acting, base_acceleration, contacts)
+        placed = place_outside(self, where, acting, base_acceleration, contacts)
         motion = self._state(where, q, qd), self.padded(np.asarray(qdd, np.float64))
         return forces_at(self, self._cuts, *motion, acting, placed, work)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.assemble import FloatArray, assemble
+from flexarm.contacts import Contact, place_outside
 from flexarm.coordinates import Coordinates
 from flexarm.errors import check_array, check_result
 from flexarm.kernels.articulated_body import forward_dynamics
@@ -19,7 +20,7 @@ from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.newton_euler import inverse_dynamics, inverse_dynamics_many
 from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
-from flexarm.loads import Load, acting_loads, place_loads
+from flexarm.loads import Load, acting_loads
 from flexarm.model import ArmSpec
 
 
@@ -54,6 +55,7 @@ class Dynamics(Coordinates):
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
     ) -> FloatArray:
         """Return the accelerations qdd (dof,) under joint torques.
 
@@ -63,6 +65,7 @@ class Dynamics(Coordinates):
             tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
             loads: further forces and moments; factors of time are left aside.
             base_acceleration: (ax, ay) of the base joint, world axes, m/s^2.
+            contacts: surfaces that points of the arm may touch.
 
         Raises:
             InputError: wrong shape, NaN or infinity.
@@ -74,7 +77,7 @@ class Dynamics(Coordinates):
         tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
         work = self._work()
         acting = acting_loads(self, where, tip_force, loads)
-        placed = place_loads(self, where, acting, base_acceleration)
+        placed = place_outside(self, where, acting, base_acceleration, contacts)
         forward_dynamics(self._sizes, self.assembly.constants, state, tau, placed, work)
         return check_result(where, self.unpadded(work.acceleration), q, qd, torque)
 
@@ -86,6 +89,7 @@ class Dynamics(Coordinates):
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
     ) -> FloatArray:
         """Return the generalised force (dof,) that a motion takes: M qdd + bias.
 
@@ -94,7 +98,7 @@ class Dynamics(Coordinates):
         """
         return self.unpadded(
             self._newton_euler(
-                "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration
+                "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration, contacts
             ).force
         )
 
@@ -127,12 +131,13 @@ class Dynamics(Coordinates):
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
     ) -> Workspace:
         state = self._state(where, q, qd)
         acceleration = self.padded(check_array(where, "qdd", qdd, (self.dof,)))
         work = self._work()
         acting = acting_loads(self, where, tip_force, loads)
-        placed = place_loads(self, where, acting, base_acceleration)
+        placed = place_outside(self, where, acting, base_acceleration, contacts)
         inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, placed, work)
         check_result(where, work.force, q, qd, qdd)
         return work
@@ -145,6 +150,7 @@ class Dynamics(Coordinates):
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
     ) -> FloatArray:
         """Return what the joint at each link's root gives to the link: (links, 3), Fx, Fy, Mz.
 
@@ -152,7 +158,7 @@ class Dynamics(Coordinates):
         joint that turns is the motor's torque and what the joint gives by itself.
         """
         work = self._newton_euler(
-            "Arm.joint_reactions", q, qd, qdd, tip_force, loads, base_acceleration
+            "Arm.joint_reactions", q, qd, qdd, tip_force, loads, base_acceleration, contacts
         )
         angle = np.cumsum(np.arctan2(work.rotation[:, 1], work.rotation[:, 0]))
         cosine, sine = np.cos(angle), np.sin(angle)
@@ -172,11 +178,16 @@ class Dynamics(Coordinates):
         return M.reshape(n * width, n * width)[np.ix_(kept, kept)]
 
     def stiffness_matrix(
-        self, q: ArrayLike, tip_force: ArrayLike | None = None, loads: Sequence[Load] = ()
+        self,
+        q: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        contacts: Sequence[Contact] = (),
     ) -> FloatArray:
         """Return the static stiffness (dof, dof): change of the generalised force by q, at rest.
 
-        Without loads the Hessian of strain and gravity energy; symmetric but for follower loads.
+        Without loads the Hessian of strain, gravity and contact energy; symmetric but for follower
+        loads.
         Exact to rounding. Arguments as in ``forward_dynamics``.
         """
         where = "Arm.stiffness_matrix"
@@ -184,10 +195,11 @@ class Dynamics(Coordinates):
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         constants = self.assembly.constants
         acting = acting_loads(self, where, tip_force, loads)
-        if np.any(constants.gravity) or constants.joint_laws.size or acting:
+        if np.any(constants.gravity) or constants.joint_laws.size or acting or contacts:
             K = np.zeros((n, width, n, width))
             work = self._work(complex)
-            at_rest, placed = np.zeros((n, width)), place_loads(self, where, acting)
+            at_rest = np.zeros((n, width))
+            placed = place_outside(self, where, acting, None, contacts)
             potential_hessian(
                 self._sizes, constants, state.astype(complex), at_rest, placed, work, K
             )
@@ -220,6 +232,7 @@ class Dynamics(Coordinates):
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
     ) -> Derivatives:
         """Return the exact Jacobians of the accelerations by q, qd and torque.
 
@@ -230,7 +243,7 @@ class Dynamics(Coordinates):
         state = self._state(where, q, qd).astype(complex)
         tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
         acting = acting_loads(self, where, tip_force, loads)
-        placed = place_loads(self, where, acting, base_acceleration)
+        placed = place_outside(self, where, acting, base_acceleration, contacts)
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         by_state = np.zeros((n, width, 2, n, width))
         by_torque = np.zeros((n, width, n))

@@ -14,7 +14,8 @@ from flexarm.beams import LinkConstants
 from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.kernels.layout import Loads, empty_loads
+from flexarm.kernels.contact import LEVER, WEIGHT
+from flexarm.kernels.layout import Contacts, Loads, empty_loads
 from flexarm.model.tables import order_fault
 
 FRAMES = ("world", "link")
@@ -138,15 +139,16 @@ def place_loads(
     where: str,
     loads: Sequence[Load],
     base_acceleration: ArrayLike | None = None,
+    what: str = "Load",
 ) -> Loads:
-    """Find the bodies and shapes of loads.
+    """Find the bodies and shapes of loads; ``what`` they are, for messages.
 
     Raises:
         InputError: a load is on no link of the arm, or beyond its length.
     """
     parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
     for load in loads:
-        _check_place(arm, where, load)
+        _check_place(arm, where, load, what)
         if load.spread is None:
             parts.append(_point(arm, load))
         else:
@@ -186,8 +188,8 @@ def loads_inboard(
             section; at the root, where ``reach`` is zero, it is inboard.
 
     Returns:
-        Loads in the same order, with arrays of their own; what is beyond has no weight. No base
-        acceleration: it is in the accelerations of the roots.
+        Loads in the same order, with arrays of their own; what is beyond has no weight, contacts
+        among it. No base acceleration: it is in the accelerations of the roots.
     """
     kept = empty_loads(arm.assembly.constants, placed.body.size)
     kept.body[:], kept.follower[:], kept.value[:] = placed.body, placed.follower, placed.value
@@ -195,7 +197,7 @@ def loads_inboard(
         piece, x = arm.assembly.piece_of(placed.body[k]), reach[placed.body[k]]
         same = SAME_PLACE * piece.shapes.length
         if load.spread is None:
-            inside = placed.lever[k] <= (same if x <= same else x - same)
+            inside = _inboard(float(placed.lever[k]), x, same)
             share = placed if inside else kept
             kept.weight[k], kept.lever[k] = share.weight[k], share.lever[k]
             kept.rows[k], kept.shortening[k] = share.rows[k], share.shortening[k]
@@ -207,18 +209,31 @@ def loads_inboard(
             kept.rows[k, : row.size] = row
             if kept.shortening.shape[1]:
                 kept.shortening[k, : row.size, : row.size] = matrix
-    return kept
+    return kept._replace(contacts=_contacts_inboard(arm, placed.contacts, reach))
 
 
-def _check_place(arm: Coordinates, where: str, load: Load) -> None:
-    if not 1 <= load.link <= arm.links:
+def _inboard(lever: float, reach: float, same: float) -> bool:
+    """Whether a point is inside of a section, of which places nearer than ``same`` are part."""
+    return lever <= (same if reach <= same else reach - same)
+
+
+def _contacts_inboard(arm: Coordinates, contacts: Contacts, reach: FloatArray) -> Contacts:
+    law = contacts.law.copy()
+    for row, body in zip(law, contacts.body, strict=True):
+        same = SAME_PLACE * arm.assembly.piece_of(body).shapes.length
+        row[WEIGHT] *= _inboard(row[LEVER], reach[body], same)
+    return contacts._replace(law=law)
+
+
+def _check_place(arm: Coordinates, where: str, load: Load, what: str) -> None:
+    if not (isinstance(load.link, int | np.integer) and 1 <= load.link <= arm.links):
         rule = f"be the number of a link, 1 to {arm.links}"
-        raise InputError(Problem(where, "Load.link", rule, shown(load.link)))
+        raise InputError(Problem(where, f"{what}.link", rule, shown(load.link)))
     length = arm.spec.links[load.link - 1].length
     furthest = load.station if load.spread is None else load.spread[1]
     if furthest is not None and furthest > length * (1.0 + 1e-9):
         rule = f"lie within the link, whose length is {length:g}"
-        name = "Load.station" if load.spread is None else "Load.spread"
+        name = f"{what}.station" if load.spread is None else f"{what}.spread"
         raise InputError(Problem(where, name, rule, shown(furthest)))
 
 

@@ -27,6 +27,12 @@ _ENTRIES = {
   journal = {Journal of Guidance, Control, and Dynamics},
   volume = {10}, number = {2}, pages = {139--151}, year = {1987}
 }""",
+    "HuntCrossley1975": """@article{HuntCrossley1975,
+  author = {Hunt, K. H. and Crossley, F. R. E.},
+  title = {Coefficient of restitution interpreted as damping in vibroimpact},
+  journal = {Journal of Applied Mechanics}, volume = {42}, number = {2}, pages = {440--445},
+  year = {1975}
+}""",
     "SquireTrapp1998": """@article{SquireTrapp1998,
   author = {Squire, W. and Trapp, G.},
   title = {Using complex variables to estimate derivatives of real functions},

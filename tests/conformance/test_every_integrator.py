@@ -70,6 +70,24 @@ def test_its_reference_can_be_cited(name):
         assert f"{{{key}," in text
 
 
+@every
+def test_contacts_are_followed_or_refused(name):
+    """A rod of 1 kg m^2 thrown at a spring, 1 m out: half a period of the touch, and back."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
+    contact = fa.Contact(fa.Wall((1.0, 0.0), (0.0, -1.0)), stiffness=1e4)
+    throw = {"initial": [-0.1], "initial_rate": [1.0], "contacts": [contact], "integrator": name}
+    if not INTEGRATORS[name].follows_contacts:
+        with pytest.raises(fa.InputError, match="where there are contacts"):
+            fa.simulate(arm, 0.2, **throw)
+        return
+    result = fa.simulate(arm, 0.2, **throw)
+    assert "HuntCrossley1975" in citation(result)
+    back = 0.1 - 0.2 + np.pi / 100.0  # it comes back along the way it came
+    # The arc of 0.1 m; a fixed step of half a radian of the touch errs by less.
+    assert float(result.joint_angle[-1, 0]) == pytest.approx(back, abs=1e-3)
+    assert float(result.joint_rate[-1, 0]) == pytest.approx(-1.0, abs=1e-2)
+
+
 # Rule 1: time goes on to the end, in one call or in many ---------------------------------------
 
 

@@ -19,7 +19,7 @@ FILE_FORMAT = "docs/reference/file-format.md"
 RESULT = "docs/how-to/read-the-result.md"
 _UNITS = re.compile(
     r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N|N m|N m\^2|N m/rad|"
-    r"N m s/rad)\)"
+    r"N m s/rad|N/m|m/s|s/m)\)"
 )
 
 

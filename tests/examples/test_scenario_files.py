@@ -21,7 +21,7 @@ def prepared(name):
 
 def test_every_file_is_tested_here():
     names = {path.stem for path in EXAMPLES.glob("*.yaml")}
-    assert names == {"paper", "single_link", "boom", "ten_link_chain"}
+    assert names == {"paper", "single_link", "boom", "ten_link_chain", "wipe_wall"}
 
 
 def test_every_file_says_what_it_shows():
@@ -146,3 +146,16 @@ def test_chain_keeps_its_energy():
     # It has fallen: 0.94 kg by nearly a metre.
     assert moved == pytest.approx(0.94 * GRAVITY * 1.0, rel=0.05)
     assert np.max(np.hypot(*result["tip"].values.T)) < 2.0 * (1 + 1e-3)
+
+
+def test_wiping_a_wall():
+    """The tip lands, slides along the wall with Coulomb's friction against it, and stays on it."""
+    result = prepared("wipe_wall").run()
+    gap = result["contact_gap"].values[:, 0]
+    force = result["contact_force"].values[:, 0]
+    on = result["time"].values > 1.6
+    assert np.all(gap[:10] > 0.0)
+    assert np.all(gap[on] < 0.0)
+    sliding = on & (result["tip_velocity"].values[:, 1] > 0.02)
+    assert sliding.sum() > 20
+    np.testing.assert_allclose(force[sliding, 1], 0.25 * force[sliding, 0], rtol=2e-3)

@@ -94,6 +94,9 @@ def _about_run(scenario: Scenario) -> list[tuple[str, str]]:
     for event in scenario.events:
         ends = ", ends the run" if event.terminal else ""
         rows.append(("event", f"{event.kind.replace('_', ' ')}{ends}"))
+    for contact in scenario.contacts:
+        link = contact.link or len(scenario.arm.links)
+        rows.append(("contact", f"of link {link} with a {_SURFACES[contact.surface.kind]}"))
     if scenario.base_acceleration is not None:
         over_time = isinstance(scenario.base_acceleration, AccelerationTable)
         rows.append(("base", f"accelerates{' over time' if over_time else ''}"))
@@ -102,6 +105,9 @@ def _about_run(scenario: Scenario) -> list[tuple[str, str]]:
         rows.append(("start", f"in equilibrium{balanced}"))
     rows.append(("run", f"{run.duration:g} s, {run.rate:g} samples/s, integrator {run.integrator}"))
     return rows
+
+
+_SURFACES = {"wall": "wall", "round": "circle", "table": "tabulated surface"}
 
 
 def _count(number: int, name: str) -> str:

@@ -22,11 +22,14 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.nearness import PRESSED_THROUGH, step_allowed, step_on
 from flexarm.integrate.steps import (
     CLOCK_PLACES,
     DONE,
     INERTIA_LOST,
     PAUSED,
+    REFUSED,
+    STEP,
     accept_step,
     between_ends,
     combine,
@@ -136,6 +139,7 @@ def advance_additive(
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
+    controlled = from_left
     s = error.shape[0] - 1
     new = smooth
     t = clock[0]
@@ -146,6 +150,9 @@ def advance_additive(
         return DONE
     slope_at(system, t, from_right, state, torque, stages, zero)
     counts[3] += 1
+    contacts = system.drive.loads.contacts
+    touchable = contacts.body.shape[0] > 0
+    step_on(contacts)
     for _ in range(max_steps):
         stop = next_stop(system.drive.stops, t, until)
         h = clock[1]
@@ -168,6 +175,16 @@ def advance_additive(
             continue
         slope_at(system, t_new, from_left, new, torque, stages, s)
         counts[3] += 1
+        if touchable:
+            allowed = step_allowed(contacts, h, controlled)
+            if allowed == 0.0:
+                return PRESSED_THROUGH
+            if allowed < h:
+                counts[2] += 1
+                clock[STEP] = allowed
+                clock[REFUSED] = 1.0
+                continue
+            step_on(contacts)
         if not inertia_left(system):
             return INERTIA_LOST
 

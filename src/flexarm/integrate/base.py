@@ -12,6 +12,8 @@ keeps (``tests/conformance/test_every_integrator.py`` checks each for every entr
 5. It keeps the last good state when it gives up, and says why with a status, never with NaN.
 6. Its observed order is the order it claims.
 7. It never calls Python, and it allocates nothing per step.
+8. Where it follows contacts, no step passes a surface unseen (``integrate.nearness``), and a fixed
+   step that is too long for a touch ends with a status.
 """
 
 from __future__ import annotations
@@ -38,6 +40,8 @@ class Status(IntEnum):
     NOT_FINITE = 3
     INERTIA_LOST = 4
     NOT_CONVERGED = 5
+    CONTACT_UNSEEN = 6
+    PRESSED_THROUGH = 7
 
     @property
     def sentence(self) -> str:
@@ -54,6 +58,9 @@ _SENTENCES = {
     Status.INERTIA_LOST: "a joint no longer feels any inertia.",
     Status.NOT_CONVERGED: "the equations of an implicit step could not be solved: the step is too "
     "long for the motion.",
+    Status.CONTACT_UNSEEN: "the fixed step is too long to follow a touch at this speed.",
+    Status.PRESSED_THROUGH: "a point has gone through what it touches: the contact is too soft for "
+    "the momentum behind it.",
 }
 
 
@@ -114,13 +121,15 @@ class Progress:
 class Integrator(ABC):
     """Base of all integrators; subclasses add fields for their parameters.
 
-    Class attributes: ``name`` in the registry, ``order``, ``adaptive``, and ``reference``, the
-    BibTeX keys of the method (``flexarm.citation``).
+    Class attributes: ``name`` in the registry, ``order``, ``adaptive``, ``follows_contacts``, false
+    for a method that looks back over several steps and so needs smooth motion between stops, and
+    ``reference``, the BibTeX keys of the method (``flexarm.citation``).
     """
 
     name: ClassVar[str] = ""
     order: ClassVar[int] = 0
     adaptive: ClassVar[bool] = False
+    follows_contacts: ClassVar[bool] = True
     reference: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod

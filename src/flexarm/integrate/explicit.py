@@ -15,12 +15,15 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.nearness import PRESSED_THROUGH, UNSEEN, step_allowed, step_on
 from flexarm.integrate.steps import (
     DONE,
     INERTIA_LOST,
     LONGEST,
     NOT_FINITE,
     PAUSED,
+    REFUSED,
+    STEP,
     accept_step,
     all_finite,
     combine,
@@ -75,6 +78,9 @@ def advance_explicit(
         return DONE
     slope_at(system, t, from_right, state, torque, stages, zero)
     counts[3] += 1
+    contacts = system.drive.loads.contacts
+    touchable = contacts.body.shape[0] > 0
+    step_on(contacts)
     for _ in range(max_steps):
         stop = next_stop(system.drive.stops, t, until)
         h = clock[1]
@@ -109,6 +115,19 @@ def advance_explicit(
         if last == s:
             slope_at(system, t_new, from_left, new, torque, stages, s)
             counts[3] += 1
+
+        if touchable:
+            allowed = step_allowed(contacts, h, adaptive)
+            if allowed == 0.0:
+                return PRESSED_THROUGH
+            if allowed < h:
+                if not adaptive:
+                    return UNSEEN
+                counts[2] += 1
+                clock[STEP] = allowed
+                clock[REFUSED] = 1.0
+                continue
+            step_on(contacts)
 
         # The last evaluation was at the new point: do not step past a singular mass matrix.
         if not inertia_left(system):

@@ -19,6 +19,7 @@ class Cowell4(Integrator):
     """Order 4, fixed step, one evaluation a step, neither gain nor loss of vibration energy.
 
     Energy is kept of small vibrations; the predicted velocity products of large ones cost a little.
+    It does not follow contacts: the formula looks back over four points of a smooth motion.
     Bending and damping are implicit, and single modes too fast for the step are carried on by the
     trapezoidal rule; fine meshes in fast motion are beyond it and end with a status. After
     every stop, where the torque is not smooth, three
@@ -33,6 +34,7 @@ class Cowell4(Integrator):
 
     name = "cowell_4"
     order = 4
+    follows_contacts = False
     reference = ("HairerNorsettWanner1993", "KennedyCarpenter2003")
 
     def advance(

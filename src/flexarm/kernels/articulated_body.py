@@ -66,7 +66,7 @@ def accelerate(
 ) -> None:
     """``forward_dynamics`` merged into its caller: a call hands over a hundred arrays."""
     link_terms(sizes, constants, state, work)
-    apply_loads(sizes, loads, state, work)
+    apply_loads(sizes, constants.P, loads, state, work)
     _inward(sizes, constants, state, torque, work)
     _outward(sizes, constants, loads, work)
 
@@ -88,7 +88,7 @@ def solve_implicit(
     ``torque``. The rest is as in ``forward_dynamics``.
     """
     link_terms(sizes, constants, state, work)
-    apply_loads(sizes, loads, state, work)
+    apply_loads(sizes, constants.P, loads, state, work)
     for i in range(len(sizes.bodies)):
         for j in range(len(sizes.modes)):
             work.flex_bias[i, j] -= force[i, 1 + j]

@@ -2,18 +2,25 @@
 
 A dead load keeps its world direction, a follower load turns with the axes of its body. With the
 second-order theory the point of application draws back as the body shortens, and the load works on
-that too: this is how axial loads stiffen and buckle.
+that too: this is how axial loads stiffen and buckle. Contacts push at their points in the same way.
 """
 
 from __future__ import annotations
 
 from flexarm.kernels.cache import merged
+from flexarm.kernels.contact import touch
 from flexarm.kernels.layout import Array, Loads, Sizes, Workspace
+from flexarm.kernels.push import push_at
 
 
 @merged
-def apply_loads(sizes: Sizes, loads: Loads, state: Array, work: Workspace) -> None:
-    """Take the loads from the biases of roots and modes that ``link_terms`` has left."""
+def apply_loads(sizes: Sizes, P: Array, loads: Loads, state: Array, work: Workspace) -> None:
+    """Take loads and contacts from the biases of roots and modes that ``link_terms`` has left.
+
+    ``P`` (n, m) of the arm's constants.
+    """
+    if loads.contacts.body.shape[0] > 0:
+        touch(sizes, P, loads.contacts, state, work)
     if loads.body.shape[0] == 0:
         return
     cosine = 1.0
@@ -33,17 +40,10 @@ def apply_loads(sizes: Sizes, loads: Loads, state: Array, work: Workspace) -> No
         fy = cosine * loads.value[k, 1] - sine * loads.value[k, 0]
         # Weight 0 takes a load away, with its moment.
         moment = loads.weight[k] * loads.value[k, 2]
-        v = 0.0
         for j in range(len(sizes.modes)):
-            v += loads.rows[k, j] * state[0, i, 1 + j]
-            work.flex_bias[i, j] -= loads.rows[k, j] * fy + loads.slopes[k, j] * moment
-        x = loads.lever[k]
-        for j in range(len(sizes.geometric)):
-            drawn = 0.0
-            for p in range(len(sizes.geometric)):
-                drawn += loads.shortening[k, j, p] * state[0, i, 1 + p]
-            x -= 0.5 * state[0, i, 1 + j] * drawn
-            work.flex_bias[i, j] += drawn * fx
-        work.root_bias[i, 0] -= loads.weight[k] * fx
-        work.root_bias[i, 1] -= loads.weight[k] * fy
-        work.root_bias[i, 2] -= x * fy - v * fx + moment
+            work.flex_bias[i, j] -= loads.slopes[k, j] * moment
+        work.root_bias[i, 2] -= moment
+        push_at(
+            sizes, loads.rows, loads.shortening, k, i, loads.weight[k], loads.lever[k], fx, fy,
+            state, work.root_bias, work.flex_bias,
+        )  # fmt: skip

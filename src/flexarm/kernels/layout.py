@@ -27,6 +27,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+#: Numbers of one contact: their places are named in ``kernels.contact``.
+LAW_PLACES = 15
+#: What is seen of one contact: columns likewise.
+LOOK_COLUMNS = 9
+
 
 class Sizes(NamedTuple):
     """Loop lengths. Each field is something whose ``len`` counts.
@@ -78,6 +83,17 @@ class ArmConstants(NamedTuple):
     gravity: Array  # (2,) m/s^2, world axes
 
 
+class Contacts(NamedTuple):
+    """Points of the arm that may touch surfaces, and the law of each touch."""
+
+    body: Array  # (k,) integers, the body that holds the point
+    rows: Array  # (k, m) Phi(x)
+    shortening: Array  # (k, g, g) g(x)
+    law: Array  # (k, LAW_PLACES) numbers of point, surface and law, see ``kernels.contact``
+    knots: Array  # (pieces, 9) of tabulated surfaces: arc s, then cubics of x and y in s, m
+    seen: Array  # (2, k, 9) scratch: at the start of a step, and where the forces were taken last
+
+
 class Loads(NamedTuple):
     """External loads at one instant, besides gravity and the joint torques.
 
@@ -94,6 +110,7 @@ class Loads(NamedTuple):
     follower: Array  # (k,) 1.0: force in the axes of the body; 0.0: in world axes
     value: Array  # (k, 3) Fx, Fy, Mz: N, N, N m (spread: per unit of the density)
     base_acceleration: Array  # (2,) m/s^2 of the base joint, world axes
+    contacts: Contacts
 
 
 class Stations(NamedTuple):
@@ -128,7 +145,9 @@ class Workspace(NamedTuple):
     joint: Array  # (n, 6) U_x, U_y, U_w, free / D, tau - h_w, given acceleration
     root_acceleration: Array  # (n, 3) of the joint less gravity, body axes (inverse dynamics)
     tip_acceleration: Array  # (n, 3) of the tip, likewise
-    world: Array  # (n, 2) cosine, sine of the absolute angle of the body axes (with loads)
+    # (n, 6) cosine, sine of the absolute angle of the body axes (with loads); x, y of the body's
+    # root and their rates, world axes (with contacts)
+    world: Array
 
 
 def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace:
@@ -159,7 +178,7 @@ def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace
         joint=zeros(n, 6),
         root_acceleration=zeros(n, 3),
         tip_acceleration=zeros(n, 3),
-        world=zeros(n, 2),
+        world=zeros(n, 6),
     )
 
 
@@ -181,6 +200,20 @@ def empty_loads(constants: ArmConstants, count: int) -> Loads:
         follower=np.zeros(count),
         value=np.zeros((count, 3)),
         base_acceleration=np.zeros(2),
+        contacts=empty_contacts(constants, 0, 0),
+    )
+
+
+def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts:
+    """Allocate ``count`` contacts on the first body's root, to be filled in."""
+    m, g = constants.S.shape[1], constants.D0.shape[1]
+    return Contacts(
+        body=np.zeros(count, dtype=np.intp),
+        rows=np.zeros((count, m)),
+        shortening=np.zeros((count, g, g)),
+        law=np.zeros((count, LAW_PLACES)),
+        knots=np.zeros((pieces, 9)),
+        seen=np.zeros((2, count, LOOK_COLUMNS)),
     )
 
 

@@ -29,7 +29,7 @@ def inverse_dynamics(
     wrench (n, 3) is what the joint gives to its body, at the joint, in the body's axes.
     """
     link_terms(sizes, constants, state, work)
-    apply_loads(sizes, loads, state, work)
+    apply_loads(sizes, constants.P, loads, state, work)
     _accelerations(sizes, constants, acceleration, loads, work)
     _wrenches(sizes, constants, state, acceleration, work)
 

@@ -32,6 +32,24 @@ def exp(x: Any) -> Any:
 
 
 @merged
+def log(x: Any) -> Any:
+    """Natural logarithm of a number of any type."""
+    return np.log(x)
+
+
+@merged
+def sqrt(x: Any) -> Any:
+    """Square root of a number of any type."""
+    return np.sqrt(x)
+
+
+@merged
+def real(x: Any) -> Any:
+    """Real part: what a choice may depend on that every derivative has to agree with."""
+    return x.real
+
+
+@merged
 def tanh(x: Any) -> Any:
     """Hyperbolic tangent of a number of any type; the libraries' complex one overflows."""
     size = np.sqrt(x * x + 1e-300)

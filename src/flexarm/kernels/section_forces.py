@@ -36,7 +36,7 @@ def section_forces(
     ``root_acceleration`` are read, the rest is overwritten.
     """
     link_terms(sizes, part, state, work)
-    apply_loads(sizes, loads, state, work)
+    apply_loads(sizes, part.P, loads, state, work)
     for k in range(stations.x.shape[0]):
         i = stations.body[k]
         fx, fy, moment = body_wrench(sizes, part, i, acceleration, 0.0, 0.0, 0.0, work)

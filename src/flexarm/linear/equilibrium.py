@@ -11,9 +11,10 @@ from scipy.linalg import LinAlgError, eigh, solve
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.contacts import Contact, place_outside
 from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
 from flexarm.linear.descent import LONGEST, descent_step, largest_turn
-from flexarm.loads import Load, acting_loads, place_loads
+from flexarm.loads import Load, acting_loads
 
 #: Residual forces below this part of the largest force present count as none.
 _RESIDUAL = 1e-11
@@ -54,6 +55,7 @@ class Equilibrium:
         lowest_eigenvalue: of stiffness over mass, rad^2/s^2: the lowest squared frequency;
             negative where unstable.
         loads: what acts besides gravity, the force at the tip among it.
+        contacts: what the arm may touch there.
     """
 
     q: FloatArray
@@ -61,6 +63,7 @@ class Equilibrium:
     stable: bool
     lowest_eigenvalue: float
     loads: tuple[Load, ...] = ()
+    contacts: tuple[Contact, ...] = ()
 
     def __repr__(self) -> str:
         stable = "stable" if self.stable else "unstable"
@@ -78,6 +81,7 @@ def equilibrium(
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
     base_acceleration: ArrayLike | None = None,
+    contacts: Sequence[Contact] = (),
     start: ArrayLike | None = None,
 ) -> Equilibrium:
     """Find where an arm rests.
@@ -90,6 +94,7 @@ def equilibrium(
             are where the search starts.
         tip_force, loads: as in ``Arm.forward_dynamics``, without a factor of time.
         base_acceleration: (ax, ay) m/s^2, constant: the arm rests relative to its base.
+        contacts: surfaces that points of the arm may lean on, without friction.
         start: q (dof,) to start from under the full load, instead of straight links under none.
 
     Raises:
@@ -111,7 +116,7 @@ def equilibrium(
     q = arm.rest(check_array(where, "joint_angles", angles, (arm.joints,)))
     if start is not None:
         q = check_array(where, "start", start, (arm.dof,))
-    search = _Search(arm, acting_loads(arm, where, tip_force, loads), q)
+    search = _Search(arm, acting_loads(arm, where, tip_force, loads), q, contacts)
     if torque is not None:
         search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
         search.unknown = np.arange(arm.dof)
@@ -123,8 +128,10 @@ def equilibrium(
 class _Search:
     """Residual, stiffness and load stepping of one problem."""
 
-    def __init__(self, arm: Arm, loads: list[Load], q: FloatArray) -> None:
-        self.arm, self.loads = arm, loads
+    def __init__(
+        self, arm: Arm, loads: list[Load], q: FloatArray, contacts: Sequence[Contact]
+    ) -> None:
+        self.arm, self.loads, self.contacts = arm, loads, contacts
         self.force = np.zeros(arm.dof)
         self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
         factor = next((load.factor for load in loads if load.factor is not None), None)
@@ -132,7 +139,7 @@ class _Search:
             rule = "be constant in time for an equilibrium"
             value = "a function" if callable(factor) else "a table"
             raise InputError(Problem("equilibrium", "Load.factor", rule, value))
-        place_loads(arm, "equilibrium", loads)  # refuses what is not on the arm
+        place_outside(arm, "equilibrium", loads, None, contacts)  # refuses what is not on the arm
 
     def _scaled(self, fraction: float) -> tuple[Arm, list[Load]]:
         if fraction == 1.0:
@@ -145,24 +152,28 @@ class _Search:
         ]
         return arm, loads
 
+    def _force(self, arm: Arm, q: FloatArray, loads: list[Load]) -> FloatArray:
+        """Generalised force (dof,) that it takes to rest at q."""
+        rest = np.zeros(arm.dof)
+        return arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=self.contacts)
+
     def newton(self, q: FloatArray, fraction: float) -> FloatArray:
         """Solve at a part of the load, from q; LinAlgError where it does not converge."""
         arm, loads = self._scaled(fraction)
         free = self.unknown
         if free.size == 0:
             return q
-        rest = np.zeros(arm.dof)
         q = q.copy()
         part = np.ix_(free, free)
 
         def residual(at: FloatArray) -> FloatArray:
-            missing = arm.inverse_dynamics(at, rest, rest, loads=loads) - fraction * self.force
+            missing = self._force(arm, at, loads) - fraction * self.force
             return np.asarray(missing[free])
 
         missing = residual(q)
         scale = np.max(np.abs(missing), initial=0.0)
         for _ in range(_NEWTON_STEPS):
-            K = arm.stiffness_matrix(q, loads=loads)[part]
+            K = arm.stiffness_matrix(q, loads=loads, contacts=self.contacts)[part]
             step = solve(K, -missing)
             # The stiffest modes take forces that are huge beside those of the lowest: judge by
             # the displacement that is still missing.
@@ -206,11 +217,12 @@ class _Search:
     def descend(self, q: FloatArray) -> FloatArray:
         """Go downhill under the full load, then finish by Newton's method."""
         arm, free, begin = self.arm, self.unknown, q
-        rest, part = np.zeros(arm.dof), np.ix_(free, free)
+        part = np.ix_(free, free)
         for _ in range(_DESCENT_STEPS if free.size else 0):
             try:
-                force = self.force - arm.inverse_dynamics(q, rest, rest, loads=self.loads)
-                K, M = arm.stiffness_matrix(q, loads=self.loads), arm.mass_matrix(q)
+                force = self.force - self._force(arm, q, self.loads)
+                K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)
+                M = arm.mass_matrix(q)
                 step = np.zeros(arm.dof)
                 step[free], stable = descent_step(K[part], M[part], force[free])
                 turn = largest_turn(arm, step)
@@ -243,12 +255,11 @@ class _Search:
     def result(self, q: FloatArray) -> Equilibrium:
         """Judge stability and collect the torques."""
         arm, free = self.arm, self.unknown
-        rest = np.zeros(arm.dof)
-        holding = arm.inverse_dynamics(q, rest, rest, loads=self.loads)[arm.joint_index]
+        holding = self._force(arm, q, self.loads)[arm.joint_index]
         lowest = np.inf
         if free.size:
             part = np.ix_(free, free)
-            K = arm.stiffness_matrix(q, loads=self.loads)[part]
+            K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)[part]
             M = arm.mass_matrix(q)[part]
             # Only the symmetric part stores energy; a follower load's rest may still flutter.
             try:
@@ -260,4 +271,6 @@ class _Search:
                     "where links bend more than their mesh allows. Give them segments=2 or more."
                 )
                 raise EquilibriumError(1.0, q, reason) from None
-        return Equilibrium(q, holding, lowest > 0.0, lowest, tuple(self.loads))
+        return Equilibrium(
+            q, holding, lowest > 0.0, lowest, tuple(self.loads), tuple(self.contacts)
+        )

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.contacts import Contact, place_outside
 from flexarm.errors import InputError, Problem, check_array
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.layout import Loads, new_workspace, run_time_sizes
@@ -36,7 +37,7 @@ from flexarm.linear.signals import (
 from flexarm.linear.state_space import LinearModel
 from flexarm.linear.tangent import tangent
 from flexarm.loads import Load, acting_loads, parts_of, place_loads
-from flexarm.observe import channels_of
+from flexarm.observe import channels_of, contact_channels
 
 _WHERE = "linearize"
 ComplexArray = NDArray[Any]
@@ -53,6 +54,7 @@ def linearize(
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
     base_acceleration: ArrayLike | None = None,
+    contacts: Sequence[Contact] = (),
 ) -> LinearModel:
     """Linearise an arm about a state.
 
@@ -65,25 +67,27 @@ def linearize(
         inputs: "torque", "tip_force", "tip_moment", "base_acceleration"; a `Load`, whose numbers
             say in which direction one unit of the input acts; or a pair of a name and a `Load`.
         outputs: channels of results such as "joint_angle", "tip", "strain", "torque"; `Sensor`s.
-        tip_force, loads, base_acceleration: what acts all the time, as in `Arm.forward_dynamics`.
+        tip_force, loads, base_acceleration, contacts: what acts all the time, as in
+            `Arm.forward_dynamics`. A point that touches nothing there leaves no trace in the model.
 
     Raises:
         InputError: an unknown signal, a wrong shape, loads given with an equilibrium that has its
             own, a base that accelerates while the arm is to rest.
         EquilibriumError: an equilibrium was asked for, and there is none.
     """
-    wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs)
+    wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, _count(q, contacts))
     if q is None and base_acceleration is not None:
         rule = "be left out where the equilibrium is asked for: the base rests there"
         raise InputError(Problem(_WHERE, "base_acceleration", rule, "given"))
-    point = _operating_point(arm, q, qd, torque, acting_loads(arm, _WHERE, tip_force, loads))
+    acting = acting_loads(arm, _WHERE, tip_force, loads)
+    point = _operating_point(arm, q, qd, torque, acting, contacts)
     if base_acceleration is not None:
         base = check_array(_WHERE, "base_acceleration", base_acceleration, (2,))
     else:
         base = np.zeros(2)
     if torque is None and not isinstance(q, Equilibrium) and q is not None:
         holding = arm.inverse_dynamics(
-            point.q, point.qd, np.zeros(arm.dof), None, point.loads, base
+            point.q, point.qd, np.zeros(arm.dof), None, point.loads, base, point.contacts
         )
         point.torque[:] = holding[arm.joint_index]
     return _Perturbed(arm, point, base, wanted, seen).model()
@@ -95,6 +99,12 @@ class _Point:
     qd: FloatArray
     torque: FloatArray
     loads: list[Load]
+    contacts: Sequence[Contact]
+
+
+def _count(q: object, contacts: Sequence[Contact]) -> int:
+    """Number of contacts at the operating point."""
+    return len(q.contacts if isinstance(q, Equilibrium) else contacts)
 
 
 def _operating_point(
@@ -103,20 +113,21 @@ def _operating_point(
     qd: ArrayLike | None,
     torque: ArrayLike | None,
     loads: list[Load],
+    contacts: Sequence[Contact],
 ) -> _Point:
     if q is None:
-        q = equilibrium(arm, torque=torque, loads=loads)
-    elif isinstance(q, Equilibrium) and (loads or torque is not None):
+        q = equilibrium(arm, torque=torque, loads=loads, contacts=contacts)
+    elif isinstance(q, Equilibrium) and (loads or contacts or torque is not None):
         rule = "be left out where an equilibrium with its own is given"
-        raise InputError(Problem(_WHERE, "torque and loads", rule, "given"))
+        raise InputError(Problem(_WHERE, "torque, loads and contacts", rule, "given"))
     rates = np.zeros(arm.dof) if qd is None else check_array(_WHERE, "qd", qd, (arm.dof,))
     if isinstance(q, Equilibrium):
-        return _Point(q.q, rates, q.torque.copy(), list(q.loads))
+        return _Point(q.q, rates, q.torque.copy(), list(q.loads), q.contacts)
     place = check_array(_WHERE, "q", q, (arm.dof,))
     tau = np.zeros(arm.joints)
     if torque is not None:
         tau = check_array(_WHERE, "torque", torque, (arm.joints,))
-    return _Point(place, rates, tau, loads)
+    return _Point(place, rates, tau, loads, contacts)
 
 
 class _Perturbed:
@@ -152,7 +163,7 @@ class _Perturbed:
         """Places of all loads; their values (rows, k, 3) and the base's accelerations (rows, 2)."""
         acting = list(self.point.loads)
         pushes = [item.load for item in self.inputs if item.load is not None]
-        placed = place_loads(self.arm, _WHERE, [*acting, *pushes])
+        placed = place_outside(self.arm, _WHERE, [*acting, *pushes], None, self.point.contacts)
         owners = [
             *(None for _ in parts_of(self.arm, acting)),
             *(k for k, load in enumerate(pushes) for _ in parts_of(self.arm, [load])),
@@ -190,6 +201,7 @@ class _Perturbed:
         channels: dict[str, Any] = {}
         if any(item.channel not in (None, "torque") for item in self.outputs):
             channels = channels_of(self.arm, self.states)
+            channels |= contact_channels(self.arm, self.placed.contacts, self.states)
         channels["torque"] = self.torque
         columns = [np.zeros((self.rows, 0), dtype=complex)]
         motions = self._sensors()
@@ -240,7 +252,7 @@ class _Perturbed:
         units_of = dict(zip(names, units, strict=True))
         units_of |= {item.name: item.unit for item in self.inputs}
         units_of |= {name: item.unit for item in self.outputs for name in item.names}
-        small = tangent(arm, point.q, point.qd, qdd[0].real, point.loads, self.base)
+        small = tangent(arm, point.q, point.qd, qdd[0].real, point.loads, self.base, point.contacts)
         return LinearModel(
             A=A,
             B=B,

@@ -12,6 +12,7 @@ from scipy.linalg import LinAlgError, cholesky
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.contacts import Contact
 from flexarm.errors import InputError, Problem, check_array, few
 from flexarm.linear.curves import displacements
 from flexarm.linear.eigen import damped, undamped
@@ -108,7 +109,7 @@ def modes(
         spin: rad/s at which the whole arm turns about its base joint, in the shape that it takes;
             the first joint is driven at that rate, or free. Without gravity and loads only.
         tip_force, loads: as in `Arm.forward_dynamics`, whose stiffness counts; those of an
-            `Equilibrium` come with it.
+            `Equilibrium` come with it, as do its contacts.
 
     Raises:
         InputError: unknown ``joints``, numbers of the wrong shape, a spin with gravity or loads.
@@ -120,12 +121,12 @@ def modes(
     acting = acting_loads(arm, _WHERE, tip_force, loads)
     held = hold_joints(arm, _WHERE, joints)
     rate = float(check_array(_WHERE, "spin", spin, ()))
-    place, acting = _place(arm, joint_angles, q, acting)
-    if rate != 0.0 and acting:
+    place, acting, contacts = _place(arm, joint_angles, q, acting)
+    if rate != 0.0 and (acting or contacts):
         raise InputError(Problem(_WHERE, "loads", "be left out where the arm spins", "given"))
     if rate != 0.0 and q is None:
         place = steady_shape(arm, place, rate)
-    return _solve(arm, place, rate, held, _small_motion(arm, place, rate, acting))
+    return _solve(arm, place, rate, held, _small_motion(arm, place, rate, acting, contacts))
 
 
 def _place(
@@ -133,8 +134,8 @@ def _place(
     joint_angles: ArrayLike | Equilibrium | None,
     q: ArrayLike | Equilibrium | None,
     loads: list[Load],
-) -> tuple[FloatArray, list[Load]]:
-    """Find q and the loads there."""
+) -> tuple[FloatArray, list[Load], Sequence[Contact]]:
+    """Find q, the loads and the contacts there."""
     if q is not None and joint_angles is not None:
         raise InputError(Problem(_WHERE, "joint_angles", "be left out where q is given", "given"))
     given = joint_angles if isinstance(joint_angles, Equilibrium) else q
@@ -142,19 +143,21 @@ def _place(
         if loads:
             rule = "be left out where an equilibrium with its own is given"
             raise InputError(Problem(_WHERE, "loads", rule, "given"))
-        return given.q, list(given.loads)
+        return given.q, list(given.loads), given.contacts
     if given is not None:
-        return check_array(_WHERE, "q", given, (arm.dof,)), loads
+        return check_array(_WHERE, "q", given, (arm.dof,)), loads, ()
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(check_array(_WHERE, "joint_angles", angles, (arm.joints,))), loads
+    return arm.rest(check_array(_WHERE, "joint_angles", angles, (arm.joints,))), loads, ()
 
 
-def _small_motion(arm: Arm, q: FloatArray, spin: float, loads: list[Load]) -> Tangent:
-    if spin == 0.0 and not arm.assembly.constants.joint_laws.size:
+def _small_motion(
+    arm: Arm, q: FloatArray, spin: float, loads: list[Load], contacts: Sequence[Contact]
+) -> Tangent:
+    if spin == 0.0 and not contacts and not arm.assembly.constants.joint_laws.size:
         # At rest the rates enter through constant dampers alone, and K may be diagonal.
         K = arm.stiffness_matrix(q, loads=loads)
         return Tangent(arm.mass_matrix(q), arm.damping_matrix(), K)
-    return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), loads)
+    return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), loads, None, contacts)
 
 
 def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> Modes:

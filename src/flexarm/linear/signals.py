@@ -116,6 +116,8 @@ CHANNEL_OUTPUTS = {
     "tip_angle_rate": ("", "rad/s"),
     "strain": ("gauge", "1"),
     "torque": ("joint", "N m"),
+    "contact_force": ("contact", "N"),
+    "contact_gap": ("contact", "m"),
 }
 INPUTS = ("torque", "tip_force", "tip_moment", "base_acceleration")
 
@@ -171,17 +173,18 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     raise InputError(Problem("linearize", "inputs", rule, shown(name)))
 
 
-def find_outputs(arm: Arm, wanted: Sequence[OutputName]) -> list[Output]:
-    """Resolve what the user calls the outputs.
+def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> list[Output]:
+    """Resolve what the user calls the outputs; ``contacts``: how many there are.
 
     Raises:
-        InputError: an unknown name, or strains of an arm without gauges.
+        InputError: an unknown name, strains of an arm without gauges, contacts where are none.
     """
     counted = {
         "joint": [str(n) for n in arm.joint_numbers],
         "link": [str(n) for n in range(1, arm.links + 1)],
         "gauge": [str(n) for n in range(1, len(arm.gauges) + 1)],
         "axis": list(_AXES),
+        "contact": [str(n) for n in range(1, contacts + 1)],
     }
     found = []
     for item in _listed(wanted):
@@ -196,6 +199,13 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName]) -> list[Output]:
             rule = "leave out the strain of an arm without gauges"
             raise InputError(Problem("linearize", "outputs", rule, shown(item)))
         by, unit = CHANNEL_OUTPUTS[item]
+        if by == "contact" and not contacts:
+            rule = "leave out the contact channels of an arm without contacts"
+            raise InputError(Problem("linearize", "outputs", rule, shown(item)))
+        if item == "contact_force":
+            forces = (f"{item}[{n},{axis}]" for n in range(1, contacts + 1) for axis in _AXES)
+            found.append(Output(tuple(forces), unit, channel=item))
+            continue
         names = tuple(f"{item}[{n}]" for n in counted[by]) if by else (item,)
         found.append(Output(names, unit, channel=item))
     _check_names("outputs", [name for item in found for name in item.names])

@@ -9,9 +9,10 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.contacts import Contact, place_outside
 from flexarm.kernels.layout import new_workspace, run_time_sizes
 from flexarm.kernels.tangent import inverse_jacobian
-from flexarm.loads import Load, place_loads
+from flexarm.loads import Load
 
 
 class Tangent(NamedTuple):
@@ -29,6 +30,7 @@ def tangent(
     qdd: FloatArray,
     loads: Sequence[Load] = (),
     base_acceleration: FloatArray | None = None,
+    contacts: Sequence[Contact] = (),
 ) -> Tangent:
     """Linearise the inverse dynamics about a motion (dof,) each; exact to rounding.
 
@@ -42,7 +44,7 @@ def tangent(
         constants,
         arm.padded(np.stack([q, qd])).astype(complex),
         arm.padded(qdd),
-        place_loads(arm, "linearize", loads, base_acceleration),
+        place_outside(arm, "linearize", loads, base_acceleration, contacts),
         new_workspace(constants, complex),
         jacobian,
     )

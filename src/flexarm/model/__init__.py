@@ -1,5 +1,9 @@
 """What the user says: arms and scenarios, in Python and in files. No numerics, no NumPy."""
 
+from flexarm.model.contacts import ContactSpec as ContactSpec
+from flexarm.model.contacts import RoundWallSpec as RoundWallSpec
+from flexarm.model.contacts import SurfaceTableSpec as SurfaceTableSpec
+from flexarm.model.contacts import WallSpec as WallSpec
 from flexarm.model.damping import ModalDamping as ModalDamping
 from flexarm.model.damping import RayleighDamping as RayleighDamping
 from flexarm.model.drives import JointPDDrive as JointPDDrive

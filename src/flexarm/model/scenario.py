@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
+from flexarm.model.contacts import ContactSpec, contact_faults
 from flexarm.model.drives import Drive, NoDrive
 from flexarm.model.events import EventSpec, event_faults
 from flexarm.model.hardware import LIMITS, HardwareSpec, hardware_faults
@@ -110,6 +111,9 @@ class Scenario(Record):
     events: Listed[EventSpec] = Field(
         default=(), description="What to locate on the way, to end the run or to be recorded."
     )
+    contacts: Listed[ContactSpec] = Field(
+        default=(), description="Surfaces that points of the arm may touch."
+    )
     initial: InitialState = Field(default=InitialState(), description="Where the arm starts.")
     run: RunSettings = Field(description="How the run is computed.")
 
@@ -135,6 +139,7 @@ class Scenario(Record):
             yield Fault(("hardware",), rule, "given")
         yield from hardware_faults(given)
         yield from load_faults(given)
+        yield from contact_faults(given)
         yield from prescribed_faults(given, turning)
         yield from event_faults(given, turning)
 

@@ -40,6 +40,11 @@ _TABLE = (
     Channel("kinetic_energy", (), "J", "kinetic energy"),
     Channel("strain_energy", (), "J", "strain energy of bending"),
     Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),
+    Channel(
+        "contact_force", ("contact", "axis"), "N", "force of a touched surface on the arm, world"
+    ),
+    Channel("contact_gap", ("contact",), "m", "distance from the surface, negative in a touch"),
+    Channel("contact_energy", ("contact",), "J", "energy stored in the touch"),
     Channel("strain", ("gauge",), "1", "strain at the declared gauges"),
     Channel("q", ("coordinate",), "rad or m kg^0.5", "coordinates: joint angles and modes"),
     Channel("qd", ("coordinate",), "rad/s or m kg^0.5/s", "rates of the coordinates"),

@@ -31,11 +31,14 @@ class Choice(NamedTuple):
     reason: str
 
 
-def check_integrator(asked: str | Integrator, step: float | None, where: str) -> None:
-    """Refuse what no arm could be integrated with.
+def check_integrator(
+    asked: str | Integrator, step: float | None, where: str, touching: bool = False
+) -> None:
+    """Refuse what no arm could be integrated with; ``touching``: there are contacts.
 
     Raises:
-        InputError: no integrator has that name, or the step is not a positive time.
+        InputError: no integrator has that name, it does not follow contacts and there are some, or
+            the step is not a positive time.
     """
     if step is not None and check_array(where, "step", step, ()) <= 0.0:
         raise InputError(Problem(where, "step", "be greater than 0", shown(step)))
@@ -43,35 +46,57 @@ def check_integrator(asked: str | Integrator, step: float | None, where: str) ->
     if not known and not isinstance(asked, Integrator):
         names = ", ".join(repr(name) for name in ("auto", *INTEGRATORS))
         raise InputError(Problem(where, "integrator", f"be one of {names}", shown(asked)))
+    kind = INTEGRATORS.get(asked) if isinstance(asked, str) else asked
+    if touching and kind is not None and not kind.follows_contacts:
+        followers = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_contacts]
+        rule = f"be one of 'auto', {', '.join(followers)} where there are contacts"
+        raise InputError(Problem(where, "integrator", rule, shown(kind.name)))
 
 
 def choose_integrator(
-    asked: str | Integrator, step: float | None, arm: Arm, tolerance: Tolerance
+    asked: str | Integrator,
+    step: float | None,
+    arm: Arm,
+    tolerance: Tolerance,
+    touch: float = 0.0,
 ) -> Choice:
     """Resolve what the user asked for; "auto" looks at the arm's vibrations and the tolerance.
 
+    Args:
+        touch: frequency (rad/s) of the arm on the stiffest surface that it may touch; 0 for none.
+
     Raises:
-        InputError: as ``check_integrator``.
+        InputError: as ``check_integrator``; a method that does not follow contacts, with some.
     """
-    check_integrator(asked, step, "simulate")
+    check_integrator(asked, step, "simulate", touch > 0.0)
     if isinstance(asked, Integrator):
         return Choice(asked, "given by the user")
     if asked == "auto":
         if step is not None:
             return Choice(RungeKutta4(step=step), "fixed step asked for")
-        return _by_stiffness(arm, tolerance)
+        return _by_stiffness(arm, tolerance, touch)
     return Choice(INTEGRATORS[asked](step=step), "named by the user")  # type: ignore[call-arg]
 
 
-def _by_stiffness(arm: Arm, tolerance: Tolerance) -> Choice:
-    """Explicit where the fastest vibration has to be followed anyway, else implicit in bending."""
+def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float) -> Choice:
+    """Explicit where the fastest vibration has to be followed anyway, else implicit in bending.
+
+    Contacts are never implicit: one that is faster than every vibration leaves nothing to gain.
+    """
     c = arm.assembly.constants
     real = c.w2 > 0.0
     if real.any():
         # Strong damping limits an explicit step as a vibration does.
         fastest = max(tolerance.fastest, float(c.damping.max()))
         ratio = fastest / float(np.sqrt(c.w2[real].min()))
-        if ratio > _STIFF * np.sqrt(_AT / tolerance.relative):
+        stiff = ratio > _STIFF * np.sqrt(_AT / tolerance.relative)
+        if stiff and touch > tolerance.fastest:
+            return Choice(
+                DormandPrince8(),
+                "order 8 with step control: a touch is faster than any vibration and has to be "
+                "followed",
+            )
+        if stiff:
             return Choice(
                 KennedyCarpenter5(),
                 f"order 5 with bending implicit: the fastest vibration ({ratio:.0f} times the "

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.kernels.layout import Loads
+from flexarm.kernels.layout import Contacts, Loads
 from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
 from flexarm.simulate.piecewise import linear_history, side_by_side
 from flexarm.simulate.torque_history import TorqueHistory, constant_torque, function_torque
@@ -34,8 +34,11 @@ def load_history(
     base_acceleration: BaseAcceleration | None,
     duration: float,
     relative: float,
+    contacts: Contacts | None = None,
 ) -> LoadHistory:
     """Place the loads and follow whatever of them changes with time: tables exactly.
+
+    ``contacts``: already placed, they are only joined to the loads.
 
     Raises:
         InputError: a load is not on the arm, a function returns something else than numbers, or
@@ -44,6 +47,8 @@ def load_history(
     moving = callable(base_acceleration) or is_table(base_acceleration)
     constant: Any = None if moving else base_acceleration
     placed = place_loads(arm, "simulate", loads, constant)
+    if contacts is not None:
+        placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)
     if not moving and all(load.factor is None for load in loads):
         nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))

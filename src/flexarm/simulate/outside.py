@@ -1,4 +1,4 @@
-"""What a scenario says of loads and a base that moves, as arguments of ``simulate``."""
+"""What a scenario says of loads, contacts and a moving base, as arguments of ``simulate``."""
 
 from __future__ import annotations
 
@@ -7,15 +7,35 @@ from typing import Any
 
 import numpy as np
 
+from flexarm.contacts import Contact
 from flexarm.integrate.base import FloatArray
 from flexarm.loads import Load, check_table
 from flexarm.model import AccelerationTable, LoadSpec, Scenario
+from flexarm.model.contacts import RoundWallSpec, SurfaceSpec, WallSpec
 from flexarm.simulate.piecewise import linear_history
+from flexarm.surfaces import RoundWall, Surface, SurfaceTable, Wall
 
 
 def loads_of(scenario: Scenario) -> list[Load]:
     """Return the scenario's loads."""
     return [_load(spec) for spec in scenario.loads]
+
+
+def contacts_of(scenario: Scenario) -> list[Contact]:
+    """Return the scenario's contacts."""
+    names = ("stiffness", "link", "station", "exponent", "damping", "friction", "friction_speed")
+    return [
+        Contact(_surface(spec.surface), **{name: getattr(spec, name) for name in names})
+        for spec in scenario.contacts
+    ]
+
+
+def _surface(spec: SurfaceSpec) -> Surface:
+    if isinstance(spec, WallSpec):
+        return Wall(spec.point, spec.normal)
+    if isinstance(spec, RoundWallSpec):
+        return RoundWall(spec.center, spec.radius, spec.inside)
+    return SurfaceTable(spec.x, spec.y, spec.closed)
 
 
 def base_acceleration_of(scenario: Scenario) -> Any:

@@ -43,6 +43,10 @@ def make_result(
     coordinates = _coordinates(arm, times)
     if "bending_moment" in values:
         coordinates |= _stations(arm, values["bending_moment"].shape[-1])
+    if "contact_gap" in values:
+        numbers = np.arange(1, values["contact_gap"].shape[1] + 1)
+        meaning = "contact, counted as given"
+        coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
     dataset = xr.Dataset(variables, coords=coordinates)
     dataset.attrs = {**attributes, "arm": file_text(arm.spec)}
     return dataset

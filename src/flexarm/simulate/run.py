@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
+from flexarm.contacts import Contact
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.errors import (
     InputError,
@@ -26,6 +27,7 @@ from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
 from flexarm.model.events import DURATION, FAILURE
 from flexarm.model.scenario import sample_fault
+from flexarm.observe import contact_channels
 from flexarm.simulate.choice import Choice, choose_integrator
 from flexarm.simulate.closed_loop import ClosedLoop
 from flexarm.simulate.events import Event, event_log, event_variables
@@ -42,6 +44,7 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
+from flexarm.simulate.touching import contacts_of_run, touch_frequency
 from flexarm.simulate.validity import too_far_bent
 from flexarm.simulate.watch import Watch
 from flexarm.stations import check_stations
@@ -74,6 +77,7 @@ def simulate(
     loads: Sequence[Load] = (),
     base_acceleration: BaseAcceleration | None = None,
     events: Sequence[Event] = (),
+    contacts: Sequence[Contact] = (),
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
     stations: int = 0,
@@ -110,6 +114,7 @@ def simulate(
         events: what to locate on the way (``Event``, ``joint_event``, ``tip_event``); looked for
             between samples, so that ``rate`` decides what is too brief to be seen. A terminal one
             ends the run, with the event as the last sample.
+        contacts: surfaces that points of the arm may touch; they stand still relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
@@ -156,8 +161,11 @@ def simulate(
         stations = check_stations(where, stations)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     log = event_log(where, simulated, events)
+    touching = contacts_of_run(simulated, contacts, state)
+    touch = touch_frequency(touching)
     tolerance = tolerance_of(simulated, state, atol, rtol)
-    choice = choose_integrator(integrator, step, simulated, tolerance)
+    choice = choose_integrator(integrator, step, simulated, tolerance, touch)
+    tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     with Meter("simulating", progress) as meter:
@@ -175,6 +183,7 @@ def simulate(
                 base_acceleration,
                 duration,
                 max(rtol * _TORQUE_SHARE, 1e-12),
+                touching,
             ),
             meter=meter,
             stations=stations,
@@ -232,6 +241,7 @@ def _result(
     integrator, progress = run.integrator, run.progress
     log = run.watch.log if run.watch is not None else None
     ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
+    law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
     attributes: dict[str, Any] = {
         "flexarm_version": version("flexarm"),
         "integrator": integrator.name,
@@ -242,7 +252,7 @@ def _result(
         "rejected_steps": progress.rejected,
         "evaluations": progress.evaluations,
         "wall_seconds": time.perf_counter() - started,
-        "references": " ".join(integrator.reference),
+        "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
         "ended_by": ended_by,
         "warning": too_far_bent(run.arm, run.samples[:count]),
@@ -250,6 +260,7 @@ def _result(
     motor, force, moment, inside = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
     forces |= section_channels(inside)
+    forces |= contact_channels(run.arm, run.loads.placed.contacts, run.samples[:count])
     result = make_result(run.arm, times, run.samples[:count], forces, attributes)
     return result if log is None else result.assign(event_variables(run.arm, log))
 

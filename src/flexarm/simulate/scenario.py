@@ -26,7 +26,7 @@ from flexarm.motion import Motion, joint_motion, line_motion
 from flexarm.simulate.choice import check_integrator
 from flexarm.simulate.events import events_of
 from flexarm.simulate.hardware_file import hardware_of
-from flexarm.simulate.outside import base_acceleration_of, loads_of
+from flexarm.simulate.outside import base_acceleration_of, contacts_of, loads_of
 from flexarm.simulate.run import simulate
 from flexarm.simulate.start import Start, feedforward, start_of
 from flexarm.simulate.torque_history import constant_torque, sampled_torque
@@ -100,6 +100,8 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
         options["loads"] = loads_of(scenario)
     if scenario.events:
         options["events"] = events_of(scenario.events, arm)
+    if scenario.contacts:
+        options["contacts"] = contacts_of(scenario)
     if scenario.base_acceleration is not None:
         options["base_acceleration"] = base_acceleration_of(scenario)
     with _told_as(place, "initial"):
@@ -115,7 +117,7 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
         with _told_as(place, "hardware"):
             options["hardware"] = hardware_of(scenario.hardware)
     with _told_as(place, "run"):
-        check_integrator(run.integrator, run.step, "scenario")
+        check_integrator(run.integrator, run.step, "scenario", bool(scenario.contacts))
     return Prepared(arm, motion, options, file_text(scenario), scenario.events)
 
 

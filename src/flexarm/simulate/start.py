@@ -14,7 +14,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.model import HeldJoint, Scenario, TabulatedJoint
 from flexarm.motion import Motion, RigidTorque, rigid_torque
-from flexarm.simulate.outside import base_acceleration_at_start, loads_at_start
+from flexarm.simulate.outside import base_acceleration_at_start, contacts_of, loads_at_start
 from flexarm.simulate.prescribed import PrescribedAngle
 
 
@@ -63,7 +63,8 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | None) -> Start:
     if not asked.equilibrium:
         return Start(arm.rest(angles), prescribed)
     loads, base = loads_at_start(scenario), base_acceleration_at_start(scenario)
-    found = equilibrium(arm, angles, loads=loads, base_acceleration=base)
+    contacts = contacts_of(scenario)
+    found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
     return Start(found.q, prescribed, found.torque if asked.balance else None)
 
 

@@ -72,7 +72,7 @@ class Run:
         """Join the arm with a torque history (its joints placed at the bodies)."""
         constants = self._constants()
         coefficients = self.arm.padded_torque(history.coefficients)
-        loads = self.loads
+        loads, contacts = self.loads, self.loads.placed.contacts
         stops = np.unique(np.concatenate([history.stops, loads.factors.stops]))
         drive = Drive(
             history.breaks,
@@ -82,6 +82,7 @@ class Run:
             loads.placed._replace(
                 value=loads.placed.value.copy(),
                 base_acceleration=loads.placed.base_acceleration.copy(),
+                contacts=contacts._replace(seen=contacts.seen.copy()),
             ),
             loads.placed.value,
             loads.factors.breaks,

@@ -1,0 +1,152 @@
+"""Contacts: a point of the arm, a surface, the law of their touch; their place in the arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
+
+from flexarm.coordinates import Coordinates
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.kernels.contact import (
+    COUNT,
+    CURVATURE,
+    DAMPING,
+    EXPONENT,
+    FIRST,
+    FRICTION,
+    FRICTION_SPEED,
+    LEVER,
+    NORMAL,
+    POINT,
+    STIFFNESS,
+    WEIGHT,
+)
+from flexarm.kernels.layout import Contacts, Loads, empty_contacts
+from flexarm.loads import Load, place_loads
+from flexarm.surfaces import RoundWall, Surface, SurfaceTable, Wall
+
+#: Exponents of the depth: below one a touch would be infinitely stiff at its beginning.
+LEAST_EXPONENT, MOST_EXPONENT = 1.0, 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A point on the axis of the arm that may touch a surface.
+
+    Where the point has gone into the surface by the depth d, the surface pushes it back along its
+    normal with ``stiffness * d**exponent * (1 + damping * rate of d)``, never pulls (Hunt and
+    Crossley 1975), and rubs with ``friction`` times that against the motion along it; theory page
+    "contact".
+
+    Args:
+        surface: `Wall`, `RoundWall` or `SurfaceTable`.
+        stiffness: N/m, for another exponent N/m^exponent.
+        link: number of the link, counted from 1 at the base; None for the last.
+        station: distance of the point from the link's root, m; None for the link's tip.
+        exponent: 1 for a spring, 1.5 for a ball on a plane (Hertz); 1 to 5.
+        damping: s/m, about 3/2 (1 - e) / v for a coefficient of restitution e near one at a speed
+            of impact v.
+        friction: coefficient of Coulomb friction.
+        friction_speed: m/s, speed of sliding below which friction fades: there a point creeps where
+            in truth it would stick.
+
+    Raises:
+        InputError: a value has the wrong kind, is not finite, or is out of bounds.
+    """
+
+    surface: Surface
+    stiffness: float
+    link: int | None = None
+    station: float | None = None
+    exponent: float = 1.0
+    damping: float = 0.0
+    friction: float = 0.0
+    friction_speed: float = 1e-3
+
+    def __post_init__(self) -> None:
+        problems: list[Problem] = []
+        if not isinstance(self.surface, Wall | RoundWall | SurfaceTable):
+            rule = "be a Wall, a RoundWall or a SurfaceTable"
+            problems.append(Problem("Contact", "surface", rule, shown(self.surface)))
+        for name in ("stiffness", "exponent", "damping", "friction", "friction_speed"):
+            try:
+                value = float(check_array("Contact", name, getattr(self, name), ()))
+            except InputError as error:
+                problems += error.problems
+                continue
+            rule = _bound_broken(name, value)
+            if rule:
+                problems.append(Problem("Contact", name, rule, shown(value)))
+        if problems:
+            raise InputError(*problems)
+
+    def place(self, arm: Coordinates) -> Load:
+        """Return the place on an arm, as a load without a value."""
+        return Load(arm.links if self.link is None else self.link, station=self.station)
+
+
+def _bound_broken(name: str, value: float) -> str:
+    """Rule that a number of a contact breaks, or nothing."""
+    if name in ("stiffness", "friction_speed"):
+        return "" if value > 0.0 else "be greater than 0"
+    if name == "exponent":
+        inside = LEAST_EXPONENT <= value <= MOST_EXPONENT
+        return "" if inside else f"be from {LEAST_EXPONENT:g} to {MOST_EXPONENT:g}"
+    return "" if value >= 0.0 else "be at least 0"
+
+
+def place_contacts(arm: Coordinates, where: str, contacts: Sequence[Contact]) -> Contacts:
+    """Put contacts into the kernels' arrays.
+
+    Raises:
+        InputError: ``contacts`` is no list of `Contact`s, or a point is not on the arm.
+    """
+    if not isinstance(contacts, list | tuple) or not all(isinstance(c, Contact) for c in contacts):
+        raise InputError(
+            Problem(where, "contacts", "be a list of Contact objects", shown(contacts))
+        )
+    points = place_loads(arm, where, [contact.place(arm) for contact in contacts], what="Contact")
+    tables = [c.surface.pieces for c in contacts if isinstance(c.surface, SurfaceTable)]
+    pieces = sum(len(table) for table in tables)
+    placed = empty_contacts(arm.assembly.constants, len(contacts), pieces)
+    placed.body[:], placed.rows[:] = points.body, points.rows
+    placed.shortening[:] = points.shortening
+    first = 0
+    for law, contact, lever in zip(placed.law, contacts, points.lever, strict=True):
+        law[WEIGHT], law[LEVER] = 1.0, lever
+        law[STIFFNESS], law[EXPONENT] = contact.stiffness, contact.exponent
+        law[DAMPING] = contact.damping
+        law[FRICTION], law[FRICTION_SPEED] = contact.friction, contact.friction_speed
+        if isinstance(contact.surface, SurfaceTable):
+            table = contact.surface.pieces
+            law[FIRST], law[COUNT] = first, len(table)
+            placed.knots[first : first + len(table)] = table
+            first += len(table)
+        else:
+            curvature, point, normal = contact.surface.arc
+            law[CURVATURE], law[POINT : POINT + 2], law[NORMAL : NORMAL + 2] = (
+                curvature,
+                point,
+                normal,
+            )
+    return placed
+
+
+def place_outside(
+    arm: Coordinates,
+    where: str,
+    loads: Sequence[Load],
+    base_acceleration: ArrayLike | None,
+    contacts: Sequence[Contact],
+) -> Loads:
+    """Put loads, the base's acceleration and contacts into the kernels' arrays, for one state.
+
+    Raises:
+        InputError: as ``place_loads`` and ``place_contacts``.
+    """
+    placed = place_loads(arm, where, loads, base_acceleration)
+    if isinstance(contacts, list | tuple) and not contacts:
+        return placed
+    return placed._replace(contacts=place_contacts(arm, where, contacts))

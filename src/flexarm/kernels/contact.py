@@ -1,0 +1,279 @@
+"""Points of the arm against surfaces that stand still beside it: theory page "contact".
+
+Surfaces push where a point has gone into them, along their normal, as Hunt and Crossley's law says;
+they rub against it across the normal. Walls and circles are one formula, (T.2): a circle with the
+curvature kappa, which is zero for a wall and negative where the point is inside of the circle. A
+tabulated surface is a cubic spline whose nearest place is found by Newton's method, (T.4).
+
+=============  =================================================================================
+symbol         meaning
+=============  =================================================================================
+``gap``        distance of the point from the surface, negative where it has gone in, m
+``n``          unit normal of the surface, away from what it bounds
+``bend``       curvature of the surface, 1/m, positive where it bulges towards the point
+``depth``      max(-gap, 0), its corner rounded
+``s``          arc along a tabulated surface, m
+=============  =================================================================================
+
+No branch here depends on a state but two, both on real parts alone: which piece of a table is
+nearest, and how Newton's iteration approaches the nearest place. The spline is twice continuously
+differentiable, so that both sides of a joint between pieces have the same force and derivatives;
+and the place found does not depend on the way to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.kinematics import link_terms
+from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspace
+from flexarm.kernels.numbers import exp, log, positive_part, real, sqrt, tanh
+from flexarm.kernels.push import push_at
+
+#: Places in a row of ``Contacts.law``. WEIGHT 0 takes the force away. CURVATURE, POINT and NORMAL
+#: of a wall or a circle; FIRST row of a table in ``knots`` and its COUNT, 0 where there is none.
+#: MOBILITY of the arm at the point, 1/kg: integrators ask how soon a touch turns it back.
+WEIGHT, LEVER = 0, 1
+STIFFNESS, EXPONENT, DAMPING, FRICTION, FRICTION_SPEED = 2, 3, 4, 5, 6
+CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY = 7, 8, 10, 12, 13, 14
+
+#: Columns of ``look_many``: world position and velocity of the point, force on it, gap,
+#: curvature of the surface, energy stored in the touch.
+POSITION, VELOCITY, FORCE, GAP, BEND, ENERGY = 0, 2, 4, 6, 7, 8
+
+#: Corner of the depth (m): far below what anybody measures, far above rounding.
+CORNER = 1e-9
+#: The same for the relative rise by damping.
+PUSH = 1e-6
+#: Newton's iterations: near the surface three reach rounding; pieces are short, so the start is
+#: near.
+_ITERATIONS = 8
+_TINY = 1e-300
+
+
+@merged
+def _arc(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    """Gap, normal and curvature of a wall or a circle at a world point, (T.2)."""
+    law = contacts.law
+    bend = law[k, CURVATURE]
+    dx = x - law[k, POINT]
+    dy = y - law[k, POINT + 1]
+    height = law[k, NORMAL] * dx + law[k, NORMAL + 1] * dy
+    rise = 2.0 * height + bend * (dx * dx + dy * dy)
+    root = sqrt(1.0 + bend * rise)
+    gap = rise / (1.0 + root)
+    nx = (law[k, NORMAL] + bend * dx) / root
+    ny = (law[k, NORMAL + 1] + bend * dy) / root
+    return gap, nx, ny, bend + 0.0 * gap
+
+
+@merged
+def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    """Gap, normal and curvature at the nearest place of a tabulated surface, (T.3), (T.4)."""
+    knots = contacts.knots
+    first = int(contacts.law[k, FIRST])
+    last = first + int(contacts.law[k, COUNT]) - 1
+    near = first
+    least = np.inf
+    for j in range(first, last + 1):
+        away = (real(x) - knots[j, 1]) ** 2 + (real(y) - knots[j, 5]) ** 2
+        if away < least:
+            least = away
+            near = j
+    s = knots[near, 0] + 0.0 * x
+    for _ in range(_ITERATIONS):
+        while near < last and real(s) >= knots[near + 1, 0]:
+            near += 1
+        while near > first and real(s) < knots[near, 0]:
+            near -= 1
+        u = s - knots[near, 0]
+        dx = knots[near, 1] + u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4])) - x
+        dy = knots[near, 5] + u * (knots[near, 6] + u * (knots[near, 7] + u * knots[near, 8])) - y
+        tx = knots[near, 2] + u * (2.0 * knots[near, 3] + u * 3.0 * knots[near, 4])
+        ty = knots[near, 6] + u * (2.0 * knots[near, 7] + u * 3.0 * knots[near, 8])
+        square = tx * tx + ty * ty
+        slope = square + dx * (2.0 * knots[near, 3] + u * 6.0 * knots[near, 4])
+        slope += dy * (2.0 * knots[near, 7] + u * 6.0 * knots[near, 8])
+        # Beyond half a radius of curvature Newton's method may run away: shorter steps.
+        if real(slope) < 0.5 * real(square):
+            slope = 0.5 * square
+        s = s - (dx * tx + dy * ty) / slope
+    while near < last and real(s) >= knots[near + 1, 0]:
+        near += 1
+    while near > first and real(s) < knots[near, 0]:
+        near -= 1
+    u = s - knots[near, 0]
+    dx = x - knots[near, 1] - u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4]))
+    dy = y - knots[near, 5] - u * (knots[near, 6] + u * (knots[near, 7] + u * knots[near, 8]))
+    tx = knots[near, 2] + u * (2.0 * knots[near, 3] + u * 3.0 * knots[near, 4])
+    ty = knots[near, 6] + u * (2.0 * knots[near, 7] + u * 3.0 * knots[near, 8])
+    turn = tx * (2.0 * knots[near, 7] + u * 6.0 * knots[near, 8])
+    turn -= ty * (2.0 * knots[near, 3] + u * 6.0 * knots[near, 4])
+    length = sqrt(tx * tx + ty * ty)
+    nx = -ty / length
+    ny = tx / length
+    return nx * dx + ny * dy, nx, ny, -turn / (length * length * length)
+
+
+@merged
+def _power(depth: Any, exponent: Any) -> Any:
+    """depth^exponent for exponents of one or more; analytic, and exactly the depth for one."""
+    return depth * exp((exponent - 1.0) * log(depth + _TINY))
+
+
+@merged
+def _place_bodies(
+    sizes: Sizes,
+    P: Array,
+    state: Array,
+    rotation: Array,
+    rate: Array,
+    tip: Array,
+    Fx: Array,
+    world: Array,
+) -> None:
+    """Fill ``world``: angle, position and velocity of each body's root in world axes."""
+    cosine = 1.0 + 0.0 * rotation[0, 0]
+    sine = 0.0 * cosine
+    x = 0.0 * cosine
+    y = 0.0 * cosine
+    x_dot = 0.0 * cosine
+    y_dot = 0.0 * cosine
+    for i in range(len(sizes.bodies)):
+        turned = cosine * rotation[i, 0] - sine * rotation[i, 1]
+        sine = sine * rotation[i, 0] + cosine * rotation[i, 1]
+        cosine = turned
+        world[i, 0] = cosine
+        world[i, 1] = sine
+        world[i, 2] = x
+        world[i, 3] = y
+        world[i, 4] = x_dot
+        world[i, 5] = y_dot
+        u_dot = 0.0
+        v_dot = 0.0
+        for j in range(len(sizes.modes)):
+            v_dot += P[i, j] * state[1, i, 1 + j]
+        for j in range(len(sizes.geometric)):
+            u_dot += Fx[i, j] * state[1, i, 1 + j]
+        vx = u_dot - rate[i] * tip[i, 1]
+        vy = v_dot + rate[i] * tip[i, 0]
+        x = x + cosine * tip[i, 0] - sine * tip[i, 1]
+        y = y + sine * tip[i, 0] + cosine * tip[i, 1]
+        x_dot = x_dot + cosine * vx - sine * vy
+        y_dot = y_dot + sine * vx + cosine * vy
+
+
+@merged
+def _motion_of_point(
+    sizes: Sizes, contacts: Contacts, k: int, state: Array, rate: Array, world: Array
+) -> tuple[Any, Any, Any, Any]:
+    """World position and velocity of the point of contact k; ``world`` has been filled."""
+    i = contacts.body[k]
+    v = 0.0
+    v_dot = 0.0
+    for j in range(len(sizes.modes)):
+        v += contacts.rows[k, j] * state[0, i, 1 + j]
+        v_dot += contacts.rows[k, j] * state[1, i, 1 + j]
+    x = contacts.law[k, LEVER]
+    u_dot = 0.0
+    for j in range(len(sizes.geometric)):
+        drawn = 0.0
+        for p in range(len(sizes.geometric)):
+            drawn += contacts.shortening[k, j, p] * state[0, i, 1 + p]
+        x -= 0.5 * state[0, i, 1 + j] * drawn
+        u_dot -= state[1, i, 1 + j] * drawn
+    cosine = world[i, 0]
+    sine = world[i, 1]
+    vx = u_dot - rate[i] * v
+    vy = v_dot + rate[i] * x
+    return (
+        world[i, 2] + cosine * x - sine * v,
+        world[i, 3] + sine * x + cosine * v,
+        world[i, 4] + cosine * vx - sine * vy,
+        world[i, 5] + sine * vx + cosine * vy,
+    )
+
+
+@merged
+def _near(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    """Gap, normal and curvature of the surface of contact k at a world point."""
+    if contacts.law[k, COUNT] > 0.0:
+        return _table(contacts, k, x, y)
+    return _arc(contacts, k, x, y)
+
+
+@merged
+def _force(
+    contacts: Contacts, k: int, gap: Any, nx: Any, ny: Any, vx: Any, vy: Any
+) -> tuple[Any, Any]:
+    """World force on the point of contact k: (T.5) along the normal, (T.6) across it."""
+    law = contacts.law
+    depth = positive_part(-gap, CORNER)
+    closing = -(nx * vx + ny * vy)
+    # A surface pushes, it never pulls, however fast the point leaves it.
+    push = positive_part(1.0 + law[k, DAMPING] * closing, PUSH)
+    normal = law[k, STIFFNESS] * _power(depth, law[k, EXPONENT]) * push
+    sliding = ny * vx - nx * vy
+    rub = -law[k, FRICTION] * normal * tanh(sliding / law[k, FRICTION_SPEED])
+    return normal * nx + rub * ny, normal * ny - rub * nx
+
+
+@compiled
+def touch(sizes: Sizes, P: Array, contacts: Contacts, state: Array, work: Workspace) -> None:
+    """Take the forces of contacts from the biases that ``link_terms`` has left.
+
+    ``P`` (n, m) of the arm's constants. Real parts of what integrators ask for stay in ``seen``.
+    """
+    _place_bodies(sizes, P, state, work.rotation, work.rate, work.tip, work.Fx, work.world)
+    for k in range(contacts.body.shape[0]):
+        x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work.rate, work.world)
+        gap, nx, ny, bend = _near(contacts, k, x, y)
+        fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
+        i = contacts.body[k]
+        weight = contacts.law[k, WEIGHT]
+        along = weight * (work.world[i, 0] * fx + work.world[i, 1] * fy)
+        across = weight * (work.world[i, 0] * fy - work.world[i, 1] * fx)
+        push_at(
+            sizes, contacts.rows, contacts.shortening, k, i, 1.0, contacts.law[k, LEVER], along,
+            across, state, work.root_bias, work.flex_bias,
+        )  # fmt: skip
+        contacts.seen[1, k, GAP] = real(gap)
+        contacts.seen[1, k, BEND] = real(bend)
+        contacts.seen[1, k, VELOCITY] = real(vx)
+        contacts.seen[1, k, VELOCITY + 1] = real(vy)
+
+
+@compiled
+def look_many(
+    sizes: Sizes,
+    constants: ArmConstants,
+    contacts: Contacts,
+    states: Array,
+    work: Workspace,
+    values: Array,
+) -> None:
+    """Fill ``values`` (samples, k, 9) of states (samples, 2, n, 1 + m): columns named above."""
+    for sample in range(states.shape[0]):
+        state = states[sample]
+        link_terms(sizes, constants, state, work)
+        _place_bodies(
+            sizes, constants.P, state, work.rotation, work.rate, work.tip, work.Fx, work.world
+        )
+        for k in range(contacts.body.shape[0]):
+            x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work.rate, work.world)
+            gap, nx, ny, bend = _near(contacts, k, x, y)
+            fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
+            above = contacts.law[k, EXPONENT] + 1.0
+            stored = _power(positive_part(-gap, CORNER), above) / above
+            values[sample, k, POSITION] = x
+            values[sample, k, POSITION + 1] = y
+            values[sample, k, VELOCITY] = vx
+            values[sample, k, VELOCITY + 1] = vy
+            values[sample, k, FORCE] = fx
+            values[sample, k, FORCE + 1] = fy
+            values[sample, k, GAP] = gap
+            values[sample, k, BEND] = bend
+            values[sample, k, ENERGY] = contacts.law[k, STIFFNESS] * stored

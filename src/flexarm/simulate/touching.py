@@ -1,0 +1,53 @@
+"""Contacts in a run: where they are, and how fast a touch can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.contacts import Contact, place_contacts
+from flexarm.integrate.base import FloatArray
+from flexarm.integrate.nearness import turning_time
+from flexarm.kernels.contact import MOBILITY
+from flexarm.kernels.layout import Contacts
+
+#: Speed (m/s) at which the first step looks at touches whose stiffness depends on it.
+_SPEED = 1.0
+#: A corner between the links at which a point is often more mobile than at the start.
+_BENT = 0.5 * np.pi
+
+
+def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) -> Contacts:
+    """Place contacts for a run that starts at ``state`` (2, n, 1 + m), with their mobilities.
+
+    Raises:
+        InputError: as ``place_contacts``.
+    """
+    placed = place_contacts(arm, "simulate", contacts)
+    if contacts:
+        bent = np.full(arm.joints, _BENT)
+        postures = [arm.unpadded(state[0]), arm.rest(0.0 * bent), arm.rest(bent)]
+        for law, contact in zip(placed.law, contacts, strict=True):
+            law[MOBILITY] = max(_mobility(arm, contact, q) for q in postures)
+    return placed
+
+
+def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
+    """Largest acceleration of the point per force on it at a posture, 1/kg."""
+    rest, still = np.zeros(arm.dof), np.zeros(arm.joints)
+    none = arm.forward_dynamics(q, rest, still), arm.inverse_dynamics(q, rest, rest)
+    pushed, force = np.zeros((2, arm.dof)), np.zeros((2, arm.dof))
+    for axis, unit in enumerate(np.eye(2)):
+        load = contact.place(arm)
+        push = [type(load)(load.link, unit, station=load.station)]
+        pushed[axis] = arm.forward_dynamics(q, rest, still, loads=push) - none[0]
+        force[axis] = none[1] - arm.inverse_dynamics(q, rest, rest, loads=push)
+    return float(np.linalg.eigvalsh(force @ pushed.T)[-1])
+
+
+def touch_frequency(placed: Contacts) -> float:
+    """Highest frequency (rad/s) of the arm on a surface that it may touch; 0 without contacts."""
+    times = [turning_time(placed, k, _SPEED) for k in range(placed.body.size)]
+    return max((1.0 / time for time in times), default=0.0)

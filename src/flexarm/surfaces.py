@@ -1,0 +1,161 @@
+"""Surfaces that an arm may touch: walls, circles, and curves through points.
+
+They stand still in the axes of the arm's base, and move with it where the base moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, check_array, shown
+
+#: A piece of a tabulated surface turns by no more than this (rad): its nearest knot is then a good
+#: start for Newton's method.
+_TURN = 0.25
+_MOST_CUTS = 64
+#: Points closer than this part of the extent are one: angles round.
+_SAME_PLACE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A straight surface; what is behind it, against the normal, is solid.
+
+    Args:
+        point: (x, y) m, any place on it.
+        normal: (x, y), away from the wall; any length but zero.
+
+    Raises:
+        InputError: a value is not finite, or the normal has no length.
+    """
+
+    point: ArrayLike
+    normal: ArrayLike
+
+    def __post_init__(self) -> None:
+        check_array("Wall", "point", self.point, (2,))
+        if not np.any(check_array("Wall", "normal", self.normal, (2,))):
+            rule = "have a length greater than 0"
+            raise InputError(Problem("Wall", "normal", rule, shown(self.normal)))
+
+    @property
+    def arc(self) -> tuple[float, FloatArray, FloatArray]:
+        """Curvature 0 (1/m), a point (2,) m and the unit normal (2,) there."""
+        normal = np.asarray(self.normal, dtype=np.float64)
+        return 0.0, np.asarray(self.point, dtype=np.float64), normal / np.linalg.norm(normal)
+
+
+@dataclass(frozen=True, eq=False)
+class RoundWall:
+    """A circle: a solid post that is touched from outside, or a round room, from inside.
+
+    Args:
+        center: (x, y) m. radius: m, positive.
+        inside: whether the arm is inside of it.
+
+    Raises:
+        InputError: a value is not finite, or the radius not positive.
+    """
+
+    center: ArrayLike
+    radius: float
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        check_array("RoundWall", "center", self.center, (2,))
+        if not check_array("RoundWall", "radius", self.radius, ()) > 0.0:
+            rule = "be greater than 0"
+            raise InputError(Problem("RoundWall", "radius", rule, shown(self.radius)))
+
+    @property
+    def arc(self) -> tuple[float, FloatArray, FloatArray]:
+        """Curvature (1/m, negative inside), a point (2,) m and the unit normal (2,) there."""
+        center = np.asarray(self.center, dtype=np.float64)
+        outward = np.array([1.0, 0.0])
+        sign = -1.0 if self.inside else 1.0
+        return sign / self.radius, center + self.radius * outward, sign * outward
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceTable:
+    """A smooth curve through points; what lies to the right of its course is solid.
+
+    A cubic spline over the length of the polygon through the points, so that a profile whose x
+    rises is solid below. Beyond its ends an open curve goes straight on.
+
+    Args:
+        x, y: (k,) m, three points or more, no two in a row the same.
+        closed: whether the curve goes on from the last point to the first: counter-clockwise the
+            arm is inside of it, clockwise outside.
+
+    Raises:
+        InputError: a value is not finite, there are too few points, or two in a row are the same.
+    """
+
+    x: ArrayLike
+    y: ArrayLike
+    closed: bool = False
+    pieces: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        where = "SurfaceTable"
+        x = check_array(where, "x", self.x, (-1,))
+        points = np.stack([x, check_array(where, "y", self.y, x.shape)], axis=1)
+        near = _SAME_PLACE * float(np.ptp(points, axis=0).max(initial=0.0))
+        if self.closed and len(points) and np.linalg.norm(points[0] - points[-1]) <= near:
+            points = points[:-1]
+        if len(points) < 3:
+            raise InputError(Problem(where, "x", "hold three points or more", shown(self.x)))
+        if self.closed:
+            points = np.concatenate([points, points[:1]])
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if np.any(lengths <= near):
+            k = int(np.argmin(lengths)) + 1
+            rule = "differ from the point before"
+            raise InputError(Problem(where, f"the point [{k}]", rule, shown(points[k].tolist())))
+        ends = "periodic" if self.closed else "natural"
+        spline = CubicSpline(np.append(0.0, np.cumsum(lengths)), points, bc_type=ends)
+        object.__setattr__(self, "pieces", _cut(spline, self.closed))
+
+
+def _cut(spline: CubicSpline, closed: bool) -> FloatArray:
+    """Rows (pieces, 9): start (arc of the polygon, m), then cubics of x and y, lowest power first.
+
+    The first row leads up to the curve and the last one away from it.
+    """
+    starts = []
+    for a, b in zip(spline.x[:-1], spline.x[1:], strict=True):
+        slopes = spline(np.linspace(a, b, 17), 1)
+        angles = np.unwrap(np.arctan2(slopes[:, 1], slopes[:, 0]))
+        turn = np.abs(np.diff(angles)).sum()
+        cuts = min(_MOST_CUTS, max(1, int(np.ceil(turn / _TURN))))
+        starts += np.linspace(a, b, cuts, endpoint=False).tolist()
+    s = np.array(starts)
+    powers = [spline(s, k) / factor for k, factor in enumerate((1.0, 1.0, 2.0))]
+    # The third derivative jumps at knots: that of a piece is the one inside it.
+    ends = np.append(s[1:], spline.x[-1])
+    powers.append(spline(0.5 * (s + ends), 3) / 6.0)
+    rows = np.column_stack([s, *(np.stack(powers, axis=2).reshape(len(s), 8).T)])
+    first, last = rows[:1].copy(), rows[-1:].copy()
+    if closed:
+        before, after = last, first
+        before[0, 0] = rows[0, 0] - (spline.x[-1] - rows[-1, 0])
+        after[0, 0] = spline.x[-1]
+    else:
+        before, after = first, last
+        end = spline.x[-1]
+        before[0, 3:5] = before[0, 7:9] = 0.0
+        after[0] = 0.0
+        after[0, 0] = end
+        after[0, [1, 5]], after[0, [2, 6]] = spline(end), spline(end, 1)
+    table: FloatArray = np.concatenate([before, rows, after])
+    table.setflags(write=False)
+    return table
+
+
+Surface = Wall | RoundWall | SurfaceTable

@@ -1,0 +1,155 @@
+"""Distances from walls, circles and tabulated surfaces, measured by brute force or by hand."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.contacts import place_contacts
+from flexarm.kernels.contact import BEND, FORCE, GAP, POSITION
+from flexarm.observe import contact_forces, contact_values
+
+ARM = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 2)
+
+
+def seen_from(surface, points, **law):
+    """Columns of ``look_many`` (points, 9) with the tip at each of the points (k, 2)."""
+    law = {"stiffness": 1e3, **law}
+    x, y = np.transpose(points)
+    far = np.hypot(x, y)
+    bend = 2.0 * np.arccos(far / 2.0)
+    q = np.stack([np.arctan2(y, x) - bend / 2.0, bend], axis=1)
+    states = ARM.padded(np.stack([q, np.zeros_like(q)], axis=1))
+    placed = place_contacts(ARM, "test", [fa.Contact(surface, **law)])
+    values = contact_values(ARM, placed, states)[:, 0]
+    np.testing.assert_allclose(values[:, POSITION : POSITION + 2], points, atol=1e-14)
+    np.testing.assert_array_equal(
+        values[:, FORCE : FORCE + 2], contact_forces(ARM, placed, states)[:, 0]
+    )
+    return values
+
+
+def some_points(count=40, seed=3):
+    rng = np.random.default_rng(seed)
+    radius, angle = rng.uniform(0.2, 1.9, count), rng.uniform(-np.pi, np.pi, count)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def test_wall():
+    points = some_points()
+    found = seen_from(fa.Wall((0.3, -0.2), (3.0, 4.0)), points)
+    np.testing.assert_allclose(
+        found[:, GAP], (points - [0.3, -0.2]) @ [0.6, 0.8], rtol=0, atol=1e-15
+    )
+    pushed = found[:, GAP] < -1e-6
+    np.testing.assert_allclose(
+        found[pushed, FORCE : FORCE + 2],
+        -1e3 * found[pushed, GAP, None] * [0.6, 0.8],
+        rtol=1e-6,  # the corner, 1e-9 m wide
+    )
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_circle(inside):
+    points, center = some_points(), np.array([0.4, 0.3])
+    found = seen_from(fa.RoundWall(center, 0.7, inside), points)
+    away = points - center
+    distance = np.linalg.norm(away, axis=1)
+    sign = -1.0 if inside else 1.0
+    np.testing.assert_allclose(found[:, GAP], sign * (distance - 0.7), rtol=0, atol=1e-15)
+    pushed = found[:, GAP] < -1e-6
+    assert pushed.any()
+    normal = sign * away / distance[:, None]
+    np.testing.assert_allclose(
+        found[pushed, FORCE : FORCE + 2],
+        -1e3 * found[pushed, GAP, None] * normal[pushed],
+        rtol=1e-6,
+    )
+    np.testing.assert_allclose(found[:, BEND], sign / 0.7, rtol=1e-14)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_huge_circle_is_a_wall(inside):
+    points = some_points()
+    normal, sign = np.array([0.0, 1.0]), -1.0 if inside else 1.0
+    wall = seen_from(fa.Wall((0.1, 0.2), normal), points)
+    radius = 1e7
+    circle = fa.RoundWall(np.array([0.1, 0.2]) - sign * radius * normal, radius, inside)
+    found = seen_from(circle, points)
+    # The sagitta over 2 m is 2e-7 m; rounding at 1e7 m 2e-9 m.
+    np.testing.assert_allclose(found[:, GAP], wall[:, GAP], atol=5e-7)
+
+
+def test_a_table_of_a_line_is_a_wall_beyond_its_ends_too():
+    points = some_points()
+    wall = seen_from(fa.Wall((0.0, -0.1), (-0.6, 0.8)), points, damping=1.0)
+    x = np.array([-0.4, 0.0, 0.1, 0.4])
+    found = seen_from(fa.SurfaceTable(x, -0.1 + 0.75 * x), points, damping=1.0)
+    np.testing.assert_allclose(found[:, GAP:], wall[:, GAP:], rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(found[:, FORCE : FORCE + 2], wall[:, FORCE : FORCE + 2], atol=1e-10)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_closed_table_of_a_circle_is_a_circle(inside):
+    points = some_points(200)
+    turn = np.linspace(0.0, 2.0 * np.pi, 49) * (1.0 if inside else -1.0)
+    table = fa.SurfaceTable(0.3 + 0.8 * np.cos(turn), 0.8 * np.sin(turn), closed=True)
+    found = seen_from(table, points)
+    exact = seen_from(fa.RoundWall((0.3, 0.0), 0.8, inside), points)
+    # A cubic spline with knots at every 0.13 rad: 0.8 (0.13)^4 / 384, and what its parameter adds.
+    away = abs(exact[:, GAP]) < 0.7  # near the centre every place is as near
+    np.testing.assert_allclose(found[away, GAP], exact[away, GAP], rtol=0, atol=3e-6)
+    np.testing.assert_allclose(found[:, BEND], exact[:, BEND], rtol=3e-3)
+
+
+def test_distance_from_a_wavy_table():
+    """Against the smallest of 200 000 distances along the curve."""
+    knots = np.linspace(-2.0, 2.0, 81)
+    table = fa.SurfaceTable(knots, 0.2 * np.sin(3.0 * knots))
+    points = some_points(60)
+    found = seen_from(table, points)
+    rows = table.pieces
+    s = np.linspace(rows[1, 0], rows[-1, 0], 200_000, endpoint=False)
+    row = np.searchsorted(rows[1:, 0], s, side="right")
+    u = s - rows[row, 0]
+    powers = u[:, None] ** np.arange(4)
+    curve = np.stack([np.sum(rows[row, k : k + 4] * powers, axis=1) for k in (1, 5)], axis=1)
+    inner = abs(curve[:, 0]) < 1.8  # at its ends the spline is straight, the sine is not
+    np.testing.assert_allclose(curve[inner, 1], 0.2 * np.sin(3.0 * curve[inner, 0]), atol=1e-5)
+    points = points[abs(points[:, 0]) < 1.7]
+    found = seen_from(table, points)
+    distance = [np.linalg.norm(curve - point, axis=1).min() for point in points]
+    side = np.sign(points[:, 1] - 0.2 * np.sin(3.0 * points[:, 0]))
+    near = np.array(distance) < 0.25  # within the smallest radius of curvature, 1 / 1.8
+    assert near.sum() > 5
+    np.testing.assert_allclose(found[near, GAP], (side * distance)[near], rtol=0, atol=1e-8)
+    # Far away another place may be as near; the sign, which decides on a touch, is right.
+    np.testing.assert_array_equal(np.sign(found[:, GAP]), side)
+
+
+def test_the_force_of_a_table_does_not_jump_at_a_knot():
+    x = np.linspace(0.2, 1.8, 9)
+    table = fa.SurfaceTable(x, 0.3 + 0.1 * np.cos(4.0 * x))
+    knot = table.pieces[4, [1, 5]]
+    near = knot - [0.0, 0.02] + np.linspace(-1e-7, 1e-7, 5)[:, None] * [1.0, 0.0]
+    force = seen_from(table, near)[:, FORCE : FORCE + 2]
+    np.testing.assert_allclose(np.diff(force, 2, axis=0), 0.0, atol=1e-9)
+    assert abs(np.diff(force, axis=0)).max() > 1e-8
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: fa.Wall((0, 0), (0, 0)), "Wall: normal must have a length greater than 0"),
+        (lambda: fa.Wall((0, np.nan), (0, 1)), r"Wall: point\[1\] must be finite"),
+        (lambda: fa.RoundWall((0, 0), 0.0), "RoundWall: radius must be greater than 0"),
+        (lambda: fa.SurfaceTable([0, 1], [0, 1]), "SurfaceTable: x must hold three points"),
+        (lambda: fa.SurfaceTable([0, 1, 2], [0, 1]), r"SurfaceTable: y must be numbers of shape"),
+        (
+            lambda: fa.SurfaceTable([0, 1, 1, 2], [0, 1, 1, 2]),
+            r"SurfaceTable: the point \[2\] must differ from the point before",
+        ),
+    ],
+)
+def test_nonsense_is_refused(make, said):
+    with pytest.raises(fa.InputError, match=said):
+        make()
