@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from flexarm.simulate.compare import compare as compare
     from flexarm.simulate.flexible_torque import FlexibleTorque as FlexibleTorque
     from flexarm.simulate.flexible_torque import flexible_torque as flexible_torque
+    from flexarm.simulate.plant import Plant as Plant
     from flexarm.simulate.separated import simulate_separated as simulate_separated
     from flexarm.simulate.tip_inversion import InversionError as InversionError
     from flexarm.simulate.tip_inversion import TipInversion as TipInversion
@@ -105,6 +106,7 @@ _HOME = {
     "ModeTracks": "linear",
     "Modes": "linear",
     "Payload": "model",
+    "Plant": "simulate.plant",
     "PrescribedAngle": "simulate",
     "RayleighDamping": "model",
     "Rectangle": "model",
