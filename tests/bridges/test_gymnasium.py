@@ -90,8 +90,10 @@ def test_observations_stay_in_their_space_and_are_named(name):
 
 @every
 def test_an_observation_says_what_its_names_say(name):
-    env = gymnasium.make(name, duration=0.5)
-    *_, infos, _ = episode(env, joint_pd, seed=2)
+    env = gymnasium.make(name)
+    info = env.reset(seed=2)[1]
+    for _ in range(100):
+        info = env.step(joint_pd(env, info))[-1]
     arm_env = env.unwrapped
     plant, arm = arm_env.plant, arm_env.arm
     observation = arm_env.step(np.array([0.5, -0.5]))[0]
@@ -105,7 +107,7 @@ def test_an_observation_says_what_its_names_say(name):
         "tip_velocity[y] (m/s)": plant.tip_velocity[1],
     }
     if name == REACH:
-        wanted["goal[y] (m)"] = arm.tip(arm.rest(infos[0]["goal_joint_angle"]))[1]
+        wanted["goal[y] (m)"] = arm.tip(arm.rest(info["goal_joint_angle"]))[1]
     else:
         motion, t = arm_env.motion, plant.time
         rates = arm.tip_velocity(arm.rest(motion.joint_angle(t)), arm.rest(motion.joint_rate(t)))
@@ -260,6 +262,10 @@ def test_own_hardware():
     assert not any("strain" in name for name in names)
     np.testing.assert_array_equal(env.unwrapped.torque_limit, [2.0, 1.0])
     check_env(env.unwrapped)
+    lag = fa.Hardware(motors=fa.Motors(time_constant=0.001))
+    np.testing.assert_array_equal(
+        gymnasium.make(REACH, hardware=lag).unwrapped.torque_limit, [10, 3]
+    )
 
 
 @every
@@ -311,7 +317,7 @@ def test_side_by_side_they_are_what_they_are_alone(name):
         ({"duration": 0.0}, "duration must be at least sample_time"),
         ({"torque_limit": [1.0, -1.0]}, "torque_limit must be greater than 0"),
         ({"torque_limit": [1.0, 1.0, 1.0]}, "torque_limit"),
-        ({"arm": laboratory_arm()}, "torque_limit must be given"),
+        ({"arm": laboratory_arm()}, "torque_limit must be given with an arm"),
         ({"hardware": "encoder"}, "hardware must be a Hardware object"),
         ({"render_mode": "human"}, "render_mode must be 'rgb_array' or None"),
     ],

@@ -76,6 +76,11 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             instruments: exact joint angles, rates, strain, tip and its velocity.
         render_mode: "rgb_array" or None.
 
+    Attributes:
+        arm, torque_limit: as given, the latter (joints,).
+        plant: the ``flexarm.Plant`` that is stepped; it knows the truth that an agent does not see.
+        ticks: steps of a whole episode.
+
     Raises:
         InputError: an argument cannot be used.
     """
@@ -97,22 +102,15 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         render_mode: str | None = None,
     ) -> None:
         where = type(self).__name__
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            rule = "be 'rgb_array' or None"
-            raise InputError(Problem(where, "render_mode", rule, shown(render_mode)))
-        if arm is not None and not isinstance(arm, Arm):
-            raise InputError(Problem(where, "arm", "be an Arm", shown(arm)))
-        if torque_limit is None and arm is None:
-            torque_limit = _LABORATORY_TORQUE
-        self.arm = arm or laboratory_arm()
-        self.torque_limit = _torque_limit(where, self.arm, torque_limit, hardware)
+        _check_objects(where, arm, plant, hardware, render_mode)
         hardware = hardware or Hardware()
+        if torque_limit is None:
+            torque_limit = _default_limit(where, arm, hardware.motors)
+        self.arm = arm or laboratory_arm()
+        self.torque_limit = _checked_limit(where, self.arm, torque_limit)
         instruments = hardware.instruments or exact_instruments(self.arm)
         self._hardware = replace(hardware, instruments=instruments)
         self._source: PlantSource = self.arm if plant is None else plant
-        if not isinstance(self._source, Arm) and not callable(self._source):
-            rule = "be an Arm, or a function that returns one"
-            raise InputError(Problem(where, "plant", rule, shown(plant)))
         first = self._source if isinstance(self._source, Arm) else self.arm
         self.plant = self._made(first, sample_time)
         self.ticks = round(float(check_array(where, "duration", duration, ())) / sample_time)
@@ -207,7 +205,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         over = self._tick >= self.ticks
         return self._seen(self.plant.measurement), reward, bool(reason), over, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (480, 480, 3) of the arm and its task."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs an environment made with render_mode='rgb_array'")
@@ -249,18 +247,43 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         }
 
 
-def _torque_limit(
-    where: str, arm: Arm, given: ArrayLike | None, hardware: Hardware | None
-) -> FloatArray:
+def _check_objects(
+    where: str, arm: object, plant: object, hardware: object, render_mode: object
+) -> None:
+    """Refuse what is something else than it should be, all of it at once."""
+    rules = {
+        "arm": ("be an Arm", arm, isinstance(arm, Arm)),
+        "plant": (
+            "be an Arm, or a function that returns one",
+            plant,
+            isinstance(plant, Arm) or callable(plant),
+        ),
+        "hardware": ("be a Hardware object", hardware, isinstance(hardware, Hardware)),
+        "render_mode": ("be 'rgb_array' or None", render_mode, render_mode == "rgb_array"),
+    }
+    problems = [
+        Problem(where, name, rule, shown(value))
+        for name, (rule, value, right) in rules.items()
+        if value is not None and not right
+    ]
+    if problems:
+        raise InputError(*problems)
+
+
+def _default_limit(where: str, arm: Arm | None, motors: Motors | None) -> ArrayLike:
+    """Return the torque limit of the motors, or of the laboratory arm's, N m."""
+    if motors is not None and np.all(np.isfinite(motors.torque_limit)):
+        return motors.torque_limit
+    if arm is None:
+        return _LABORATORY_TORQUE
+    hint = "Or give motors with a torque_limit."
+    raise InputError(Problem(where, "torque_limit", "be given with an arm", "nothing", hint))
+
+
+def _checked_limit(where: str, arm: Arm, given: ArrayLike) -> FloatArray:
     """Return the torques (joints,) that an action of one asks for."""
-    motors = (hardware.motors if isinstance(hardware, Hardware) else None) or Motors()
-    limit = motors.torque_limit if given is None else given
-    if np.ndim(limit) == 0 and np.isfinite(np.asarray(limit, dtype=np.float64)):
-        limit = np.full(arm.joints, limit)
-    if given is None and not np.all(np.isfinite(limit)):
-        hint = "Give it, or motors with a torque_limit."
-        raise InputError(Problem(where, "torque_limit", "be given", "nothing", hint))
-    checked = check_array(where, "torque_limit", limit, (arm.joints,))
-    if not np.all(checked > 0.0):
-        raise InputError(Problem(where, "torque_limit", "be greater than 0", shown(limit)))
-    return checked
+    each = [given] * arm.joints if isinstance(given, int | float) else given
+    limit = check_array(where, "torque_limit", each, (arm.joints,))
+    if not np.all(limit > 0.0):
+        raise InputError(Problem(where, "torque_limit", "be greater than 0", shown(given)))
+    return limit

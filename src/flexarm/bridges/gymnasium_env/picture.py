@@ -39,7 +39,7 @@ class Picture:
     def __init__(self, reach: float) -> None:
         size = _PIXELS / _DPI
         figure = Figure(figsize=(size, size), dpi=_DPI)
-        self._canvas = FigureCanvasAgg(figure)
+        self._canvas: Any = FigureCanvasAgg(figure)  # Matplotlib does not say its types
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         half = 1.1 * reach
