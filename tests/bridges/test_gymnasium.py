@@ -1,11 +1,15 @@
 """The environments against Gymnasium's own checker, and what they promise beyond it."""
 
+import importlib
+import sys
+
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
 import flexarm as fa
+import flexarm.bridges.gymnasium_env as bridge
 from flexarm.bridges.gymnasium_env import ENVIRONMENTS, laboratory_arm
 
 every = pytest.mark.parametrize("name", ENVIRONMENTS)
@@ -342,3 +346,9 @@ def test_wrong_options_and_actions():
     stiff = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     with pytest.raises(fa.InputError, match="be able to follow lines"):
         ENVIRONMENTS[TRACK](arm=stiff, torque_limit=1.0).reset(seed=0)
+
+
+def test_without_gymnasium_it_says_what_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    with pytest.raises(ImportError, match=r"pip install 'flexarm\[gym\]'"):
+        importlib.reload(bridge)

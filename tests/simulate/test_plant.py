@@ -243,11 +243,11 @@ def test_warns_once_where_a_link_bends_too_far(arm):
 
 def test_the_quick_look_at_bending_says_what_the_thorough_one_says(arm):
     rng = np.random.default_rng(0)
-    segmented = fa.Arm(links=[fa.Link(length=0.8, segments=3, **LINK)])
+    segmented = fa.Arm(links=[fa.Link(length=0.8, segments=3, **(LINK | {"elements": 3}))])
     for one in (arm, segmented, fa.Arm(links=arm.spec.links, theory="second_order")):
         watch, said = BendingWatch(one), 0
         for _ in range(40):
-            state = one.padded(rng.uniform(0.0, 0.2) * rng.standard_normal((2, one.dof)))
+            state = one.padded(rng.uniform(0.0, 0.03) * rng.standard_normal((2, one.dof)))
             assert watch(state) == too_far_bent(one, state[None])
             said += bool(watch(state))
-        assert said in (range(1, 40) if one.spec.theory == "linear" else [0])
+        assert 0 < said < 40 if one.spec.theory == "linear" else said == 0

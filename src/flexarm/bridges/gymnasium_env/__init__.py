@@ -6,7 +6,11 @@ Importing this module registers ``flexarm/Reach-v0`` and ``flexarm/TrackPath-v0`
 
 from __future__ import annotations
 
-import gymnasium
+try:
+    import gymnasium
+except ImportError:
+    told = "flexarm.bridges.gymnasium_env needs Gymnasium: pip install 'flexarm[gym]' brings it."
+    raise ImportError(told) from None
 
 from flexarm.bridges.gymnasium_env.base import ArmEnv, laboratory_arm
 from flexarm.bridges.gymnasium_env.reach import ReachEnv
