@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from flexarm.simulate.events import tip_event as tip_event
     from flexarm.simulate.flexible_torque import FlexibleTorque as FlexibleTorque
     from flexarm.simulate.flexible_torque import flexible_torque as flexible_torque
+    from flexarm.simulate.plant import Plant as Plant
     from flexarm.simulate.separated import simulate_separated as simulate_separated
     from flexarm.simulate.tip_inversion import InversionError as InversionError
     from flexarm.simulate.tip_inversion import TipInversion as TipInversion
@@ -114,6 +115,7 @@ _HOME = {
     "ModeTracks": "linear",
     "Modes": "linear",
     "Payload": "model",
+    "Plant": "simulate.plant",
     "PrescribedAngle": "simulate",
     "RayleighDamping": "model",
     "Rectangle": "model",

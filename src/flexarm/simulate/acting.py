@@ -19,10 +19,10 @@ class Acting:
     """Motors between the sample times of a controller.
 
     Torques as they act: from each time of ``since`` on, from ``initial`` to ``target`` as
-    ``1 - exp(-(t - since) / time_constant)``.
+    ``1 - exp(-(t - since) / time_constant)``. Without ``keep`` only the last one is known.
     """
 
-    def __init__(self, hardware: Hardware | None, joints: int) -> None:
+    def __init__(self, hardware: Hardware | None, joints: int, keep: bool = True) -> None:
         given = hardware.motors if hardware is not None else None
         self.plain = given is None  # every torque acts at once, as it was asked for
         self._motors = given or Motors()
@@ -33,6 +33,7 @@ class Acting:
         self._initial: list[FloatArray] = []
         self._target: list[FloatArray] = []
         self._nothing = np.zeros(joints)
+        self._keep = keep
 
     @property
     def pieces(self) -> int:
@@ -67,6 +68,9 @@ class Acting:
         target = self._nothing if due is None else due
         if not self.plain:
             target = self._motors.allowed(target, rate)
+        if not self._keep:
+            for past in (self._since, self._initial, self._target):
+                past.clear()
         self._since.append(t)
         self._initial.append(now if self._lag > 0.0 else target)
         self._target.append(target)

@@ -9,12 +9,10 @@ import numpy as np
 
 from flexarm.control import Controller, Hardware, Measurement, Reference
 from flexarm.errors import InputError, SimulationError, check_array
-from flexarm.integrate.base import FloatArray, System
-from flexarm.simulate.acting import Acting
+from flexarm.integrate.base import FloatArray
 from flexarm.simulate.sampled_reference import sampled_reference
-from flexarm.simulate.sensing import sensing_of
 from flexarm.simulate.stepping import Run
-from flexarm.simulate.torque_history import TorqueHistory
+from flexarm.simulate.ticks import Ticks
 
 
 class ClosedLoop:
@@ -30,9 +28,7 @@ class ClosedLoop:
         self._run = run
         self._controller = controller
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
-        self._bodies = run.arm.assembly.joint_body
-        self._sensing = sensing_of(run, hardware, controller.sample_time)
-        self._acting = Acting(hardware, run.arm.joints)
+        self._ticks = Ticks(run, controller.sample_time, hardware)
         self.hardware = hardware
         self.ticks: list[float] = []
         self.asked: list[FloatArray] = []
@@ -45,45 +41,19 @@ class ClosedLoop:
         Raises:
             SimulationError: the integrator gave up, or the controller returned no finite torque.
         """
-        run, acting = self._run, self._acting
-        breaks = np.arange(acting.pieces + 1.0)
-        held = np.zeros((acting.pieces, 4, run.arm.joints))
-        system = run.system(TorqueHistory(breaks, held, np.zeros(0)))
-        sample_time = self._controller.sample_time
+        run, ticks = self._run, self._ticks
         self._controller.reset()
-        tick = 0
-        while True:
-            t = tick * sample_time
-            # A last tick that is left over from rounding alone would hold no time.
-            if t >= run.duration * (1.0 - 1e-12):
-                return
-            torque = self._update(tick, t, system)
-            self.ticks.append(t)
+        # A last tick that is left over from rounding alone would hold no time.
+        while ticks.time < run.duration * (1.0 - 1e-12):
+            torque = self._update(ticks.time, ticks.measure())
+            self.ticks.append(ticks.time)
             self.asked.append(torque)
-            acting.ask(t, torque)
-            tick += 1
-            until = min(tick * sample_time, run.duration)
-            while run.progress.time < min(until, run.duration):  # an event may end the run
-                system = self._advance(system, until)
-            if tick % 256 == 0:
+            ticks.hold(torque)
+            if ticks.tick % 256 == 0:
                 run.meter.update(run.progress.time / run.duration)
 
-    def _advance(self, system: System, until: float) -> System:
-        """Go on to ``until``, or to where another torque begins to act."""
-        run, acting, now = self._run, self._acting, self._run.progress.time
-        acting.hold(now, run.progress.state[1, self._bodies, 0])
-        change = acting.next_change(now, until)
-        drive = system.drive
-        if acting.plain:
-            drive.coefficients[0, 0, self._bodies] = acting.target
-        else:
-            drive.breaks[:], coefficients = acting.cubics(now, change)
-            drive.coefficients[:, :, self._bodies] = coefficients
-        return run.carry_to(system, change)
-
-    def _update(self, tick: int, t: float, system: System) -> FloatArray:
+    def _update(self, t: float, measurement: Measurement) -> FloatArray:
         run = self._run
-        measurement = self._sensing.measure(tick, t, run.progress.state, system)
         if self.hardware is not None:
             self.measured.append(measurement)
         started = time.perf_counter()
@@ -102,7 +72,7 @@ class ClosedLoop:
 
     def torque_at(self, times: FloatArray) -> FloatArray:
         """Return the torque that acts at times (T,): (T, joints)."""
-        return self._acting.at(times)
+        return self._ticks.acting.at(times)
 
     def asked_at(self, times: FloatArray) -> FloatArray:
         """Return the torque that the controller asked for last at times (T,): (T, joints)."""

@@ -19,44 +19,42 @@ from flexarm.errors import (
     LargeDeflectionWarning,
     Problem,
     SimulationError,
-    check_array,
     shown,
 )
 from flexarm.integrate import Integrator
-from flexarm.integrate.base import FloatArray, Progress
-from flexarm.loads import Load, acting_loads
+from flexarm.integrate.base import FloatArray
+from flexarm.loads import Load
 from flexarm.model.events import DURATION, FAILURE
 from flexarm.model.scenario import sample_fault
 from flexarm.observe import contact_channels
-from flexarm.simulate.choice import Choice, choose_integrator
+from flexarm.simulate.choice import Choice
 from flexarm.simulate.closed_loop import ClosedLoop
 from flexarm.simulate.events import Event, event_log, event_variables
-from flexarm.simulate.load_history import BaseAcceleration, load_history
+from flexarm.simulate.load_history import BaseAcceleration
 from flexarm.simulate.meter import Meter
+from flexarm.simulate.new_run import (
+    ATOL,
+    RTOL,
+    TORQUE_SHARE,
+    initial_state,
+    new_run,
+    positive,
+)
 from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import add_loop, make_result
 from flexarm.simulate.sections import section_channels
 from flexarm.simulate.stepping import Run, run_open_loop
-from flexarm.simulate.tolerance import tolerance_of
 from flexarm.simulate.torque_history import (
     TorqueHistory,
     constant_torque,
     function_torque,
     sampled_torque,
 )
-from flexarm.simulate.touching import contacts_of_run, touch_frequency
 from flexarm.simulate.validity import too_far_bent
-from flexarm.simulate.watch import Watch
 from flexarm.stations import check_stations
 
 if TYPE_CHECKING:
     import xarray as xr
-
-#: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
-RTOL = 1e-7
-ATOL = 1e-9
-#: How much closer than the integrator's tolerance a torque function is followed.
-_TORQUE_SHARE = 1e-2
 
 Torque = ArrayLike | Callable[[float], ArrayLike] | TorqueHistory
 
@@ -146,10 +144,10 @@ def simulate(
     if prescribed and controller is not None:
         rule = "be left out where a controller acts"
         raise InputError(Problem(where, "prescribed", rule, "given"))
-    duration = _positive(where, "duration", duration)
-    rate = _positive(where, "rate", rate)
-    rtol = _positive(where, "rtol", rtol)
-    atol = _positive(where, "atol", atol)
+    duration = positive(where, "duration", duration)
+    rate = positive(where, "rate", rate)
+    rtol = positive(where, "rtol", rtol)
+    atol = positive(where, "atol", atol)
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
         rule = f"have the {arm.joints} joints of the arm"
@@ -161,34 +159,27 @@ def simulate(
         stations = check_stations(where, stations)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     log = event_log(where, simulated, events)
-    touching = contacts_of_run(simulated, contacts, state)
-    touch = touch_frequency(touching)
-    tolerance = tolerance_of(simulated, state, atol, rtol)
-    choice = choose_integrator(integrator, step, simulated, tolerance, touch)
-    tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     with Meter("simulating", progress) as meter:
-        run = Run(
-            arm=simulated,
-            integrator=choice.integrator,
-            tolerance=tolerance,
-            progress=Progress(0.0, state, 0.0),
+        run, choice = new_run(
+            where,
+            simulated,
+            state,
             duration=duration,
             sample_times=times,
-            samples=np.empty((len(times), *state.shape)),
-            loads=load_history(
-                simulated,
-                acting_loads(simulated, where, tip_force, loads),
-                base_acceleration,
-                duration,
-                max(rtol * _TORQUE_SHARE, 1e-12),
-                touching,
-            ),
+            tip_force=tip_force,
+            loads=loads,
+            base_acceleration=base_acceleration,
+            contacts=contacts,
+            log=log,
+            integrator=integrator,
+            step=step,
+            rtol=rtol,
+            atol=atol,
             meter=meter,
             stations=stations,
             specialized=specialized,
-            watch=Watch(simulated, choice.integrator, tolerance, log) if log else None,
         )
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
@@ -198,7 +189,7 @@ def simulate(
                 where, torque, duration, rate, arm.joints, rtol, torque_interpolation
             )
             if prescribed:
-                share = max(rtol * _TORQUE_SHARE, 1e-12)
+                share = max(rtol * TORQUE_SHARE, 1e-12)
                 history = prescribe(simulated, prescribed, state, history, duration, share)
                 run.prescribed = tuple(prescribed)
             result = _open_loop(run, history, choice)
@@ -286,14 +277,7 @@ def _check_objects(
         if not callable(getattr(controller, name, None)):
             rule = f"have the method {name}"
             raise InputError(Problem(where, "controller", rule, shown(controller)))
-    _positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
-
-
-def _positive(where: str, name: str, value: object) -> float:
-    number = float(check_array(where, name, value, ()))
-    if number <= 0.0:
-        raise InputError(Problem(where, name, "be greater than 0", shown(value)))
-    return number
+    positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
 
 
 def _initial_state(
@@ -305,26 +289,14 @@ def _initial_state(
 ) -> FloatArray:
     where = "simulate"
     motion = reference if reference is not None else getattr(torque, "motion", None)
-    if initial is not None:
-        if np.shape(initial) != (arm.dof,):
-            hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
-            rule = f"hold the arm's {arm.dof} coordinates"
-            problem = Problem(where, "initial", rule, f"of shape {np.shape(initial)}", hint)
-            raise InputError(problem)
-        q = check_array(where, "initial", initial, (arm.dof,))
-    elif motion is not None:
-        start = np.asarray(motion.joint_angle(0.0))
-        if start.shape != (arm.joints,):
+    straight = np.zeros(arm.joints)
+    if initial is None and motion is not None:
+        straight = np.asarray(motion.joint_angle(0.0))
+        if straight.shape != (arm.joints,):
             name = "reference" if reference is not None else "torque"
             rule = f"be of an arm with {arm.joints} joints"
-            raise InputError(Problem(where, name, rule, f"of one with {start.size}"))
-        q = arm.rest(start)
-    else:
-        q = arm.rest(np.zeros(arm.joints))
-    qd = np.zeros(arm.dof)
-    if initial_rate is not None:
-        qd = check_array(where, "initial_rate", initial_rate, (arm.dof,))
-    return arm.padded(np.stack([q, qd]))
+            raise InputError(Problem(where, name, rule, f"of one with {straight.size}"))
+    return initial_state(where, arm, initial, initial_rate, straight)
 
 
 def _history(
@@ -341,7 +313,7 @@ def _history(
     if isinstance(torque, TorqueHistory):
         return torque
     if callable(torque):
-        share = max(rtol * _TORQUE_SHARE, 1e-12)
+        share = max(rtol * TORQUE_SHARE, 1e-12)
         breaks = getattr(torque, "breaks", ())
         return function_torque(torque, duration, joints, share, breaks)
     return sampled_torque(torque, rate, duration, joints, interpolation)

@@ -13,6 +13,7 @@ from flexarm.control.instruments import Instrument, Readings
 from flexarm.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
+from flexarm.kernels.layout import run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS, poses
 from flexarm.kernels.point_motion import point_motions
 from flexarm.linear.signals import Sensor
@@ -31,6 +32,20 @@ _TIP = {
     "tip_velocity": slice(3, 5),
     "tip_angle_rate": slice(5, 6),
 }
+
+
+class TipMotion:
+    """Position x, y, angle of the tip and their rates, without computing all channels."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._constants = arm.assembly.constants
+        self._sizes = run_time_sizes(self._constants)
+        self._poses, self._tip = np.zeros((arm.assembly.bodies, POSE_COLUMNS)), np.zeros(6)
+
+    def __call__(self, state: FloatArray) -> FloatArray:
+        """Return (6,) m, rad, m/s, rad/s at a state (2, n, 1 + m); overwritten by the next call."""
+        poses(self._sizes, self._constants, state, self._poses, self._tip)
+        return self._tip
 
 
 class ExactSensing:
@@ -107,17 +122,8 @@ def _channel(arm: Arm, name: str) -> Reader:
     if name == "torque":
         return lambda state, system, t: _torque(arm, system, t)
     if name in _TIP:
-        columns, body_poses, tip = (
-            _TIP[name],
-            np.zeros((arm.assembly.bodies, POSE_COLUMNS)),
-            np.zeros(6),
-        )
-
-        def read_tip(state: FloatArray, system: System, t: float) -> FloatArray:
-            poses(system.sizes, system.constants, state, body_poses, tip)
-            return tip[columns].copy()
-
-        return read_tip
+        columns, tip = _TIP[name], TipMotion(arm)
+        return lambda state, system, t: tip(state)[columns].copy()
     return lambda state, system, t: np.ravel(channels_of(arm, state[None])[name][0])
 
 

@@ -81,6 +81,27 @@ def _furthest_bent(arm: Arm, states: FloatArray) -> tuple[str, Piece] | None:
     return fact, worst
 
 
+class BendingWatch:
+    """``too_far_bent`` of one state after another, quick enough to ask at every sample time."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+        lengths = np.ones(arm.assembly.bodies)
+        for piece in arm.assembly.pieces:
+            lengths[piece.body] = piece.shapes.length
+        linear = arm.spec.theory == "linear"
+        self._per_length = arm.assembly.constants.P / lengths[:, None] if linear else None
+
+    def __call__(self, state: FloatArray) -> str:
+        """Say which link has bent too far at a state (2, n, 1 + m), or nothing."""
+        if self._per_length is None:
+            return ""
+        bent = (self._per_length * state[0, :, 1:]).sum(axis=1)
+        if not np.abs(bent).max() > _FAR:
+            return ""
+        return too_far_bent(self._arm, state[None])
+
+
 def weakest_joint(arm: Arm, state: FloatArray) -> int | None:
     """Return the link (from 0) whose joint's inertia has all but vanished by bending, or None.
 

@@ -1,0 +1,29 @@
+"""Environments for Gymnasium: a flexible arm as a task for a learning agent.
+
+Importing this module registers ``flexarm/Reach-v0`` and ``flexarm/TrackPath-v0``. Needs the extra
+``gym``.
+"""
+
+from __future__ import annotations
+
+try:
+    import gymnasium
+except ImportError:
+    told = "flexarm.bridges.gymnasium_env needs Gymnasium: pip install 'flexarm[gym]' brings it."
+    raise ImportError(told) from None
+
+from flexarm.bridges.gymnasium_env.base import ArmEnv, laboratory_arm
+from flexarm.bridges.gymnasium_env.reach import ReachEnv
+from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
+
+__all__ = ["ENVIRONMENTS", "ArmEnv", "ReachEnv", "TrackPathEnv", "laboratory_arm"]
+
+#: Every environment by the name that ``gymnasium.make`` knows it by.
+ENVIRONMENTS: dict[str, type[ArmEnv]] = {
+    "flexarm/Reach-v0": ReachEnv,
+    "flexarm/TrackPath-v0": TrackPathEnv,
+}
+
+for _name, _kind in ENVIRONMENTS.items():
+    # Episodes end themselves, after seconds and not after steps: no limit of steps here.
+    gymnasium.register(_name, entry_point=f"{_kind.__module__}:{_kind.__name__}")

@@ -1,0 +1,289 @@
+"""What all environments of an arm have in common: one step is one sample time."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm import Arm
+from flexarm.bridges.gymnasium_env.observation import (
+    FloatArray,
+    Observation,
+    Part,
+    Vector,
+    exact_instruments,
+    reach_of,
+)
+from flexarm.bridges.gymnasium_env.picture import Picture, Scene
+from flexarm.control import Hardware, Measurement, Motors
+from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.model import Gauge, Joint, Link, ModalDamping
+from flexarm.simulate.plant import Plant
+
+#: The arm itself, or a function that draws one for each episode.
+PlantSource = Arm | Callable[[np.random.Generator], Arm]
+#: What full torque costs of the largest reward.
+_EFFORT = 0.002
+
+
+@cache
+def laboratory_arm() -> Arm:
+    """Return the arm that environments have by default: two light links, gauged at their roots."""
+    rod: dict[str, Any] = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+    rod |= {"damping": ModalDamping(ratio=0.01), "gauges": [Gauge(station=0.05, distance=0.005)]}
+    links = [Link(length=1.4142, elements=2, **rod), Link(length=1.0, elements=1, **rod)]
+    elbow = Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02)
+    return Arm(links=links, joints=[Joint(hub_inertia=0.1), elbow])
+
+
+#: Largest torques (N m) of its motors.
+_LABORATORY_TORQUE = (10.0, 3.0)
+
+
+class ArmEnv(gymnasium.Env[Vector, Vector]):
+    """An arm whose motors an agent drives, one sample time a step.
+
+    The action (joints,) is in [-1, 1], the part of ``torque_limit`` that each motor is asked for
+    until the next step; beyond it is cut. The observation is what the instruments read, then what
+    the task adds: ``observation_names`` says what each component is, with its unit. The reward of a
+    step is ``1 / (1 + distance / scale)``, with the distance of the true tip from where the task
+    wants it, less 0.002 times the mean square of the action: always positive, so that an agent
+    never gains by ending an episode.
+
+    An episode is *terminated*, with reward zero, where the arm cannot be followed any further or a
+    link bends too far for the linear theory; ``info["reason"]`` says which. It is *truncated* after
+    ``duration``.
+
+    ``info`` holds ``time`` (s), ``tip`` (2,) m, ``distance`` (m), ``torque`` (joints,) N m as asked
+    for, ``is_success`` and ``reason``.
+
+    Args:
+        arm: the arm as planned with; None for ``laboratory_arm()``.
+        plant: the arm that is simulated, where it differs from ``arm``; or a function that draws
+            one for each episode from the random generator that it is given.
+        sample_time: s. duration: of an episode, s.
+        torque_limit: N m, one number or one for each joint; None for that of the hardware's motors,
+            or (10, 3) of the laboratory arm.
+        hardware: instruments and motors; its seed is replaced by one of the episode's own. Without
+            instruments: exact joint angles, rates, strain, tip and its velocity.
+        render_mode: "rgb_array" or None.
+
+    Attributes:
+        arm, torque_limit: as given, the latter (joints,).
+        plant: the ``flexarm.Plant`` that is stepped; it knows the truth that an agent does not see.
+        ticks: steps of a whole episode.
+
+    Raises:
+        InputError: an argument cannot be used.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
+    #: Distance (m, as a part of the reach) at which the reward is a half.
+    scale: ClassVar[float]
+    #: Names of what ``reset(options=...)`` understands.
+    option_names: ClassVar[tuple[str, ...]]
+
+    def __init__(
+        self,
+        arm: Arm | None = None,
+        plant: PlantSource | None = None,
+        sample_time: float = 0.005,
+        duration: float = 3.0,
+        torque_limit: ArrayLike | None = None,
+        hardware: Hardware | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        where = type(self).__name__
+        _check_objects(where, arm, plant, hardware, render_mode)
+        hardware = hardware or Hardware()
+        if torque_limit is None:
+            torque_limit = _default_limit(where, arm, hardware.motors)
+        self.arm = arm or laboratory_arm()
+        self.torque_limit = _checked_limit(where, self.arm, torque_limit)
+        instruments = hardware.instruments or exact_instruments(self.arm)
+        self._hardware = replace(hardware, instruments=instruments)
+        self._source: PlantSource = self.arm if plant is None else plant
+        first = self._source if isinstance(self._source, Arm) else self.arm
+        self.plant = self._made(first, sample_time)
+        self.ticks = round(float(check_array(where, "duration", duration, ())) / sample_time)
+        if self.ticks < 1:
+            raise InputError(Problem(where, "duration", "be at least sample_time", shown(duration)))
+        self._observation = Observation(
+            self.arm, instruments, self.plant.measurement, self.task_parts()
+        )
+        self.observation_space = self._observation.space
+        self.action_space = Box(-1.0, 1.0, (self.arm.joints,), np.float32)
+        self.render_mode = render_mode
+        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / sample_time)}
+        self._picture: Picture | None = None
+        self._tick = 0
+
+    # What a task says -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def task_parts(self) -> Sequence[Part]:
+        """Say what the task adds to the observation."""
+
+    @abstractmethod
+    def begin(self, options: dict[str, Any]) -> FloatArray:
+        """Draw a task with ``np_random``; return the joint angles (joints,) to start from, rad."""
+
+    @abstractmethod
+    def task_values(self, tick: int) -> FloatArray:
+        """Return what the task adds to the observation at a sample time."""
+
+    @abstractmethod
+    def target(self, tick: int) -> FloatArray:
+        """Return where the tip is wanted (2,) at a sample time, m."""
+
+    @abstractmethod
+    def succeeded(self, tick: int, distance: float) -> bool:
+        """Say whether the task is done at a sample time, the tip ``distance`` m away."""
+
+    def scene(self) -> Scene:
+        """Return what a picture shows beside the arm."""
+        return Scene(self.target(self._tick))
+
+    # What Gymnasium asks for ----------------------------------------------------------------------
+
+    @property
+    def observation_names(self) -> list[str]:
+        """What each component of the observation is, with its unit: ``tip[x] (m)``."""
+        return self._observation.names
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Vector, dict[str, Any]]:
+        """Begin an episode; see ``gymnasium.Env.reset``.
+
+        Raises:
+            InputError: the task does not know an option, or cannot use it.
+        """
+        super().reset(seed=seed)
+        where = f"{type(self).__name__}.reset"
+        for name in options or {}:
+            if name not in self.option_names:
+                rule = "be one of " + ", ".join(map(repr, self.option_names))
+                raise InputError(Problem(where, "an option", rule, shown(name)))
+        start = self.begin(dict(options or {}))
+        if not isinstance(self._source, Arm):
+            self.plant = self._made(self._source(self.np_random), self.plant.sample_time)
+        noise = int(self.np_random.integers(2**31))
+        measurement = self.plant.reset(self.plant.arm.rest(start), seed=noise)
+        self._tick = 0
+        info = self._info(np.zeros(self.arm.joints), "")
+        return self._seen(measurement), info
+
+    def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
+        """Ask the motors for torques until the next sample time; see ``gymnasium.Env.step``.
+
+        Raises:
+            InputError: the action is not finite or has the wrong shape.
+        """
+        where = f"{type(self).__name__}.step"
+        part = np.clip(check_array(where, "action", action, (self.arm.joints,)), -1.0, 1.0)
+        torque = part * self.torque_limit
+        try:
+            self.plant.step(torque)
+            self._tick += 1
+            reason = self.plant.warning
+        except SimulationError as error:
+            reason = str(error)
+        info = self._info(torque, reason)
+        reward = 0.0
+        if not reason:
+            scale = self.scale * reach_of(self.arm)
+            reward = 1.0 / (1.0 + info["distance"] / scale) - _EFFORT * float(np.mean(part**2))
+        over = self._tick >= self.ticks
+        return self._seen(self.plant.measurement), reward, bool(reason), over, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture (480, 480, 3) of the arm and its task."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() needs an environment made with render_mode='rgb_array'")
+            return None
+        if self._picture is None:
+            self._picture = Picture(reach_of(self.arm))
+        return self._picture.draw(self.plant.arm.shape(self.plant.q, 20), self.scene())
+
+    def close(self) -> None:
+        """Let go of the picture."""
+        self._picture = None
+
+    # ----------------------------------------------------------------------------------------------
+
+    def _made(self, arm: object, sample_time: float) -> Plant:
+        """Make the plant of an arm that has as many joints and gauges as the one planned with."""
+        known = self.arm
+        if not isinstance(arm, Arm) or (arm.joints, len(arm.gauges)) != (
+            known.joints,
+            len(known.gauges),
+        ):
+            rule = f"be an Arm of {known.joints} joints and {len(known.gauges)} gauges"
+            raise InputError(Problem(type(self).__name__, "plant", rule, shown(arm)))
+        return Plant(arm, sample_time, self._hardware, warn=False)
+
+    def _seen(self, measurement: Measurement) -> Vector:
+        return self._observation.vector(measurement, self.task_values(self._tick))
+
+    def _info(self, torque: FloatArray, reason: str) -> dict[str, Any]:
+        tip = self.plant.tip[:2]
+        distance = float(np.hypot(*(tip - self.target(self._tick))))
+        return {
+            "time": self.plant.time,
+            "tip": tip,
+            "distance": distance,
+            "torque": torque,
+            "is_success": not reason and self.succeeded(self._tick, distance),
+            "reason": reason,
+        }
+
+
+def _check_objects(
+    where: str, arm: object, plant: object, hardware: object, render_mode: object
+) -> None:
+    """Refuse what is something else than it should be, all of it at once."""
+    rules = {
+        "arm": ("be an Arm", arm, isinstance(arm, Arm)),
+        "plant": (
+            "be an Arm, or a function that returns one",
+            plant,
+            isinstance(plant, Arm) or callable(plant),
+        ),
+        "hardware": ("be a Hardware object", hardware, isinstance(hardware, Hardware)),
+        "render_mode": ("be 'rgb_array' or None", render_mode, render_mode == "rgb_array"),
+    }
+    problems = [
+        Problem(where, name, rule, shown(value))
+        for name, (rule, value, right) in rules.items()
+        if value is not None and not right
+    ]
+    if problems:
+        raise InputError(*problems)
+
+
+def _default_limit(where: str, arm: Arm | None, motors: Motors | None) -> ArrayLike:
+    """Return the torque limit of the motors, or of the laboratory arm's, N m."""
+    if motors is not None and np.all(np.isfinite(motors.torque_limit)):
+        return motors.torque_limit
+    if arm is None:
+        return _LABORATORY_TORQUE
+    hint = "Or give motors with a torque_limit."
+    raise InputError(Problem(where, "torque_limit", "be given with an arm", "nothing", hint))
+
+
+def _checked_limit(where: str, arm: Arm, given: ArrayLike) -> FloatArray:
+    """Return the torques (joints,) that an action of one asks for."""
+    each = [given] * arm.joints if isinstance(given, int | float) else given
+    limit = check_array(where, "torque_limit", each, (arm.joints,))
+    if not np.all(limit > 0.0):
+        raise InputError(Problem(where, "torque_limit", "be greater than 0", shown(given)))
+    return limit

@@ -1,0 +1,82 @@
+"""Bring the tip to a point and hold it there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexarm.bridges.gymnasium_env.base import ArmEnv
+from flexarm.bridges.gymnasium_env.observation import FloatArray, Part, reach_of
+from flexarm.errors import check_array
+
+#: Joints start anywhere within this (rad) where no stops are nearer.
+_RANGE = 2.5
+#: The goal is the tip of a straight arm whose joints have turned by at most this (rad).
+_TURN = 0.6
+#: Held is a goal with the tip this near (m, as a part of the reach) and as slow (1/s of it).
+_NEAR, _SLOW = 0.01, 0.05
+
+
+class ReachEnv(ArmEnv):
+    """Bring the tip to a random goal, and hold it there without vibration.
+
+    The goal is where the tip would be with straight links and each joint turned by up to 0.6 rad
+    from a random posture, which is the start. The task adds to the observation: ``goal`` (2,) m.
+    A half of the largest reward is had at a twentieth of the reach from the goal. ``is_success``:
+    the tip is within a hundredth of the reach of it, and slower than a twentieth of it a second.
+
+    ``reset(options={"start": ..., "goal": ...})`` takes joint angles (joints,) rad in place of
+    random ones. ``info`` also holds ``goal_joint_angle`` (joints,) rad: what an inverse kinematics
+    would find. Everything else is told by ``ArmEnv``.
+    """
+
+    scale: ClassVar[float] = 0.05
+    option_names: ClassVar[tuple[str, ...]] = ("start", "goal")
+
+    def task_parts(self) -> Sequence[Part]:
+        """See ``ArmEnv``."""
+        return [Part("goal", "m", 2, reach_of(self.arm), axes=True)]
+
+    def begin(self, options: dict[str, Any]) -> FloatArray:
+        """See ``ArmEnv``."""
+        shape, where = (self.arm.joints,), "ReachEnv.reset"
+        lower, upper = joint_range(self)
+        start = self.np_random.uniform(lower, upper)
+        if "start" in options:
+            start = check_array(where, "start", options["start"], shape)
+        turn = self.np_random.uniform(-_TURN, _TURN, shape)
+        self.goal_angle = np.clip(start + turn, np.minimum(lower, start), np.maximum(upper, start))
+        if "goal" in options:
+            self.goal_angle = check_array(where, "goal", options["goal"], shape)
+        self.goal = self.arm.tip(self.arm.rest(self.goal_angle))[:2]
+        return start
+
+    def task_values(self, tick: int) -> FloatArray:
+        """See ``ArmEnv``."""
+        return self.goal
+
+    def target(self, tick: int) -> FloatArray:
+        """See ``ArmEnv``."""
+        return self.goal
+
+    def succeeded(self, tick: int, distance: float) -> bool:
+        """See ``ArmEnv``."""
+        reach = reach_of(self.arm)
+        speed = np.hypot(*self.plant.tip_velocity[:2])
+        return bool(distance < _NEAR * reach and speed < _SLOW * reach)
+
+    def _info(self, torque: FloatArray, reason: str) -> dict[str, Any]:
+        return super()._info(torque, reason) | {"goal_joint_angle": self.goal_angle.copy()}
+
+
+def joint_range(env: ArmEnv) -> tuple[FloatArray, FloatArray]:
+    """Return the joint angles (joints,) rad from which and up to which episodes start."""
+    lower = np.full(env.arm.joints, -_RANGE)
+    upper = -lower
+    for k, number in enumerate(env.arm.joint_numbers):
+        limits = env.arm.spec.joints[number - 1].limits
+        if limits is not None:
+            lower[k], upper[k] = max(lower[k], limits.lower), min(upper[k], limits.upper)
+    return lower, upper

@@ -1,0 +1,114 @@
+"""Follow a straight line with the tip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexarm.bridges.gymnasium_env.base import ArmEnv
+from flexarm.bridges.gymnasium_env.observation import FloatArray, Part, reach_of
+from flexarm.bridges.gymnasium_env.picture import Scene
+from flexarm.bridges.gymnasium_env.reach import joint_range
+from flexarm.errors import InputError, Problem
+from flexarm.motion import line_motion
+from flexarm.motion.lines import LineMotion
+
+#: Length of a line (as a part of the reach) and mean speed along it (1/s of the reach).
+_LENGTH, _SPEED = (0.15, 0.4), (0.2, 0.4)
+#: Joint rates (rad/s) beyond which a line passes too near a singular posture for these motors.
+_FASTEST = 3.0
+_TRIES = 200
+#: Done is a line that the tip has come to the end of and is this near to (part of the reach).
+_NEAR = 0.01
+
+
+class TrackPathEnv(ArmEnv):
+    """Follow a point that moves along a random line, and rest at its end.
+
+    The line begins at a random posture, goes 0.15 to 0.4 of the reach in a random direction, at a
+    mean speed of 0.2 to 0.4 reaches a second, from rest to rest. The task adds to the observation:
+    ``wanted_tip`` (2,) m and ``wanted_velocity`` (2,) m/s of the point now, ``line_end`` (2,) m,
+    and ``time_left`` (1,) s until it is there. A half of the largest reward is had at a fiftieth of
+    the reach from the point. ``is_success``: the line is over and the tip is within a hundredth of
+    the reach of its end.
+
+    ``reset(options={"start": ..., "end": ..., "duration": ...})`` takes world points (2,) m, and s,
+    all three together. ``motion`` is the ``line_motion`` that the point follows. Everything else is
+    told by ``ArmEnv``.
+    """
+
+    scale: ClassVar[float] = 0.02
+    option_names: ClassVar[tuple[str, ...]] = ("start", "end", "duration")
+    motion: LineMotion
+
+    def task_parts(self) -> Sequence[Part]:
+        """See ``ArmEnv``."""
+        reach = reach_of(self.arm)
+        return [
+            Part("wanted_tip", "m", 2, reach, axes=True),
+            Part("wanted_velocity", "m/s", 2, 10.0 * reach, axes=True),
+            Part("line_end", "m", 2, reach, axes=True),
+            Part("time_left", "s", 1, self.ticks * self.plant.sample_time),
+        ]
+
+    def begin(self, options: dict[str, Any]) -> FloatArray:
+        """See ``ArmEnv``."""
+        missing = [name for name in self.option_names if name not in options]
+        if not options:
+            self.motion = self._drawn()
+        elif missing:
+            rule = "come with " + " and ".join(map(repr, missing))
+            raise InputError(Problem("TrackPathEnv.reset", "the options", rule, "without"))
+        else:
+            self.motion = line_motion(self.arm, **options)
+        motion, times = self.motion, np.arange(self.ticks + 1) * self.plant.sample_time
+        along = motion.law(np.minimum(times / motion.duration, 1.0))
+        way = motion.end - motion.start
+        self._wanted = np.column_stack(
+            [
+                motion.start + np.outer(along.s, way),
+                np.outer(along.ds / motion.duration, way),
+                np.tile(motion.end, (len(times), 1)),
+                np.maximum(motion.duration - times, 0.0),
+            ]
+        )
+        return motion.joint_angle(0.0)
+
+    def _drawn(self) -> LineMotion:
+        """Draw a line that the arm can follow at its speed."""
+        rng, reach = self.np_random, reach_of(self.arm)
+        for _ in range(_TRIES):
+            start = self.arm.tip(self.arm.rest(rng.uniform(*joint_range(self))))[:2]
+            direction = rng.uniform(-np.pi, np.pi)
+            length, speed = reach * rng.uniform(*_LENGTH), reach * rng.uniform(*_SPEED)
+            end = start + length * np.array([np.cos(direction), np.sin(direction)])
+            try:
+                motion = line_motion(self.arm, start, end, length / speed)
+            except InputError:
+                continue
+            rates = motion.joint_rate(np.linspace(0.0, motion.duration, 33))
+            if np.abs(rates).max() < _FASTEST:
+                return motion
+        rule = "be able to follow lines"
+        value = f"one that could follow none of {_TRIES}"
+        raise InputError(Problem("TrackPathEnv.reset", "the arm", rule, value))
+
+    def task_values(self, tick: int) -> FloatArray:
+        """See ``ArmEnv``."""
+        values: FloatArray = self._wanted[min(tick, self.ticks)]
+        return values
+
+    def target(self, tick: int) -> FloatArray:
+        """See ``ArmEnv``."""
+        return self.task_values(tick)[:2]
+
+    def succeeded(self, tick: int, distance: float) -> bool:
+        """See ``ArmEnv``."""
+        over = tick * self.plant.sample_time >= self.motion.duration
+        return bool(over and distance < _NEAR * reach_of(self.arm))
+
+    def scene(self) -> Scene:
+        """See ``ArmEnv``."""
+        return Scene(self.target(self._tick), self._wanted[:, :2])

@@ -1,0 +1,125 @@
+"""What every run begins with: a state, tolerances, an integrator, the loads placed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.contacts import Contact
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray, Progress
+from flexarm.loads import Load, acting_loads
+from flexarm.simulate.choice import Choice, choose_integrator
+from flexarm.simulate.events import EventLog
+from flexarm.simulate.load_history import BaseAcceleration, load_history
+from flexarm.simulate.meter import Meter
+from flexarm.simulate.stepping import Run
+from flexarm.simulate.tolerance import tolerance_of
+from flexarm.simulate.touching import contacts_of_run, touch_frequency
+from flexarm.simulate.watch import Watch
+
+#: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
+RTOL = 1e-7
+ATOL = 1e-9
+#: How much closer than the integrator's tolerance a torque function is followed.
+TORQUE_SHARE = 1e-2
+
+
+def new_run(
+    where: str,
+    arm: Arm,
+    state: FloatArray,
+    *,
+    duration: float,
+    sample_times: FloatArray,
+    tip_force: ArrayLike | None,
+    loads: Sequence[Load],
+    base_acceleration: BaseAcceleration | None,
+    contacts: Sequence[Contact] = (),
+    log: EventLog | None = None,
+    integrator: str | Integrator,
+    step: float | None,
+    rtol: float,
+    atol: float,
+    meter: Meter,
+    stations: int = 0,
+    specialized: bool | None = None,
+) -> tuple[Run, Choice]:
+    """Make a run that stands at its beginning, ``state`` (2, n, 1 + m).
+
+    Arguments as of ``simulate``, already checked but for those that say what is outside the arm.
+
+    Raises:
+        InputError: something outside does not fit the arm, or there is no such integrator.
+    """
+    touching = contacts_of_run(arm, contacts, state)
+    touch = touch_frequency(touching)
+    tolerance = tolerance_of(arm, state, atol, rtol)
+    choice = choose_integrator(integrator, step, arm, tolerance, touch)
+    tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
+    run = Run(
+        arm=arm,
+        integrator=choice.integrator,
+        tolerance=tolerance,
+        progress=Progress(0.0, state, 0.0),
+        duration=duration,
+        sample_times=sample_times,
+        samples=np.empty((len(sample_times), *state.shape)),
+        loads=load_history(
+            arm,
+            acting_loads(arm, where, tip_force, loads),
+            base_acceleration,
+            duration,
+            max(rtol * TORQUE_SHARE, 1e-12),
+            touching,
+        ),
+        meter=meter,
+        stations=stations,
+        specialized=specialized,
+        watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
+    )
+    return run, choice
+
+
+def positive(where: str, name: str, value: object) -> float:
+    """Return a number greater than zero.
+
+    Raises:
+        InputError: it is none.
+    """
+    number = float(check_array(where, name, value, ()))
+    if number <= 0.0:
+        raise InputError(Problem(where, name, "be greater than 0", shown(value)))
+    return number
+
+
+def initial_state(
+    where: str, arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
+) -> FloatArray:
+    """Return the state (2, n, 1 + m) of given coordinates and rates (dof,).
+
+    Without coordinates links are straight at the joint angles ``straight`` (joints,); without rates
+    they are zero.
+
+    Raises:
+        InputError: one does not fit the arm.
+    """
+    if q is None:
+        q = arm.rest(straight)
+    elif np.shape(q) != (arm.dof,):
+        hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
+        rule = f"hold the arm's {arm.dof} coordinates"
+        raise InputError(Problem(where, "initial", rule, f"of shape {np.shape(q)}", hint))
+    rates = np.zeros(arm.dof) if qd is None else qd
+    return arm.padded(
+        np.stack(
+            [
+                check_array(where, "initial", q, (arm.dof,)),
+                check_array(where, "initial_rate", rates, (arm.dof,)),
+            ]
+        )
+    )

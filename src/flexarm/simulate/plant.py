@@ -1,0 +1,209 @@
+"""An arm that is stepped from outside: torques in, readings out, one sample time at a time."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.control import Hardware, Measurement
+from flexarm.errors import (
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.loads import Load
+from flexarm.simulate.load_history import BaseAcceleration
+from flexarm.simulate.meter import Meter
+from flexarm.simulate.new_run import ATOL, RTOL, initial_state, new_run, positive
+from flexarm.simulate.sensing import TipMotion
+from flexarm.simulate.ticks import Ticks
+from flexarm.simulate.validity import BendingWatch
+
+
+class Plant:
+    """An arm behind its hardware, for programs that have a loop of their own.
+
+    It stands at a sample time, in the beginning at zero: at rest, links straight, all joint angles
+    zero. ``step`` holds a torque until the next sample time and returns what the sensors say there.
+    The loop of ``flexarm.simulate`` is made of the same parts, and its digits are the same. Nothing
+    is recorded.
+
+    Args:
+        arm: the arm that is simulated.
+        sample_time: s from one step to the next.
+        hardware: instruments and motors in between; None for exact sensors of joint angles, rates
+            and strain, and motors that give what they are asked for.
+        tip_force, loads, base_acceleration: what acts from outside, see ``flexarm.simulate``.
+        integrator, step, rtol, atol: how closely it is followed, see ``flexarm.simulate``.
+        duration: s, the latest that it may be stepped to; None for ever, which loads or a base that
+            are functions of time do not allow: they are looked at beforehand.
+        specialized: True compiles the hot loop for the sizes of this arm: several seconds, once per
+            size and machine, then a third faster.
+        warn: whether ``step`` warns of links that bend too far; ``warning`` says it in any case.
+
+    Attributes:
+        arm, sample_time: as given.
+        measurement: what the sensors said at the sample time that it stands at.
+        warning: which link has bent too far for the linear theory since the reset, or nothing.
+
+    Raises:
+        InputError: an argument has the wrong shape, is not finite, or contradicts another.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        sample_time: float = 1e-3,
+        hardware: Hardware | None = None,
+        *,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: BaseAcceleration | None = None,
+        integrator: str | Integrator = "auto",
+        step: float | None = None,
+        rtol: float = RTOL,
+        atol: float = ATOL,
+        duration: float | None = None,
+        specialized: bool = False,
+        warn: bool = True,
+    ) -> None:
+        if not isinstance(arm, Arm):
+            raise InputError(Problem("Plant", "arm", "be an Arm", shown(arm)))
+        if hardware is not None and not isinstance(hardware, Hardware):
+            raise InputError(Problem("Plant", "hardware", "be a Hardware object", shown(hardware)))
+        self.arm = arm
+        self.sample_time = positive("Plant", "sample_time", sample_time)
+        if duration is None:
+            _refuse_functions(loads, base_acceleration)
+        self._duration = math.inf if duration is None else positive("Plant", "duration", duration)
+        self._hardware, self._warn = hardware, warn
+        self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
+        self._new_run = partial(
+            new_run,
+            "Plant",
+            arm,
+            duration=self._duration,
+            sample_times=np.zeros(0),
+            tip_force=tip_force,
+            loads=loads,
+            base_acceleration=base_acceleration,
+            integrator=integrator,
+            step=step,
+            rtol=positive("Plant", "rtol", rtol),
+            atol=positive("Plant", "atol", atol),
+            meter=Meter("stepping", False),
+            specialized=specialized,
+        )
+        self.reset()
+
+    def reset(
+        self,
+        initial: ArrayLike | None = None,
+        initial_rate: ArrayLike | None = None,
+        seed: int | None = None,
+    ) -> Measurement:
+        """Go back to time zero and return what the sensors say there.
+
+        Args:
+            initial: q (dof,), by default straight links and all joint angles zero.
+            initial_rate: qd (dof,), zero by default.
+            seed: of the instruments' noise, in place of the hardware's.
+
+        Raises:
+            InputError: an argument has the wrong shape or is not finite.
+        """
+        arm, hardware = self.arm, self._hardware
+        straight = np.zeros(arm.joints)
+        state = initial_state("Plant.reset", arm, initial, initial_rate, straight)
+        if hardware is not None and seed is not None:
+            hardware = replace(hardware, seed=seed)
+        run, _ = self._new_run(state)
+        self._ticks = Ticks(run, self.sample_time, hardware, keep=False)
+        self._stopped_at: float | None = None
+        self.warning = ""
+        self.measurement = self._ticks.measure()
+        return self.measurement
+
+    def step(self, torque: ArrayLike) -> Measurement:
+        """Hold a torque (joints,) N m for one sample time and return what the sensors say then.
+
+        Raises:
+            InputError: the torque has the wrong shape or is not finite, or the plant's duration is
+                over; nothing has moved.
+            SimulationError: the arm could not be followed to the next sample time; ``.state`` is
+                the last good one. Only ``reset`` is left to do.
+
+        Warns:
+            LargeDeflectionWarning: a link has bent too far for the linear theory; once after each
+                reset.
+        """
+        ticks = self._ticks
+        asked = check_array("Plant.step", "torque", torque, (self.arm.joints,))
+        self._check_time((ticks.tick + 1) * self.sample_time)
+        try:
+            ticks.hold(asked)
+        except SimulationError as error:
+            self._stopped_at = error.time
+            raise
+        self.measurement = ticks.measure()
+        if not self.warning:
+            self.warning = self._bending(ticks.run.progress.state)
+            if self.warning and self._warn:
+                warnings.warn(self.warning, LargeDeflectionWarning, stacklevel=2)
+        return self.measurement
+
+    def _check_time(self, until: float) -> None:
+        where = "Plant.step"
+        if self._stopped_at is not None:
+            stopped = f"one that stopped at t = {self._stopped_at:.6g} s"
+            raise InputError(Problem(where, "the plant", "be reset first", stopped))
+        # Sample times may add up to the duration and a rounding.
+        if until > self._duration * (1.0 + 1e-12):
+            rule = f"stay within the plant's duration of {self._duration:.6g} s"
+            raise InputError(Problem(where, "the next sample time", rule, f"{until:.6g} s"))
+
+    @property
+    def time(self) -> float:
+        """Sample time that it stands at, s; after a failure the time reached."""
+        return self._ticks.time if self._stopped_at is None else self._stopped_at
+
+    @property
+    def q(self) -> FloatArray:
+        """Coordinates (dof,)."""
+        return self._ticks.run.state()[0]
+
+    @property
+    def qd(self) -> FloatArray:
+        """Rates of the coordinates (dof,)."""
+        return self._ticks.run.state()[1]
+
+    @property
+    def tip(self) -> FloatArray:
+        """World position x, y (m) and angle (rad) of the tip, (3,)."""
+        return self._tip(self._ticks.run.progress.state)[:3].copy()
+
+    @property
+    def tip_velocity(self) -> FloatArray:
+        """Rates of ``tip``, (3,)."""
+        return self._tip(self._ticks.run.progress.state)[3:].copy()
+
+
+def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration | None) -> None:
+    """Refuse what would have to be looked at for ever."""
+    factors = [getattr(load, "factor", None) for load in loads]
+    if callable(base_acceleration) or any(callable(factor) for factor in factors):
+        rule = "be given with loads or a base that are functions of time"
+        hint = "Tables (times, values) need none."
+        raise InputError(Problem("Plant", "duration", rule, "nothing", hint))

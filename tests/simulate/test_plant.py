@@ -1,0 +1,253 @@
+"""An arm stepped from outside, against the loop of ``simulate``."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.simulate.validity import BendingWatch, too_far_bent
+
+#: A binary fraction: samples and sample times are then at the same times to the last bit.
+TICK = 2.0**-9
+LINK = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
+START = [0.2, -0.4]
+
+
+@pytest.fixture(scope="module")
+def arm():
+    gauges = [fa.Gauge(station=0.1, distance=0.005)]
+    links = [fa.Link(length=0.8, gauges=gauges, **LINK), fa.Link(length=0.6, **LINK)]
+    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+
+
+@pytest.fixture(scope="module")
+def motion(arm):
+    return fa.joint_motion(arm, START, [0.5, 0.1], 0.3)
+
+
+def controller():
+    return fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=TICK)
+
+
+NOISY = fa.Hardware(
+    [
+        fa.Instrument("joint_angle", noise=1e-4, rate_cutoff=100.0),
+        fa.Instrument("tip", name="camera", delay=0.013, sample_time=5 * TICK),
+        fa.Instrument(fa.Sensor("acceleration", 2, frame="link"), name="accelerometer"),
+    ],
+    fa.Motors(torque_limit=[0.5, 0.2], delay=0.0013, time_constant=0.002),
+    seed=3,
+)
+GUST = fa.Load(1, (0.0, 0.3), factor=([0.0, 0.0731, 0.2], [0.0, 1.0, 0.2]))
+
+
+def by_hand(plant, controller, motion, ticks, **start):
+    """Step with a controller; the states at all sample times."""
+    controller.reset()
+    measurement = plant.reset(**start)
+    states = [(plant.q, plant.qd)]
+    for _ in range(ticks):
+        measurement = plant.step(controller.update(plant.time, measurement, motion))
+        states.append((plant.q, plant.qd))
+    return measurement, *map(np.array, zip(*states, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("hardware", "outside"),
+    [
+        (None, {}),
+        (NOISY, {}),
+        (None, {"loads": [GUST], "tip_force": [0.1, 0.0], "base_acceleration": [0.0, 1.0]}),
+        (NOISY, {"integrator": "kennedy_carpenter_5", "rtol": 1e-5, "atol": 1e-7}),
+    ],
+    ids=["ideal", "hardware", "loads", "implicit"],
+)
+def test_steps_by_hand_have_the_digits_of_simulate(arm, motion, hardware, outside):
+    result = fa.simulate(
+        arm,
+        100 * TICK,
+        controller=controller(),
+        reference=motion,
+        hardware=hardware,
+        rate=1.0 / TICK,
+        **outside,
+    )
+    plant = fa.Plant(arm, TICK, hardware, **outside)
+    initial = arm.rest(motion.joint_angle(0.0))
+    _, q, qd = by_hand(plant, controller(), motion, 100, initial=initial)
+    np.testing.assert_array_equal(q, result.q.values)
+    np.testing.assert_array_equal(qd, result.qd.values)
+    assert plant.time == 100 * TICK
+    np.testing.assert_allclose(plant.tip[:2], result.tip.values[-1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(plant.tip, arm.tip(plant.q), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        plant.tip_velocity, arm.tip_velocity(plant.q, plant.qd), rtol=0, atol=1e-13
+    )
+
+
+def test_measures_what_simulate_measures(arm, motion):
+    result = fa.simulate(
+        arm, 50 * TICK, controller=controller(), reference=motion, hardware=NOISY, rate=1.0 / TICK
+    )
+    plant, pd = fa.Plant(arm, TICK, NOISY), controller()
+    measurement = plant.reset(arm.rest(START))
+    for k in range(50):
+        for name in ("joint_angle", "joint_rate", "camera", "accelerometer"):
+            np.testing.assert_array_equal(measurement[name], result[f"measured_{name}"].values[k])
+        assert plant.measurement is measurement
+        measurement = plant.step(pd.update(plant.time, measurement, motion))
+
+
+def test_functions_of_time_are_followed_as_in_simulate(arm, motion):
+    load = fa.Load(2, moment=0.2, factor=lambda t: np.sin(40.0 * t))
+    result = fa.simulate(
+        arm, 50 * TICK, controller=controller(), reference=motion, loads=[load], rate=1.0 / TICK
+    )
+    plant = fa.Plant(arm, TICK, loads=[load], duration=50 * TICK)
+    _, q, _ = by_hand(plant, controller(), motion, 50, initial=arm.rest(START))
+    np.testing.assert_array_equal(q, result.q.values)
+    with pytest.raises(fa.InputError, match=r"stay within the plant's duration of 0.09765"):
+        plant.step([0.0, 0.0])
+
+
+def test_reset_makes_runs_alike_and_the_seed_makes_the_noise(arm, motion):
+    plant = fa.Plant(arm, TICK, NOISY)
+    start = {"initial": arm.rest(START), "initial_rate": np.full(arm.dof, 0.01)}
+    first, again, other = (
+        by_hand(plant, controller(), motion, 30, seed=seed, **start) for seed in (5, 5, 6)
+    )
+    for a, b in zip(first[1:], again[1:], strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert np.any(first[1] != other[1])
+    np.testing.assert_array_equal(first[2][0], start["initial_rate"])
+    # Without a seed it is the hardware's.
+    own = by_hand(plant, controller(), motion, 30, **start)
+    given = by_hand(plant, controller(), motion, 30, seed=NOISY.seed, **start)
+    np.testing.assert_array_equal(own[1], given[1])
+
+
+def test_two_plants_do_not_disturb_each_other(arm, motion):
+    _, alone, _ = by_hand(fa.Plant(arm, TICK), controller(), motion, 20)
+    one, two = fa.Plant(arm, TICK), fa.Plant(arm, TICK)
+    pd = controller()
+    for k in range(20):
+        one.step(pd.update(one.time, one.measurement, motion))
+        two.step([0.3 * np.sin(k), -0.2])
+        np.testing.assert_array_equal(one.q, alone[k + 1])
+
+
+def test_stands_at_rest_before_anything_is_asked_of_it(arm):
+    plant = fa.Plant(arm)
+    assert plant.sample_time == 0.001
+    assert plant.time == 0.0
+    assert plant.warning == ""
+    np.testing.assert_array_equal(plant.q, np.zeros(arm.dof))
+    np.testing.assert_array_equal(plant.measurement.joint_angle, [0.0, 0.0])
+    np.testing.assert_allclose(plant.tip, [1.4, 0.0, 0.0], rtol=0, atol=1e-15)
+
+
+def test_a_reading_is_a_copy(arm):
+    plant = fa.Plant(arm, TICK)
+    plant.measurement.joint_angle[:] = 7.0
+    plant.q[:] = 7.0
+    np.testing.assert_array_equal(plant.q, np.zeros(arm.dof))
+
+
+def test_memory_does_not_grow(arm):
+    """Torques of the past are not kept: a plant may be stepped for days."""
+    plant = fa.Plant(arm, TICK, NOISY)
+    for _ in range(50):
+        plant.step([0.1, 0.0])
+    acting = plant._ticks.acting
+    assert len(acting._since) == len(acting._target) == 1
+    assert len(acting._waiting) <= 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"arm": "arm"}, "arm must be an Arm"),
+        ({"sample_time": 0.0}, "sample_time must be greater than 0"),
+        ({"sample_time": np.nan}, "sample_time"),
+        ({"hardware": fa.Motors()}, "hardware must be a Hardware object"),
+        ({"integrator": "euler"}, "integrator must be one of"),
+        ({"rtol": -1.0}, "rtol must be greater than 0"),
+        ({"duration": -1.0}, "duration must be greater than 0"),
+        ({"tip_force": [1.0]}, "tip_force"),
+        ({"loads": [fa.Load(3)]}, "link"),
+        ({"base_acceleration": lambda t: [0, 0]}, "duration must be given with loads or a base"),
+        ({"loads": [fa.Load(1, factor=np.sin)]}, "duration must be given with loads or a base"),
+        (
+            {"hardware": fa.Hardware([fa.Instrument("tip", sample_time=0.0003)])},
+            "multiple of the controller's sample time",
+        ),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_wrong_arguments(arm, arguments, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.Plant(**{"arm": arm, **arguments})
+
+
+def test_wrong_torques_and_starts_move_nothing(arm):
+    plant = fa.Plant(arm, TICK)
+    plant.step([0.1, 0.0])
+    q = plant.q
+    for torque in ([0.1], [np.nan, 0.0], "full speed"):
+        with pytest.raises(fa.InputError, match=r"Plant\.step: torque"):
+            plant.step(torque)
+    for start in ({"initial": [0.0, 0.0]}, {"initial_rate": [0.0, 0.0]}):
+        with pytest.raises(fa.InputError, match=r"Plant\.reset: initial"):
+            plant.reset(**start)
+    np.testing.assert_array_equal(plant.q, q)
+    assert plant.time == TICK
+
+
+def test_a_run_away_stops_with_its_state_and_waits_for_a_reset(arm):
+    plant = fa.Plant(arm, 0.05, integrator="rk4", step=0.05, warn=False)  # far too long a step
+
+    def run():
+        for _ in range(200):
+            plant.step([1.0, -1.0])
+
+    with pytest.raises(fa.SimulationError, match="no longer finite") as caught:
+        run()
+    np.testing.assert_array_equal(caught.value.state[0], plant.q)
+    assert np.all(np.isfinite(plant.q))
+    assert plant.time == caught.value.time
+    with pytest.raises(fa.InputError, match="the plant must be reset first, but is one that sto"):
+        plant.step([0.0, 0.0])
+    plant.reset()
+    plant.step([0.0, 0.0])
+    assert plant.time == 0.05
+
+
+def test_warns_once_where_a_link_bends_too_far(arm):
+    bent = arm.from_nodal([0.0, 0.0], [np.array([[0.09, 0.15]]), np.zeros((1, 2))])
+    plant = fa.Plant(arm, TICK)
+    plant.reset(bent)
+    with pytest.warns(fa.LargeDeflectionWarning, match="link 1 deflects"):
+        plant.step([0.0, 0.0])
+    plant.step([0.0, 0.0])  # a second warning would be an error here
+    assert "link 1 deflects" in plant.warning
+    plant.reset()
+    assert plant.warning == ""
+    silent = fa.Plant(arm, TICK, warn=False)
+    silent.reset(bent)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        silent.step([0.0, 0.0])
+    assert "link 1 deflects" in silent.warning
+
+
+def test_the_quick_look_at_bending_says_what_the_thorough_one_says(arm):
+    rng = np.random.default_rng(0)
+    segmented = fa.Arm(links=[fa.Link(length=0.8, segments=3, **(LINK | {"elements": 3}))])
+    for one in (arm, segmented, fa.Arm(links=arm.spec.links, theory="second_order")):
+        watch, said = BendingWatch(one), 0
+        for _ in range(40):
+            state = one.padded(rng.uniform(0.0, 0.03) * rng.standard_normal((2, one.dof)))
+            assert watch(state) == too_far_bent(one, state[None])
+            said += bool(watch(state))
+        assert 0 < said < 40 if one.spec.theory == "linear" else said == 0
