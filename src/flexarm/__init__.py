@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
+    from flexarm.control import LQG as LQG
     from flexarm.control import Measurement as Measurement
     from flexarm.control import Motors as Motors
     from flexarm.errors import FlexarmError as FlexarmError
@@ -93,6 +94,7 @@ _HOME = {
     "Joint": "model",
     "JointLimits": "model",
     "JointPD": "control",
+    "LQG": "control",
     "LargeDeflectionWarning": "errors",
     "LinearModel": "linear",
     "Link": "model",

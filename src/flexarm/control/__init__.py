@@ -6,12 +6,17 @@ from flexarm.control.base import Controller, Measurement, Reference
 from flexarm.control.hardware import Hardware, Motors
 from flexarm.control.instruments import Instrument
 from flexarm.control.joint_pd import JointPD
+from flexarm.control.lqg import LQG
 
 #: Every controller by the name that scenario files use.
-CONTROLLERS: dict[str, type[Controller]] = {JointPD.name: JointPD}
+CONTROLLERS: dict[str, type[Controller]] = {
+    JointPD.name: JointPD,
+    LQG.name: LQG,
+}
 
 __all__ = [
     "CONTROLLERS",
+    "LQG",
     "Controller",
     "Hardware",
     "Instrument",
