@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
     from flexarm.control import LQG as LQG
+    from flexarm.control import MPC as MPC
     from flexarm.control import Measurement as Measurement
     from flexarm.control import Motors as Motors
     from flexarm.errors import FlexarmError as FlexarmError
@@ -95,6 +96,7 @@ _HOME = {
     "JointLimits": "model",
     "JointPD": "control",
     "LQG": "control",
+    "MPC": "control",
     "LargeDeflectionWarning": "errors",
     "LinearModel": "linear",
     "Link": "model",

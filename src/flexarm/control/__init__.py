@@ -7,16 +7,19 @@ from flexarm.control.hardware import Hardware, Motors
 from flexarm.control.instruments import Instrument
 from flexarm.control.joint_pd import JointPD
 from flexarm.control.lqg import LQG
+from flexarm.control.mpc import MPC
 
 #: Every controller by the name that scenario files use.
 CONTROLLERS: dict[str, type[Controller]] = {
     JointPD.name: JointPD,
     LQG.name: LQG,
+    MPC.name: MPC,
 }
 
 __all__ = [
     "CONTROLLERS",
     "LQG",
+    "MPC",
     "Controller",
     "Hardware",
     "Instrument",

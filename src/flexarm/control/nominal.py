@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,6 +76,10 @@ class PreviewedReference:
         self.missing = self._buffer[self._start : self._start + self._steps]
         return self._known[0]
 
+    def torques(self, count: int) -> FloatArray:
+        """Return the torques (count, joints) from the present sample on, N m."""
+        return np.array([moment.torque for moment in islice(self._known, count)])
+
     def _add(
         self, place: int, tick: int, angle_now: FloatArray, reference: Reference | None
     ) -> None:
@@ -129,14 +134,24 @@ class RecordedRun:
             raise InputError(Problem(where, "nominal", rule, f"one of {self._q.shape[1]}"))
 
     def reset(self) -> None:
-        """Nothing is kept."""
+        """Begin anew."""
+        self._now = 0.0
 
     def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
         """Return the moment t (s)."""
+        self._now = t
         q, qd = self._state(t)
-        # A torque that is held does what its mean does: that of the middle.
-        torque = self._line(self._torque, t + 0.5 * self._sample_time)
+        torque = self._torque_from(t)
         return Nominal(q[self._joints], q, qd, torque, self.missing[0])
+
+    def torques(self, count: int) -> FloatArray:
+        """Return the torques (count, joints) from the present sample on, N m."""
+        times = self._now + self._sample_time * np.arange(count)
+        return np.array([self._torque_from(t) for t in times])
+
+    def _torque_from(self, t: float) -> FloatArray:
+        """Torque to hold from t on: a torque that is held does what its mean does."""
+        return self._line(self._torque, t + 0.5 * self._sample_time)
 
     def _state(self, t: float) -> tuple[FloatArray, FloatArray]:
         k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
