@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from flexarm.arm import Arm as Arm
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
+    from flexarm.control import Composite as Composite
     from flexarm.control import Controller as Controller
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
@@ -81,6 +82,7 @@ _HOME = {
     "Arm": "arm",
     "Box": "model",
     "Circle": "model",
+    "Composite": "control",
     "Controller": "control",
     "Equilibrium": "linear",
     "EquilibriumError": "linear",

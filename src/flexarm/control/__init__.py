@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flexarm.control.base import Controller, Measurement, Reference
+from flexarm.control.composite import Composite
 from flexarm.control.hardware import Hardware, Motors
 from flexarm.control.instruments import Instrument
 from flexarm.control.joint_pd import JointPD
@@ -11,6 +12,7 @@ from flexarm.control.mpc import MPC
 
 #: Every controller by the name that scenario files use.
 CONTROLLERS: dict[str, type[Controller]] = {
+    Composite.name: Composite,
     JointPD.name: JointPD,
     LQG.name: LQG,
     MPC.name: MPC,
@@ -20,6 +22,7 @@ __all__ = [
     "CONTROLLERS",
     "LQG",
     "MPC",
+    "Composite",
     "Controller",
     "Hardware",
     "Instrument",

@@ -82,9 +82,14 @@ def sampled(
     if more is not None:
         pushes = np.linalg.solve(model.mass, more)
         B = np.hstack([B, np.vstack([np.zeros_like(pushes), pushes])])
+    return held(model.A, B, sample_time)
+
+
+def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
+    """Return A and B over a sample time, inputs held; (C.22)."""
     n, m = B.shape
     whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[:n, n:] = model.A, B
+    whole[:n, :n], whole[:n, n:] = A, B
     moved = expm(whole * sample_time)
     return moved[:n, :n], moved[:n, n:]
 
@@ -152,7 +157,7 @@ def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_tim
     B_z = np.vstack([B, np.zeros((len(Z), m))])
     gain, cost = regulator(where, A_z, B_z, weight, torque_weight)
     strength = sizes_of(where, "disturbance", model, wishes.disturbance)
-    pushed = _columns(model, tuple(wishes.disturbance), B_all) * strength
+    pushed = columns_of(model, tuple(wishes.disturbance), B_all) * strength
     noise = np.diag(sizes_of(where, "measured", model, wishes.measured) ** 2)
     estimator, spread, seen = kalman(where, A, C, pushed @ pushed.T, noise)
     return Design(
@@ -167,7 +172,8 @@ def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_tim
     )
 
 
-def _columns(model: LinearModel, names: Sequence[str], B: FloatArray) -> FloatArray:
+def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> FloatArray:
+    """Return the columns of B of the inputs that belong to names, in their order."""
     chosen = [
         k
         for name in names
@@ -275,6 +281,18 @@ def check_names(
     if wrong:
         raise InputError(*(Problem(where, argument, rule, shown(name)) for name in wrong))
     return given
+
+
+def positive_time(where: str, sample_time: object) -> float:
+    """Return a sample time, s.
+
+    Raises:
+        InputError: it is not a positive time.
+    """
+    number = isinstance(sample_time, int | float | np.floating | np.integer)
+    if not (number and np.isfinite(sample_time) and sample_time > 0):  # type: ignore[call-overload,operator]
+        raise InputError(Problem(where, "sample_time", "be a positive time", shown(sample_time)))
+    return float(sample_time)  # type: ignore[arg-type]
 
 
 #: Inputs that may act unseen.

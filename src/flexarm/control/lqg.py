@@ -17,6 +17,7 @@ from flexarm.control.linear_design import (
     Wishes,
     check_names,
     design,
+    positive_time,
     preview_gain,
     rows_of,
     sampled,
@@ -130,7 +131,7 @@ class LQG(Controller):
     @sample_time.setter
     def sample_time(self, value: float) -> None:
         where = type(self).__name__
-        self._sample_time = float(check_array(where, "sample_time", _finite(where, value), ()))
+        self._sample_time = positive_time(where, value)
         self.designs: tuple[Design, ...] = tuple(
             design(where, self.arm, posture, self.wishes, self._sample_time)
             for posture in self._grid.postures
@@ -284,12 +285,6 @@ class LQG(Controller):
         with np.errstate(divide="ignore"):  # a pole at zero is gone after one sample
             poles: FloatArray = np.log(z.astype(complex)) / self.sample_time
         return poles[np.argsort(-poles.real)]
-
-
-def _finite(where: str, sample_time: float) -> float:
-    if not (np.ndim(sample_time) == 0 and np.isfinite(sample_time) and sample_time > 0):
-        raise InputError(Problem(where, "sample_time", "be a positive time", shown(sample_time)))
-    return sample_time
 
 
 def _wishes(
