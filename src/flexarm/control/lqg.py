@@ -132,11 +132,18 @@ class LQG(Controller):
     def sample_time(self, value: float) -> None:
         where = type(self).__name__
         self._sample_time = positive_time(where, value)
-        self.designs: tuple[Design, ...] = tuple(
+        self.designs = self._design_all(where)
+        self._prepare(where)
+
+    def _design_all(self, where: str) -> tuple[Design, ...]:
+        return tuple(
             design(where, self.arm, posture, self.wishes, self._sample_time)
             for posture in self._grid.postures
         )
-        self._prepare(where)
+
+    def _known_force_gain(self, item: Design) -> FloatArray:
+        """Torque per elastic force known ahead, (joints, nodes, dof - joints)."""
+        return preview_gain(item, self._previewed, self._stride)
 
     def _prepare(self, where: str) -> None:
         """Make everything that samples need, from the designs."""
@@ -159,7 +166,7 @@ class LQG(Controller):
     def _node(self, item: Design) -> list[FloatArray]:
         """Arrays that are interpolated over posture; (C.22) to (C.27)."""
         kept = np.eye(len(item.A)) - item.estimator @ item.C
-        ahead = preview_gain(item, self._previewed, self._stride)
+        ahead = self._known_force_gain(item)
         return [
             np.hstack([kept, item.estimator]),
             item.gain,
