@@ -89,7 +89,7 @@ class Composite(LQG):
         arm: Arm,
         posture: ArrayLike | None = None,
         *,
-        bandwidth: ArrayLike = 6.0,
+        bandwidth: ArrayLike = 4.0,
         damping_ratio: ArrayLike = 1.0,
         acceptable: Mapping[str, ArrayLike] | None = None,
         sample_time: float = 1e-3,
