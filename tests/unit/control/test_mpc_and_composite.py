@@ -35,9 +35,9 @@ def test_beyond_them_it_solves_the_quadratic_programme(arm):
     controller.reset()
     design = controller.designs[0]
     hold = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
-    seen = np.array([0.03, -0.05])
+    seen = np.array([0.001, -0.003])
     measurement = fa.Measurement(
-        joint_angle=np.add(POSTURE, seen), joint_rate=np.zeros(2), strain=np.array([2e-5, -1e-5])
+        joint_angle=np.add(POSTURE, seen), joint_rate=np.zeros(2), strain=np.array([2e-6, -1e-6])
     )
     torque = controller.update(0.0, measurement, hold)
     assert controller.solved == 1
