@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from flexarm.arm import Arm as Arm
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
+    from flexarm.control import LQG as LQG
+    from flexarm.control import MPC as MPC
     from flexarm.control import Composite as Composite
     from flexarm.control import Controller as Controller
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
-    from flexarm.control import LQG as LQG
-    from flexarm.control import MPC as MPC
     from flexarm.control import Measurement as Measurement
     from flexarm.control import Motors as Motors
     from flexarm.errors import FlexarmError as FlexarmError

@@ -11,7 +11,6 @@ from flexarm.control import CONTROLLERS, Controller, Measurement
 SAMPLE_TIME = 0.004
 
 
-
 def two_links():
     links = [
         fa.Link(

@@ -126,9 +126,10 @@ class Composite(LQG):
         rest = equilibrium(arm, item.posture)
         model = linearize(arm, rest, outputs=tuple(self.acceptable))
         M, k = model.mass, elastic.size
-        flexibility = np.linalg.inv(model.stiffness[np.ix_(elastic, elastic)])
+        K = model.stiffness[np.ix_(elastic, elastic)]
+        flexibility = np.asarray(np.linalg.inv(K), dtype=np.float64)
         inverse = np.linalg.inv(M)[np.ix_(elastic, elastic)]
-        pull = inverse @ model.stiffness[np.ix_(elastic, elastic)]
+        pull = inverse @ K
         drag = inverse @ model.damping[np.ix_(elastic, elastic)]
         moved = np.append(elastic, arm.dof + elastic)
         A = np.block([[np.zeros((k, k)), np.eye(k)], [-pull, -drag]])
@@ -137,20 +138,21 @@ class Composite(LQG):
         wanted = rows_of(model, tuple(self.acceptable))[:, moved] / size[:, None]
         price = np.diag(self.wishes.acceptable_torque**-2.0)
         gain, cost = regulator(where, A, B, wanted.T @ wanted, price)
-        frequency = np.sort(np.sqrt(np.abs(eigvals(pull))))
+        frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
         # Acceleration that the slow part asks for, by the state: (C.35).
         carried = np.linalg.solve(rigid, coupling)
-        stiff, damped = np.diag(self.bandwidth**2), np.diag(
-            2.0 * self.damping_ratio * self.bandwidth
+        stiff, damped = (
+            np.diag(self.bandwidth**2),
+            np.diag(2.0 * self.damping_ratio * self.bandwidth),
         )
-        asked = np.zeros((arm.joints, 2 * arm.dof))
+        asked: FloatArray = np.zeros((arm.joints, 2 * arm.dof))
         asked[:, joints], asked[:, elastic] = -stiff, -stiff @ carried
         asked[:, arm.dof + joints], asked[:, arm.dof + elastic] = -damped, -damped @ carried
         # The bend that goes with it, per acceleration; it moves the slow angles in turn.
         bend = -flexibility @ coupling.T
-        asked = np.linalg.solve(np.eye(arm.joints) - stiff @ carried @ bend, asked)
+        asked = np.asarray(np.linalg.solve(np.eye(arm.joints) - stiff @ carried @ bend, asked))
         swing = np.zeros((2 * k, 2 * arm.dof))
         swing[np.arange(2 * k), moved] = 1.0
         swing[:k] -= bend @ asked

@@ -119,7 +119,9 @@ def scales(where: str, argument: str, given: ArrayLike, count: int) -> FloatArra
     return np.broadcast_to(found, (count,)).astype(np.float64)
 
 
-def sizes_of(where: str, argument: str, model: LinearModel, given: Mapping[str, ArrayLike]) -> FloatArray:
+def sizes_of(
+    where: str, argument: str, model: LinearModel, given: Mapping[str, ArrayLike]
+) -> FloatArray:
     """Return the numbers of all outputs or inputs that a mapping names, one after the other."""
     labels = (*model.outputs, *model.inputs)
     found = [np.zeros(0)]
@@ -168,7 +170,13 @@ def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_tim
         B_all[:, B_all.shape[1] - elastic.size :],
         C,
         Z,
-        gain, cost, weight, torque_weight, estimator, spread, seen
+        gain,
+        cost,
+        weight,
+        torque_weight,
+        estimator,
+        spread,
+        seen,
     )
 
 
@@ -254,8 +262,7 @@ def _unsolvable(where: str, argument: str) -> Problem:
     rules = {
         "acceptable": (
             "weigh every motion that does not decay by itself",
-            "Name joint_angle, or tip for two joints, and their rates; integrate the tip only "
-            "where the joints can move it in both directions.",
+            "Name joint_angle, or tip for two joints; and no integral that joints cannot move.",
         ),
         "measured": (
             "tell every motion that does not decay by itself",

@@ -124,7 +124,7 @@ class LQG(Controller):
         self.sample_time = sample_time
 
     @property
-    def sample_time(self) -> float:  # type: ignore[override]
+    def sample_time(self) -> float:
         """Time between samples, s."""
         return self._sample_time
 

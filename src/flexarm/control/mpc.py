@@ -166,7 +166,8 @@ class MPC(LQG):
         rows = self._by_torque
         if self._rate_step is not None:
             rows = np.vstack([rows, self._difference @ rows])
-        price = np.kron(np.eye(self.horizon), self._price / np.max(np.diag(self._price)))
+        one = self._price / np.max(np.diag(self._price))
+        price = np.asarray(np.kron(np.eye(self.horizon), one), dtype=np.float64)
         low, high = low / scale, high / scale
         if self._solver is None:
             self._set_up(price, rows, low, high)

@@ -15,6 +15,7 @@ from flexarm.control.measurement import FloatArray
 from flexarm.control.posture_grid import Interpolated
 from flexarm.errors import InputError, Problem, shown
 
+
 class Nominal(NamedTuple):
     """One moment of it.
 

@@ -136,7 +136,9 @@ def test_innovations_have_the_covariance_of_the_filter_and_no_memory():
     found = seen.T @ seen / len(seen)
     # An estimated correlation of n samples is off by 1 / sqrt(n): five times that.
     bound = 5.0 * np.sqrt(2.0 / len(seen))
-    np.testing.assert_allclose(found / np.outer(spread, spread), wanted / np.outer(spread, spread), rtol=0, atol=bound)
+    np.testing.assert_allclose(
+        found / np.outer(spread, spread), wanted / np.outer(spread, spread), rtol=0, atol=bound
+    )
     for lag in (1, 2, 5):
         memory = seen[lag:].T @ seen[:-lag] / len(seen)
         np.testing.assert_allclose(memory / np.outer(spread, spread), 0.0, atol=bound)
@@ -167,9 +169,7 @@ def test_poles_are_those_that_the_nonlinear_loop_shows():
     def missed(these):
         recurrence = np.poly(np.exp(3 * SAMPLE_TIME * these)).real
         count = len(recurrence) - 1
-        return np.abs(
-            sum(c * x[count - k : len(x) - k] for k, c in enumerate(recurrence))
-        ).max()
+        return np.abs(sum(c * x[count - k : len(x) - k] for k, c in enumerate(recurrence))).max()
 
     for wrong in (slow.real * 1.1 + 1j * slow.imag, slow.real + 1.02j * slow.imag):
         assert missed(slow) < 0.2 * missed(wrong)
@@ -248,9 +248,7 @@ def test_preview_is_the_least_cost_of_forces_known_ahead():
         return np.concatenate([*parts, half(design.cost) @ x])
 
     nothing = residuals(np.zeros((steps, m)))
-    columns = [
-        residuals(unit.reshape(steps, m)) - nothing for unit in np.eye(steps * m)
-    ]
+    columns = [residuals(unit.reshape(steps, m)) - nothing for unit in np.eye(steps * m)]
     best = np.linalg.lstsq(np.array(columns).T, -nothing, rcond=None)[0].reshape(steps, m)
     # Square roots of matrices with eigenvalues over twelve decades.
     np.testing.assert_allclose(law, best[0], rtol=1e-5, atol=1e-5 * np.abs(best).max())

@@ -131,9 +131,7 @@ def test_slower_and_slower_joints_leave_the_two_parts_alone(arm):
 
 def test_composite_follows_and_damps(arm):
     motion = fa.joint_motion(arm, [0.2, 0.6], POSTURE, 0.6)
-    run = fa.simulate(
-        arm, 4.0, controller=fa.Composite(arm, POSTURE), reference=motion, rate=200.0
-    )
+    run = fa.simulate(arm, 4.0, controller=fa.Composite(arm, POSTURE), reference=motion, rate=200.0)
     np.testing.assert_allclose(run.joint_angle.values[-1], POSTURE, atol=2e-4)
     bend = np.abs(run.link_tip_deflection.values)
     assert bend[run.time > 3.0].max() < 0.02 * bend.max()
