@@ -25,13 +25,19 @@ def two_links():
     return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
 
 
+#: Torques that leave the links of ``two_links`` within the linear theory, however fast a motion.
+LIMIT = [2.0, 0.6]
 #: How to make each controller of the registry for an arm of two joints.
 EXAMPLES = {
-    "composite": lambda: fa.Composite(two_links(), [0.4, 0.1], sample_time=SAMPLE_TIME),
+    "composite": lambda: fa.Composite(
+        two_links(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
+    ),
     "joint_pd": lambda: fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME),
-    "lqg": lambda: fa.LQG(two_links(), [0.4, 0.1], integral=True, sample_time=SAMPLE_TIME),
+    "lqg": lambda: fa.LQG(
+        two_links(), [0.4, 0.1], integral=True, torque_limit=LIMIT, sample_time=SAMPLE_TIME
+    ),
     "mpc": lambda: fa.MPC(
-        two_links(), [0.4, 0.1], torque_limit=[6.0, 2.0], horizon=10, sample_time=SAMPLE_TIME
+        two_links(), [0.4, 0.1], torque_limit=LIMIT, horizon=10, sample_time=SAMPLE_TIME
     ),
 }
 
