@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
     from flexarm.contacts import Contact as Contact
+    from flexarm.control import LQG as LQG
+    from flexarm.control import MPC as MPC
+    from flexarm.control import Composite as Composite
     from flexarm.control import Controller as Controller
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
@@ -88,6 +91,7 @@ _HOME = {
     "Box": "model",
     "Circle": "model",
     "Contact": "contacts",
+    "Composite": "control",
     "Controller": "control",
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
@@ -103,6 +107,8 @@ _HOME = {
     "Joint": "model",
     "JointLimits": "model",
     "JointPD": "control",
+    "LQG": "control",
+    "MPC": "control",
     "LargeDeflectionWarning": "errors",
     "LinearModel": "linear",
     "Link": "model",

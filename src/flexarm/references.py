@@ -44,6 +44,23 @@ _ENTRIES = {
   booktitle = {Proceedings of the 1st International Modal Analysis Conference},
   pages = {110--116}, year = {1982}
 }""",
+    "BrysonHo1975": """@book{BrysonHo1975,
+  author = {Bryson, A. E. and Ho, Y.-C.},
+  title = {Applied Optimal Control},
+  publisher = {Hemisphere}, address = {Washington}, year = {1975}
+}""",
+    "SicilianoBook1988": """@article{SicilianoBook1988,
+  author = {Siciliano, B. and Book, W. J.},
+  title = {A singular perturbation approach to control of lightweight flexible manipulators},
+  journal = {The International Journal of Robotics Research},
+  volume = {7}, number = {4}, pages = {79--90}, year = {1988}
+}""",
+    "Stellato2020": """@article{Stellato2020,
+  author = {Stellato, B. and Banjac, G. and Goulart, P. and Bemporad, A. and Boyd, S.},
+  title = {{OSQP}: an operator splitting solver for quadratic programs},
+  journal = {Mathematical Programming Computation},
+  volume = {12}, number = {4}, pages = {637--672}, year = {2020}
+}""",
     "Kutta1901": """@article{Kutta1901,
   author = {Kutta, W.},
   title = {Beitrag zur n\\"aherungsweisen Integration totaler Differentialgleichungen},

@@ -10,20 +10,8 @@ from flexarm.control import CONTROLLERS, Controller, Measurement
 
 SAMPLE_TIME = 0.004
 
-#: How to make each controller of the registry for an arm of two joints.
-EXAMPLES = {
-    "joint_pd": lambda: fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME),
-}
 
-every = pytest.mark.parametrize("name", CONTROLLERS)
-
-
-def test_every_controller_has_an_example_here():
-    assert set(EXAMPLES) == set(CONTROLLERS), "add the newcomer to EXAMPLES"
-
-
-@pytest.fixture
-def arm():
+def two_links():
     links = [
         fa.Link(
             length=0.8,
@@ -35,6 +23,34 @@ def arm():
         fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.4, elements=1),
     ]
     return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+
+
+#: Torques that leave the links of ``two_links`` within the linear theory, however fast a motion.
+LIMIT = [2.0, 0.6]
+#: How to make each controller of the registry for an arm of two joints.
+EXAMPLES = {
+    "composite": lambda: fa.Composite(
+        two_links(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
+    ),
+    "joint_pd": lambda: fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME),
+    "lqg": lambda: fa.LQG(
+        two_links(), [0.4, 0.1], integral=True, torque_limit=LIMIT, sample_time=SAMPLE_TIME
+    ),
+    "mpc": lambda: fa.MPC(
+        two_links(), [0.4, 0.1], torque_limit=LIMIT, horizon=10, sample_time=SAMPLE_TIME
+    ),
+}
+
+every = pytest.mark.parametrize("name", CONTROLLERS)
+
+
+def test_every_controller_has_an_example_here():
+    assert set(EXAMPLES) == set(CONTROLLERS), "add the newcomer to EXAMPLES"
+
+
+@pytest.fixture
+def arm():
+    return two_links()
 
 
 class Watched:

@@ -23,6 +23,10 @@ def test_each_number_is_given_once_and_none_is_left_out() -> None:
     for letter in "BCDILPRS":
         numbers = sorted(n for other, n in found if other == letter)
         assert numbers == list(range(1, len(numbers) + 1)), f"({letter}.n) has gaps: {numbers}"
+    # Control has a block of twenty numbers for each of its pages, so that each can grow.
+    control = {n for letter, n in found if letter == "C"}
+    for n in control:
+        assert n % 20 == 0 or n == 1 or n - 1 in control, f"(C.{n}) follows a gap"
 
 
 @pytest.mark.parametrize("folder", ["src", "tests", "docs"])

@@ -1,0 +1,336 @@
+"""Linear-quadratic regulator with a Kalman filter, about a motion: (C.20) to (C.28)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.flexible_model import FlexibleModel
+from flexarm.control.linear_design import (
+    DISTURBANCES,
+    Design,
+    Wishes,
+    check_names,
+    design,
+    positive_time,
+    preview_gain,
+    rows_of,
+    sampled,
+    scales,
+)
+from flexarm.control.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
+from flexarm.control.posture_grid import Interpolated, PostureGrid
+from flexarm.control.rigid_model import RigidModel
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.linear.equilibrium import equilibrium
+from flexarm.linear.linearize import linearize
+from flexarm.linear.signals import CHANNEL_OUTPUTS
+
+#: What can be measured: how each departs from the nominal motion is known.
+MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
+#: What can be integrated, and by default how much of it counts as one: rad s, m s.
+INTEGRATED = {"joint_angle": 2e-3, "tip": 1e-3}
+#: Angular acceleration (rad/s^2) that the acceptable torque gives to the rigid arm by default.
+_BRISK = 10.0
+#: Nodes of the preview, and the longest one, s.
+_NODES, _LONGEST = 64, 60.0
+
+
+class LQG(Controller):
+    """Feedback of the whole state of a flexible arm, estimated from what is measured.
+
+    Designed on `linearize` at rest in a posture, sampled exactly. How the reference will bend the
+    links is known ahead, and answered optimally: what is acceptable is acceptable on the way too.
+
+    Args:
+        arm: what the controller believes.
+        posture: (joints,) rad to design for; zeros by default.
+        schedule: for each joint None, or rising angles (rad): designs on the grid of them, and
+            interpolated gains between; the other angles as in ``posture``.
+        acceptable: outputs of `linearize` and the deviation of each, in its unit, that counts as
+            much as the others': Bryson's rule. By default 10 mrad of ``joint_angle``, 10 mm of
+            ``tip`` and 0.2 rad/s of ``joint_rate``.
+        acceptable_torque: N m, one number or one for each joint; by default what gives each joint
+            of the rigid arm 10 rad/s^2.
+        measured: what is measured, out of ``joint_angle``, ``joint_rate``, ``strain`` and ``tip``,
+            and the standard deviation of its noise. By default joint angles to 0.1 mrad, and
+            strain to 2e-5 where there are gauges.
+        disturbance: inputs of `linearize` that act unseen, and their standard deviations. By
+            default ``torque``, a tenth of the acceptable, and ``tip_force``, a fifth of what
+            the largest acceptable torque exerts at the length of the arm.
+        integral: True, or which deviation is fed back integrated: "joint_angle" or "tip" (which
+            then must be measured), or a mapping from it to the integral that is acceptable (rad s,
+            m s).
+        torque_limit: N m, one number or one for each joint, or None.
+        preview: s of the reference that are known ahead.
+        nominal: a result of ``simulate``, to keep the arm on instead of a reference.
+        sample_time: s. Setting it later designs anew.
+
+    Attributes:
+        designs: for every posture of the grid, the `Design`.
+
+    Raises:
+        InputError: a wrong shape, name or number; weights or measurements that are not enough.
+        EquilibriumError: the arm has no rest in a posture.
+    """
+
+    name = "lqg"
+    references: ClassVar[str] = "BrysonHo1975"
+
+    def __init__(
+        self,
+        arm: Arm,
+        posture: ArrayLike | None = None,
+        *,
+        schedule: Sequence[ArrayLike | None] | None = None,
+        acceptable: Mapping[str, ArrayLike] | None = None,
+        acceptable_torque: ArrayLike | None = None,
+        measured: Mapping[str, ArrayLike] | None = None,
+        disturbance: Mapping[str, ArrayLike] | None = None,
+        integral: bool | str | Mapping[str, ArrayLike] | None = None,
+        torque_limit: ArrayLike | None = None,
+        preview: float = 0.5,
+        nominal: Any = None,
+        sample_time: float = 1e-3,
+    ) -> None:
+        where = type(self).__name__
+        if not isinstance(arm, Arm):
+            raise InputError(Problem(where, "arm", "be an Arm", shown(arm)))
+        self.arm = arm
+        given = np.zeros(arm.joints) if posture is None else posture
+        self.posture = check_array(where, "posture", given, (arm.joints,))
+        self.schedule = schedule
+        self.wishes = _wishes(
+            where, arm, self.posture, acceptable, acceptable_torque, measured, disturbance, integral
+        )
+        self.torque_limit = (
+            None
+            if torque_limit is None
+            else scales(where, "torque_limit", torque_limit, arm.joints)
+        )
+        self.preview = float(check_array(where, "preview", preview, ()))
+        if not 0.0 <= self.preview <= _LONGEST:
+            rule = f"be from 0 to {_LONGEST:g} s"
+            raise InputError(Problem(where, "preview", rule, shown(preview)))
+        self.nominal = nominal
+        self._model = FlexibleModel(arm)
+        self._strains = strain_matrix(arm)
+        self._grid = PostureGrid(where, self.posture, schedule)
+        self.sample_time = sample_time
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples, s."""
+        return self._sample_time
+
+    @sample_time.setter
+    def sample_time(self, value: float) -> None:
+        where = type(self).__name__
+        self._sample_time = positive_time(where, value)
+        self.designs = self._design_all(where)
+        self._prepare(where)
+
+    def _design_all(self, where: str) -> tuple[Design, ...]:
+        return tuple(
+            design(where, self.arm, posture, self.wishes, self._sample_time)
+            for posture in self._grid.postures
+        )
+
+    def _known_force_gain(self, item: Design) -> FloatArray:
+        """Torque per elastic force known ahead, (joints, nodes, dof - joints)."""
+        return preview_gain(item, self._previewed, self._stride)
+
+    def _prepare(self, where: str) -> None:
+        """Make everything that samples need, from the designs."""
+        first = self.designs[0]
+        self._states, self._outputs = len(first.A), len(first.C)
+        self._integrals = len(first.integrated)
+        samples = round(self.preview / self._sample_time)
+        self._stride = max(1, -(-samples // _NODES))
+        self._previewed = self._stride * (-(-samples // self._stride))
+        self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
+        self._correct, self._gain, self._predict, self._ahead = self._arrays.arrays[:4]
+        self._motion = self._nominal_motion(where)
+        n, p, m = self._states, self._outputs, self.arm.joints
+        self._known = np.zeros(n + p)  # the prediction, then what was measured
+        self._whole = np.zeros(n + self._integrals)  # the estimate, then the integrals
+        # The estimate, then the torque, then the elastic forces.
+        self._pushed = np.zeros(n + m + self._model.elastic.size)
+        self.reset()
+
+    def _node(self, item: Design) -> list[FloatArray]:
+        """Arrays that are interpolated over posture; (C.22) to (C.27)."""
+        kept = np.eye(len(item.A)) - item.estimator @ item.C
+        ahead = self._known_force_gain(item)
+        return [
+            np.hstack([kept, item.estimator]),
+            item.gain,
+            np.hstack([item.A, item.B, item.B_elastic]),
+            ahead.reshape(len(ahead), -1),
+        ]
+
+    @property
+    def _steps(self) -> int:
+        """Samples of the nominal motion to know, the present one included."""
+        return self._previewed + 1
+
+    def _nominal_motion(self, where: str) -> PreviewedReference | RecordedRun:
+        if self.nominal is not None:
+            return RecordedRun(where, self._model, self.nominal, self.sample_time, self._steps)
+        sag = Interpolated(self._grid, [[item.sag] for item in self.designs])
+        return PreviewedReference(self._model, sag, self.sample_time, self._steps)
+
+    def reset(self) -> None:
+        """Forget the estimate, the integrals and the nominal motion."""
+        self._known[:] = 0.0
+        self._whole[:] = 0.0
+        self._motion.reset()
+
+    @property
+    def estimate(self) -> FloatArray:
+        """Estimated deviation of (q, qd) from the nominal motion at the last sample (2 dof,)."""
+        return self._whole[: self._states].copy()
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        n, m = self._states, self.arm.joints
+        found = self.posture if self.nominal is not None else np.asarray(measurement.joint_angle)
+        nominal = self._motion.at(t, found, reference)
+        self._arrays.move(nominal.angle)
+        self._known[n:] = self._deviation(measurement, nominal)
+        self._whole[:n] = self._pushed[:n] = self._correct @ self._known
+        wanted = nominal.torque + self._feedback()
+        torque = self._within_limits(wanted)
+        self._pushed[n : n + m] = torque - nominal.torque
+        self._pushed[n + m :] = nominal.missing
+        self._known[:n] = self._predict @ self._pushed
+        if self._integrals:
+            self._integrate(measurement, nominal, wanted - torque)
+        return torque
+
+    def _deviation(self, measurement: Measurement, nominal: Nominal) -> FloatArray:
+        """What is measured less what the nominal motion would show, (p,)."""
+        parts = []
+        for name in self.wishes.measured:
+            read = getattr(measurement, name)
+            if name == "joint_angle":
+                parts.append(read - nominal.angle)
+            elif name == "joint_rate":
+                parts.append(read - nominal.qd[self.arm.joint_index])
+            elif name == "strain":
+                parts.append(read - self._strains @ nominal.q)
+            else:
+                bent = nominal.q[self._model.elastic]
+                parts.append(read - self._model.tip(nominal.angle, bent))
+        return np.concatenate(parts)
+
+    def _feedback(self) -> FloatArray:
+        """Torque (joints,) besides the nominal one, N m; (C.24), (C.27)."""
+        known = self._motion.missing[:: self._stride].ravel()
+        fed: FloatArray = -(self._gain @ self._whole) - self._ahead @ known
+        return fed
+
+    def _within_limits(self, torque: FloatArray) -> FloatArray:
+        if self.torque_limit is None:
+            return torque
+        return np.clip(torque, -self.torque_limit, self.torque_limit)
+
+    def _integrate(self, measurement: Measurement, nominal: Nominal, excess: FloatArray) -> None:
+        """Go on integrating, unless that would ask for more of what the motors cannot give."""
+        (name,) = self.wishes.integrated
+        wanted = nominal.angle if name == "joint_angle" else self._wanted_tip(nominal)
+        step = self.sample_time * (getattr(measurement, name) - wanted)
+        if np.any(excess):
+            asked = -(self._gain[:, self._states :] @ step)
+            if asked @ excess > 0.0:
+                return
+        self._whole[self._states :] += step
+
+    def _wanted_tip(self, nominal: Nominal) -> FloatArray:
+        """Where the tip is to be (2,): of a reference, where straight links would have it."""
+        bend = nominal.q[self._model.elastic]
+        return self._model.tip(nominal.angle, bend if self.nominal is not None else 0.0 * bend)
+
+    def loop_poles(self, plant: Arm | None = None, posture: ArrayLike | None = None) -> FloatArray:
+        """Return the poles (k,) of the sampled loop around an arm at rest, 1/s, slowest first.
+
+        Args:
+            plant: the arm, of as many joints; None for the one believed in. Its state, the
+                estimate and the integrals make up the loop.
+            posture: (joints,) rad; None for that of the design.
+
+        Real parts below zero decay. Poles are ``log(z) / sample_time``: faster vibrations than half
+        the sampling rate show up below it.
+        """
+        arm = self.arm if plant is None else plant
+        where = f"{type(self).__name__}.loop_poles"
+        at = check_array(
+            where, "posture", self.posture if posture is None else posture, (self.arm.joints,)
+        )
+        self._arrays.move(at)
+        names = tuple(dict.fromkeys([*self.wishes.measured, *self.wishes.integrated]))
+        model = linearize(arm, equilibrium(arm, at), outputs=names)
+        A, B = sampled(model, self.sample_time)
+        C = rows_of(model, tuple(self.wishes.measured))
+        Z = self.sample_time * rows_of(model, tuple(self.wishes.integrated))
+        n, N, k = self._states, len(A), self._integrals
+        kept, corrected = self._correct[:, :n], self._correct[:, n:] @ C
+        by_state, by_integral = self._gain[:, :n], self._gain[:, n:]
+        A_own, B_own = self._predict[:, :n], self._predict[:, n : n + arm.joints]
+        # Rows of (arm, prediction, integrals): estimate, then torque, then each one's next value.
+        estimate = np.hstack([corrected, kept, np.zeros((n, k))])
+        integral = np.hstack([np.zeros((k, N + n)), np.eye(k)])
+        torque = -by_state @ estimate - by_integral @ integral
+        real = np.hstack([A, np.zeros((N, n + k))]) + B @ torque
+        integral[:, :N] = Z
+        z = np.linalg.eigvals(np.vstack([real, A_own @ estimate + B_own @ torque, integral]))
+        with np.errstate(divide="ignore"):  # a pole at zero is gone after one sample
+            poles: FloatArray = np.log(z.astype(complex)) / self.sample_time
+        return poles[np.argsort(-poles.real)]
+
+
+def _wishes(
+    where: str,
+    arm: Arm,
+    posture: FloatArray,
+    acceptable: Mapping[str, ArrayLike] | None,
+    acceptable_torque: ArrayLike | None,
+    measured: Mapping[str, ArrayLike] | None,
+    disturbance: Mapping[str, ArrayLike] | None,
+    integral: bool | str | Mapping[str, ArrayLike] | None,
+) -> Wishes:
+    """Fill in what was left out, and refuse what cannot be."""
+    if acceptable is None:
+        acceptable = {"joint_angle": 0.01, "tip": 0.01, "joint_rate": 0.2}
+    if acceptable_torque is None:
+        acceptable_torque = _BRISK * np.diag(RigidModel(arm).mass_matrix(posture))
+    torque = scales(where, "acceptable_torque", acceptable_torque, arm.joints)
+    if measured is None:
+        measured = {"joint_angle": 1e-4} | ({"strain": 2e-5} if arm.gauges else {})
+    if disturbance is None:
+        reach = float(np.sum(arm.lengths))
+        disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque) / reach}
+    if integral is None or integral is False:
+        integral = {}
+    elif integral is True:
+        integral = {"joint_angle": INTEGRATED["joint_angle"]}
+    elif isinstance(integral, str):
+        integral = {integral: INTEGRATED.get(integral, np.nan)}
+    checked = check_names(where, "integral", integral, tuple(INTEGRATED))
+    if len(checked) > 1:
+        raise InputError(Problem(where, "integral", "name one output", shown(integral)))
+    seen = check_names(where, "measured", measured, MEASURED)
+    if "tip" in checked and "tip" not in seen:
+        raise InputError(Problem(where, "measured", "hold the tip to integrate it", shown(seen)))
+    return Wishes(
+        check_names(where, "acceptable", acceptable, tuple(CHANNEL_OUTPUTS)),
+        torque,
+        seen,
+        check_names(where, "disturbance", disturbance, DISTURBANCES),
+        checked,
+    )

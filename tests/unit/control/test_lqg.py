@@ -1,0 +1,360 @@
+"""LQG against linear-quadratic theory: costs, covariances, poles, optimal feedforward."""
+
+import numpy as np
+import pytest
+from linear_arm import POSTURE, arm_with_gauges
+
+import flexarm as fa
+from flexarm.control.linear_design import preview_gain
+from flexarm.control.posture_grid import Interpolated, PostureGrid
+
+SAMPLE_TIME = 0.002
+#: Outputs that tell the whole state of links of one element each.
+ALL = (
+    "joint_angle",
+    "link_tip_deflection",
+    "link_tip_slope",
+    "joint_rate",
+    "link_tip_deflection_rate",
+    "link_tip_slope_rate",
+)
+
+
+class StateFeedback(fa.Controller):
+    """The regulator alone, fed by instruments that tell the whole state; adds up the cost."""
+
+    sample_time = SAMPLE_TIME
+
+    def __init__(self, arm, design):
+        self.design = design
+        model = fa.linearize(arm, fa.equilibrium(arm, POSTURE), outputs=ALL)
+        self.from_outputs, self.rest = np.linalg.inv(model.C), model.output
+
+    def reset(self):
+        self.cost = 0.0
+
+    def update(self, t, measurement, reference):
+        seen = np.concatenate([measurement[name] for name in ALL])
+        x = self.from_outputs @ (seen - self.rest)
+        u = -self.design.gain @ x
+        self.cost += x @ self.design.weight @ x + u @ self.design.torque_weight @ u
+        return u
+
+
+def test_cost_is_the_riccati_value_and_the_nonlinear_run_goes_to_it():
+    arm = arm_with_gauges()
+    design = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME).designs[0]
+    away = arm.from_nodal([0.6, 0.5], [np.array([[0.02, 0.05]]), np.array([[-0.01, 0.02]])])
+    x0 = np.concatenate([away - 0.0, np.zeros(arm.dof)])
+    value = x0 @ design.cost @ x0
+    x, summed = x0, 0.0
+    loop = design.A - design.B @ design.gain
+    for _ in range(4000):  # the slowest motion has decayed to 1e-9 by then
+        u = -design.gain @ x
+        summed += x @ design.weight @ x + u @ design.torque_weight @ u
+        x = loop @ x
+    assert summed == pytest.approx(value, rel=1e-8)
+    missing = []
+    hardware = fa.Hardware(instruments=[fa.Instrument(name) for name in ALL])
+    for size in (0.2, 0.1, 0.05):
+        controller = StateFeedback(arm, design)
+        start = arm.rest(POSTURE) + size * away
+        fa.simulate(
+            arm,
+            6.0,
+            controller=controller,
+            initial=start,
+            hardware=hardware,
+            rate=10.0,
+            rtol=1e-9,
+            atol=1e-12,
+        )
+        missing.append(controller.cost / size**2 / value - 1.0)
+    # Costs of size**2 (1 + a size + b size**2): b still shows at the largest size.
+    assert abs(missing[2]) < 0.6 * abs(missing[1]) < 0.6 * abs(missing[0])
+    assert abs(missing[2]) < 1e-3
+
+
+def test_gains_agree_with_python_control():
+    control = pytest.importorskip("control")
+    arm = arm_with_gauges()
+    controller = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME)
+    design = controller.designs[0]
+    model = fa.linearize(arm, fa.equilibrium(arm, POSTURE), outputs=["joint_angle", "strain"])
+    plant = model.to_control().sample(SAMPLE_TIME)
+    # Two ways to the exponential of a matrix with entries up to 1e5.
+    np.testing.assert_allclose(design.A, plant.A, rtol=0, atol=1e-9 * np.abs(plant.A).max())
+    np.testing.assert_allclose(design.B, plant.B, rtol=0, atol=1e-9 * np.abs(plant.B).max())
+    gain = control.dlqr(plant.A, plant.B, design.weight, design.torque_weight)[0]
+    np.testing.assert_allclose(design.gain, gain, rtol=1e-6, atol=1e-6 * np.abs(gain).max())
+
+
+class Shaken(fa.Controller):
+    """An LQG whose torque reaches the arm with a random error, and what it did not foresee."""
+
+    def __init__(self, controller, size):
+        self.controller, self.size = controller, size
+        self.sample_time = controller.sample_time
+
+    def reset(self):
+        self.controller.reset()
+        self.generator = np.random.default_rng(5)
+        self.innovations = []
+
+    def update(self, t, measurement, reference):
+        states = self.controller.designs[0].A.shape[0]
+        foreseen = self.controller.designs[0].C @ self.controller._known[:states]
+        torque = self.controller.update(t, measurement, reference)
+        self.innovations.append(self.controller._known[states:] - foreseen)
+        return torque + self.generator.normal(0.0, self.size, 2)
+
+
+def test_innovations_have_the_covariance_of_the_filter_and_no_memory():
+    arm = arm_with_gauges()
+    noise = {"joint_angle": 2e-5, "strain": 1e-5}
+    controller = fa.LQG(
+        arm,
+        POSTURE,
+        measured=noise,
+        disturbance={"torque": 0.05},
+        sample_time=SAMPLE_TIME,
+    )
+    hold = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
+    loop = Shaken(controller, 0.05)
+    instruments = [fa.Instrument(name, noise=size) for name, size in noise.items()]
+    fa.simulate(
+        arm,
+        16.0,
+        controller=loop,
+        reference=hold,
+        hardware=fa.Hardware(instruments=instruments, seed=3),
+        rate=10.0,
+    )
+    seen = np.array(loop.innovations)[2000:]  # the filter's slowest motion has decayed
+    wanted = controller.designs[0].innovation_covariance
+    spread = np.sqrt(np.diag(wanted))
+    found = seen.T @ seen / len(seen)
+    # An estimated correlation of n samples is off by 1 / sqrt(n): five times that.
+    bound = 5.0 * np.sqrt(2.0 / len(seen))
+    np.testing.assert_allclose(
+        found / np.outer(spread, spread), wanted / np.outer(spread, spread), rtol=0, atol=bound
+    )
+    for lag in (1, 2, 5):
+        memory = seen[lag:].T @ seen[:-lag] / len(seen)
+        np.testing.assert_allclose(memory / np.outer(spread, spread), 0.0, atol=bound)
+
+
+def test_poles_are_those_that_the_nonlinear_loop_shows():
+    """A sum of decays z**k obeys the recurrence of the polynomial with those roots."""
+    arm = arm_with_gauges()
+    controller = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME)
+    poles = controller.loop_poles()
+    assert poles[0].real < 0.0
+    hold = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
+    run = fa.simulate(
+        arm,
+        1.5,
+        controller=controller,
+        reference=hold,
+        initial=arm.rest(np.add(POSTURE, 1e-3)),
+        rate=500.0,
+        rtol=1e-10,
+        atol=1e-15,
+    )
+    slow = poles[poles.real > -10.0]
+    assert len(slow) == 6
+    # By half a second the others, from -18 1/s on, have decayed by e**-9.
+    x = (run.joint_angle.values - POSTURE)[run.time > 0.5][::3]
+
+    def missed(these):
+        recurrence = np.poly(np.exp(3 * SAMPLE_TIME * these)).real
+        count = len(recurrence) - 1
+        return np.abs(sum(c * x[count - k : len(x) - k] for k, c in enumerate(recurrence))).max()
+
+    for wrong in (slow.real * 1.1 + 1j * slow.imag, slow.real + 1.02j * slow.imag):
+        assert missed(slow) < 0.2 * missed(wrong)
+
+
+def test_integral_removes_what_a_wrong_payload_leaves():
+    arm = arm_with_gauges(gravity=(0.0, -9.81))
+    plant = arm_with_gauges(gravity=(0.0, -9.81), payload=fa.Payload(mass=0.1))
+    hold = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
+    errors = {}
+    for integral in (None, "joint_angle"):
+        controller = fa.LQG(arm, POSTURE, integral=integral, sample_time=SAMPLE_TIME)
+        run = fa.simulate(
+            arm,
+            12.0,
+            controller=controller,
+            reference=hold,
+            plant=plant,
+            initial=fa.equilibrium(plant, POSTURE).q,
+            rate=10.0,
+        )
+        errors[integral] = np.abs(run.joint_angle.values[-1] - POSTURE).max()
+    assert errors[None] > 1e-3
+    assert errors["joint_angle"] < 1e-3 * errors[None]
+
+
+def test_integral_of_the_tip_puts_the_sagging_tip_where_it_is_wanted():
+    arm = arm_with_gauges(gravity=(0.0, -9.81))
+    wanted = arm.rigid().tip(POSTURE)[:2]
+    controller = fa.LQG(
+        arm,
+        POSTURE,
+        integral="tip",
+        measured={"joint_angle": 1e-4, "strain": 2e-5, "tip": 1e-3},
+        sample_time=SAMPLE_TIME,
+    )
+    start = fa.equilibrium(arm, POSTURE).q
+    hardware = fa.Hardware(
+        instruments=[fa.Instrument(name) for name in ("joint_angle", "strain", "tip")]
+    )
+    hold = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
+    run = fa.simulate(
+        arm,
+        12.0,
+        controller=controller,
+        reference=hold,
+        initial=start,
+        hardware=hardware,
+        rate=10.0,
+    )
+    away = np.linalg.norm(run.tip.values - wanted, axis=1)
+    assert away[0] > 1e-3
+    assert away[-1] < 1e-3 * away[0]
+
+
+def test_preview_is_the_least_cost_of_forces_known_ahead():
+    """Against the stacked least-squares problem, solved at once."""
+    arm = arm_with_gauges()
+    design = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME).designs[0]
+    steps, (n, m), k = 30, design.B.shape, design.B_elastic.shape[1]
+    generator = np.random.default_rng(2)
+    force, x0 = generator.normal(size=(steps, k)), 1e-2 * generator.normal(size=n)
+    gain = preview_gain(design, steps, 1)
+    law = -design.gain @ x0 - np.einsum("mik,ik->m", gain[:, :steps], force)
+
+    def half(weight):
+        values, vectors = np.linalg.eigh(weight)
+        return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+
+    def residuals(torques):
+        """Square roots of what the cost adds up, forces known included."""
+        x, parts = x0, []
+        for i in range(steps):
+            parts += [half(design.weight) @ x, half(design.torque_weight) @ torques[i]]
+            x = design.A @ x + design.B @ torques[i] + design.B_elastic @ force[i]
+        return np.concatenate([*parts, half(design.cost) @ x])
+
+    nothing = residuals(np.zeros((steps, m)))
+    columns = [residuals(unit.reshape(steps, m)) - nothing for unit in np.eye(steps * m)]
+    best = np.linalg.lstsq(np.array(columns).T, -nothing, rcond=None)[0].reshape(steps, m)
+    # Square roots of matrices with eigenvalues over twelve decades.
+    np.testing.assert_allclose(law, best[0], rtol=1e-5, atol=1e-5 * np.abs(best).max())
+
+
+def test_tip_follows_a_motion_twenty_times_better_than_joint_control():
+    arm = arm_with_gauges()
+    motion = fa.line_motion(arm, (1.2, 0.3), (0.9, 0.6), 0.6, start_time=0.4)
+    lqg = fa.LQG(
+        arm,
+        motion.joint_angle(0.7),
+        acceptable={"tip": 0.001, "joint_rate": 0.3},
+    )
+    joint = fa.JointPD([40.0, 10.0], [10.0, 3.0], feedforward=fa.rigid_torque(arm, motion))
+    errors = []
+    for controller in (joint, lqg):
+        run = fa.simulate(arm, 1.5, controller=controller, reference=motion)
+        tip = np.array([arm.rigid().tip(a)[:2] for a in motion.joint_angle(run.time.values)])
+        errors.append(np.sqrt(np.mean(np.sum((run.tip.values - tip) ** 2, axis=1))))
+    assert errors[1] < errors[0] / 20.0
+
+
+def test_recorded_run_is_followed_exactly_and_held():
+    arm = arm_with_gauges()
+    motion = fa.joint_motion(arm, POSTURE, [0.6, 0.6], 0.5)
+    planned = fa.simulate(arm, 0.8, torque=fa.rigid_torque(arm, motion), initial=arm.rest(POSTURE))
+    controller = fa.LQG(arm, [0.5, 0.75], nominal=planned)
+    run = fa.simulate(arm, 0.8, controller=controller, reference=motion)
+    # Torques held over a millisecond instead of smooth ones.
+    np.testing.assert_allclose(run.tip.values, planned.tip.values, rtol=0, atol=2e-5)
+
+
+def test_grid_interpolates_linear_functions_exactly_and_holds_outside():
+    grid = PostureGrid("LQG", np.zeros(3), [[-1.0, 0.5, 2.0], None, [0.0, 1.0]])
+    assert grid.postures.shape == (6, 3)
+    values = Interpolated(grid, [[p, np.array([[p[0] - 3.0 * p[2]]])] for p in grid.postures])
+    for angle in ([-0.3, 5.0, 0.25], [1.7, 0.0, 0.9], [0.5, 0.0, 1.0]):
+        assert values.move(np.array(angle))
+        np.testing.assert_allclose(values.arrays[0], [angle[0], 0.0, angle[2]], atol=1e-15)
+        np.testing.assert_allclose(values.arrays[1], [[angle[0] - 3.0 * angle[2]]], atol=1e-15)
+        assert not values.move(np.array(angle))
+    values.move(np.array([-9.0, 0.0, 9.0]))
+    np.testing.assert_allclose(values.arrays[0], [-1.0, 0.0, 1.0], atol=1e-15)
+
+
+def test_scheduled_gains_at_a_node_are_those_of_that_posture():
+    arm = arm_with_gauges()
+    same = {"acceptable_torque": [8.0, 1.0], "sample_time": SAMPLE_TIME}
+    scheduled = fa.LQG(arm, schedule=[None, [0.5, 0.9]], **same)
+    alone = fa.LQG(arm, [0.0, 0.9], **same)
+    np.testing.assert_allclose(
+        np.sort(scheduled.loop_poles(posture=[0.0, 0.9]).real),
+        np.sort(alone.loop_poles().real),
+        rtol=1e-6,
+        atol=1e-6,
+    )
+
+
+def test_saturated_integral_does_not_wind_up():
+    class Naive(fa.LQG):
+        def _integrate(self, measurement, nominal, excess):
+            super()._integrate(measurement, nominal, 0.0 * excess)
+
+    arm = arm_with_gauges()
+    far = fa.joint_motion(arm, [0.6, 0.9], [0.6, 0.9], 1.0)
+    overshoot, limit = [], [3.0, 1.0]
+    for kind in (fa.LQG, Naive):
+        controller = kind(arm, POSTURE, integral=True, torque_limit=limit)
+        run = fa.simulate(
+            arm, 6.0, controller=controller, reference=far, initial=arm.rest(POSTURE), rate=100.0
+        )
+        overshoot.append(float(run.joint_angle.values[:, 0].max() - 0.6))
+        assert np.all(np.abs(run.torque.values) <= limit)
+        if kind is fa.LQG:
+            np.testing.assert_allclose(run.joint_angle.values[-1], [0.6, 0.9], atol=2e-3)
+    assert overshoot[0] < 0.5 * overshoot[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"posture": [0.0]}, "posture"),
+        ({"schedule": [None]}, "schedule"),
+        ({"schedule": [None, [1.0, 0.5]]}, "rising"),
+        ({"acceptable": {"elbow": 1.0}}, "elbow"),
+        ({"acceptable": {"tip": 0.0}}, "greater than 0"),
+        ({"acceptable": {"strain": 1e-4}}, "weigh every motion"),
+        ({"acceptable_torque": [1.0, 2.0, 3.0]}, "acceptable_torque"),
+        ({"measured": {"strain": 1e-6}}, "tell every motion"),
+        ({"measured": {"accelerometer": 1e-6}}, "accelerometer"),
+        ({"disturbance": {"wind": 1.0}}, "wind"),
+        ({"integral": "strain"}, "strain"),
+        ({"integral": "tip"}, "measured"),
+        ({"torque_limit": -1.0}, "torque_limit"),
+        ({"preview": -1.0}, "preview"),
+        ({"nominal": 3}, "nominal"),
+    ],
+    ids=lambda value: str(value)[:30],
+)
+def test_what_is_refused(options, word):
+    with pytest.raises(fa.InputError, match=word):
+        fa.LQG(arm_with_gauges(), **options)
+
+
+def test_a_missing_reading_is_named():
+    arm = arm_with_gauges()
+    hardware = fa.Hardware(instruments=[fa.Instrument("joint_angle")])
+    with pytest.raises(fa.SimulationError, match="strain"):
+        fa.simulate(arm, 0.1, controller=fa.LQG(arm), hardware=hardware)
