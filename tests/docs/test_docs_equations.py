@@ -8,8 +8,8 @@ import pytest
 from docs_pages import ROOT, text_of
 
 THEORY = sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs" / "theory").glob("*.md"))
-_CITED = re.compile(r"\(([BCDILPRS])\.(\d+)([a-z]?)\)")
-_TAG = re.compile(r"\\tag\{([BCDILPRS])\.(\d+)\}")
+_CITED = re.compile(r"\(([BCDILPRST])\.(\d+)([a-z]?)\)")
+_TAG = re.compile(r"\\tag\{([BCDILPRST])\.(\d+)\}")
 
 
 def tags() -> list[tuple[str, int]]:
@@ -20,7 +20,7 @@ def tags() -> list[tuple[str, int]]:
 def test_each_number_is_given_once_and_none_is_left_out() -> None:
     found = tags()
     assert len(found) == len(set(found))
-    for letter in "BCDILPRS":
+    for letter in "BDILPRST":
         numbers = sorted(n for other, n in found if other == letter)
         assert numbers == list(range(1, len(numbers) + 1)), f"({letter}.n) has gaps: {numbers}"
     # Control has a block of twenty numbers for each of its pages, so that each can grow.
@@ -43,7 +43,7 @@ def test_cited_equations_exist(folder: str) -> None:
 
 
 def test_index_knows_the_last_equation_of_each_page() -> None:
-    ranges = re.findall(r"\(([BCDILPRS])\.1\) to \(\1\.(\d+)\)", text_of("docs/theory/index.md"))
+    ranges = re.findall(r"\(([BCDILPRST])\.1\) to \(\1\.(\d+)\)", text_of("docs/theory/index.md"))
     assert len(ranges) == 8
     for letter, last in ranges:
         count = sum(1 for other, _ in tags() if other == letter)
