@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +42,7 @@ from flexarm.motion.correction import (
 from flexarm.motion.dynamics_along import dynamics_along
 from flexarm.motion.tip_constraint import TipConstraint
 from flexarm.motion.zero_dynamics import RestEnd, rest_end
+from flexarm.simulate.inversion_reference import InversionReference, inversion_reference
 from flexarm.simulate.run import simulate
 
 #: What is left of the bending, as a part of that at the start of the motion, where torques begin.
@@ -80,7 +82,7 @@ class TipInversion:
     Attributes:
         torque: function of time: (joints,) N m, for ``simulate``.
         start, end: when they depart from those that hold the arm at rest, s.
-        initial: (dof,) coordinates at rest before ``start``.
+        initial, final: (dof,) coordinates at rest before ``start`` and after ``end``.
         pre_actuation, post_actuation: how long they act before and after the motion, s.
         tip_error: largest distance of the tip from the path in the last run, m.
         rigid_tip_error: the same under rigid torques.
@@ -94,9 +96,16 @@ class TipInversion:
     start: float
     end: float
     initial: FloatArray
+    final: FloatArray
     tip_error: float
     rigid_tip_error: float
     zeros: FloatArray
+
+    @cached_property
+    def reference(self) -> InversionReference:
+        """The joint angles that go with the torques: what feedback is to follow besides them."""
+        ends = self.start, self.end
+        return inversion_reference(self.arm, self.torque, ends, self.initial, self.final)
 
     @property
     def pre_actuation(self) -> float:
@@ -162,7 +171,7 @@ def tip_inversion(
     if error > max(wanted, 1e-2) * search.yardstick:
         raise InversionError(error, f"under rigid torques it is within {rigid:.3g} m.")
     return TipInversion(
-        arm, motion, torque, start, end, first.q, error, rigid, np.asarray(first.zeros)
+        arm, motion, torque, start, end, first.q, last.q, error, rigid, np.asarray(first.zeros)
     )
 
 
