@@ -12,8 +12,18 @@ SAMPLE_TIME = 0.004
 
 #: How to make each controller of the registry for an arm of two joints.
 EXAMPLES = {
+    "computed_torque": lambda: fa.ComputedTorque(two_links(), 0.3, 0.5, sample_time=SAMPLE_TIME),
     "joint_pd": lambda: fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME),
+    "joint_pid": lambda: fa.JointPID(
+        [8.0, 3.0], [0.8, 0.3], [2.0, 1.0], arm=two_links(), sag=True, sample_time=SAMPLE_TIME
+    ),
+    "strain_feedback": lambda: fa.StrainFeedback(
+        [8.0, 3.0], [0.8, 0.3], [[100.0], [0.0]], [[0.1], [0.0]], sample_time=SAMPLE_TIME
+    ),
 }
+
+#: The motion is violent and links bend far: nothing that is looked at here.
+pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 
 every = pytest.mark.parametrize("name", CONTROLLERS)
 
@@ -22,8 +32,7 @@ def test_every_controller_has_an_example_here():
     assert set(EXAMPLES) == set(CONTROLLERS), "add the newcomer to EXAMPLES"
 
 
-@pytest.fixture
-def arm():
+def two_links():
     links = [
         fa.Link(
             length=0.8,
@@ -35,6 +44,11 @@ def arm():
         fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.4, elements=1),
     ]
     return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+
+
+@pytest.fixture
+def arm():
+    return two_links()
 
 
 class Watched:

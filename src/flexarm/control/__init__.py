@@ -5,8 +5,8 @@ from __future__ import annotations
 from flexarm.control.base import Controller, Measurement, Reference
 from flexarm.control.computed_torque import ComputedTorque
 from flexarm.control.hardware import Hardware, Motors
-from flexarm.control.instruments import Instrument
 from flexarm.control.input_shaping import shaped
+from flexarm.control.instruments import Instrument
 from flexarm.control.joint_pd import JointPD
 from flexarm.control.joint_pid import JointPID
 from flexarm.control.strain_feedback import StrainFeedback

@@ -42,16 +42,20 @@ class JointFollower(Controller):
         return self._held, 0.0 * self._held
 
     def _fed_forward(self, t: float) -> FloatArray:
-        """Return the torque of ``feedforward`` at a sample time, N m."""
+        """Return the torque of ``feedforward`` for the time from t to the next sample, N m.
+
+        Held, it stands best for the middle of that time: half a sample late it would be a
+        disturbance, and the largest one where the model is good.
+        """
         assert self.feedforward is not None
-        if not getattr(self.feedforward, "vectorized", False):
-            return np.asarray(self.feedforward(t))
+        half = 0.5 * self.sample_time
         k = round(t / self.sample_time)
-        if k * self.sample_time != t:
-            return np.asarray(self.feedforward(t))
+        on_tick = k * self.sample_time == t
+        if not on_tick or not getattr(self.feedforward, "vectorized", False):
+            return np.asarray(self.feedforward(t + half))
         if not self._first <= k < self._first + len(self._ahead):
-            ticks = np.arange(k, k + _AHEAD) * self.sample_time
-            self._first, self._ahead = k, np.asarray(self.feedforward(ticks))  # type: ignore[arg-type]
+            times = np.arange(k, k + _AHEAD) * self.sample_time + half
+            self._first, self._ahead = k, np.asarray(self.feedforward(times))  # type: ignore[arg-type]
         torque: FloatArray = self._ahead[k - self._first]
         return torque
 

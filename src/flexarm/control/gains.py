@@ -40,8 +40,10 @@ def check_sample_time(where: str, value: float) -> float:
     Raises:
         InputError: it is not a positive finite time.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not (
-        np.isfinite(value) and value > 0
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.number)
+        or not (np.isfinite(value) and value > 0)
     ):
         raise InputError(Problem(where, "sample_time", "be a positive time", shown(value)))
     return float(value)

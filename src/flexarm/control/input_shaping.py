@@ -95,7 +95,9 @@ def _by_modes(
     for _ in range(_REPEATED):
         along = track_modes(arm, made, joints, count=int(chosen.max()) + 1, samples=_POSTURES)
         hertz, own = along.frequency_hz[:, chosen], along.damping_ratio[:, chosen]
-        ratios = _ratios(where, own.mean(axis=0) if damping_ratio is None else damping_ratio, len(chosen))
+        ratios = _ratios(
+            where, own.mean(axis=0) if damping_ratio is None else damping_ratio, len(chosen)
+        )
         if np.max(np.abs(hertz / np.where(before > 0.0, before, 1.0) - 1.0)) < _SETTLED:
             break
         before, motion = hertz, unshaped
@@ -135,8 +137,10 @@ def _check(
 
 def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
     """Return positions from 0 of the modes to shape for."""
-    number = isinstance(modes, int) and not isinstance(modes, bool)
-    numbers = np.arange(1, modes + 1) if number else np.asarray(modes)
+    if isinstance(modes, int) and not isinstance(modes, bool):
+        numbers = np.arange(1, modes + 1)
+    else:
+        numbers = np.asarray(modes)
     most = arm.dof - arm.joints
     if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or numbers.size == 0:
         rule = "be a number of modes, or their numbers counted from 1"

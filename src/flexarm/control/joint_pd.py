@@ -19,7 +19,7 @@ class JointPD(JointFollower):
         derivative: gain (N m s/rad), likewise.
         sample_time: s, positive.
         feedforward: function of time that gives torques (joints,) N m, such as
-            ``rigid_torque(arm, motion)``; None for none.
+            ``rigid_torque(arm, motion)``; None for none. Asked for the middle of each sample time.
 
     Without a reference it holds the angles of its first measurement.
 

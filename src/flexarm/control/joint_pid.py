@@ -29,7 +29,8 @@ class JointPID(JointFollower):
         torque_limit: N m, largest torque asked for, one number or one per joint. While it is
             reached, the integral takes up nothing that asks for more (anti-windup).
         sample_time: s, positive.
-        feedforward: function of time that gives torques (joints,) N m; None for none.
+        feedforward: function of time that gives torques (joints,) N m, as in `JointPD`; None for
+            none.
 
     Without a reference it holds the angles of its first measurement. The theory page has (C.1).
 
@@ -58,6 +59,7 @@ class JointPID(JointFollower):
         self.derivative = check_gains(where, "derivative", derivative)
         self.integral = check_gains(where, "integral", integral)
         self.torque_limit = check_positive(where, "torque_limit", torque_limit)
+        self._limited = bool(np.any(np.isfinite(self.torque_limit)))
         self.sample_time = check_sample_time(where, sample_time)
         check_feedforward(where, feedforward)
         self.feedforward = feedforward
@@ -78,6 +80,8 @@ class JointPID(JointFollower):
         """Forget the angles held and the integral."""
         super().reset()
         self._sum = 0.0
+        if isinstance(self._weight, SaggingArm):
+            self._weight.reset()
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
@@ -89,6 +93,9 @@ class JointPID(JointFollower):
             torque = torque + self._weight.gravity_torque(measurement.joint_angle)
         if self.feedforward is not None:
             torque = torque + self._fed_forward(t)
+        if not self._limited:
+            self._sum = self._sum + self.integral * (self.sample_time * error)
+            return torque
         given = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
         taken = (torque == given) | (error * torque < 0.0)
         self._sum = self._sum + taken * self.integral * (self.sample_time * error)

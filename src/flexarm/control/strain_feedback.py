@@ -30,7 +30,8 @@ class StrainFeedback(JointFollower):
         strain_rate: gains (N m s), likewise.
         rate_cutoff: Hz, of the filtered difference that gives the rates of strain.
         sample_time: s, positive.
-        feedforward: function of time that gives torques (joints,) N m; None for none.
+        feedforward: function of time that gives torques (joints,) N m, as in `JointPD`; None for
+            none.
 
     Without a reference it holds the angles of its first measurement. Which gains are stable is
     seen in the poles of the sampled loop: theory page, (C.11) and (C.12).

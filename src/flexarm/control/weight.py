@@ -1,9 +1,8 @@
-"""The torques that hold an arm's weight, links straight or sagging."""
+"""The torques that hold an arm's weight while its links sag under it."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
@@ -12,11 +11,14 @@ from flexarm.kernels.newton_euler import inverse_dynamics
 
 #: Each correction leaves a part of the one before: weight times deflection over stiffness times
 #: length, a tenth where links sag by a tenth of their length.
-_CORRECTIONS = 4
+_FIRST_CORRECTIONS = 12
 
 
 class SaggingArm:
     """Torques that hold a flexible arm still at given joint angles; links sag under their weight.
+
+    The sag is corrected once a call, from that of the call before: between two sample times it
+    hardly changes, and each correction leaves a small part of the error.
 
     Attributes:
         arm: the flexible arm.
@@ -33,25 +35,32 @@ class SaggingArm:
         self._still = np.zeros(self._state.shape[1:])
         self._bodies = assembly.joint_body
         elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
-        flat = assembly.coordinates[elastic]
-        self._places = np.unravel_index(flat, self._still.shape)
+        self._places = np.unravel_index(assembly.coordinates[elastic], self._still.shape)
         weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
         stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.joints)))
-        self._stiffness = cho_factor(stiffness[np.ix_(elastic, elastic)]) if elastic.size else None
+        self._compliance = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the sag."""
+        self._state[:] = 0.0
+        self._known = False
 
     def gravity_torque(self, angle: FloatArray) -> FloatArray:
         """Return the torque (joints,) N m that holds the arm still, joint springs included."""
-        self._state[0] = 0.0
         self._state[0, self._bodies, 0] = angle
-        if self._stiffness is not None:
-            for _ in range(_CORRECTIONS):
-                self._state[0][self._places] -= cho_solve(self._stiffness, self._force()[self._places])
-        torque: FloatArray = self._force()[self._bodies, 0]
-        return torque
+        if not self._known:
+            for _ in range(_FIRST_CORRECTIONS):
+                self._correct()
+            self._known = True
+        return self._correct()
 
-    def _force(self) -> FloatArray:
+    def _correct(self) -> FloatArray:
+        """Return the torque at the sag as it is, and correct the sag."""
         inverse_dynamics(
             self._sizes, self._constants, self._state, self._still, self._loads, self._work
         )
-        force: FloatArray = self._work.force
-        return force
+        force = self._work.force
+        torque: FloatArray = force[self._bodies, 0]
+        self._state[0][self._places] -= self._compliance @ force[self._places]
+        return torque

@@ -69,7 +69,8 @@ class QuasiStaticReference(Motion):
     @cached_property
     def initial(self) -> FloatArray:
         """Coordinates q (dof,) before it sets off."""
-        return self.coordinates(np.array([-np.inf]))[0][0]
+        q: FloatArray = self.coordinates(np.array([-np.inf]))[0][0]
+        return q
 
     @property
     def torque(self) -> QuasiStaticTorque:
@@ -166,8 +167,8 @@ def quasi_static_reference(
             The reference sets off half a window before the motion and ends half a window after it.
 
     Raises:
-        InputError: no motion of this arm, a rigid arm, joints that lose hold of the tip, or a window
-            that is not positive.
+        InputError: no motion of this arm, a rigid arm, joints that lose hold of the tip, or a
+            window that is not positive.
         SimulationError: no bending was found that bears the motion.
 
     (C.13) to (C.15); the first term of what `tip_inversion` solves in full, at a small part of

@@ -2,9 +2,12 @@
 
 from flexarm.model.damping import ModalDamping as ModalDamping
 from flexarm.model.damping import RayleighDamping as RayleighDamping
+from flexarm.model.drives import ComputedTorqueDrive as ComputedTorqueDrive
 from flexarm.model.drives import JointPDDrive as JointPDDrive
+from flexarm.model.drives import JointPIDDrive as JointPIDDrive
 from flexarm.model.drives import NoDrive as NoDrive
 from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
+from flexarm.model.drives import StrainFeedbackDrive as StrainFeedbackDrive
 from flexarm.model.drives import TorqueDrive as TorqueDrive
 from flexarm.model.files import file_text as file_text
 from flexarm.model.files import load_arm_spec as load_arm_spec

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.drives import Drive, NoDrive
+from flexarm.model.drives import CONTROLLED, Drive, NoDrive, balances
 from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
 from flexarm.model.motions import MotionSpec
 from flexarm.model.prescribed import PrescribedJoint, prescribed_faults
@@ -124,9 +124,12 @@ class Scenario(Record):
                 yield Fault(path, rule, f"{length} long")
         yield from load_faults(given)
         yield from prescribed_faults(given, turning)
+        if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
+            rule = "be false where the drive balances the weight by itself"
+            yield Fault(("initial", "balance"), rule, "true")
 
 
-_FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")
+_FOLLOWING = ("rigid_inverse_dynamics", *CONTROLLED)
 """Drives that follow a motion."""
 
 
@@ -156,8 +159,8 @@ def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
             if length_of(row) not in seen:
                 yield ("drive", "values", i), row
             seen.add(length_of(row))
-    if look(drive, "kind") == "joint_pd":
-        yield ("drive", "proportional"), look(drive, "proportional")
-        yield ("drive", "derivative"), look(drive, "derivative")
+    kind = look(drive, "kind")
+    for name in CONTROLLED.get(kind, ()) if isinstance(kind, str) else ():
+        yield ("drive", name), look(drive, name)
     yield ("initial", "joint_angle"), look(initial, "joint_angle")
     yield ("initial", "joint_rate"), look(initial, "joint_rate")

@@ -60,7 +60,8 @@ def impulses(method: str, damping_ratio: float, tolerance: float) -> Floats:
     """Return the amplitudes (k,) of a shaper's impulses, half a period apart, with sum 1."""
     left = float(np.exp(-np.pi * damping_ratio / np.sqrt(1.0 - damping_ratio**2)))
     parts = np.array(SHAPERS[method](left, tolerance))
-    return parts / parts.sum()
+    shares: Floats = parts / parts.sum()
+    return shares
 
 
 @dataclass(frozen=True, eq=False)

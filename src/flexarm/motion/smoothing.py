@@ -67,14 +67,19 @@ class SmoothedMotion(Motion):
         parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
         if not parts:
             return self.motion.at(times)
-        return JointState(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        angle, rate, acceleration = (np.concatenate(part) for part in zip(*parts, strict=True))
+        # At the end rounding may leave the last break in the window by a part of a bit.
+        moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
+        return JointState(angle, rate * moving, acceleration * moving)
 
     def _averages(self, times: Floats) -> list[Floats]:
         ages, shares = self._points(times)
-        state = self.motion.at((times[:, None] - ages).reshape(-1))
-        return [
-            np.einsum("tk,tkn->tn", shares, part.reshape(*ages.shape, -1)) for part in state
-        ]
+        counted = shares > 0.0  # not between two breaks that are both outside the window
+        state = self.motion.at((times[:, None] - ages)[counted])
+        parts = np.zeros((*ages.shape, 3, self.joints))
+        parts[counted] = np.stack(state, axis=1)
+        averages = np.einsum("tk,tkpn->ptn", shares, parts)
+        return list(averages)
 
     def _points(self, times: Floats) -> tuple[Floats, Floats]:
         """How long ago (T, k), s, and with which share (T, k) the original counts."""

@@ -19,7 +19,7 @@ from flexarm.simulate.run import simulate
 
 #: Samples in a knot of the torque's spline: a spline of order 6 through them is exact to 1e-6.
 _PER_KNOT = 8.0
-#: What is left at the end is led to rest over the motion, as the quintic law does.
+#: What is left when the motion is over is led to rest by the end, as the quintic law does.
 _EASE = (10.0, -15.0, 6.0)
 
 
@@ -84,11 +84,10 @@ def inversion_reference(
     rate = count / (end - start)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LargeDeflectionWarning)  # told by who simulates the result
-        shifted = _Later(torque, start)
         result = simulate(
             arm,
             end - start,
-            torque=shifted,
+            torque=_Later(torque, start),
             initial=initial,
             rate=rate,
             rtol=1e-9,
@@ -96,7 +95,8 @@ def inversion_reference(
             progress=False,
         )
     times, angles = result.time.values, result.joint_angle.values
-    u = times / times[-1]
+    after = torque.motion.end_time - start
+    u = np.clip((times - after) / (times[-1] - after), 0.0, 1.0)
     ease = u**3 * (_EASE[0] + u * (_EASE[1] + u * _EASE[2]))
     angles = angles + np.outer(ease, arm.joint_angles(final) - angles[-1])
     still = [(1, np.zeros(arm.joints)), (2, np.zeros(arm.joints))]
