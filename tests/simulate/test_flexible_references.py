@@ -19,9 +19,7 @@ def arm(**options):
 
 def line(flexible, duration=1.0, profile="quintic"):
     start = 0.3 * duration
-    return fa.line_motion(
-        flexible, (2.0, 1.0), (1.0, 2.0), duration, profile, start_time=start
-    )
+    return fa.line_motion(flexible, (2.0, 1.0), (1.0, 2.0), duration, profile, start_time=start)
 
 
 @pytest.fixture(scope="module")
@@ -160,8 +158,8 @@ run: {duration: 0.1, rate: 100}
         f"kind: joint_pid, {gains}, integral: 3, gravity: sag, torque_limit: 9": lambda a, f: (
             fa.JointPID(20.0, [2.0, 1.0], 3.0, arm=a, sag=True, torque_limit=9.0)
         ),
-        f"kind: joint_pid, {gains}, feedforward: rigid_inverse_dynamics": lambda a, f: (
-            fa.JointPID(20.0, [2.0, 1.0], feedforward=f)
+        f"kind: joint_pid, {gains}, feedforward: rigid_inverse_dynamics": lambda a, f: fa.JointPID(
+            20.0, [2.0, 1.0], feedforward=f
         ),
         "kind: computed_torque, frequency_hz: 0.5, damping_ratio: 0.7": lambda a, f: (
             fa.ComputedTorque(a, 0.5, 0.7)
@@ -200,8 +198,7 @@ run: {duration: 0.1, rate: 100}
             "initial.balance must be false where the drive balances",
         ),
         (
-            "{kind: joint_pid, proportional: 1, derivative: 1, gravity: rigid, "
-            "feedforward: rigid_inverse_dynamics}",
+            "{kind: joint_pid, proportional: 1, derivative: 1, gravity: rigid, feedforward: RIGID}",
             "",
             "gravity must be none where the feedforward",
         ),
@@ -218,7 +215,7 @@ arm:
     - {{length: 0.8, flexural_rigidity: 60, mass_per_length: 0.5}}
     - {{length: 0.6, flexural_rigidity: 60, mass_per_length: 0.4}}
 motion: {{kind: joint, start: [0.2, 0.3], end: [0.4, 0.1], duration: 0.5}}
-drive: {drive}
+drive: {drive.replace("RIGID", "rigid_inverse_dynamics")}
 {more}
 run: {{duration: 0.1}}
 """

@@ -46,15 +46,15 @@ def joint_pd():
 
 
 def joint_pid():
-    K, D, I = np.diag([30.0, 12.0]), np.diag([3.0, 1.0]), np.diag([25.0, 10.0])
+    K, D, held = np.diag([30.0, 12.0]), np.diag([3.0, 1.0]), np.diag([25.0, 10.0])
 
     def loop(Phi, Gamma, angle, rate, strain):
         """State and the integral's torque, which takes up the error after it was used."""
         return np.block(
-            [[Phi - Gamma @ (K @ angle + D @ rate), Gamma], [-I * TICK @ angle, np.eye(2)]]
+            [[Phi - Gamma @ (K @ angle + D @ rate), Gamma], [-held * TICK @ angle, np.eye(2)]]
         )
 
-    return fa.JointPID(np.diag(K), np.diag(D), np.diag(I), sample_time=TICK), loop, 2
+    return fa.JointPID(np.diag(K), np.diag(D), np.diag(held), sample_time=TICK), loop, 2
 
 
 def computed_torque():

@@ -53,8 +53,8 @@ def answers(controller, **options):
 
 def test_pid_with_a_limit():
     """The integral takes up an error unless the limit is reached and the error asks for more."""
-    P, I, D, limit = (8.0, 5.0), (30.0, 20.0), (0.5, 0.2), (10.0, 7.0)
-    controller = fa.JointPID(P, D, I, torque_limit=limit, sample_time=TICK)
+    P, integral, D, limit = (8.0, 5.0), (30.0, 20.0), (0.5, 0.2), (10.0, 7.0)
+    controller = fa.JointPID(P, D, integral, torque_limit=limit, sample_time=TICK)
     held = [0.0, 0.0]
     saturated = 0
     for said, found in answers(controller):
@@ -64,7 +64,7 @@ def test_pid_with_a_limit():
             torque = P[j] * error + held[j] + D[j] * rate_error
             given = max(-limit[j], min(limit[j], torque))
             if given == torque or error * torque < 0:
-                held[j] += I[j] * TICK * error
+                held[j] += integral[j] * TICK * error
             saturated += given != torque
             assert found[j] == pytest.approx(given, rel=1e-13)
     assert 10 < saturated < 70  # both happen
