@@ -18,12 +18,16 @@ if TYPE_CHECKING:
     from flexarm.control import LQG as LQG
     from flexarm.control import MPC as MPC
     from flexarm.control import Composite as Composite
+    from flexarm.control import ComputedTorque as ComputedTorque
     from flexarm.control import Controller as Controller
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
+    from flexarm.control import JointPID as JointPID
     from flexarm.control import Measurement as Measurement
     from flexarm.control import Motors as Motors
+    from flexarm.control import StrainFeedback as StrainFeedback
+    from flexarm.control import shaped as shaped
     from flexarm.errors import FlexarmError as FlexarmError
     from flexarm.errors import InputError as InputError
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
@@ -42,6 +46,8 @@ if TYPE_CHECKING:
     from flexarm.linear import track_modes as track_modes
     from flexarm.linear.along import Separation as Separation
     from flexarm.linear.along import linearize_along as linearize_along
+    from flexarm.linear.quasi_static import QuasiStaticReference as QuasiStaticReference
+    from flexarm.linear.quasi_static import quasi_static_reference as quasi_static_reference
     from flexarm.linear.step_jacobian import StepJacobian as StepJacobian
     from flexarm.linear.step_jacobian import step_jacobian as step_jacobian
     from flexarm.loads import Load as Load
@@ -63,6 +69,7 @@ if TYPE_CHECKING:
     from flexarm.motion import joint_motion as joint_motion
     from flexarm.motion import line_motion as line_motion
     from flexarm.motion import rigid_torque as rigid_torque
+    from flexarm.motion import smoothed as smoothed
     from flexarm.output import read_result as read_result
     from flexarm.output import save_linear as save_linear
     from flexarm.output import write_result as write_result
@@ -92,6 +99,7 @@ _HOME = {
     "Circle": "model",
     "Contact": "contacts",
     "Composite": "control",
+    "ComputedTorque": "control",
     "Controller": "control",
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
@@ -109,6 +117,7 @@ _HOME = {
     "JointPD": "control",
     "LQG": "control",
     "MPC": "control",
+    "JointPID": "control",
     "LargeDeflectionWarning": "errors",
     "LinearModel": "linear",
     "Link": "model",
@@ -123,6 +132,7 @@ _HOME = {
     "Payload": "model",
     "Plant": "simulate.plant",
     "PrescribedAngle": "simulate",
+    "QuasiStaticReference": "linear.quasi_static",
     "RayleighDamping": "model",
     "Rectangle": "model",
     "RoundWall": "surfaces",
@@ -132,6 +142,7 @@ _HOME = {
     "SimulationError": "errors",
     "StepJacobian": "linear.step_jacobian",
     "SurfaceTable": "surfaces",
+    "StrainFeedback": "control",
     "TipInversion": "simulate.tip_inversion",
     "Tube": "model",
     "Wall": "surfaces",
@@ -148,12 +159,15 @@ _HOME = {
     "load_arm": "arm",
     "load_scenario": "model",
     "modes": "linear",
+    "quasi_static_reference": "linear.quasi_static",
     "read_result": "output",
     "rigid_torque": "motion",
     "run_scenario": "simulate",
     "save_arm": "arm",
     "save_linear": "output",
+    "shaped": "control",
     "simulate": "simulate",
+    "smoothed": "motion",
     "write_result": "output",
     "track_modes": "linear",
     "simulate_separated": "simulate.separated",

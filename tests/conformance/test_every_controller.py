@@ -32,6 +32,7 @@ EXAMPLES = {
     "composite": lambda: fa.Composite(
         two_links(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
     ),
+    "computed_torque": lambda: fa.ComputedTorque(two_links(), 0.3, 0.5, sample_time=SAMPLE_TIME),
     "joint_pd": lambda: fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME),
     "lqg": lambda: fa.LQG(
         two_links(), [0.4, 0.1], integral=True, torque_limit=LIMIT, sample_time=SAMPLE_TIME
@@ -39,7 +40,16 @@ EXAMPLES = {
     "mpc": lambda: fa.MPC(
         two_links(), [0.4, 0.1], torque_limit=LIMIT, horizon=10, sample_time=SAMPLE_TIME
     ),
+    "joint_pid": lambda: fa.JointPID(
+        [8.0, 3.0], [0.8, 0.3], [2.0, 1.0], arm=two_links(), sag=True, sample_time=SAMPLE_TIME
+    ),
+    "strain_feedback": lambda: fa.StrainFeedback(
+        [8.0, 3.0], [0.8, 0.3], [[100.0], [0.0]], [[0.1], [0.0]], sample_time=SAMPLE_TIME
+    ),
 }
+
+#: The motion is violent and links bend far: nothing that is looked at here.
+pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 
 every = pytest.mark.parametrize("name", CONTROLLERS)
 

@@ -103,7 +103,7 @@ def _mapping(name: str) -> str:
     properties = _schema()["$defs"][name]["properties"]
     if properties.keys() == {"kind"}:
         return f"`{{kind: {properties['kind']['const']}}}`"
-    words = title(name).lower().replace("pd", "PD")
+    words = title(name).lower().replace("pd", "PD").replace("pid", "PID")
     return f"[{words}](#{words.lower().replace(' ', '-')})"
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.control.base import Controller, FloatArray, Measurement, Reference
-from flexarm.control.feedforward import SampledFeedforward
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.control.base import FloatArray, Measurement, Reference
+from flexarm.control.follower import JointFollower, check_feedforward
+from flexarm.control.gains import check_gains, check_sample_time
 
 
-class JointPD(Controller):
+class JointPD(JointFollower):
     """Proportional and derivative feedback of each joint angle, plus a feedforward torque.
 
     Args:
@@ -20,7 +19,7 @@ class JointPD(Controller):
         derivative: gain (N m s/rad), likewise.
         sample_time: s, positive.
         feedforward: function of time that gives torques (joints,) N m, such as
-            ``rigid_torque(arm, motion)``; None for none.
+            ``rigid_torque(arm, motion)``; None for none. Asked for the middle of each sample time.
 
     Without a reference it holds the angles of its first measurement.
 
@@ -37,46 +36,18 @@ class JointPD(Controller):
         sample_time: float = 1e-3,
         feedforward: Callable[[float], ArrayLike] | None = None,
     ) -> None:
-        self.proportional = _gain("proportional", proportional)
-        self.derivative = _gain("derivative", derivative)
-        if not (np.isfinite(sample_time) and sample_time > 0):
-            raise InputError(
-                Problem("JointPD", "sample_time", "be a positive time", shown(sample_time))
-            )
-        self.sample_time = float(sample_time)
+        super().__init__()
+        self.proportional = check_gains("JointPD", "proportional", proportional)
+        self.derivative = check_gains("JointPD", "derivative", derivative)
+        self.sample_time = check_sample_time("JointPD", sample_time)
+        check_feedforward("JointPD", feedforward)
         self.feedforward = feedforward
-        self._held: FloatArray | None = None
-        self._ahead: SampledFeedforward | None = None
-
-    def reset(self) -> None:
-        """Forget the angles held."""
-        self._held = None
-        self._ahead = None
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        if reference is None:
-            if self._held is None:
-                self._held = measurement.joint_angle.copy()
-            angle, rate = self._held, 0.0 * self._held
-        else:
-            angle, rate = reference.joint_angle(t), reference.joint_rate(t)
+        angle, rate = self._wanted(t, measurement, reference)
         torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
         torque = torque + self.derivative * (rate - measurement.joint_rate)
         if self.feedforward is not None:
-            torque = torque + self._sampled()(t)
+            torque = torque + self._fed_forward(t)
         return torque
-
-    def _sampled(self) -> SampledFeedforward:
-        if self._ahead is None:
-            assert self.feedforward is not None
-            self._ahead = SampledFeedforward(self.feedforward, self.sample_time)
-        return self._ahead
-
-
-def _gain(name: str, value: ArrayLike) -> FloatArray:
-    shape = np.shape(value)
-    gain = check_array("JointPD", name, value, shape[:1])
-    if not np.all(np.isfinite(gain) & (gain >= 0)):
-        raise InputError(Problem("JointPD", name, "hold finite gains >= 0", shown(value)))
-    return gain

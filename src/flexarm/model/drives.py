@@ -59,6 +59,103 @@ class JointPDDrive(Record):
     )
 
 
+class JointPIDDrive(Record):
+    """A PID controller at each joint, following the motion, with the arm's weight balanced."""
+
+    kind: Literal["joint_pid"] = "joint_pid"
+    proportional: OneOrMany[NonNegative] = Field(
+        description="Torque per angle error, one for all joints or one each (N m/rad)."
+    )
+    derivative: OneOrMany[NonNegative] = Field(
+        description="Torque per rate error, one for all joints or one each (N m s/rad)."
+    )
+    integral: OneOrMany[NonNegative] = Field(
+        default=0.0,
+        description="Torque per angle error and time, one for all joints or one each "
+        "(N m/(rad s)).",
+    )
+    gravity: Literal["none", "rigid", "sag"] = Field(
+        default="none",
+        description="Weight that is balanced at the measured angles: none, that of the rigid arm, "
+        "or that of the arm with links that sag.",
+    )
+    torque_limit: OneOrMany[Positive] | None = Field(
+        default=None,
+        description="Largest torque asked for, one for all joints or one each (N m); no limit by "
+        "default.",
+    )
+    feedforward: Literal["none", "rigid_inverse_dynamics"] = Field(
+        default="none", description="Torque added to the feedback."
+    )
+    sample_time: Positive = Field(
+        default=0.001, description="Time between updates; the torque is held in between (s)."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        twice = given.has("gravity") and given.gravity != "none"
+        if twice and given.has("feedforward") and given.feedforward != "none":
+            rule = "be none where the feedforward holds the weight, too"
+            yield Fault(("gravity",), rule, repr(given.gravity))
+
+
+class ComputedTorqueDrive(Record):
+    """Computed torque from the rigid model, following the motion."""
+
+    kind: Literal["computed_torque"] = "computed_torque"
+    frequency_hz: OneOrMany[Positive] = Field(
+        description="Natural frequency of the error, one for all joints or one each (Hz)."
+    )
+    damping_ratio: OneOrMany[NonNegative] = Field(
+        default=1.0, description="Of the error, one for all joints or one each."
+    )
+    feedforward: Literal["none", "rigid_inverse_dynamics"] = Field(
+        default="none",
+        description="Torque along the motion in place of the model's at the measured angles.",
+    )
+    sample_time: Positive = Field(
+        default=0.001, description="Time between updates; the torque is held in between (s)."
+    )
+
+
+class StrainFeedbackDrive(Record):
+    """A PD controller at each joint that yields to the strain at one gauge for each joint."""
+
+    kind: Literal["strain_feedback"] = "strain_feedback"
+    proportional: OneOrMany[NonNegative] = Field(
+        description="Torque per angle error, one for all joints or one each (N m/rad)."
+    )
+    derivative: OneOrMany[NonNegative] = Field(
+        description="Torque per rate error, one for all joints or one each (N m s/rad)."
+    )
+    strain: OneOrMany[Number] = Field(
+        description="Torque per strain of the gauge of the same place, one for all joints or one "
+        "each (N m)."
+    )
+    strain_rate: OneOrMany[Number] = Field(
+        default=0.0,
+        description="Torque per rate of strain, one for all joints or one each (N m s).",
+    )
+    rate_cutoff: Positive = Field(
+        default=100.0, description="Of the filter that differentiates strains (Hz)."
+    )
+    feedforward: Literal["none", "rigid_inverse_dynamics"] = Field(
+        default="none", description="Torque added to the feedback."
+    )
+    sample_time: Positive = Field(
+        default=0.001, description="Time between updates; the torque is held in between (s)."
+    )
+
+
+#: Drives that are controllers, and their values of which there may be one for each joint.
+CONTROLLED: dict[str, tuple[str, ...]] = {
+    "computed_torque": ("frequency_hz", "damping_ratio"),
+    "joint_pd": ("proportional", "derivative"),
+    "joint_pid": ("proportional", "derivative", "integral", "torque_limit"),
+    "strain_feedback": ("proportional", "derivative", "strain", "strain_rate"),
+}
+
+
 class NoDrive(Record):
     """No torque: the arm moves freely."""
 
@@ -66,5 +163,19 @@ class NoDrive(Record):
 
 
 Drive = Annotated[
-    RigidInverseDynamicsDrive | TorqueDrive | JointPDDrive | NoDrive, Field(discriminator="kind")
+    RigidInverseDynamicsDrive
+    | TorqueDrive
+    | JointPDDrive
+    | JointPIDDrive
+    | ComputedTorqueDrive
+    | StrainFeedbackDrive
+    | NoDrive,
+    Field(discriminator="kind"),
 ]
+
+
+def balances(drive: object) -> bool:
+    """Whether a drive holds the arm's weight whatever it is told to add."""
+    if isinstance(drive, ComputedTorqueDrive):
+        return drive.feedforward == "none"
+    return isinstance(drive, JointPIDDrive) and drive.gravity != "none"

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
+from flexarm.model.drives import CONTROLLED
 from flexarm.model.quantities import Count, Listed, Number, length_of
 from flexarm.model.wording import Fault, look
 
@@ -71,8 +72,9 @@ def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
     """
     if not given.has("prescribed") or not given.prescribed:
         return
-    if look(given.raw("drive"), "kind") == "joint_pd":
-        yield Fault(("prescribed",), "be left out where drive is joint_pd", "given")
+    kind = look(given.raw("drive"), "kind")
+    if isinstance(kind, str) and kind in CONTROLLED:
+        yield Fault(("prescribed",), f"be left out where drive is {kind}", "given")
     told: dict[int, int] = {}
     for i, joint in enumerate(given.prescribed):
         place = ("prescribed", i, "joint")

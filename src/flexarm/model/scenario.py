@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.contacts import ContactSpec, contact_faults
-from flexarm.model.drives import Drive, NoDrive
+from flexarm.model.drives import CONTROLLED, Drive, NoDrive, balances
 from flexarm.model.events import EventSpec, event_faults
 from flexarm.model.hardware import LIMITS, HardwareSpec, hardware_faults
 from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
@@ -134,7 +134,7 @@ class Scenario(Record):
             if joints and length not in (None, joints):
                 rule = f"have one value for each of the {joints} joints"
                 yield Fault(path, rule, f"{length} long")
-        if given.has("hardware") and kind not in _CONTROLLED:
+        if given.has("hardware") and kind not in CONTROLLED:
             rule = "be left out where drive is no controller"
             yield Fault(("hardware",), rule, "given")
         yield from hardware_faults(given)
@@ -142,12 +142,13 @@ class Scenario(Record):
         yield from contact_faults(given)
         yield from prescribed_faults(given, turning)
         yield from event_faults(given, turning)
+        if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
+            rule = "be false where the drive balances the weight by itself"
+            yield Fault(("initial", "balance"), rule, "true")
 
 
-_FOLLOWING = ("rigid_inverse_dynamics", "joint_pd")
+_FOLLOWING = ("rigid_inverse_dynamics", *CONTROLLED)
 """Drives that follow a motion."""
-_CONTROLLED = ("joint_pd",)
-"""Drives that measure."""
 
 
 def _turning(arm: object) -> list[int]:
@@ -176,9 +177,9 @@ def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
             if length_of(row) not in seen:
                 yield ("drive", "values", i), row
             seen.add(length_of(row))
-    if look(drive, "kind") == "joint_pd":
-        yield ("drive", "proportional"), look(drive, "proportional")
-        yield ("drive", "derivative"), look(drive, "derivative")
+    kind = look(drive, "kind")
+    for name in CONTROLLED.get(kind, ()) if isinstance(kind, str) else ():
+        yield ("drive", name), look(drive, name)
     motors = look(given.raw("hardware"), "motors")
     for name in LIMITS:
         yield ("hardware", "motors", name), look(motors, name)

@@ -3,6 +3,8 @@
 from flexarm.motion.lines import LineMotion, line_motion
 from flexarm.motion.motion import JointMotion, JointState, Motion, joint_motion
 from flexarm.motion.rigid_torques import RigidTorque, rigid_torque
+from flexarm.motion.shaping import ShapedMotion
+from flexarm.motion.smoothing import SmoothedMotion, smoothed
 from flexarm.motion.timing import TIMING_LAWS, TimingLaw, quintic, trapezoidal
 
 __all__ = [
@@ -12,10 +14,13 @@ __all__ = [
     "LineMotion",
     "Motion",
     "RigidTorque",
+    "ShapedMotion",
+    "SmoothedMotion",
     "TimingLaw",
     "joint_motion",
     "line_motion",
     "quintic",
     "rigid_torque",
+    "smoothed",
     "trapezoidal",
 ]

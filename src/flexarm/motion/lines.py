@@ -21,7 +21,7 @@ from flexarm.motion.line_path import (
     path_derivatives,
     two_link_path,
 )
-from flexarm.motion.motion import JointState, Motion, checked_times
+from flexarm.motion.motion import JointState, PathMotion, checked_times
 from flexarm.motion.timing import TimingLaw, timing_law
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ which the user may want to see, and the closed form still has ten digits."""
 
 
 @dataclass(frozen=True, eq=False)
-class LineMotion(Motion):
+class LineMotion(PathMotion):
     """The tip of the rigid arm runs along a straight line, start + s (end - start).
 
     Attributes:

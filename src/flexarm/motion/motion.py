@@ -1,7 +1,7 @@
 """Motions: joint angles, rates and accelerations as functions of time, from rest to rest.
 
-A motion is a path q(s), s from 0 to 1, run through by a timing law s(u). The contract and the
-chain rule stand here once; a kind of motion says only what its path is.
+Most are a path q(s), s from 0 to 1, run through by a timing law s(u). The contract and the chain
+rule stand here once; such a motion says only what its path is.
 """
 
 from __future__ import annotations
@@ -37,42 +37,39 @@ class Motion(ABC):
 
     1. `t` is a time (s) or an array of times (T,); an answer is (n,) or (T, n) accordingly. NaN is
        refused.
-    2. Before `start_time` the arm rests at the path's first posture, and from `end_time` on at its
-       last: there rates and accelerations are exactly zero.
-    3. Rates and accelerations are the derivatives of the angles, computed from the path's own
+    2. Before `start_time` the arm rests at the first posture, and from `end_time` on at the last:
+       there rates and accelerations are exactly zero.
+    3. Rates and accelerations are the derivatives of the angles, computed from the motion's own
        derivatives and never by differences.
     4. Between two neighbouring `breaks` everything is smooth. At a break the angles and rates are
        continuous and the accelerations may jump: there they belong to what follows, and a time
        any smaller to what came before, so `np.nextafter(t, -np.inf)` asks for the other side.
 
-    A subclass sets the five attributes and defines `path`.
+    A subclass has the three attributes and defines `breaks` and `at`.
 
     Attributes:
         chain: the rigid arm, n bars.
-        law: timing law.
         duration: time from start to end, s.
         start_time: when it leaves rest, s.
     """
 
     chain: RigidChain
-    law: TimingLaw
     duration: float
     start_time: float
 
+    @property
     @abstractmethod
-    def path(self, s: Floats) -> JointState:
-        """Return q, dq/ds and d2q/ds2, each (T, n), at path fractions `s` (T,) in [0, 1]."""
+    def breaks(self) -> tuple[float, ...]:
+        """Increasing times (s), start and end among them, where the motion is not smooth."""
+
+    @abstractmethod
+    def at(self, times: Floats) -> JointState:
+        """Return angles, rates and accelerations, each (T, n), at `times` (T,), none NaN."""
 
     @property
     def joints(self) -> int:
         """Number of joints n."""
         return len(self.chain.lengths)
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Increasing times (s), start and end among them, where the motion is not smooth."""
-        inner = (self.start_time + self.duration * u for u in self.law.breaks[1:-1])
-        return (self.start_time, *inner, self.end_time)
 
     @property
     def end_time(self) -> float:
@@ -84,17 +81,8 @@ class Motion(ABC):
         times = np.asarray(t, dtype=np.float64)
         if np.any(np.isnan(times)):
             raise InputError(Problem(type(self).__name__, "t", "be a time", "nan"))
-        flat = times.reshape(-1)
-        # Pieces are found by comparing times, not fractions, so rule 4 holds to the last bit.
-        breaks = np.array(self.breaks)
-        piece = np.searchsorted(breaks, flat, side="right") - 1
-        local = (flat - breaks[piece]) / self.duration
-        s, ds, dds = (part[:, None] for part in self.law.on_pieces(piece, local))
-        q, slope, curve = self.path(s[:, 0])
-        rate = slope * (ds / self.duration)
-        acceleration = (curve * ds**2 + slope * dds) / self.duration**2
         shape = (*times.shape, self.joints)
-        return JointState(q.reshape(shape), rate.reshape(shape), acceleration.reshape(shape))
+        return JointState(*(part.reshape(shape) for part in self.at(times.reshape(-1))))
 
     def joint_angle(self, t: ArrayLike) -> Floats:
         """Return the relative joint angles (n,) or (T, n), rad."""
@@ -113,8 +101,41 @@ class Motion(ABC):
         return self.chain.tip(self.joint_angle(t))
 
 
+class PathMotion(Motion):
+    """A path through the joints' angles, run through by a timing law.
+
+    A subclass sets the attributes and defines `path`.
+
+    Attributes:
+        law: timing law.
+    """
+
+    law: TimingLaw
+
+    @abstractmethod
+    def path(self, s: Floats) -> JointState:
+        """Return q, dq/ds and d2q/ds2, each (T, n), at path fractions `s` (T,) in [0, 1]."""
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Start, end, and the times between them at which the law is not smooth, s."""
+        inner = (self.start_time + self.duration * u for u in self.law.breaks[1:-1])
+        return (self.start_time, *inner, self.end_time)
+
+    def at(self, times: Floats) -> JointState:
+        """See `Motion.at`: the chain rule."""
+        # Pieces are found by comparing times, not fractions, so rule 4 holds to the last bit.
+        breaks = np.array(self.breaks)
+        piece = np.searchsorted(breaks, times, side="right") - 1
+        local = (times - breaks[piece]) / self.duration
+        s, ds, dds = (part[:, None] for part in self.law.on_pieces(piece, local))
+        q, slope, curve = self.path(s[:, 0])
+        rate = slope * (ds / self.duration)
+        return JointState(q, rate, (curve * ds**2 + slope * dds) / self.duration**2)
+
+
 @dataclass(frozen=True, eq=False)
-class JointMotion(Motion):
+class JointMotion(PathMotion):
     """All joints run from one posture to another in step: q(s) = start + s (end - start).
 
     Attributes:

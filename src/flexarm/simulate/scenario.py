@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import inf
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexarm.arm import Arm
-from flexarm.control import JointPD
-from flexarm.errors import InputError, SimulationError
+from flexarm.control import ComputedTorque, Controller, JointPD, JointPID, StrainFeedback
+from flexarm.errors import InputError, Problem, SimulationError
 from flexarm.model import (
+    ComputedTorqueDrive,
     EventSpec,
     JointPDDrive,
+    JointPIDDrive,
     LineMotionSpec,
     RigidInverseDynamicsDrive,
     Scenario,
+    StrainFeedbackDrive,
     TorqueDrive,
     file_text,
     locate_scenario,
@@ -34,6 +38,8 @@ from flexarm.simulate.torque_history import constant_torque, sampled_torque
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Drives that are controllers.
+_CONTROLLERS = (ComputedTorqueDrive, JointPDDrive, JointPIDDrive, StrainFeedbackDrive)
 #: Where a key path stands in its file: ``file:line``.
 Where = Callable[[Path], str]
 
@@ -176,11 +182,33 @@ def _set_drive(
         options["torque"] = history if start.holding is None else history.shifted(start.holding)
     elif isinstance(drive, RigidInverseDynamicsDrive) and motion is not None:
         options["torque"] = feedforward(arm, motion, start)
-    elif isinstance(drive, JointPDDrive) and motion is not None:
-        rigid = motion if drive.feedforward == "rigid_inverse_dynamics" else None
-        options["controller"] = JointPD(
-            drive.proportional, drive.derivative, drive.sample_time, feedforward(arm, rigid, start)
-        )
-        options["reference"] = motion
+    elif motion is not None and (made := _controller(arm, scenario, motion, start)) is not None:
+        options["controller"], options["reference"] = made, motion
     elif start.holding is not None:
         options["torque"] = constant_torque(start.holding)
+
+
+def _controller(arm: Arm, scenario: Scenario, motion: Motion, start: Start) -> Controller | None:
+    """Make the controller of a drive that is one."""
+    drive: Any = scenario.drive
+    if not isinstance(drive, _CONTROLLERS):
+        return None
+    rigid = motion if drive.feedforward == "rigid_inverse_dynamics" else None
+    common: dict[str, Any] = {
+        "sample_time": drive.sample_time,
+        "feedforward": feedforward(arm, rigid, start),
+    }
+    if isinstance(drive, ComputedTorqueDrive):
+        return ComputedTorque(arm, drive.frequency_hz, drive.damping_ratio, **common)
+    gains = drive.proportional, drive.derivative
+    if isinstance(drive, JointPIDDrive):
+        common |= {"torque_limit": inf if drive.torque_limit is None else drive.torque_limit}
+        common |= {"arm": None if drive.gravity == "none" else arm, "sag": drive.gravity == "sag"}
+        return JointPID(*gains, drive.integral, **common)
+    if isinstance(drive, StrainFeedbackDrive):
+        if len(arm.gauges) != arm.joints:
+            rule = f"have one gauge for each of the {arm.joints} joints for strain feedback"
+            raise InputError(Problem("drive", "strain", rule, f"an arm with {len(arm.gauges)}"))
+        more = {"rate_cutoff": drive.rate_cutoff}
+        return StrainFeedback(*gains, drive.strain, drive.strain_rate, **more, **common)
+    return JointPD(*gains, **common)

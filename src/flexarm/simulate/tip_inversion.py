@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,7 @@ from flexarm.motion.correction import (
 from flexarm.motion.dynamics_along import dynamics_along
 from flexarm.motion.tip_constraint import TipConstraint
 from flexarm.motion.zero_dynamics import RestEnd, rest_end
+from flexarm.simulate.inversion_reference import InversionReference, inversion_reference
 from flexarm.simulate.run import simulate
 
 #: What is left of the bending, as a part of that at the start of the motion, where torques begin.
@@ -81,7 +83,7 @@ class TipInversion:
     Attributes:
         torque: function of time: (joints,) N m, for ``simulate``.
         start, end: when they depart from those that hold the arm at rest, s.
-        initial: (dof,) coordinates at rest before ``start``.
+        initial, final: (dof,) coordinates at rest before ``start`` and after ``end``.
         pre_actuation, post_actuation: how long they act before and after the motion, s.
         tip_error: largest distance of the tip from the path in the last run, m.
         rigid_tip_error: the same under rigid torques.
@@ -95,6 +97,7 @@ class TipInversion:
     start: float
     end: float
     initial: FloatArray
+    final: FloatArray
     tip_error: float
     rigid_tip_error: float
     zeros: NDArray[np.complex128]
@@ -105,6 +108,12 @@ class TipInversion:
             f"{self.end:.4g} s, tip within {self.tip_error:.2g} m of its path "
             f"({self.rigid_tip_error:.2g} m under rigid torques)>"
         )
+
+    @cached_property
+    def reference(self) -> InversionReference:
+        """The joint angles that go with the torques: what feedback is to follow besides them."""
+        ends = self.start, self.end
+        return inversion_reference(self.arm, self.torque, ends, self.initial, self.final)
 
     @property
     def pre_actuation(self) -> float:
@@ -168,8 +177,10 @@ def tip_inversion(
     found, rigid = search.run(wanted)
     if found.tip > max(wanted, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
-    zeros = np.asarray(first.zeros)
-    return TipInversion(arm, motion, found.torque, start, end, first.q, found.tip, rigid.tip, zeros)
+    ends, errors = (first.q, last.q), (found.tip, rigid.tip)
+    return TipInversion(
+        arm, motion, found.torque, start, end, *ends, *errors, np.asarray(first.zeros)
+    )
 
 
 class _Judged(NamedTuple):

@@ -7,6 +7,7 @@ from flexarm.model import (
     ArmSpec,
     Box,
     Circle,
+    ComputedTorqueDrive,
     FactorTable,
     FollowingJoint,
     Gauge,
@@ -16,6 +17,7 @@ from flexarm.model import (
     JointEvent,
     JointMotionSpec,
     JointPDDrive,
+    JointPIDDrive,
     LineMotionSpec,
     Link,
     LoadSpec,
@@ -29,11 +31,13 @@ from flexarm.model import (
     RunSettings,
     Scenario,
     SectionTable,
+    StrainFeedbackDrive,
     TabulatedJoint,
     TipEvent,
     TorqueDrive,
     Tube,
 )
+from flexarm.model.drives import CONTROLLED, balances
 
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)
@@ -255,13 +259,26 @@ def scenarios(draw):
                 feedforward=st.sampled_from(["none", "rigid_inverse_dynamics"]),
                 sample_time=positive,
             ),
+            st.builds(
+                JointPIDDrive,
+                proportional=gains,
+                derivative=gains,
+                integral=gains,
+                torque_limit=st.none() | positive,
+                sample_time=positive,
+            ),
+            st.builds(ComputedTorqueDrive, frequency_hz=positive, damping_ratio=gains),
+            st.builds(StrainFeedbackDrive, proportional=gains, derivative=gains, strain=gains),
         ]
     drive = draw(st.one_of(drives))
     moved = (
         []
-        if isinstance(drive, JointPDDrive)
+        if drive.kind in CONTROLLED
         else draw(prescribed_joints(len(arm.links), motion is not None))
     )
+    initial = draw(initial_states(each))
+    if balances(drive):
+        initial = initial.replace(balance=False)
     return Scenario(
         arm=arm,
         motion=motion,
@@ -270,7 +287,7 @@ def scenarios(draw):
         loads=draw(st.lists(loads(arm), max_size=2)),
         base_acceleration=draw(st.none() | pairs | time_tables(AccelerationTable, pairs)),
         events=draw(events(len(arm.links))),
-        initial=draw(initial_states(each)),
+        initial=initial,
         run=draw(
             st.builds(
                 RunSettings,

@@ -1,0 +1,71 @@
+"""What controllers of the joint angles share: where the joints should be, and a torque added."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.errors import InputError, Problem, shown
+
+#: Sample times for which a torque is computed at once, where it can be.
+_AHEAD = 512
+
+
+class JointFollower(Controller):
+    """Base of controllers that follow a reference; without one, they hold the first angles.
+
+    A subclass sets ``sample_time`` and ``feedforward``.
+    """
+
+    feedforward: Callable[[float], ArrayLike] | None
+
+    def __init__(self) -> None:
+        self._held: FloatArray | None = None
+        self._first, self._ahead = 0, np.zeros((0, 0))
+
+    def reset(self) -> None:
+        """Forget the angles held."""
+        self._held = None
+        self._ahead = np.zeros((0, 0))
+
+    def _wanted(
+        self, t: float, measurement: Measurement, reference: Reference | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the angles (rad) and rates (rad/s) to be at."""
+        if reference is not None:
+            return reference.joint_angle(t), reference.joint_rate(t)
+        if self._held is None:
+            self._held = measurement.joint_angle.copy()
+        return self._held, 0.0 * self._held
+
+    def _fed_forward(self, t: float) -> FloatArray:
+        """Return the torque of ``feedforward`` for the time from t to the next sample, N m.
+
+        Held, it stands best for the middle of that time: half a sample late it would be a
+        disturbance, and the largest one where the model is good.
+        """
+        assert self.feedforward is not None
+        half = 0.5 * self.sample_time
+        k = round(t / self.sample_time)
+        on_tick = k * self.sample_time == t
+        if not on_tick or not getattr(self.feedforward, "vectorized", False):
+            return np.asarray(self.feedforward(t + half))
+        if not self._first <= k < self._first + len(self._ahead):
+            times = np.arange(k, k + _AHEAD) * self.sample_time + half
+            self._first, self._ahead = k, np.asarray(self.feedforward(times))  # type: ignore[arg-type]
+        torque: FloatArray = self._ahead[k - self._first]
+        return torque
+
+
+def check_feedforward(where: str, value: object) -> None:
+    """Refuse what cannot be called.
+
+    Raises:
+        InputError: so it is.
+    """
+    if value is not None and not callable(value):
+        rule = "be a function of time that gives torques, or None"
+        raise InputError(Problem(where, "feedforward", rule, shown(value)))

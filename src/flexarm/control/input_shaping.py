@@ -1,0 +1,172 @@
+"""Input shapers designed on the modes of an arm along its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.linear.held import Joints
+from flexarm.linear.tracking import track_modes
+from flexarm.motion.motion import Motion
+from flexarm.motion.shaping import SHAPERS, Clock, ShapedMotion, impulses
+from flexarm.motion.smoothing import check_is_motion
+
+FloatArray = NDArray[np.float64]
+
+#: Postures at which frequencies are computed.
+_POSTURES = 49
+#: Frequencies are those of the shaped motion's postures, which they shape: found by repetition.
+_REPEATED, _SETTLED = 12, 1e-9
+
+
+def shaped(
+    motion: Motion,
+    arm: Arm | None = None,
+    method: str = "zvd",
+    *,
+    modes: int | Sequence[int] = 1,
+    joints: Joints = "locked",
+    frequency_hz: ArrayLike | None = None,
+    damping_ratio: ArrayLike | None = None,
+    tolerance: float = 0.05,
+) -> ShapedMotion:
+    """Shape a motion so that it leaves no vibration: a sum of copies that cancel each other's.
+
+    Args:
+        motion: the original.
+        arm: whose modes are to stay at rest.
+        method: "zv" leaves nothing at the frequencies designed for; "zvd" besides little near
+            them, "ei" at most ``tolerance`` over a wider range.
+        modes: how many of the lowest modes, or which, counted from 1. Each takes half a period (zv)
+            or a whole one (zvd, ei) more time.
+        joints: as in `flexarm.modes`: what the joints do meanwhile; the controller's gains, say.
+        frequency_hz: natural frequencies in Hz, one or several, in place of those of the arm's
+            modes, which change with the posture on the way.
+        damping_ratio: below 1, one number or one for each mode; by default that of the modes, the
+            mean over the way, or zero where frequencies are given.
+        tolerance: for "ei": residual vibration at the frequency designed for, as a part of what a
+            single impulse leaves; between 0 and 1.
+
+    Returns:
+        A motion. The tip leaves the path: angles are summed, and the path is not linear in them.
+
+    Raises:
+        InputError: an argument has the wrong value, or neither an arm nor frequencies are given.
+
+    Impulse times follow the phase of the vibration along the shaped motion, (C.7); several modes
+    are shaped one after the other.
+    """
+    where = "shaped"
+    check_is_motion(where, motion)
+    _check(where, motion, arm, method, tolerance, frequency_hz)
+    if frequency_hz is None:
+        assert arm is not None
+        return _by_modes(where, motion, arm, method, modes, joints, damping_ratio, tolerance)
+    given = np.atleast_1d(check_numbers(where, "frequency_hz", frequency_hz))
+    if np.any(given <= 0.0):
+        raise InputError(Problem(where, "frequency_hz", "be above 0", shown(frequency_hz)))
+    ratios = _ratios(where, 0.0 if damping_ratio is None else damping_ratio, len(given))
+    for hertz, ratio in zip(given, ratios, strict=True):
+        rates = np.full(6, 2.0 * np.pi * hertz * np.sqrt(1.0 - ratio**2))
+        times = np.linspace(motion.start_time, motion.end_time, 6)
+        motion = ShapedMotion(motion, impulses(method, ratio, tolerance), Clock(times, rates))
+    assert isinstance(motion, ShapedMotion)
+    return motion
+
+
+def _by_modes(
+    where: str,
+    motion: Motion,
+    arm: Arm,
+    method: str,
+    modes: int | Sequence[int],
+    joints: Joints,
+    damping_ratio: ArrayLike | None,
+    tolerance: float,
+) -> ShapedMotion:
+    """Repeat until the frequencies are those along the motion that they shape."""
+    chosen = _chosen(where, modes, arm)
+    unshaped, made = motion, motion
+    before = np.zeros((_POSTURES, len(chosen)))
+    for _ in range(_REPEATED):
+        along = track_modes(arm, made, joints, count=int(chosen.max()) + 1, samples=_POSTURES)
+        hertz, own = along.frequency_hz[:, chosen], along.damping_ratio[:, chosen]
+        ratios = _ratios(
+            where, own.mean(axis=0) if damping_ratio is None else damping_ratio, len(chosen)
+        )
+        if np.max(np.abs(hertz / np.where(before > 0.0, before, 1.0) - 1.0)) < _SETTLED:
+            break
+        before, motion = hertz, unshaped
+        for column, ratio in zip(hertz.T, ratios, strict=True):
+            clock = Clock(along.parameter, 2.0 * np.pi * column * np.sqrt(1.0 - ratio**2))
+            motion = ShapedMotion(motion, impulses(method, ratio, tolerance), clock)
+        made = motion
+    assert isinstance(made, ShapedMotion)
+    return made
+
+
+def _check(
+    where: str,
+    motion: Motion,
+    arm: object,
+    method: object,
+    tolerance: float,
+    frequency_hz: ArrayLike | None,
+) -> None:
+    problems = []
+    if not isinstance(method, str) or method not in SHAPERS:
+        rule = "be one of " + ", ".join(map(repr, SHAPERS))
+        problems.append(Problem(where, "method", rule, shown(method)))
+    if not 0.0 < float(check_array(where, "tolerance", tolerance, ())) < 1.0:
+        problems.append(Problem(where, "tolerance", "be between 0 and 1", shown(tolerance)))
+    if arm is not None and not isinstance(arm, Arm):
+        problems.append(Problem(where, "arm", "be an Arm", shown(arm)))
+    elif arm is not None and arm.joints != motion.joints:
+        rule = f"have the motion's {motion.joints} joint(s)"
+        problems.append(Problem(where, "arm", rule, f"one of {arm.joints} joint(s)"))
+    elif arm is None and frequency_hz is None:
+        rule = "be given, or frequency_hz in its place"
+        problems.append(Problem(where, "arm", rule, "nothing"))
+    if problems:
+        raise InputError(*problems)
+
+
+def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
+    """Return positions from 0 of the modes to shape for."""
+    if isinstance(modes, int) and not isinstance(modes, bool):
+        numbers = np.arange(1, modes + 1)
+    else:
+        numbers = np.asarray(modes)
+    most = arm.dof - arm.joints
+    if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or numbers.size == 0:
+        rule = "be a number of modes, or their numbers counted from 1"
+        raise InputError(Problem(where, "modes", rule, shown(modes)))
+    if numbers.min() < 1 or numbers.max() > most or len(set(numbers.tolist())) < numbers.size:
+        rule = f"be different ones of the arm's {most} modes of bending"
+        raise InputError(Problem(where, "modes", rule, shown(modes)))
+    chosen: NDArray[np.intp] = numbers - 1
+    return chosen
+
+
+def _ratios(where: str, given: ArrayLike, count: int) -> FloatArray:
+    ratios = check_numbers(where, "damping_ratio", given)
+    if np.any((ratios < 0.0) | (ratios >= 1.0)):
+        rule = "be at least 0 and below 1"
+        raise InputError(Problem(where, "damping_ratio", rule, shown(given)))
+    if ratios.ndim and ratios.size != count:
+        rule = f"be one number, or one for each of the {count} modes"
+        raise InputError(Problem(where, "damping_ratio", rule, f"{ratios.size} long"))
+    return np.broadcast_to(ratios, (count,))
+
+
+def check_numbers(where: str, name: str, value: ArrayLike) -> FloatArray:
+    """Return a number () or a list of numbers (k,), all finite.
+
+    Raises:
+        InputError: it is something else.
+    """
+    return check_array(where, name, value, (-1,) if np.ndim(value) else ())

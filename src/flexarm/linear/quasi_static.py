@@ -1,0 +1,229 @@
+"""A motion of flexible links that bend at once as inertia and weight ask, with the tip in place.
+
+Theory page "position control", (C.13) to (C.15).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.linear.along import check_motion
+from flexarm.linear.modal import modes
+from flexarm.motion.chain import RigidChain
+from flexarm.motion.dynamics_along import dynamics_along
+from flexarm.motion.motion import JointState, Motion
+from flexarm.motion.tip_constraint import TipConstraint
+
+#: Instants between two breaks at which the links' bending is solved for.
+_INSTANTS = 161
+_NEWTON_STEPS = 12
+#: Gauss's points between two breaks of the bending, and times averaged in one go.
+_POINTS, _CHUNK = 32, 512
+#: Part of the slowest period over which the bending is averaged by default.
+_SHARE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiStaticReference(Motion):
+    """Joint angles that keep the tip of a flexible arm on a motion, and the torques for them.
+
+    Links bend by what inertia and weight ask for at each instant, as if they never swung.
+
+    Attributes:
+        arm: the flexible arm.
+        motion: of the rigid arm, which the tip follows.
+        smoothing: s, window over which the bending is averaged; half of it comes early.
+    """
+
+    arm: Arm = field(repr=False)
+    motion: Motion
+    smoothing: float
+    _bends: tuple[BSpline, ...] = field(repr=False)  # before, between two breaks each, after
+    chain: RigidChain = field(init=False, repr=False)
+    duration: float = field(init=False)
+    start_time: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chain", self.motion.chain)
+        object.__setattr__(self, "duration", self.motion.duration + self.smoothing)
+        object.__setattr__(self, "start_time", self.motion.start_time - 0.5 * self.smoothing)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Those of the motion, and where they enter and leave the window, s."""
+        own, half = self.motion.breaks, 0.5 * self.smoothing
+        inner = {t + d for t in own for d in (-half, 0.0, half)}
+        inside = (t for t in inner if self.start_time < t < self.end_time)
+        return (self.start_time, *sorted(inside), self.end_time)
+
+    @cached_property
+    def initial(self) -> FloatArray:
+        """Coordinates q (dof,) before it sets off."""
+        q: FloatArray = self.coordinates(np.array([-np.inf]))[0][0]
+        return q
+
+    @property
+    def torque(self) -> QuasiStaticTorque:
+        """Function of time: the torques (joints,) N m of the bent arm along this reference."""
+        return QuasiStaticTorque(self)
+
+    def tip(self, t: ArrayLike) -> FloatArray:
+        """Return where the tip (2,) or (T, 2) is to be, world axes, m."""
+        return self.motion.tip(t)
+
+    def at(self, times: FloatArray) -> JointState:
+        """See `Motion.at`."""
+        return JointState(*(part[:, self.arm.joint_index] for part in self.coordinates(times)))
+
+    def coordinates(self, times: FloatArray) -> list[FloatArray]:
+        """Return q, qd and qdd of the bent arm, (T, dof) each, at times (T,)."""
+        parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
+        if not parts:
+            return [np.zeros((0, self.arm.dof))] * 3
+        whole = [np.concatenate(part) for part in zip(*parts, strict=True)]
+        for array, rigid in zip(whole, self.motion.at(times), strict=True):
+            array[:, self.arm.joint_index] += rigid
+        return whole
+
+    def _averages(self, times: FloatArray) -> list[FloatArray]:
+        """The bending averaged, and its derivatives: those of the window, (C.15)."""
+        half = 0.5 * self.smoothing
+        away = np.clip(times[:, None] - np.array(self.motion.breaks), -half, half)
+        edges = np.sort(np.pad(away, ((0, 0), (1, 1)), constant_values=((0, 0), (-half, half))))
+        nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+        middle, reach = 0.5 * (edges[:, 1:] + edges[:, :-1]), 0.5 * np.diff(edges, axis=1)
+        ages = (middle[:, :, None] + reach[:, :, None] * nodes).reshape(len(times), -1)
+        shares = (reach[:, :, None] * weights).reshape(ages.shape) / self.smoothing
+        bent = self._bent(times[:, None] - ages)
+        turn = 2.0 * np.pi / self.smoothing
+        moving = (times >= self.start_time) & (times < self.end_time)
+        windows = (
+            1.0 + np.cos(turn * ages),
+            -turn * np.sin(turn * ages) * moving[:, None],
+            -(turn**2) * np.cos(turn * ages) * moving[:, None],
+        )
+        return [np.einsum("tk,tkd->td", shares * window, bent) for window in windows]
+
+    def _bent(self, times: FloatArray) -> FloatArray:
+        """What is added to the rigid motion (T, k, dof) at times (T, k), not averaged."""
+        breaks = np.array(self.motion.breaks)
+        inside = np.clip(times, breaks[0], breaks[-1])
+        piece = np.searchsorted(breaks, times, side="right")
+        bent = np.empty((*times.shape, self.arm.dof))
+        for k in np.unique(piece):
+            bent[piece == k] = self._bends[k](inside[piece == k])
+        return bent
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiStaticTorque:
+    """The torque of the bent arm along a quasi-static reference; call it with the time."""
+
+    #: ``simulate`` may ask for many times in one call.
+    vectorized: ClassVar[bool] = True
+
+    motion: QuasiStaticReference
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) where the torque or a derivative of it may jump."""
+        return self.motion.breaks
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.motion.joints
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
+        times = np.asarray(t, dtype=np.float64)
+        arm = self.motion.arm
+        force = arm.inverse_dynamics_many(*self.motion.coordinates(times.reshape(-1)))
+        return force[:, arm.joint_index].reshape(*times.shape, self.joints)
+
+
+def quasi_static_reference(
+    arm: Arm, motion: Motion, *, smoothing: float | None = None
+) -> QuasiStaticReference:
+    """Find joint angles and torques for the tip of a flexible arm, as if links never swung.
+
+    Args:
+        arm: the arm, with links that bend.
+        motion: rest to rest, of the rigid arm, whose tip is followed. With three joints or more
+            all but the two that move the tip best keep to the motion; of a single link, the tip is
+            kept in the direction of the rigid one.
+        smoothing: s, window over which the bending is averaged, a quarter of the slowest period
+            with locked joints by default: bending follows accelerations, which may jump or bend.
+            The reference sets off half a window before the motion and ends half a window after it.
+
+    Raises:
+        InputError: no motion of this arm, a rigid arm, joints that lose hold of the tip, or a
+            window that is not positive.
+        SimulationError: no bending was found that bears the motion.
+
+    (C.13) to (C.15); the first term of what `tip_inversion` solves in full, at a small part of
+    its cost.
+    """
+    where = "quasi_static_reference"
+    check_motion(where, arm, motion)
+    if arm.dof == arm.joints:
+        raise InputError(Problem(where, "arm", "have a link that bends", "rigid"))
+    constraint = TipConstraint(arm, motion)
+    constraint.check()
+    if smoothing is None:
+        slowest = modes(arm, motion.joint_angle(motion.start_time)).frequency_hz
+        window = _SHARE / float(slowest[slowest > 0.0].min())
+    else:
+        window = float(check_array(where, "smoothing", smoothing, ()))
+        if window <= 0.0:
+            raise InputError(Problem(where, "smoothing", "be greater than 0 s", shown(smoothing)))
+    pieces = [_piece(constraint, a, b) for a, b in pairwise(motion.breaks)]
+    rests = [_rest(constraint, t) for t in (motion.start_time - 1.0, motion.end_time + 1.0)]
+    return QuasiStaticReference(arm, motion, window, (rests[0], *pieces, rests[1]))
+
+
+def _piece(constraint: TipConstraint, a: float, b: float) -> BSpline:
+    # Gauss-Lobatto's kind of spacing: dense at the ends, where the bending sets in.
+    times = a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
+    times[0], times[-1] = a, np.nextafter(b, -np.inf)
+    return make_interp_spline(times, _bending(constraint, times), k=5)
+
+
+def _rest(constraint: TipConstraint, t: float) -> BSpline:
+    value = _bending(constraint, np.array([t]))
+    return BSpline(np.array([t, t + 1.0]), value, 0, extrapolate=True)
+
+
+def _bending(constraint: TipConstraint, times: FloatArray) -> FloatArray:
+    """Newton's method at each instant for (C.13): what is added to the rigid q, (T, dof)."""
+    arm, motion = constraint.arm, constraint.motion
+    elastic: NDArray[np.intp] = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    rigid = np.zeros((3, times.size, arm.dof))
+    rigid[:, :, arm.joint_index] = np.stack(motion.at(times))
+    added = np.zeros((times.size, arm.dof))
+    for _ in range(_NEWTON_STEPS):
+        q = rigid[0] + added
+        along = dynamics_along(arm, q, rigid[1], rigid[2])
+        value, by = constraint.misses(times, q, along)
+        missing = np.concatenate([along.force[:, elastic], value], axis=1)
+        matrix = np.concatenate([along.force_by[:, elastic, 0], by], axis=1)
+        step = np.linalg.solve(matrix, missing[:, :, None])[:, :, 0]
+        added -= step
+        size = np.abs(step).max(axis=1)
+        if not np.all(np.isfinite(size)):
+            break
+        if size.max() <= 1e-11 * (1.0 + np.abs(added).max()):
+            return added
+    worst = float(times[int(np.argmax(np.nan_to_num(size, nan=np.inf)))])
+    reason = "links bend too far for a quasi-static reference."
+    raise SimulationError(worst, reason, "Move more slowly, or make the links stiffer.")

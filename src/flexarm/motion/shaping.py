@@ -1,0 +1,193 @@
+"""Input shaping: a motion as a sum of delayed copies of another, so that a vibration cancels.
+
+Delays are counted in turns of the vibration, whose frequency may change on the way: theory page
+"position control", (C.3) to (C.8).
+
+References:
+    N. C. Singer and W. P. Seering, J. Dynamic Systems, Measurement, and Control 112 (1990) 76-82.
+    W. E. Singhose, W. P. Seering and N. C. Singer, J. Mechanical Design 116 (1994) 654-659.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+
+from flexarm.motion.motion import JointState, Motion
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm.motion.chain import RigidChain
+
+    Floats = NDArray[np.float64]
+
+#: Newton's method from a guess within a part of a period.
+_NEWTON_STEPS = 50
+
+
+def zero_vibration(K: float, tolerance: float) -> tuple[float, ...]:
+    """Return two impulses that leave nothing at the design frequency; (C.4)."""
+    return 1.0, K
+
+
+def zero_vibration_and_derivative(K: float, tolerance: float) -> tuple[float, ...]:
+    """Return three impulses: the residual's slope over frequency is zero there, too; (C.5)."""
+    return 1.0, 2.0 * K, K * K
+
+
+def extra_insensitive(K: float, tolerance: float) -> tuple[float, ...]:
+    """Return three impulses that leave ``tolerance`` at the design frequency; (C.6)."""
+    middle = (2.0 * K * K - tolerance * (1.0 + K * K)) / (K + tolerance)
+    return 1.0, middle, K * K
+
+
+#: Impulses, half a period of the vibration apart, up to a common factor. ``K`` is what is left of
+#: a vibration after half a period.
+SHAPERS: dict[str, Callable[[float, float], tuple[float, ...]]] = {
+    "zv": zero_vibration,
+    "zvd": zero_vibration_and_derivative,
+    "ei": extra_insensitive,
+}
+
+
+def impulses(method: str, damping_ratio: float, tolerance: float) -> Floats:
+    """Return the amplitudes (k,) of a shaper's impulses, half a period apart, with sum 1."""
+    left = float(np.exp(-np.pi * damping_ratio / np.sqrt(1.0 - damping_ratio**2)))
+    parts = np.array(SHAPERS[method](left, tolerance))
+    shares: Floats = parts / parts.sum()
+    return shares
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Time counted in the phase of a vibration whose frequency changes; (C.7).
+
+    Args:
+        times: (k,) s, ascending and evenly spaced, six at least; before and after them the
+            frequency is constant.
+        rates: (k,) damped angular frequencies there, rad/s.
+    """
+
+    times: Floats
+    rates: Floats
+
+    @cached_property
+    def _rate(self) -> BSpline:
+        still = [(1, 0.0), (2, 0.0)]
+        return make_interp_spline(self.times, self.rates, k=5, bc_type=(still, still))
+
+    @cached_property
+    def _phase(self) -> BSpline:
+        return self._rate.antiderivative()
+
+    def rate(self, t: Floats, derivative: int = 0) -> Floats:
+        """Angular frequency, rad/s, or its derivative."""
+        inside = np.clip(t, self.times[0], self.times[-1])
+        found: Floats = self._rate(inside, derivative)
+        return np.where(inside == t, found, 0.0) if derivative else found
+
+    def phase(self, t: Floats) -> Floats:
+        """Phase, rad, zero at the first time."""
+        inside = np.clip(t, self.times[0], self.times[-1])
+        found: Floats = self._phase(inside) - self._phase(self.times[0])
+        # Only where something is to be added: an infinite time has an infinite phase.
+        return found + np.where(inside == t, 0.0, self.rate(inside) * (t - inside))
+
+    def time(self, phase: Floats) -> Floats:
+        """The inverse of `phase`, s."""
+        known = self.phase(self.times)
+        t = np.interp(phase, known, self.times)
+        first, last = self.rates[0], self.rates[-1]
+        t = np.where(phase < 0.0, self.times[0] + phase / first, t)
+        t = np.where(phase > known[-1], self.times[-1] + (phase - known[-1]) / last, t)
+        between = (phase >= 0.0) & (phase <= known[-1])
+        inside, wanted = t[between], phase[between]
+        for _ in range(_NEWTON_STEPS):
+            step = (wanted - self.phase(inside)) / self.rate(inside)
+            inside = inside + step
+            if np.max(np.abs(step), initial=0.0) <= 1e-15 * np.ptp(self.times):
+                break
+        t[between] = inside
+        return t
+
+
+@dataclass(frozen=True, eq=False)
+class ShapedMotion(Motion):
+    """A motion convolved with impulses.
+
+    Attributes:
+        motion: the original.
+        amplitudes: of the impulses (k,), with sum 1; each half a turn of the vibration later.
+        clock: phase of the vibration over time.
+    """
+
+    motion: Motion
+    amplitudes: Floats
+    clock: Clock
+    chain: RigidChain = field(init=False, repr=False)
+    duration: float = field(init=False)
+    start_time: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chain", self.motion.chain)
+        object.__setattr__(self, "start_time", self.motion.start_time)
+        own = np.array([self.motion.end_time])
+        last = self.clock.phase(own) + np.pi * (len(self.amplitudes) - 1)
+        object.__setattr__(self, "duration", float(self.clock.time(last)[0]) - self.start_time)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Those of the original in every copy, s."""
+        return tuple(np.unique(self._images).tolist())
+
+    @property
+    def delays(self) -> Floats:
+        """How long after the start and after the end of the original each copy has its own, s.
+
+        (2, k): the first row counts at the start, the second at the end.
+        """
+        ends = self._images[:, [0, -1]]
+        return (ends - ends[:1]).T
+
+    @cached_property
+    def _images(self) -> Floats:
+        """When each copy (k, breaks) has the breaks of the original, s."""
+        own = np.array(self.motion.breaks)
+        turned = self.clock.phase(own) + np.pi * np.arange(len(self.amplitudes))[:, None]
+        images = self.clock.time(turned.reshape(-1)).reshape(turned.shape)
+        images[0], images[-1, -1] = own, self.end_time  # to the bit
+        return images
+
+    def at(self, times: Floats) -> JointState:
+        """See `Motion.at`: (C.8), and its derivatives by the chain rule."""
+        total = [self.amplitudes[0] * part for part in self.motion.at(times)]
+        now, slope = self.clock.rate(times), self.clock.rate(times, 1)
+        finite = np.isfinite(times)
+        phase = self.clock.phase(np.where(finite, times, 0.0))
+        for k, share in enumerate(self.amplitudes[1:], start=1):
+            own = np.where(finite, self.clock.time(phase - k * np.pi), times)
+            own = self._beside_breaks(times, own, k)
+            then = self.clock.rate(own)
+            speed = now / then
+            bend = (slope - self.clock.rate(own, 1) * speed**2) / then
+            state = self.motion.at(own)
+            total[0] += share * state.angle
+            total[1] += share * state.rate * speed[:, None]
+            total[2] += share * (
+                state.acceleration * speed[:, None] ** 2 + state.rate * bend[:, None]
+            )
+        return JointState(*total)
+
+    def _beside_breaks(self, times: Floats, own: Floats, k: int) -> Floats:
+        """Keep each time on its side of a break, which rounding may have changed."""
+        breaks, images = np.array(self.motion.breaks), self._images[k]
+        piece = np.searchsorted(images, times, side="right")
+        least = np.concatenate([[-np.inf], breaks])[piece]
+        most = np.concatenate([np.nextafter(breaks, -np.inf), [np.inf]])[piece]
+        return np.clip(own, least, most)

@@ -1,0 +1,132 @@
+"""Motions smoothed in time: each angle an average over a window of the past.
+
+Theory page "position control", (C.9) and (C.10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.motion.motion import JointState, Motion
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm.motion.chain import RigidChain
+
+    Floats = NDArray[np.float64]
+
+#: Gauss's points between two breaks: exact to rounding for motions that are smooth there.
+_POINTS = 24
+#: Times averaged in one go: bounds the memory of long runs.
+_CHUNK = 1024
+
+#: Weights over the fraction of the window, from 0 to 1, with mean 1.
+WINDOWS: dict[str, Callable[[Floats], Floats]] = {
+    "moving_average": np.ones_like,
+    "raised_cosine": lambda u: 1.0 - np.cos(2.0 * np.pi * u),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedMotion(Motion):
+    """A motion averaged over a window: it sets off with the original and ends a window later.
+
+    Attributes:
+        motion: the original.
+        window: name of the weights, of `WINDOWS`.
+        span: length of the window, s.
+    """
+
+    motion: Motion
+    window: str
+    span: float
+    chain: RigidChain = field(init=False, repr=False)
+    duration: float = field(init=False)
+    start_time: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chain", self.motion.chain)
+        object.__setattr__(self, "duration", self.motion.duration + self.span)
+        object.__setattr__(self, "start_time", self.motion.start_time)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Those of the original as they enter the window and as they leave it, s."""
+        own = self.motion.breaks
+        late = [t + self.span for t in own[:-1]]  # the last is the end, to the bit
+        return tuple(sorted({*own, *late, self.end_time}))
+
+    def at(self, times: Floats) -> JointState:
+        """See `Motion.at`."""
+        parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
+        if not parts:
+            return self.motion.at(times)
+        angle, rate, acceleration = (np.concatenate(part) for part in zip(*parts, strict=True))
+        # At the end rounding may leave the last break in the window by a part of a bit.
+        moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
+        return JointState(angle, rate * moving, acceleration * moving)
+
+    def _averages(self, times: Floats) -> list[Floats]:
+        ages, shares = self._points(times)
+        counted = shares > 0.0  # not between two breaks that are both outside the window
+        state = self.motion.at((times[:, None] - ages)[counted])
+        parts = np.zeros((*ages.shape, 3, self.joints))
+        parts[counted] = np.stack(state, axis=1)
+        averages = np.einsum("tk,tkpn->ptn", shares, parts)
+        return list(averages)
+
+    def _points(self, times: Floats) -> tuple[Floats, Floats]:
+        """How long ago (T, k), s, and with which share (T, k) the original counts."""
+        ago = np.clip(times[:, None] - np.array(self.motion.breaks), 0.0, self.span)
+        edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), (0, self.span))))
+        nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+        middle, half = 0.5 * (edges[:, 1:] + edges[:, :-1]), 0.5 * np.diff(edges, axis=1)
+        ages = (middle[:, :, None] + half[:, :, None] * nodes).reshape(len(times), -1)
+        shares = (half[:, :, None] * weights).reshape(ages.shape) / self.span
+        return ages, shares * WINDOWS[self.window](ages / self.span)
+
+
+def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> SmoothedMotion:
+    """Smooth a motion in time: joint angles become averages over the last ``duration``.
+
+    Args:
+        motion: the original.
+        duration: length of the window, s; the motion ends that much later.
+        window: "moving_average" weights all of it alike, "raised_cosine" as 1 - cos.
+
+    Returns:
+        A motion. The tip leaves the path a little: angles are averaged, and the path is not linear
+        in them.
+
+    Raises:
+        InputError: no motion, a duration that is not positive, an unknown window.
+
+    A vibration of frequency f is not excited where ``f * duration`` is 1, 2, 3, ... (moving
+    average) or 2, 3, ... (raised cosine); (C.10).
+    """
+    where = "smoothed"
+    check_is_motion(where, motion)
+    if not isinstance(window, str) or window not in WINDOWS:
+        rule = "be one of " + ", ".join(map(repr, WINDOWS))
+        raise InputError(Problem(where, "window", rule, shown(window)))
+    span = float(check_array(where, "duration", duration, ()))
+    if span <= 0.0:
+        raise InputError(Problem(where, "duration", "be greater than 0 s", shown(duration)))
+    return SmoothedMotion(motion, window, span)
+
+
+def check_is_motion(where: str, motion: object) -> None:
+    """Refuse what is no motion.
+
+    Raises:
+        InputError: so it is.
+    """
+    if not isinstance(motion, Motion):
+        hint = "fa.line_motion and fa.joint_motion make motions."
+        raise InputError(Problem(where, "motion", "be a motion", shown(motion), hint))

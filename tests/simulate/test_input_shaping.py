@@ -1,0 +1,184 @@
+"""Shaped moves leave the vibration that the theory of input shaping predicts.
+
+Closed forms of Singer and Seering (1990) and of Singhose et al. (1994), written out here.
+"""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+STILL = 4.0  # s, when every motion here has ended
+
+
+def one_mode(ratio=0.0):
+    """A link of a single mode on a joint that is moved."""
+    link = fa.Link(
+        length=1.0,
+        flexural_rigidity=20.0,
+        mass_per_length=0.5,
+        elements=2,
+        modes=1,
+        damping=fa.ModalDamping(ratio=ratio) if ratio else None,
+    )
+    return fa.Arm(links=[link])
+
+
+def small_move(arm, duration=0.31):
+    # So small and slow that the centrifugal term, (rate / frequency)^2, is 1e-8 of the stiffness.
+    return fa.joint_motion(arm, [0.0], [1e-3], duration, start_time=0.1)
+
+
+def amplitude(arm, motion, frequency_hz, ratio=0.0):
+    """Complex amplitude of the mode at a time when all is over, of free vibration."""
+    run = fa.simulate(
+        arm, STILL, prescribed={1: motion}, rate=100.0, rtol=1e-10, atol=1e-13, progress=False
+    )
+    omega = 2.0 * np.pi * frequency_hz
+    pole = omega * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
+    eta, rate = run.q.values[-1, 1], run.qd.values[-1, 1]
+    return (rate - np.conj(pole) * eta) / (2j * pole.imag)
+
+
+def printed_impulses(method, tolerance=0.05):
+    """Undamped shapers as the papers print them: amplitudes half a period apart."""
+    V = tolerance
+    return {
+        "zv": [1 / 2, 1 / 2],
+        "zvd": [1 / 4, 1 / 2, 1 / 4],
+        "ei": [(1 + V) / 4, (1 - V) / 2, (1 + V) / 4],
+    }[method]
+
+
+def residual(amplitudes, detuned, ratio=0.0):
+    """Percentage residual vibration for a system of ``detuned`` times the design frequency.
+
+    Amplitudes are those of the system's free vibration, after both have ended.
+    """
+    design = np.pi / np.sqrt(1.0 - ratio**2)  # half a damped period, in 1 / omega
+    times = design * np.arange(len(amplitudes))
+    pole = detuned * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
+    return abs(np.sum(amplitudes * np.exp(-pole * times)))
+
+
+@pytest.mark.parametrize("method", ["zv", "zvd", "ei"])
+def test_residual_over_frequency_error_is_the_closed_form(method):
+    arm = one_mode()
+    hertz = float(fa.modes(arm).frequency_hz[0])
+    motion = small_move(arm)
+    plain = abs(amplitude(arm, motion, hertz))
+    assert plain > 1e-6  # there is something to cancel
+    for detuned in (0.7, 0.9, 1.0, 1.05, 1.3):
+        made = fa.shaped(motion, method=method, frequency_hz=hertz / detuned)
+        left = abs(amplitude(arm, made, hertz)) / plain
+        wanted = residual(printed_impulses(method), detuned)
+        # The centrifugal term and the tolerance of the run.
+        assert left == pytest.approx(wanted, abs=2e-5), detuned
+
+
+def test_what_the_three_are_for():
+    """ZV: zero at design. ZVD: zero slope, too. EI: the tolerance at design, zero at both sides."""
+    arm = one_mode()
+    hertz = float(fa.modes(arm).frequency_hz[0])
+    motion = small_move(arm)
+    plain = abs(amplitude(arm, motion, hertz))
+
+    def left(method, detuned, **options):
+        made = fa.shaped(motion, method=method, frequency_hz=hertz / detuned, **options)
+        return abs(amplitude(arm, made, hertz)) / plain
+
+    assert left("zv", 1.0) < 1e-5
+    assert left("zvd", 1.0) < 1e-5
+    off = 0.01
+    assert left("zv", 1.0 + off) == pytest.approx(np.pi / 2 * off, rel=0.01)  # a slope
+    assert left("zvd", 1.0 + off) < 1.1 * (np.pi / 2 * off) ** 2  # none
+    for tolerance in (0.02, 0.1):
+        assert left("ei", 1.0, tolerance=tolerance) == pytest.approx(tolerance, abs=1e-5)
+        side = np.arccos((tolerance - 1.0) / (1.0 + tolerance)) / np.pi
+        assert left("ei", side, tolerance=tolerance) < 1e-5
+        assert left("ei", 2.0 - side, tolerance=tolerance) < 1e-5
+
+
+@pytest.mark.parametrize("method", ["zv", "zvd", "ei"])
+def test_damped_modes(method):
+    """ZV and ZVD by the printed K = exp(-zeta pi / sqrt(1 - zeta^2)); EI leaves the tolerance."""
+    ratio = 0.12
+    arm = one_mode(ratio)
+    found = fa.modes(arm)
+    hertz = float(found.frequency_hz[0])
+    assert found.damping_ratio[0] == pytest.approx(ratio)
+    K = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
+    motion = small_move(arm)
+    made = fa.shaped(motion, arm, method)  # of its own mode, with its damping
+    plain = abs(amplitude(arm, motion, hertz, ratio))
+    left = abs(amplitude(arm, made, hertz, ratio)) / plain
+    if method == "ei":
+        # Of a single impulse, which the damping of the shaper's two half periods has left less of.
+        assert left * K**2 == pytest.approx(0.05, abs=1e-5)
+        assert residual(made.amplitudes, 1.0, ratio) == pytest.approx(left, rel=1e-3)
+        return
+    printed = {"zv": [1.0, K], "zvd": [1.0, 2 * K, K**2]}[method]
+    np.testing.assert_allclose(made.amplitudes, np.array(printed) / np.sum(printed), rtol=1e-12)
+    assert left < 1e-5
+
+
+def test_two_modes_stay_at_rest():
+    link = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, elements=2, modes=2)
+    arm = fa.Arm(links=[link])
+    motion = small_move(arm, 0.05)
+
+    def energy(given):
+        run = fa.simulate(arm, 2.0, prescribed={1: given}, rate=100.0, rtol=1e-10, atol=1e-13)
+        return float((run.kinetic_energy + run.strain_energy)[-1])
+
+    plain = energy(motion)
+    first = energy(fa.shaped(motion, arm, "zv"))
+    both = energy(fa.shaped(motion, arm, "zv", modes=2))
+    assert first > 1e-4 * plain  # the second mode is worth while
+    assert both < 1e-9 * plain
+
+
+@pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
+def test_frequency_that_changes_on_the_way(profile):
+    """An elbow that folds changes the lowest frequency by half; impulses follow its phase."""
+    rod = {"flexural_rigidity": 600.0, "mass_per_length": 0.5, "elements": 1}
+    arm = fa.Arm(
+        links=[
+            fa.Link(length=1.0, **rod),
+            fa.Link(length=1.0, flexible=False, mass_per_length=0.5),
+        ],
+        joints=[fa.Joint(), fa.Joint(mass=0.5)],
+        payload=fa.Payload(mass=1.0),
+    )
+    start, end = [0.0, 0.2], [0.1, 2.6]
+    hertz = [float(fa.modes(arm, angles).frequency_hz[0]) for angles in (start, end)]
+    assert hertz[1] > 1.4 * hertz[0]
+    motion = fa.joint_motion(arm, start, end, 1.2, profile)
+
+    def energy(given):
+        run = fa.simulate(arm, 4.0, prescribed={1: given, 2: given}, rate=50.0)
+        return float((run.kinetic_energy + run.strain_energy)[-1])
+
+    plain = energy(motion)
+    followed = energy(fa.shaped(motion, arm))
+    of_start = energy(fa.shaped(motion, frequency_hz=hertz[0]))
+    of_end = energy(fa.shaped(motion, frequency_hz=hertz[1]))
+    print(profile, hertz, plain, followed, of_start, of_end)
+    assert followed < 0.05 * plain
+    assert followed < 0.3 * min(of_start, of_end)
+
+
+@pytest.mark.parametrize(("window", "turns"), [("moving_average", 1.0), ("raised_cosine", 2.0)])
+def test_a_window_of_whole_periods_leaves_nothing(window, turns):
+    arm = one_mode()
+    hertz = float(fa.modes(arm).frequency_hz[0])
+    motion = small_move(arm)
+    plain = abs(amplitude(arm, motion, hertz))
+    left = abs(amplitude(arm, fa.smoothed(motion, turns / hertz, window), hertz))
+    assert left < 1e-5 * plain
+    # Elsewhere the transform of the window.
+    x = 0.6  # turns in the window
+    sinc = np.sinc(x)
+    wanted = abs(sinc if window == "moving_average" else sinc / (1.0 - x**2))
+    left = abs(amplitude(arm, fa.smoothed(motion, x / hertz, window), hertz))
+    assert left / plain == pytest.approx(wanted, abs=1e-5)

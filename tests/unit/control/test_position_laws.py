@@ -1,0 +1,241 @@
+"""What each position controller computes, against its law written out in scalars."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.control import Measurement
+
+TICK = 0.002
+
+
+def arm(**options):
+    link = {"mass_per_length": 0.5, "elements": 2}
+    links = [
+        fa.Link(length=0.8, flexural_rigidity=30.0, **link),
+        fa.Link(length=0.6, flexural_rigidity=20.0, **link),
+    ]
+    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03, mass=0.2)]
+    return fa.Arm(links=links, joints=joints, **options)
+
+
+def readings(count=40, gauges=0, seed=3):
+    """Random measurements; what they are does not matter to the laws."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        yield Measurement(
+            joint_angle=rng.normal(size=2),
+            joint_rate=rng.normal(size=2),
+            strain=1e-3 * rng.normal(size=gauges),
+        )
+
+
+class Steady:
+    """A reference that stands and moves at once: any numbers will do."""
+
+    def joint_angle(self, t):
+        return np.array([0.3, -0.2])
+
+    def joint_rate(self, t):
+        return np.array([1.0, 2.0])
+
+    def joint_acceleration(self, t):
+        return np.array([-4.0, 3.0])
+
+
+def answers(controller, **options):
+    controller.reset()
+    return [
+        (said, np.array(controller.update(k * controller.sample_time, said, Steady())))
+        for k, said in enumerate(readings(**options))
+    ]
+
+
+def test_pid_with_a_limit():
+    """The integral takes up an error unless the limit is reached and the error asks for more."""
+    P, integral, D, limit = (8.0, 5.0), (30.0, 20.0), (0.5, 0.2), (10.0, 7.0)
+    controller = fa.JointPID(P, D, integral, torque_limit=limit, sample_time=TICK)
+    held = [0.0, 0.0]
+    saturated = 0
+    for said, found in answers(controller):
+        for j in range(2):
+            error = [0.3, -0.2][j] - said.joint_angle[j]
+            rate_error = [1.0, 2.0][j] - said.joint_rate[j]
+            torque = P[j] * error + held[j] + D[j] * rate_error
+            given = max(-limit[j], min(limit[j], torque))
+            if given == torque or error * torque < 0:
+                held[j] += integral[j] * TICK * error
+            saturated += given != torque
+            assert found[j] == pytest.approx(given, rel=1e-13)
+    assert 10 < saturated < 70  # both happen
+
+
+def test_integral_does_not_wind_up():
+    """A motor that is too weak at first: with the limit known, no overshoot is stored."""
+    plant = arm(gravity=(0.0, 0.0)).rigid()
+    motion = fa.joint_motion(plant, [0.0, 0.0], [1.2, 0.0], 0.2)
+    hardware = fa.Hardware(motors=fa.Motors(torque_limit=1.0))
+    over = []
+    for limit in (np.inf, 1.0):
+        controller = fa.JointPID([40.0, 20.0], [9.0, 3.0], [60.0, 30.0], torque_limit=limit)
+        run = fa.simulate(
+            plant, 4.0, controller=controller, reference=motion, hardware=hardware, rate=100.0
+        )
+        over.append(float(run.joint_angle.sel(joint=1).max()) - 1.2)
+    assert over[1] < 0.5 * over[0]
+
+
+def test_integral_removes_what_an_unknown_payload_leaves():
+    weight = (0.0, -9.81)
+    believed = arm(gravity=weight).rigid()
+    plant = arm(gravity=weight, payload=fa.Payload(mass=0.2)).rigid()
+    motion = fa.joint_motion(believed, [0.3, 0.4], [0.5, 0.2], 0.5)
+    errors = []
+    for integral in (0.0, [40.0, 15.0]):
+        controller = fa.JointPID([30.0, 12.0], [3.0, 1.0], integral, arm=believed)
+        run = fa.simulate(
+            believed, 20.0, controller=controller, reference=motion, plant=plant, rate=20.0
+        )
+        errors.append(abs(run.joint_angle.values[-1] - [0.5, 0.2]).max())
+    assert errors[0] > 0.02
+    assert errors[1] < 1e-3 * errors[0]
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_weight_of_an_arm_that_sags(theory):
+    """What holds the arm is what `equilibrium` finds, by another way."""
+    flexible = arm(gravity=(0.0, -9.81), theory=theory, payload=fa.Payload(mass=0.1))
+    controller = fa.JointPID(0.0, 0.0, arm=flexible, sag=True)
+    straight = fa.JointPID(0.0, 0.0, arm=flexible)
+    for angles in ([0.2, -0.4], [1.0, 0.9]):
+        controller.reset()
+        said = Measurement(joint_angle=np.array(angles), joint_rate=np.zeros(2))
+        wanted = fa.equilibrium(flexible, angles).torque
+        found = controller.update(0.0, said, None)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
+        rigid = flexible.rigid().bias_force(np.array(angles), np.zeros(2))
+        np.testing.assert_allclose(straight.update(0.0, said, None), rigid, rtol=1e-12)
+        assert abs(rigid - wanted).max() > 1e-3  # the sag counts
+    # Another posture at the next sample times: the sag is corrected from call to call.
+    said = Measurement(joint_angle=np.array([0.9, 0.9]), joint_rate=np.zeros(2))
+    for k in range(12):
+        found = controller.update(k * 1e-3, said, None)
+    wanted = fa.equilibrium(flexible, [0.9, 0.9]).torque
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
+
+
+def test_an_arm_that_sags_is_held_where_it_is():
+    flexible = arm(gravity=(0.0, -9.81))
+    hung = fa.equilibrium(flexible, [0.4, 0.3])
+    controller = fa.JointPID([5.0, 3.0], [0.5, 0.2], arm=flexible, sag=True)
+    run = fa.simulate(flexible, 1.0, controller=controller, initial=hung.q, rate=50.0)
+    np.testing.assert_allclose(run.joint_angle.values, [[0.4, 0.3]] * 51, rtol=0, atol=1e-7)
+
+
+def test_computed_torque_asks_for_the_accelerations_that_it_wants():
+    """Forward dynamics of the rigid arm give them back."""
+    rigid = arm(gravity=(0.0, -9.81)).rigid()
+    controller = fa.ComputedTorque(rigid, [2.0, 3.0], [0.7, 1.0])
+    w = 2.0 * np.pi * np.array([2.0, 3.0])
+    for said, torque in answers(controller):
+        angle, rate = np.array([0.3, -0.2]), np.array([1.0, 2.0])
+        wanted = np.array([-4.0, 3.0]) + 2.0 * np.array([0.7, 1.0]) * w * (rate - said.joint_rate)
+        wanted = wanted + w**2 * (angle - said.joint_angle)
+        found = rigid.forward_dynamics(said.joint_angle, said.joint_rate, torque)
+        np.testing.assert_allclose(found, wanted, rtol=1e-10)
+
+
+def test_computed_torque_with_feedforward():
+    """The torque given, at the middle of the sample time, and M times the correction."""
+    model = arm()
+    controller = fa.ComputedTorque(
+        model, 2.0, 0.7, feedforward=lambda t: [t, 2.0 * t], sample_time=TICK
+    )
+    w = 4.0 * np.pi
+    for k, (said, torque) in enumerate(answers(controller)):
+        error = np.array([0.3, -0.2]) - said.joint_angle
+        rate_error = np.array([1.0, 2.0]) - said.joint_rate
+        M = model.rigid().mass_matrix(said.joint_angle)
+        middle = (k + 0.5) * TICK
+        wanted = [middle, 2.0 * middle] + M @ (w**2 * error + 1.4 * w * rate_error)
+        np.testing.assert_allclose(torque, wanted, rtol=1e-12)
+
+
+def test_strain_feedback():
+    """Rates by Tustin's rule, a difference equation written out."""
+    K, R, cutoff = np.array([[300.0, 20.0, 5.0], [0.0, 70.0, 9.0]]), np.ones((2, 3)), 50.0
+    controller = fa.StrainFeedback(
+        [8.0, 5.0], [0.5, 0.2], K, 3.0 * R, rate_cutoff=cutoff, sample_time=TICK
+    )
+    before, rate = None, np.zeros(3)
+    T = 1.0 / (2.0 * np.pi * cutoff)
+    for said, torque in answers(controller, gauges=3):
+        if before is not None:
+            rate = ((2 * T - TICK) * rate + 2 * (said.strain - before)) / (2 * T + TICK)
+        before = said.strain
+        wanted = np.array([8.0, 5.0]) * ([0.3, -0.2] - said.joint_angle)
+        wanted = wanted + np.array([0.5, 0.2]) * ([1.0, 2.0] - said.joint_rate)
+        wanted = wanted - K @ said.strain - 3.0 * R @ rate
+        np.testing.assert_allclose(torque, wanted, rtol=1e-12)
+
+
+def test_strain_gains_for_one_gauge_a_joint():
+    said = Measurement(
+        joint_angle=np.zeros(2), joint_rate=np.zeros(2), strain=np.array([1e-3, -2e-3])
+    )
+    for gains, wanted in (([100.0, 50.0], [-0.1, 0.1]), (100.0, [-0.1, 0.2])):
+        controller = fa.StrainFeedback(0.0, 0.0, gains)
+        np.testing.assert_allclose(controller.update(0.0, said, None), wanted, rtol=1e-14)
+
+
+@pytest.mark.parametrize(("gains", "gauges"), [([1.0, 2.0], 3), (1.0, 1), (np.ones((2, 2)), 3)])
+def test_strain_gains_that_do_not_fit_are_told(gains, gauges):
+    said = Measurement(joint_angle=np.zeros(2), joint_rate=np.zeros(2), strain=np.zeros(gauges))
+    with pytest.raises(fa.InputError, match=rf"strain must be a matrix \(2, {gauges}\)"):
+        fa.StrainFeedback(1.0, 1.0, gains).update(0.0, said, None)
+
+
+def test_feedforward_is_looked_up_for_many_samples_at_once():
+    """A function that takes many times is called once in a while, and gives the same."""
+
+    class Torque:
+        vectorized = True
+        calls = 0
+
+        def __call__(self, t):
+            Torque.calls += 1
+            return np.stack([np.sin(t), np.cos(t)], axis=-1)
+
+    said = Measurement(joint_angle=np.zeros(2), joint_rate=np.zeros(2))
+    controller = fa.JointPD(0.0, 0.0, sample_time=TICK, feedforward=Torque())
+    for k in [*range(1030), 5]:
+        middle = (k + 0.5) * TICK
+        found = controller.update(k * TICK, said, None)
+        np.testing.assert_allclose(found, [np.sin(middle), np.cos(middle)], rtol=1e-12)
+    assert Torque.calls <= 4
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fa.JointPID([1.0, -1.0], 1.0), "proportional must hold finite gains"),
+        (lambda: fa.JointPID(1.0, np.nan), "derivative must be finite"),
+        (lambda: fa.JointPID(1.0, 1.0, "much"), "integral must be"),
+        (lambda: fa.JointPID(1.0, 1.0, torque_limit=0.0), "torque_limit must be a number greater"),
+        (lambda: fa.JointPID(1.0, 1.0, sag=True), "arm must be given with sag"),
+        (lambda: fa.JointPID(1.0, 1.0, arm="arm"), "arm must be an Arm"),
+        (lambda: fa.JointPID([1.0] * 3, [1.0] * 3, arm=arm()), "each of 2 joints"),
+        (lambda: fa.JointPID(1.0, 1.0, feedforward=3.0), "feedforward must be a function"),
+        (lambda: fa.JointPD(1.0, 1.0, sample_time="fast"), "sample_time must be a positive time"),
+        (lambda: fa.ComputedTorque("arm", 1.0), "arm must be an Arm"),
+        (lambda: fa.ComputedTorque(arm(), 0.0), "frequency_hz must be a number greater than 0"),
+        (lambda: fa.ComputedTorque(arm(), np.inf), "frequency_hz must be finite"),
+        (lambda: fa.ComputedTorque(arm(), [1.0] * 3), "each of 2 joints"),
+        (lambda: fa.ComputedTorque(arm(), 1.0, -0.1), "damping_ratio must hold finite gains"),
+        (lambda: fa.StrainFeedback(1.0, 1.0, np.ones((1, 1, 1))), "strain must be"),
+        (lambda: fa.StrainFeedback(1.0, 1.0, 1.0, rate_cutoff=0.0), "rate_cutoff"),
+    ],
+)
+def test_wrong_input_is_told(make, words):
+    with pytest.raises(fa.InputError, match=words):
+        make()
