@@ -209,6 +209,6 @@ def _controller(arm: Arm, scenario: Scenario, motion: Motion, start: Start) -> C
         if len(arm.gauges) != arm.joints:
             rule = f"have one gauge for each of the {arm.joints} joints for strain feedback"
             raise InputError(Problem("drive", "strain", rule, f"an arm with {len(arm.gauges)}"))
-        more = {"rate_cutoff": drive.rate_cutoff}
-        return StrainFeedback(*gains, drive.strain, drive.strain_rate, **more, **common)
+        common |= {"rate_cutoff": drive.rate_cutoff}
+        return StrainFeedback(*gains, drive.strain, drive.strain_rate, **common)
     return JointPD(*gains, **common)
