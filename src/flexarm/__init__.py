@@ -14,12 +14,19 @@ if TYPE_CHECKING:
     from flexarm.arm import Arm as Arm
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
+    from flexarm.arm import varied as varied
+    from flexarm.control import Adaptive as Adaptive
     from flexarm.control import Controller as Controller
+    from flexarm.control import DisturbanceObserver as DisturbanceObserver
+    from flexarm.control import EstimatorController as EstimatorController
+    from flexarm.control import ExtendedKalmanFilter as ExtendedKalmanFilter
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
     from flexarm.control import Measurement as Measurement
     from flexarm.control import Motors as Motors
+    from flexarm.control import RBFAdaptive as RBFAdaptive
+    from flexarm.control import SlidingMode as SlidingMode
     from flexarm.errors import FlexarmError as FlexarmError
     from flexarm.errors import InputError as InputError
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
@@ -75,12 +82,16 @@ if TYPE_CHECKING:
 
 #: Every public name, and the module that holds it.
 _HOME = {
+    "Adaptive": "control",
     "Arm": "arm",
     "Box": "model",
     "Circle": "model",
     "Controller": "control",
+    "DisturbanceObserver": "control",
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
+    "EstimatorController": "control",
+    "ExtendedKalmanFilter": "control",
     "FlexarmError": "errors",
     "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
@@ -105,12 +116,14 @@ _HOME = {
     "Modes": "linear",
     "Payload": "model",
     "PrescribedAngle": "simulate",
+    "RBFAdaptive": "control",
     "RayleighDamping": "model",
     "Rectangle": "model",
     "SectionTable": "model",
     "Sensor": "linear",
     "Separation": "linear.along",
     "SimulationError": "errors",
+    "SlidingMode": "control",
     "StepJacobian": "linear.step_jacobian",
     "TipInversion": "simulate.tip_inversion",
     "Tube": "model",
@@ -136,6 +149,7 @@ _HOME = {
     "simulate_separated": "simulate.separated",
     "step_jacobian": "linear.step_jacobian",
     "tip_inversion": "simulate.tip_inversion",
+    "varied": "arm",
 }
 
 __all__ = sorted(_HOME)
