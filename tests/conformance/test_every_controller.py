@@ -37,9 +37,7 @@ def kalman_filter():
 
 #: How to make each controller of the registry for that arm.
 EXAMPLES = {
-    "adaptive": lambda: fa.Adaptive(
-        known_arm(), 2.0, [0.8, 0.2], 0.003, sample_time=SAMPLE_TIME
-    ),
+    "adaptive": lambda: fa.Adaptive(known_arm(), 2.0, [0.8, 0.2], 0.003, sample_time=SAMPLE_TIME),
     "disturbance_observer": lambda: fa.DisturbanceObserver(known_arm(), joint_pd(), 0.2),
     "estimator": lambda: fa.EstimatorController(kalman_filter(), joint_pd()),
     "joint_pd": joint_pd,

@@ -8,8 +8,8 @@ import pytest
 from docs_pages import ROOT, text_of
 
 THEORY = sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs" / "theory").glob("*.md"))
-_CITED = re.compile(r"\(([BDILPRS])\.(\d+)([a-z]?)\)")
-_TAG = re.compile(r"\\tag\{([BDILPRS])\.(\d+)\}")
+_CITED = re.compile(r"\(([BCDILPRS])\.(\d+)([a-z]?)\)")
+_TAG = re.compile(r"\\tag\{([BCDILPRS])\.(\d+)\}")
 
 
 def tags() -> list[tuple[str, int]]:
@@ -23,6 +23,15 @@ def test_each_number_is_given_once_and_none_is_left_out() -> None:
     for letter in "BDILPRS":
         numbers = sorted(n for other, n in found if other == letter)
         assert numbers == list(range(1, len(numbers) + 1)), f"({letter}.n) has gaps: {numbers}"
+
+
+def test_pages_on_control_leave_none_of_theirs_out() -> None:
+    """Each page on control has numbers of its own, (C.1), (C.20), (C.40), ... on."""
+    index = text_of("docs/theory/index.md")
+    for page in (page for page in THEORY if "control" in page):
+        numbers = [int(n) for letter, n in _TAG.findall(text_of(page)) if letter == "C"]
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), page
+        assert f"(C.{numbers[0]}) to (C.{numbers[-1]})" in index, f"the index on {page}"
 
 
 @pytest.mark.parametrize("folder", ["src", "tests", "docs"])

@@ -24,8 +24,8 @@ CONTROLLERS: dict[str, type[Controller]] = {
 }
 
 __all__ = [
-    "Adaptive",
     "CONTROLLERS",
+    "Adaptive",
     "Controller",
     "DisturbanceObserver",
     "EstimatorController",

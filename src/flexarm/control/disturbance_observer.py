@@ -35,8 +35,6 @@ class DisturbanceObserver(Controller):
 
     name = "disturbance_observer"
 
-    name = "disturbance_observer"
-
     def __init__(
         self, arm: Arm, inner: Controller, cutoff: ArrayLike = 5.0, compensation: float = 1.0
     ) -> None:
@@ -54,7 +52,7 @@ class DisturbanceObserver(Controller):
         self._last: tuple[FloatArray, FloatArray] | None = None
         self._asked = np.zeros(arm.joints)
 
-    @property  # type: ignore[override]
+    @property
     def sample_time(self) -> float:
         """Time between samples: that of the inner controller, s."""
         return self.inner.sample_time
@@ -82,7 +80,7 @@ class DisturbanceObserver(Controller):
         found = self._model.momentum(measurement.joint_angle, measurement.joint_rate)
         momentum, flow = found[0].copy(), found[1].copy()
         if self._last is not None:
-            acted = measurement["torque"] if "torque" in measurement else self._asked
+            acted = measurement.get("torque", self._asked)
             # Over the sample the torque was constant, and the flow of momentum nearly linear.
             change = (momentum - self._last[0]) / self.sample_time
             pushed = change - acted - 0.5 * (flow + self._last[1])

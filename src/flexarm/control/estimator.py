@@ -38,7 +38,7 @@ class EstimatorController(Controller):
         self.estimator, self.inner = estimator, inner
         self._asked: FloatArray | None = None
 
-    @property  # type: ignore[override]
+    @property
     def sample_time(self) -> float:
         """Time between samples: that of the inner controller, s."""
         return self.inner.sample_time
@@ -58,7 +58,7 @@ class EstimatorController(Controller):
         """See ``Controller.update``."""
         known = self.estimator
         if self._asked is not None:
-            known.predict(measurement["torque"] if "torque" in measurement else self._asked)
+            known.predict(measurement.get("torque", self._asked))
         known.correct(measurement)
         q, qd, joints = known.q, known.qd, known.arm.joint_index
         seen = dict(measurement) | {

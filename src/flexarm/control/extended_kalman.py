@@ -91,6 +91,8 @@ class ExtendedKalmanFilter:
         self._x = np.zeros(2 * self.arm.dof + 1)
         self._P = np.zeros((self._x.size, self._x.size))
         self._torque = np.zeros(self.arm.joints)
+        # How much the error of the last torque has moved [q, qd, payload].
+        self._moved = np.zeros((self._x.size, self.arm.joints))
         self._begun = False
 
     @property
@@ -134,16 +136,21 @@ class ExtendedKalmanFilter:
             self._begin(measurement)
         assert self._step is not None
         constants = self._step.constants(self._change)
-        values, by_state, by_mass = self._readings.predict(self._x[:-1], self._torque, constants)
-        H = np.hstack([by_state, by_mass[:, None]])
-        R = np.diag(self._readings.variance)
-        S = H @ self._P @ H.T + R
-        K = cho_solve(cho_factor(S), H @ self._P).T
-        self._x = self._x + K @ (self._readings.stacked(measurement) - values)
+        seen = self._readings.predict(self._x[:-1], self._torque, constants)
+        H = np.hstack([seen.state, seen.parameter[:, None]])
+        # Accelerometers feel the same error of the torque that has moved the state.
+        felt = seen.torque * self.torque_noise
+        R = np.diag(self._readings.variance) + felt @ felt.T
+        N = self._moved @ felt.T
+        S = H @ self._P @ H.T + H @ N + N.T @ H.T + R
+        K = cho_solve(cho_factor(S), (self._P @ H.T + N).T).T
+        self._x = self._x + K @ (self._readings.stacked(measurement) - seen.values)
         self._x[-1] = max(self._x[-1], 0.0)
         left = np.eye(self._x.size) - K @ H
         # In Joseph's form rounding leaves the covariance symmetric and positive.
-        self._P = left @ self._P @ left.T + K @ R @ K.T
+        both = left @ N @ K.T
+        self._P = left @ self._P @ left.T + K @ R @ K.T - both - both.T
+        self._moved = np.zeros_like(self._moved)
 
     def predict(self, torque: ArrayLike) -> None:
         """Go on to the next sample time under a torque (joints,) N m, held."""
@@ -156,6 +163,7 @@ class ExtendedKalmanFilter:
         self._x[:size] = step.after
         noisy = step.torque * self.torque_noise
         self._P = F @ self._P @ F.T
+        self._moved[:size] = noisy
         self._P[:size, :size] += noisy @ noisy.T
         self._P[size, size] += self.payload_drift**2 * self.sample_time
 
@@ -195,10 +203,7 @@ class ExtendedKalmanFilter:
         arm, count = self.arm, self.arm.dof
         angle_item = next(i for i in self.instruments if i.signal == "joint_angle")
         angles = np.asarray(measurement[angle_item.label])
-        if any(arm.spec.gravity):
-            q = equilibrium(arm, angles).q
-        else:
-            q = arm.rest(angles)
+        q = equilibrium(arm, angles).q if any(arm.spec.gravity) else arm.rest(angles)
         self._x = np.concatenate([q, np.zeros(count), [self._nominal]])
         stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles))).copy()
         energy = 2.0 * self.energy_deviation

@@ -23,7 +23,13 @@ class Gains:
         return float(self._numbers(name, value, (), positive))
 
     def each(
-        self, name: str, value: ArrayLike, count: int, *, positive: bool = False, what: str = "joint"
+        self,
+        name: str,
+        value: ArrayLike,
+        count: int,
+        *,
+        positive: bool = False,
+        what: str = "joint",
     ) -> FloatArray:
         """Return (count,) numbers, from one for all or a list with one for each."""
         shape = () if np.ndim(value) == 0 else (count,)

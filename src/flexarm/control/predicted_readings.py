@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.assemble import IntArray
 from flexarm.control.instruments import Instrument
 from flexarm.control.measurement import FloatArray, Measurement
 from flexarm.errors import InputError, Problem, shown
@@ -18,6 +20,15 @@ from flexarm.linear.signals import Sensor
 from flexarm.loads import Load, place_loads
 
 _SIGNALS = ("joint_angle", "joint_rate", "strain")
+
+
+class Predicted(NamedTuple):
+    """Readings that a state should give, and their slopes."""
+
+    values: FloatArray  # (size,)
+    state: FloatArray  # (size, 2 dof) by [q, qd]
+    parameter: FloatArray  # (size,) by the parameter of ``SampledStep``
+    torque: FloatArray  # (size, joints) by the torque that acts
 
 
 class PredictedReadings:
@@ -50,7 +61,9 @@ class PredictedReadings:
         ]
         constants = arm.assembly.constants
         n, m = constants.S.shape
-        self._stations = place_loads(arm, where, [Load(s.link, station=s.station) for s in self._sensors])
+        self._stations = place_loads(
+            arm, where, [Load(s.link, station=s.station) for s in self._sensors]
+        )
         self._sizes, self._loads = run_time_sizes(constants), no_loads(constants)
         self._work = new_workspace(constants, complex)
         self._acceleration = np.zeros((n, 1 + m), dtype=complex)
@@ -59,6 +72,7 @@ class PredictedReadings:
         self._motions = np.zeros((len(self._sensors), 8), dtype=complex)
         self._state_places = state_places(arm)
         self._found = np.zeros((len(self._state_places) + 2, len(self._sensors), 8))
+        self._pushed = np.zeros((2, len(self._sensors), 8))
 
     def _check(self, where: str, instruments: Sequence[Instrument]) -> None:
         problems = []
@@ -90,36 +104,55 @@ class PredictedReadings:
         x: FloatArray,
         torque: FloatArray,
         constants: tuple[ArmConstants, ArmConstants],
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the readings (size,) of [q, qd], and their slopes (size, 2 dof), (size,).
+    ) -> Predicted:
+        """Return the readings of [q, qd] (2 dof,) and their slopes.
 
-        ``torque`` (joints,) acts at that moment; ``constants`` as of ``SampledStep``, the second
-        slope is by its parameter.
+        ``torque`` (joints,) acts at that moment; ``constants`` as of ``SampledStep``.
         """
-        slopes, by_parameter = self._linear.copy(), np.zeros(self.size)
-        values = slopes @ x
-        if self._sensors:
-            arm = self._arm
-            point_jacobian(
-                self._sizes,
-                *constants,
-                self._state_places,
-                arm.padded(x.reshape(2, -1)).astype(complex),
-                arm.padded_torque(torque).astype(complex),
-                self._loads,
-                self._stations,
-                self._work,
-                self._acceleration,
-                self._poses,
-                self._tip,
-                self._motions,
-                self._found,
-            )
+        slopes, joints = self._linear.copy(), self._arm.joints
+        found = Predicted(slopes @ x, slopes, np.zeros(self.size), np.zeros((self.size, joints)))
+        if not self._sensors:
+            return found
+        self._points(x, torque, constants, self._state_places, self._found)
+        for k, (place, sensor) in enumerate(zip(self._places, self._sensors, strict=True)):
+            by = self._found[:, k, sensor.columns]
+            found.state[place], found.parameter[place] = by[:-2].T, by[-2]
+            found.values[place] = by[-1]
+        none = self._state_places[:0]
+        for joint in range(joints):
+            # Accelerations are linear in the torque: one newton metre more is the slope.
+            more = torque.copy()
+            more[joint] += 1.0
+            self._points(x, more, constants, none, self._pushed)
             for k, (place, sensor) in enumerate(zip(self._places, self._sensors, strict=True)):
-                shown_by = self._found[:, k, sensor.columns]
-                slopes[place], by_parameter[place] = shown_by[:-2].T, shown_by[-2]
-                values[place] = shown_by[-1]
-        return values, slopes, by_parameter
+                change = self._pushed[-1, k, sensor.columns] - found.values[place]
+                found.torque[place, joint] = change
+        return found
+
+    def _points(
+        self,
+        x: FloatArray,
+        torque: FloatArray,
+        constants: tuple[ArmConstants, ArmConstants],
+        places: IntArray,
+        found: FloatArray,
+    ) -> None:
+        arm = self._arm
+        point_jacobian(
+            self._sizes,
+            *constants,
+            places,
+            arm.padded(x.reshape(2, -1)).astype(complex),
+            arm.padded_torque(torque).astype(complex),
+            self._loads,
+            self._stations,
+            self._work,
+            self._acceleration,
+            self._poses,
+            self._tip,
+            self._motions,
+            found,
+        )
 
 
 def _linear(arm: Arm, item: Instrument) -> FloatArray:

@@ -21,8 +21,8 @@ _MOST_CENTRES = 10_000
 class RBFAdaptive(Controller):
     """A network learns the torque that the motion takes; (C.49) to (C.51).
 
-    Ge, Lee and Harris, Adaptive Neural Network Control of Robotic Manipulators, 1998; Lewis, Yegildirek
-    and Liu, IEEE Trans. Neural Networks 7(2), 1996. Gaussians of the joint angles multiply what the
+    Ge, Lee and Harris, Adaptive Neural Network Control of Robotic Manipulators, 1998; Lewis,
+    Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996. Gaussians of the joint angles multiply what the
     dynamics are linear in: accelerations, products of rates, gravity, rates and signs of rates.
 
     Args:
@@ -121,7 +121,8 @@ class RBFAdaptive(Controller):
         rows = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
-        return self._torque + rows[0] + rows[1]
+        torque: FloatArray = self._torque + rows[0] + rows[1]
+        return torque
 
 
 #: Rate at which the sign of a rate counts as known, rad/s.
@@ -146,7 +147,7 @@ def _box(
 
 
 def _counts(gains: Gains, centres: int | Sequence[int], joints: int) -> tuple[int, ...]:
-    counts = np.broadcast_to(np.asarray(centres), (joints,)) if np.ndim(centres) == 0 else centres
+    counts = list(centres) if isinstance(centres, Sequence) else [centres] * joints
     whole = all(isinstance(k, (int, np.integer)) and k >= 1 for k in counts)
     if not whole or len(counts) != joints or np.prod(counts) > _MOST_CENTRES:
         rule = f"be one whole number, or one for each joint: {joints}, at least 1, "

@@ -88,8 +88,12 @@ class RigidParameters:
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
+        sizes, constants, loads, work = self._model
         regressor(
-            *self._model,
+            sizes,
+            constants,
+            loads,
+            work,
             self._sets,
             self._inertial,
             self._bodies,
@@ -102,8 +106,12 @@ class RigidParameters:
 
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return M qd and C' qd - g - losses, the momentum's rate without motors: (2, joints)."""
+        sizes, constants, loads, work = self._model
         momentum(
-            *self._model,
+            sizes,
+            constants,
+            loads,
+            work,
             self._split,
             self._bodies,
             angle,

@@ -85,9 +85,7 @@ def held_torque_jacobian(
             torque[bodies[column - count]] += STEP * 1j
         for _ in range(steps):
             if column < count + bodies.shape[0]:
-                held_torque_step(
-                    sizes, constants, A, h, before, torque, loads, work, stages, new
-                )
+                held_torque_step(sizes, constants, A, h, before, torque, loads, work, stages, new)
             else:
                 held_torque_step(sizes, moved, A, h, before, torque, loads, work, stages, new)
             for level in range(2):

@@ -1,8 +1,8 @@
 """The rigid twin taken apart for controllers: torque by parameter, and momentum.
 
-Theory page "control under uncertainty", (C.41) to (C.43), (C.52). The inverse dynamics are linear in
-the inertial numbers of the bodies and in the strengths of what joints do by themselves. A *set* is
-one row of these numbers for each body, ``SET_COLUMNS`` long; the kernels write it into the
+Theory page "control under uncertainty", (C.41) to (C.43), (C.52). The inverse dynamics are
+linear in the inertial numbers of the bodies and in the strengths of what joints do by themselves.
+A *set* is one row of these numbers for each body, ``SET_COLUMNS`` long; the kernels write it into the
 constants and run the inverse dynamics, so that a regressor is the same physics, column by column.
 
 Constants are the rigid twin's, in arrays of the caller's own that may be written. The entries take
@@ -208,4 +208,3 @@ def momentum(
         inverse_dynamics(sizes, constants, state, acceleration, loads, work)
         for j in range(bodies.shape[0]):
             found[1, j] -= work.force[bodies[j], 0]
-

@@ -63,8 +63,7 @@ def _each(
     good = all(
         isinstance(v, (int, float))
         and not isinstance(v, bool)
-        and (0.0 <= v if zero else 0.0 < v) < float("inf")
-        and v < float("inf")
+        and (0.0 < v < float("inf") or (zero and v == 0.0))
         for v in values
     )
     if not good or len(values) != len(of):
@@ -82,7 +81,7 @@ def _friction(
         return [None] * len(joints)
     if isinstance(friction, Friction):
         return [None if joint.fixed else friction for joint in joints]
-    listed = list(friction) if isinstance(friction, Sequence) else [0]
+    listed: list[Any] = list(friction) if isinstance(friction, Sequence) else [0]
     if len(listed) != len(joints) or not all(isinstance(f, Friction | None) for f in listed):
         rule = "be a Friction, or a list of one or None for each joint"
         problems.append(Problem(_WHERE, "friction", rule, shown(friction)))

@@ -19,7 +19,7 @@ def test_momentum_and_its_flow():
         / (2 * step)
         for e in np.eye(2)
     ]
-    holding = arm.bias_force(angle, np.zeros(2)) + [0.3 * rate[0], 0.0]
+    holding = arm.bias_force(angle, np.zeros(2)) + np.array([0.3 * rate[0], 0.0])
     np.testing.assert_allclose(flow, np.array(by_angle) - holding, atol=1e-8)
 
 

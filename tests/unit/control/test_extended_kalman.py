@@ -26,10 +26,13 @@ def one_link(payload=0.2, **options):
 
 def two_links(payload=0.2, offset=(0.0, 0.0)):
     gauges = [fa.Gauge(station=0.03, distance=0.005)]
-    rod = {"flexural_rigidity": 60.0, "mass_per_length": 0.5, "elements": 2, "modes": 2}
+    rod = {"flexural_rigidity": 200.0, "mass_per_length": 0.5, "elements": 2, "modes": 2}
     joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.4, hub_inertia=0.03, housing_inertia=0.03)]
     return fa.Arm(
-        links=[fa.Link(length=0.8, gauges=gauges, **rod), fa.Link(length=0.6, gauges=gauges, **rod)],
+        links=[
+            fa.Link(length=0.8, gauges=gauges, **rod),
+            fa.Link(length=0.6, gauges=gauges, **rod),
+        ],
         joints=joints,
         payload=fa.Payload(mass=payload, offset=offset),
         gravity=(0.0, -9.81),
@@ -89,7 +92,7 @@ def test_predicted_readings_are_those_of_the_linear_model():
         "test", arm, [STRAIN, ACCELEROMETER, ENCODER, fa.Instrument(velocity, noise=1.0)]
     )
     constants = SampledStep(arm, 1e-3).constants(0.0)
-    values, slopes, by_mass = readings.predict(x, torque, constants)
+    values, slopes, by_mass, by_torque = readings.predict(x, torque, constants)
     model = fa.linearize(
         arm,
         x[: arm.dof],
@@ -99,8 +102,9 @@ def test_predicted_readings_are_those_of_the_linear_model():
     )
     np.testing.assert_allclose(values, model.output, rtol=1e-11, atol=1e-13)
     np.testing.assert_allclose(slopes, model.C, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(by_torque, model.D, rtol=1e-9, atol=1e-9)
     step = 1e-6
-    ahead = readings.predict(x, torque, SampledStep(arm, 1e-3).constants(step))[0]
+    ahead = readings.predict(x, torque, SampledStep(arm, 1e-3).constants(step)).values
     np.testing.assert_allclose((ahead - values) / step, by_mass, rtol=1e-4, atol=1e-6)
 
 

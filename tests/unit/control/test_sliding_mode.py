@@ -57,7 +57,12 @@ def test_two_joints_with_errors_within_bounds_arrive_in_time_and_stay():
     )
     swing = Swing()
     fa.simulate(
-        arm, 3.0, controller=controller, reference=swing, plant=plant, initial=plant.rest([0.2, 0.0])
+        arm,
+        3.0,
+        controller=controller,
+        reference=swing,
+        plant=plant,
+        initial=plant.rest([0.2, 0.0]),
     )
     s, times = np.array(controller.s), 2e-4 * np.arange(15000)
     widest = max(np.linalg.eigvalsh(plant.mass_matrix([0.0, b]))[-1] for b in np.linspace(0, 3, 31))
@@ -85,5 +90,5 @@ def test_wrong_arguments_are_told_at_once():
     assert len(caught.value.problems) == 3
     for words in ("boundary_layer", "uncertainty of payload.mass", "reaching"):
         assert words in text
-    with pytest.raises(fa.InputError, match="payload.size"):
+    with pytest.raises(fa.InputError, match=r"payload\.size"):
         fa.SlidingMode(rigid_arm(), 1.0, 0.1, {"payload.size": 1.0})

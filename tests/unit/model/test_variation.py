@@ -9,7 +9,11 @@ import flexarm as fa
 def arm(**options):
     links = [
         fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5, elements=2),
-        fa.Link(length=0.5, material="aluminium", section=fa.Box(width=0.03, height=0.02, thickness=0.002)),
+        fa.Link(
+            length=0.5,
+            material="aluminium",
+            section=fa.Box(width=0.03, height=0.02, thickness=0.002),
+        ),
     ]
     options = {"payload": fa.Payload(mass=0.2, inertia=0.01), **options}
     return fa.Arm(links=links, **options)
@@ -32,9 +36,7 @@ def test_payload():
 def test_rigidity_of_any_kind_of_link(elements):
     """A clamped link's frequencies rise with the root of its rigidity, whatever describes it."""
     first = arm()
-    table = fa.SectionTable(
-        x=[0.0, 0.5], flexural_rigidity=[4.0, 2.0], mass_per_length=[0.5, 0.3]
-    )
+    table = fa.SectionTable(x=[0.0, 0.5], flexural_rigidity=[4.0, 2.0], mass_per_length=[0.5, 0.3])
     links = [link.replace(elements=elements) for link in first.spec.links]
     links.append(fa.Link(length=0.5, table=table, elements=elements))
     first = fa.Arm(links=links)
