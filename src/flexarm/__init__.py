@@ -14,18 +14,25 @@ if TYPE_CHECKING:
     from flexarm.arm import Arm as Arm
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
+    from flexarm.arm import varied as varied
     from flexarm.contacts import Contact as Contact
     from flexarm.control import LQG as LQG
     from flexarm.control import MPC as MPC
+    from flexarm.control import Adaptive as Adaptive
     from flexarm.control import Composite as Composite
     from flexarm.control import ComputedTorque as ComputedTorque
     from flexarm.control import Controller as Controller
+    from flexarm.control import DisturbanceObserver as DisturbanceObserver
+    from flexarm.control import EstimatorController as EstimatorController
+    from flexarm.control import ExtendedKalmanFilter as ExtendedKalmanFilter
     from flexarm.control import Hardware as Hardware
     from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
     from flexarm.control import JointPID as JointPID
     from flexarm.control import Measurement as Measurement
     from flexarm.control import Motors as Motors
+    from flexarm.control import RBFAdaptive as RBFAdaptive
+    from flexarm.control import SlidingMode as SlidingMode
     from flexarm.control import StrainFeedback as StrainFeedback
     from flexarm.control import shaped as shaped
     from flexarm.errors import FlexarmError as FlexarmError
@@ -94,6 +101,7 @@ if TYPE_CHECKING:
 
 #: Every public name, and the module that holds it.
 _HOME = {
+    "Adaptive": "control",
     "Arm": "arm",
     "Box": "model",
     "Circle": "model",
@@ -101,9 +109,12 @@ _HOME = {
     "Composite": "control",
     "ComputedTorque": "control",
     "Controller": "control",
+    "DisturbanceObserver": "control",
     "Equilibrium": "linear",
     "EquilibriumError": "linear",
     "Event": "simulate.events",
+    "EstimatorController": "control",
+    "ExtendedKalmanFilter": "control",
     "FlexarmError": "errors",
     "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
@@ -133,6 +144,7 @@ _HOME = {
     "Plant": "simulate.plant",
     "PrescribedAngle": "simulate",
     "QuasiStaticReference": "linear.quasi_static",
+    "RBFAdaptive": "control",
     "RayleighDamping": "model",
     "Rectangle": "model",
     "RoundWall": "surfaces",
@@ -140,6 +152,7 @@ _HOME = {
     "Sensor": "linear",
     "Separation": "linear.along",
     "SimulationError": "errors",
+    "SlidingMode": "control",
     "StepJacobian": "linear.step_jacobian",
     "SurfaceTable": "surfaces",
     "StrainFeedback": "control",
@@ -174,6 +187,7 @@ _HOME = {
     "step_jacobian": "linear.step_jacobian",
     "tip_event": "simulate.events",
     "tip_inversion": "simulate.tip_inversion",
+    "varied": "arm",
 }
 
 __all__ = sorted(_HOME)

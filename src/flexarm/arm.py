@@ -16,7 +16,8 @@ from flexarm.errors import check_result
 from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
 from flexarm.loads import Load, acting_loads
-from flexarm.model import ArmSpec, load_arm_spec, save_arm_spec
+from flexarm.model import ArmSpec, Friction, load_arm_spec, save_arm_spec
+from flexarm.model.variation import varied_spec
 from flexarm.stations import (
     Cut,
     check_stations,
@@ -173,6 +174,40 @@ class Arm(Dynamics):
         placed = place_outside(self, where, acting, base_acceleration, contacts)
         motion = self._state(where, q, qd), self.padded(np.asarray(qdd, np.float64))
         return forces_at(self, self._cuts, *motion, acting, placed, work)
+
+
+def varied(
+    arm: Arm,
+    *,
+    payload_factor: float = 1.0,
+    payload_mass: float | None = None,
+    flexural_rigidity_factor: float | Sequence[float] = 1.0,
+    mass_factor: float | Sequence[float] = 1.0,
+    friction: Friction | Sequence[Friction | None] | None = None,
+) -> Arm:
+    """Return an arm like this one but for some numbers: ``simulate(arm, ..., plant=varied(arm))``.
+
+    Args:
+        arm: the arm that is believed in.
+        payload_factor: on mass and inertia of the payload, at least 0.
+        payload_mass: kg, in its place, for an arm without payload.
+        flexural_rigidity_factor: on E I, positive, one number or one for each link.
+        mass_factor: on mass and rotary inertia per length, likewise.
+        friction: of every joint that turns, or a list with one or None for each joint.
+
+    Raises:
+        InputError: a factor is negative or no number, or a list does not fit.
+    """
+    return Arm(
+        varied_spec(
+            arm.spec,
+            payload_factor=payload_factor,
+            payload_mass=payload_mass,
+            flexural_rigidity_factor=flexural_rigidity_factor,
+            mass_factor=mass_factor,
+            friction=friction,
+        )
+    )
 
 
 def load_arm(path: str | PathLike[str]) -> Arm:

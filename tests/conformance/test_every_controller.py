@@ -12,6 +12,7 @@ SAMPLE_TIME = 0.004
 
 
 def two_links():
+    """The arm of two joints that every controller here is for."""
     links = [
         fa.Link(
             length=0.8,
@@ -25,15 +26,39 @@ def two_links():
     return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
 
 
+def joint_pd():
+    return fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME)
+
+
+def kalman_filter():
+    instruments = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("strain", noise=1e-6)]
+    return fa.ExtendedKalmanFilter(two_links(), instruments, sample_time=SAMPLE_TIME)
+
+
 #: Torques that leave the links of ``two_links`` within the linear theory, however fast a motion.
 LIMIT = [2.0, 0.6]
 #: How to make each controller of the registry for an arm of two joints.
 EXAMPLES = {
+    "adaptive": lambda: fa.Adaptive(two_links(), 2.0, [0.8, 0.2], 0.003, sample_time=SAMPLE_TIME),
+    "disturbance_observer": lambda: fa.DisturbanceObserver(two_links(), joint_pd(), 0.2),
+    "estimator": lambda: fa.EstimatorController(kalman_filter(), joint_pd()),
+    "rbf_adaptive": lambda: fa.RBFAdaptive(
+        two_links(), 8.0, [0.8, 0.3], 0.001, -1.0, 1.0, sample_time=SAMPLE_TIME
+    ),
+    "sliding_mode": lambda: fa.SlidingMode(
+        two_links(),
+        2.0,
+        0.5,
+        {"link_2.mass": 0.02},
+        reaching=[0.1, 0.02],
+        damping=[0.5, 0.1],
+        sample_time=SAMPLE_TIME,
+    ),
     "composite": lambda: fa.Composite(
         two_links(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
     ),
     "computed_torque": lambda: fa.ComputedTorque(two_links(), 0.3, 0.5, sample_time=SAMPLE_TIME),
-    "joint_pd": lambda: fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME),
+    "joint_pd": joint_pd,
     "lqg": lambda: fa.LQG(
         two_links(), [0.4, 0.1], integral=True, torque_limit=LIMIT, sample_time=SAMPLE_TIME
     ),
@@ -107,6 +132,11 @@ def test_sample_time_is_positive_and_stays(name, arm):
 def test_no_other_sample_time_is_accepted(name, bad):
     arguments = dict(vars(EXAMPLES[name]()))
     wanted = inspect.signature(CONTROLLERS[name]).parameters
+    if "sample_time" not in wanted:
+        controller = EXAMPLES[name]()
+        controller.inner.sample_time = 0.123
+        assert controller.sample_time == 0.123, "a wrapper's is that of what it wraps"
+        return
     given = {key: value for key, value in arguments.items() if key in wanted}
     with pytest.raises(fa.InputError, match="sample_time"):
         CONTROLLERS[name](**{**given, "sample_time": bad})

@@ -28,6 +28,15 @@ def test_each_number_is_given_once_and_none_is_left_out() -> None:
         assert not gaps, f"({letter}.n) has gaps before {gaps}"
 
 
+def test_pages_on_control_leave_none_of_theirs_out() -> None:
+    """Each page on control has numbers of its own, (C.1), (C.20), (C.40), ... on."""
+    index = text_of("docs/theory/index.md")
+    for page in (page for page in THEORY if "control" in page):
+        numbers = [int(n) for letter, n in _TAG.findall(text_of(page)) if letter == "C"]
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), page
+        assert f"(C.{numbers[0]}) to (C.{numbers[-1]})" in index, f"the index on {page}"
+
+
 @pytest.mark.parametrize("folder", ["src", "tests", "docs"])
 def test_cited_equations_exist(folder: str) -> None:
     known = set(tags())

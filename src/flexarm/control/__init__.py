@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from flexarm.control.adaptive import Adaptive
 from flexarm.control.base import Controller, Measurement, Reference
 from flexarm.control.composite import Composite
 from flexarm.control.computed_torque import ComputedTorque
+from flexarm.control.disturbance_observer import DisturbanceObserver
+from flexarm.control.estimator import EstimatorController
+from flexarm.control.extended_kalman import ExtendedKalmanFilter
 from flexarm.control.hardware import Hardware, Motors
 from flexarm.control.input_shaping import shaped
 from flexarm.control.instruments import Instrument
@@ -12,16 +16,23 @@ from flexarm.control.joint_pd import JointPD
 from flexarm.control.joint_pid import JointPID
 from flexarm.control.lqg import LQG
 from flexarm.control.mpc import MPC
+from flexarm.control.rbf_adaptive import RBFAdaptive
+from flexarm.control.sliding_mode import SlidingMode
 from flexarm.control.strain_feedback import StrainFeedback
 
 #: Every controller by the name that scenario files use.
 CONTROLLERS: dict[str, type[Controller]] = {
+    Adaptive.name: Adaptive,
     Composite.name: Composite,
     ComputedTorque.name: ComputedTorque,
+    DisturbanceObserver.name: DisturbanceObserver,
+    EstimatorController.name: EstimatorController,
     JointPD.name: JointPD,
     JointPID.name: JointPID,
     LQG.name: LQG,
     MPC.name: MPC,
+    RBFAdaptive.name: RBFAdaptive,
+    SlidingMode.name: SlidingMode,
     StrainFeedback.name: StrainFeedback,
 }
 
@@ -29,16 +40,22 @@ __all__ = [
     "CONTROLLERS",
     "LQG",
     "MPC",
+    "Adaptive",
     "Composite",
     "ComputedTorque",
     "Controller",
+    "DisturbanceObserver",
+    "EstimatorController",
+    "ExtendedKalmanFilter",
     "Hardware",
     "Instrument",
     "JointPD",
     "JointPID",
     "Measurement",
     "Motors",
+    "RBFAdaptive",
     "Reference",
+    "SlidingMode",
     "StrainFeedback",
     "shaped",
 ]

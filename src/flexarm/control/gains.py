@@ -2,11 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
+
+
+class Gains:
+    """Collects what is wrong with the arguments of one controller, to tell it all at once."""
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._problems: list[Problem] = []
+
+    def one(self, name: str, value: object, *, positive: bool = False) -> float:
+        """Return a finite number, at least 0 or greater."""
+        return float(self._numbers(name, value, (), positive))
+
+    def each(
+        self,
+        name: str,
+        value: ArrayLike,
+        count: int,
+        *,
+        positive: bool = False,
+        what: str = "joint",
+    ) -> FloatArray:
+        """Return (count,) numbers, from one for all or a list with one for each."""
+        shape = () if np.ndim(value) == 0 else (count,)
+        try:
+            numbers = self._numbers(name, value, shape, positive)
+        except InputError:
+            rule = f"be one number, or one for each {what}: {count}"
+            self._problems.append(Problem(self._where, name, rule, shown(value)))
+            return np.zeros(count)
+        return np.array(np.broadcast_to(numbers, (count,)))
+
+    def _numbers(
+        self, name: str, value: object, shape: tuple[int, ...], positive: bool
+    ) -> FloatArray:
+        try:
+            numbers = check_array(self._where, name, value, shape)
+        except InputError as error:
+            if shape:
+                raise
+            self._problems += error.problems
+            return np.zeros(())
+        if np.any(numbers < 0.0) or (positive and np.any(numbers == 0.0)):
+            rule = "be greater than 0" if positive else "be at least 0"
+            self._problems.append(Problem(self._where, name, rule, shown(value)))
+        return numbers
+
+    def refuse(self, name: str, rule: str, value: object) -> None:
+        """Note one more problem."""
+        self._problems.append(Problem(self._where, name, rule, shown(value)))
+
+    def known(self, name: str, given: Iterable[str], choices: Iterable[str]) -> None:
+        """Refuse names that are not among the choices."""
+        for item in given:
+            if item not in choices:
+                self.refuse(name, f"be names out of {', '.join(choices)}", item)
+
+    def done(self) -> None:
+        """Tell what was wrong.
+
+        Raises:
+            InputError: something was.
+        """
+        if self._problems:
+            raise InputError(*self._problems)
 
 
 def check_gains(where: str, name: str, value: ArrayLike) -> FloatArray:

@@ -14,6 +14,7 @@ from flexarm.integrate.torque import slope_at
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.sensitivity import STEP
 
 
 @compiled
@@ -67,3 +68,56 @@ def held_torque_additive_step(
     additive_step(
         system, softened, AE, AI, c, 0.0, h, state, new, known, added, force, torque, stages, clock
     )
+
+
+@compiled
+def held_torque_jacobian(
+    sizes: Sizes,
+    constants: ArmConstants,
+    moved: ArmConstants,
+    A: Array,
+    h: float,
+    steps: int,
+    places: Array,
+    bodies: Array,
+    state: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+    stages: Array,
+    before: Array,
+    new: Array,
+    slopes: Array,
+) -> None:
+    """State after equal steps, and its derivatives by states, torques and one parameter.
+
+    ``places`` (p, 3): level, body and column of each state; ``bodies`` (j,) of the torques;
+    ``moved``: the constants with the parameter's imaginary step. ``slopes``
+    (p + j + 1, 2, n, 1 + m); ``new`` holds the state after in its real part. All but ``slopes``
+    complex, where it is no index; ``before`` (2, n, 1 + m) is scratch.
+    """
+    count = places.shape[0]
+    for column in range(count + bodies.shape[0] + 1):
+        for level in range(2):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
+                    before[level, i, j] = state[level, i, j]
+        if column < count:
+            before[places[column, 0], places[column, 1], places[column, 2]] += STEP * 1j
+        elif column < count + bodies.shape[0]:
+            torque[bodies[column - count]] += STEP * 1j
+        for _ in range(steps):
+            if column < count + bodies.shape[0]:
+                held_torque_step(sizes, constants, A, h, before, torque, loads, work, stages, new)
+            else:
+                held_torque_step(sizes, moved, A, h, before, torque, loads, work, stages, new)
+            for level in range(2):
+                for i in range(len(sizes.bodies)):
+                    for j in range(1 + len(sizes.modes)):
+                        before[level, i, j] = new[level, i, j]
+        if count <= column < count + bodies.shape[0]:
+            torque[bodies[column - count]] -= STEP * 1j
+        for level in range(2):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
+                    slopes[column, level, i, j] = new[level, i, j].imag / STEP

@@ -1,0 +1,91 @@
+"""A disturbance observer around any controller: what pushes is estimated and taken off."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.gains import Gains
+from flexarm.control.rigid_parameters import RigidParameters
+
+
+class DisturbanceObserver(Controller):
+    """Torques that the rigid model does not explain, subtracted from those of an inner controller.
+
+    The generalised-momentum observer of De Luca and Mattone, Actuator failure detection and
+    isolation using generalized momenta, ICRA 2003; (C.52) to (C.54). The estimate follows what
+    pushes as a first-order filter, without accelerations and without the inverse mass matrix.
+
+    Args:
+        arm: what is believed of the arm.
+        inner: the controller whose torque is corrected; its sample time is this one's.
+        cutoff: Hz, one number or one per joint, of that filter. Links that bend push, too: keep it
+            below their lowest frequency.
+        compensation: part of the estimate that is taken off, 0 (only watch) to 1.
+
+    Where an instrument measures "torque", it is taken for what acted; else what was asked for.
+
+    Raises:
+        InputError: numbers that are negative or not finite, or an inner that is no controller.
+    """
+
+    name = "disturbance_observer"
+
+    def __init__(
+        self, arm: Arm, inner: Controller, cutoff: ArrayLike = 5.0, compensation: float = 1.0
+    ) -> None:
+        gains = Gains("DisturbanceObserver")
+        if not all(hasattr(inner, name) for name in ("sample_time", "reset", "update")):
+            gains.refuse("inner", "be a controller", inner)
+        self.arm, self.inner = arm, inner
+        self.cutoff = gains.each("cutoff", cutoff, arm.joints, positive=True)
+        self.compensation = gains.one("compensation", compensation)
+        if self.compensation > 1.0:
+            gains.refuse("compensation", "be at most 1", compensation)
+        gains.done()
+        self._model = RigidParameters("DisturbanceObserver", arm)
+        self._estimate = np.zeros(arm.joints)
+        self._last: tuple[FloatArray, FloatArray] | None = None
+        self._asked = np.zeros(arm.joints)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples: that of the inner controller, s."""
+        return self.inner.sample_time
+
+    @sample_time.setter
+    def sample_time(self, value: float) -> None:
+        self.inner.sample_time = value
+
+    @property
+    def estimate(self) -> FloatArray:
+        """What pushes at the joints besides the motors, as far as is known, (joints,) N m."""
+        return self._estimate.copy()
+
+    def reset(self) -> None:
+        """Forget the run before, and let the inner controller do so."""
+        self.inner.reset()
+        self._estimate[:] = 0.0
+        self._last = None
+        self._forget = np.array(
+            [math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
+        )
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        found = self._model.momentum(measurement.joint_angle, measurement.joint_rate)
+        momentum, flow = found[0].copy(), found[1].copy()
+        if self._last is not None:
+            acted = measurement.get("torque", self._asked)
+            # Over the sample the torque was constant, and the flow of momentum nearly linear.
+            change = (momentum - self._last[0]) / self.sample_time
+            pushed = change - acted - 0.5 * (flow + self._last[1])
+            self._estimate += (1.0 - self._forget) * (pushed - self._estimate)
+        self._last = momentum, flow
+        torque = np.asarray(self.inner.update(t, measurement, reference), dtype=np.float64)
+        self._asked = torque - self.compensation * self._estimate
+        return self._asked.copy()

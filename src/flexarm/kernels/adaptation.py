@@ -1,0 +1,90 @@
+"""Laws by which controllers adapt; theory page "control under uncertainty", (C.44), (C.49).
+
+Plain arithmetic on small arrays, compiled because controllers run it at every sample time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.layout import Array
+from flexarm.kernels.numbers import exp
+
+
+@compiled
+def adaptive_torque(
+    columns: Array,
+    known: int,
+    error: Array,
+    damping: Array,
+    gain: Array,
+    leakage: float,
+    dead_zone: float,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    step: float,
+    estimate: Array,
+    torque: Array,
+) -> None:
+    """Torque of the present estimate into ``torque`` (joints,), then the next estimate, (C.44).
+
+    ``columns`` (known + p, joints) of the regressor, the first ``known`` of what is not adapted;
+    ``error`` (joints,) s = qd - qd_r. ``estimate``, ``gain``, ``start``, ``lower``, ``upper`` (p,).
+    """
+    size = 0.0
+    for j in range(error.shape[0]):
+        size += error[j] * error[j]
+        torque[j] = -damping[j] * error[j]
+        for k in range(known):
+            torque[j] += columns[k, j]
+        for k in range(estimate.shape[0]):
+            torque[j] += columns[known + k, j] * estimate[k]
+    size = np.sqrt(size)
+    # Outside the dead zone the error counts from its edge on, so that adaptation starts smoothly.
+    counted = max(size - dead_zone, 0.0) / max(size, 1e-300)
+    for k in range(estimate.shape[0]):
+        drive = 0.0
+        for j in range(error.shape[0]):
+            drive += columns[known + k, j] * error[j]
+        rate = -gain[k] * counted * drive - leakage * (estimate[k] - start[k])
+        estimate[k] = min(max(estimate[k] + step * rate, lower[k]), upper[k])
+
+
+@compiled
+def network_torque(
+    angle: Array,
+    signals: Array,
+    error: Array,
+    centres: Array,
+    sharpness: Array,
+    damping: Array,
+    gain: float,
+    leakage: float,
+    e_modification: float,
+    step: float,
+    weights: Array,
+    torque: Array,
+) -> None:
+    """Torque of a radial-basis network into ``torque`` (joints,), then its next weights, (C.49).
+
+    ``centres`` (c, joints) rad, ``sharpness`` (joints,) 1/rad of the Gaussians; ``signals`` (z,)
+    multiply every Gaussian; ``weights`` (joints, c, z); ``error`` (joints,) s = qd - qd_r.
+    """
+    size = 0.0
+    for j in range(error.shape[0]):
+        size += error[j] * error[j]
+        torque[j] = -damping[j] * error[j]
+    keep = 1.0 - step * (leakage + e_modification * np.sqrt(size))
+    for c in range(centres.shape[0]):
+        distance = 0.0
+        for j in range(centres.shape[1]):
+            away = sharpness[j] * (angle[j] - centres[c, j])
+            distance += away * away
+        bump = exp(-0.5 * distance)
+        for z in range(signals.shape[0]):
+            feature = bump * signals[z]
+            for j in range(error.shape[0]):
+                torque[j] += weights[j, c, z] * feature
+                weights[j, c, z] = keep * weights[j, c, z] - step * gain * feature * error[j]

@@ -1,0 +1,72 @@
+"""Motion of points of an arm under held torques, with exact derivatives by the state.
+
+By complex perturbation, as in ``sensitivity``: what accelerometers and cameras say, for filters.
+"""
+
+from __future__ import annotations
+
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.point_motion import point_motions
+from flexarm.kernels.sensitivity import STEP
+
+
+@compiled
+def point_jacobian(
+    sizes: Sizes,
+    constants: ArmConstants,
+    moved: ArmConstants,
+    places: Array,
+    state: Array,
+    torque: Array,
+    loads: Loads,
+    stations: Loads,
+    work: Workspace,
+    acceleration: Array,
+    body_poses: Array,
+    tip: Array,
+    motions: Array,
+    found: Array,
+) -> None:
+    """Motions (k, 8) as ``point_motions``, and their derivatives, into ``found`` (p + 2, k, 8).
+
+    Rows 0 to p - 1: by the states at ``places`` (p, 3), level, body and column; row p: by the
+    parameter that has an imaginary step in ``moved``; row p + 1: the motions themselves. The rest
+    is complex, and scratch but for the state and the torque.
+    """
+    count = places.shape[0]
+    for column in range(count + 1):
+        if column < count:
+            level = places[column, 0]
+            i = places[column, 1]
+            j = places[column, 2]
+            state[level, i, j] += STEP * 1j
+            forward_dynamics(sizes, constants, state, torque, loads, work)
+        else:
+            forward_dynamics(sizes, moved, state, torque, loads, work)
+        for body in range(len(sizes.bodies)):
+            for p in range(1 + len(sizes.modes)):
+                acceleration[body, p] = work.acceleration[body, p]
+        if column < count:
+            point_motions(
+                sizes,
+                constants,
+                state,
+                acceleration,
+                loads,
+                stations,
+                work,
+                body_poses,
+                tip,
+                motions,
+            )
+            state[level, i, j] -= STEP * 1j
+        else:
+            point_motions(
+                sizes, moved, state, acceleration, loads, stations, work, body_poses, tip, motions
+            )
+        for k in range(motions.shape[0]):
+            for p in range(8):
+                found[column, k, p] = motions[k, p].imag / STEP
+                found[count + 1, k, p] = motions[k, p].real

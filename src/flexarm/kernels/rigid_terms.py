@@ -1,0 +1,210 @@
+"""The rigid twin taken apart for controllers: torque by parameter, and momentum.
+
+Theory page "control under uncertainty", (C.41) to (C.43), (C.52). The inverse dynamics are
+linear in the inertial numbers of the bodies and in the strengths of what joints do by themselves.
+A *set* is one row of these numbers for each body, ``SET_COLUMNS`` long; the kernels write it into the
+constants and run the inverse dynamics, so that a regressor is the same physics, column by column.
+
+Constants are the rigid twin's, in arrays of the caller's own that may be written. The entries take
+their arrays in plain tuples: Numba finds the types of a plain tuple six times as fast as those of a
+named one, and controllers call at every sample time.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.newton_euler import inverse_dynamics
+
+Plain = tuple[Any, ...]
+
+#: Of a set: mass, first moments x and y, inertia, tip mass, tip inertia, rotor inertia; viscous
+#: damping, spring, Coulomb, rise to static, viscous friction, stop.
+SET_COLUMNS = 13
+
+
+@merged
+def _write(constants: ArmConstants, sets: Array, k: int, i: int) -> None:
+    """Write the numbers of body i in set k into the constants."""
+    constants.mass[i] = sets[k, i, 0]
+    constants.first_moment_x[i] = sets[k, i, 1]
+    constants.first_moment_y[i] = sets[k, i, 2]
+    constants.inertia[i] = sets[k, i, 3]
+    constants.tip_mass[i] = sets[k, i, 4]
+    constants.tip_inertia[i] = sets[k, i, 5]
+    constants.rotor[i, 0] = sets[k, i, 6]
+    constants.joint_damping[i] = sets[k, i, 7]
+    constants.joint_stiffness[i] = sets[k, i, 8]
+    constants.friction[i, 0] = sets[k, i, 9]
+    constants.friction[i, 1] = sets[k, i, 10]
+    constants.friction[i, 4] = sets[k, i, 11]
+    constants.limits[i, 2] = sets[k, i, 12]
+
+
+@merged
+def _difference(
+    sizes: Sizes,
+    constants: ArmConstants,
+    loads: Loads,
+    work: Workspace,
+    bodies: Array,
+    angle: Array,
+    first: Array,
+    second: Array,
+    per_acceleration: float,
+    gravities: float,
+    state: Array,
+    acceleration: Array,
+    torque: Array,
+) -> None:
+    """Difference of two inverse dynamics, over 4, into ``torque`` (joints,).
+
+    At the rates first + second and first - second. Accelerations are ``torque`` times
+    ``per_acceleration`` and its negative, gravity is multiplied by ``gravities`` and its negative:
+    all that is linear adds up, of the squares of rates the mixed product is left.
+    """
+    ax = loads.base_acceleration[0]
+    ay = loads.base_acceleration[1]
+    for j in range(bodies.shape[0]):
+        i = bodies[j]
+        state[0, i, 0] = angle[j]
+        state[1, i, 0] = first[j] + second[j]
+        acceleration[i, 0] = per_acceleration * torque[j]
+    # Inverse dynamics see the base's acceleration less gravity.
+    loads.base_acceleration[0] = (1.0 - gravities) * constants.gravity[0]
+    loads.base_acceleration[1] = (1.0 - gravities) * constants.gravity[1]
+    inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+    for j in range(bodies.shape[0]):
+        i = bodies[j]
+        state[1, i, 0] = first[j] - second[j]
+        acceleration[i, 0] = -per_acceleration * torque[j]
+        torque[j] = 0.25 * work.force[i, 0]
+    loads.base_acceleration[0] = (1.0 + gravities) * constants.gravity[0]
+    loads.base_acceleration[1] = (1.0 + gravities) * constants.gravity[1]
+    inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+    for j in range(bodies.shape[0]):
+        torque[j] -= 0.25 * work.force[bodies[j], 0]
+    loads.base_acceleration[0] = ax
+    loads.base_acceleration[1] = ay
+
+
+@compiled
+def regressor(
+    plain_sizes: Plain,
+    plain_constants: Plain,
+    plain_loads: Plain,
+    plain_work: Plain,
+    sets: Array,
+    inertial: int,
+    bodies: Array,
+    motion: Array,
+    state: Array,
+    acceleration: Array,
+    columns: Array,
+) -> None:
+    """Torques of each set into ``columns`` (k, joints), (C.41), (C.42).
+
+    ``sets`` (k, n, SET_COLUMNS), the first ``inertial`` of them without what joints do by
+    themselves, the others without inertia. ``motion`` (4, joints): angle, rate, reference rate,
+    reference acceleration. Inertial: M qdd_r + C(q, qd) qd_r + g with Christoffel's C; others: at
+    the reference rate.
+    """
+    sizes = Sizes(*plain_sizes)
+    constants = ArmConstants(*plain_constants)
+    loads = Loads(*plain_loads)
+    work = Workspace(*plain_work)
+    for k in range(sets.shape[0]):
+        for i in range(len(sizes.bodies)):
+            _write(constants, sets, k, i)
+        if k < inertial:
+            for j in range(bodies.shape[0]):
+                columns[k, j] = motion[3, j]
+            _difference(
+                sizes,
+                constants,
+                loads,
+                work,
+                bodies,
+                motion[0],
+                motion[1],
+                motion[2],
+                2.0,
+                2.0,
+                state,
+                acceleration,
+                columns[k],
+            )
+        else:
+            for j in range(bodies.shape[0]):
+                state[0, bodies[j], 0] = motion[0, j]
+                state[1, bodies[j], 0] = motion[2, j]
+                acceleration[bodies[j], 0] = 0.0
+            inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+            for j in range(bodies.shape[0]):
+                columns[k, j] = work.force[bodies[j], 0]
+
+
+@compiled
+def momentum(
+    plain_sizes: Plain,
+    plain_constants: Plain,
+    plain_loads: Plain,
+    plain_work: Plain,
+    sets: Array,
+    bodies: Array,
+    angle: Array,
+    rate: Array,
+    unit: Array,
+    state: Array,
+    acceleration: Array,
+    found: Array,
+) -> None:
+    """Momentum M qd and its rate without motors, C' qd - g - losses, into ``found`` (2, joints).
+
+    ``sets`` (2, n, SET_COLUMNS): the inertial and the other numbers of the arm; ``unit`` (joints,)
+    is zero and scratch. (C.52), with row k of C' qd = qd . C(q, qd) e_k.
+    """
+    sizes = Sizes(*plain_sizes)
+    constants = ArmConstants(*plain_constants)
+    loads = Loads(*plain_loads)
+    work = Workspace(*plain_work)
+    for i in range(len(sizes.bodies)):
+        _write(constants, sets, 0, i)
+    ax = loads.base_acceleration[0]
+    ay = loads.base_acceleration[1]
+    # A base that falls freely feels no gravity.
+    loads.base_acceleration[0] = constants.gravity[0]
+    loads.base_acceleration[1] = constants.gravity[1]
+    for j in range(bodies.shape[0]):
+        state[0, bodies[j], 0] = angle[j]
+        state[1, bodies[j], 0] = 0.0
+        acceleration[bodies[j], 0] = rate[j]
+    inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+    for j in range(bodies.shape[0]):
+        found[0, j] = work.force[bodies[j], 0]
+        acceleration[bodies[j], 0] = 0.0
+    for k in range(bodies.shape[0]):
+        unit[k] = 1.0
+        found[1, k] = 0.0
+        for half in range(2):
+            sign = 1.0 - 2.0 * half
+            for j in range(bodies.shape[0]):
+                state[1, bodies[j], 0] = rate[j] + sign * unit[j]
+            inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+            for j in range(bodies.shape[0]):
+                found[1, k] += 0.25 * sign * rate[j] * work.force[bodies[j], 0]
+        unit[k] = 0.0
+    loads.base_acceleration[0] = ax
+    loads.base_acceleration[1] = ay
+    for passive in range(2):
+        for i in range(len(sizes.bodies)):
+            _write(constants, sets, passive, i)
+        for j in range(bodies.shape[0]):
+            state[0, bodies[j], 0] = angle[j]
+            state[1, bodies[j], 0] = passive * rate[j]
+            acceleration[bodies[j], 0] = 0.0
+        inverse_dynamics(sizes, constants, state, acceleration, loads, work)
+        for j in range(bodies.shape[0]):
+            found[1, j] -= work.force[bodies[j], 0]

@@ -1,0 +1,44 @@
+"""Rigid arms for tests of controllers: what the theory speaks of, without bending."""
+
+import numpy as np
+
+import flexarm as fa
+
+
+def rigid_arm(payload=0.0, **options):
+    """Two rigid links that hang in gravity unless told otherwise."""
+    links = [
+        fa.Link(length=0.8, mass_per_length=1.0, flexible=False),
+        fa.Link(length=0.6, mass_per_length=0.8, flexible=False),
+    ]
+    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03, mass=0.2)]
+    options = {"joints": joints, "gravity": (0.0, -9.81), **options}
+    return fa.Arm(links=links, payload=fa.Payload(mass=payload), **options)
+
+
+class Swing:
+    """A reference that goes on for ever: each joint swings at two frequencies."""
+
+    amplitude = np.array([[0.5, 0.3], [0.4, 0.5]])
+    frequency = np.array([[1.7, 4.1], [2.9, 5.3]])  # rad/s, joints by terms
+
+    def _terms(self, t, level):
+        phase = self.frequency * t + level * np.pi / 2
+        return np.sum(self.amplitude * self.frequency**level * np.sin(phase), axis=1)
+
+    def joint_angle(self, t):
+        return self._terms(t, 0)
+
+    def joint_rate(self, t):
+        return self._terms(t, 1)
+
+    def joint_acceleration(self, t):
+        return self._terms(t, 2)
+
+
+def errors(result, reference):
+    """Angle and rate errors (ticks, joints) of a run, at its recorded times."""
+    times = result.time.values
+    angle = np.array([reference.joint_angle(t) for t in times])
+    rate = np.array([reference.joint_rate(t) for t in times])
+    return result.joint_angle.values - angle, result.joint_rate.values - rate

@@ -1,0 +1,196 @@
+"""Adaptive control on rigid arms, where its theory is exact: page "control under uncertainty"."""
+
+import numpy as np
+import pytest
+from rigid_loops import Swing, errors, rigid_arm
+
+import flexarm as fa
+from flexarm.control.rigid_parameters import RigidParameters, parameter_names
+from oracles.rigid_double_pendulum import ABSOLUTE
+
+ANGLE, RATE = np.array([0.4, -0.9]), np.array([1.3, -2.1])
+WANTED_RATE, WANTED_ACCELERATION = np.array([0.7, 0.2]), np.array([3.0, 5.0])
+NAMES = ("joint_2.coulomb", "payload.mass", "link_1.inertia", "link_2.first_moment")
+
+
+def test_columns_add_up_to_the_inverse_dynamics():
+    friction = fa.Friction(coulomb=0.3, static=0.5, viscous=0.1)
+    joints = [
+        fa.Joint(hub_inertia=0.1, friction=friction, damping=0.2),
+        fa.Joint(mass=0.4, rotor_inertia=1e-3, gear_ratio=20.0, stiffness=0.0),
+    ]
+    for offset in ((0.0, 0.0), (0.05, 0.02)):
+        arm = rigid_arm(joints=joints)
+        payload = fa.Payload(mass=0.7, inertia=0.01, offset=offset)
+        arm = fa.Arm(arm.spec.replace(payload=payload))
+        for names in ((), NAMES, parameter_names(arm)):
+            model = RigidParameters("test", arm, names)
+            rows = model.regressor(ANGLE, RATE, RATE, WANTED_ACCELERATION)
+            found = rows[: model.known].sum(axis=0) + model.values @ rows[model.known :]
+            wanted = arm.inverse_dynamics(ANGLE, RATE, WANTED_ACCELERATION)
+            np.testing.assert_allclose(found, wanted, rtol=1e-13, atol=1e-13)  # of up to 30 N m
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_column_is_what_one_unit_of_its_parameter_adds(name):
+    arm = rigid_arm(payload=0.5)
+    model = RigidParameters("test", arm, NAMES)
+    column = model.regressor(ANGLE, RATE, RATE, WANTED_ACCELERATION)[2 + NAMES.index(name)]
+    if name == "link_2.first_moment":  # nothing that a user says changes it alone: closed form
+        np.testing.assert_allclose(column, _by_first_moment_2(), rtol=1e-12)
+        return
+    changed = {
+        "joint_2.coulomb": fa.varied(arm, friction=[None, fa.Friction(coulomb=1.0)]),
+        "payload.mass": fa.varied(arm, payload_mass=1.5),
+        "link_1.inertia": fa.Arm(
+            arm.spec.replace(joints=[fa.Joint(hub_inertia=1.05), arm.spec.joints[1]])
+        ),
+    }[name]
+    more = changed.inverse_dynamics(ANGLE, RATE, WANTED_ACCELERATION)
+    less = arm.inverse_dynamics(ANGLE, RATE, WANTED_ACCELERATION)
+    np.testing.assert_allclose(column, more - less, rtol=1e-12, atol=1e-13)
+
+
+def _by_first_moment_2():
+    """Of Lagrange's equations in absolute angles (``oracles.rigid_double_pendulum``), by m2 x2."""
+    a1, a2 = ABSOLUTE @ ANGLE
+    w1, w2 = ABSOLUTE @ RATE
+    v1, v2 = ABSOLUTE @ WANTED_ACCELERATION
+    length, cosine, sine = 0.8, np.cos(a1 - a2), np.sin(a1 - a2)
+    first = length * (cosine * v2 + sine * w2**2)
+    second = length * (cosine * v1 - sine * w1**2) + 9.81 * np.cos(a2)
+    return ABSOLUTE.T @ [first, second]
+
+
+def test_centrifugal_matrix_is_christoffels():
+    """dM/dt - 2 C is skew, without which Lyapunov's function would not decrease."""
+    arm = rigid_arm(payload=0.5, gravity=(0.0, 0.0))
+    model, still = RigidParameters("test", arm), np.zeros(2)
+    C = np.stack([model.regressor(ANGLE, RATE, e, still)[0] for e in np.eye(2)], axis=1)
+    step = 1e-6  # central differences of cosines: error 1e-12 times rates
+    ahead, behind = arm.mass_matrix(ANGLE + step * RATE), arm.mass_matrix(ANGLE - step * RATE)
+    skew = (ahead - behind) / (2 * step) - 2 * C
+    np.testing.assert_allclose(skew + skew.T, 0.0, atol=1e-8)
+    assert abs(skew[0, 1]) > 0.1
+    np.testing.assert_allclose(C @ RATE, arm.bias_force(ANGLE, RATE), rtol=1e-12)
+
+
+class Kept(fa.Adaptive):
+    """Keeps what Lyapunov's function consists of."""
+
+    def reset(self):
+        super().reset()
+        self.s, self.a = [], []
+
+    def update(self, t, measurement, reference):
+        self.a.append(list(self.estimate.values()))  # that of this sample's torque
+        torque = super().update(t, measurement, reference)
+        self.s.append(self._sliding.s.copy())
+        return torque
+
+
+PARAMETERS = ("payload.mass", "joint_1.viscous", "joint_2.viscous")
+TRUE = np.array([0.9, 0.6, 0.4])
+
+
+def learning(duration, sample_time, **options):
+    arm = rigid_arm(payload=0.3)
+    friction = [fa.Friction(coulomb=0.0, viscous=v) for v in TRUE[1:]]
+    plant = fa.varied(arm, payload_mass=TRUE[0], friction=friction)
+    controller = Kept(
+        arm, 5.0, [4.0, 2.0], [0.05, 0.3, 0.3], PARAMETERS, sample_time=sample_time, **options
+    )
+    swing = Swing()
+    run = fa.simulate(
+        arm,
+        duration,
+        controller=controller,
+        reference=swing,
+        plant=plant,
+        initial=plant.rest([0.3, -0.2]),
+        rate=1.0 / sample_time,
+    )
+    return plant, controller, run, swing
+
+
+def test_lyapunovs_function_falls_by_what_the_damping_takes():
+    sample_time = 2e-4
+    plant, controller, run, _ = learning(2.0, sample_time)
+    s, a = np.array(controller.s), np.array(controller.a)
+    M = np.array([plant.mass_matrix(q) for q in run.joint_angle.values[:-1]])
+    V = 0.5 * np.einsum("ti,tij,tj->t", s, M, s)
+    V += 0.5 * np.sum((a - TRUE) ** 2 / controller.adaptation, axis=1)
+    # Friction is learned at the reference rate: what it takes of s damps besides.
+    damping = controller.damping + TRUE[1:]
+    taken = np.concatenate([[0.0], np.cumsum(np.sum(damping * s**2, axis=1))])[:-1]
+    # Torques held for 0.2 ms: V leaves its law by terms of the first order in the sample time.
+    np.testing.assert_allclose(V + sample_time * taken, V[0], rtol=5e-3)
+    assert np.all(np.diff(V) < 1e-5 * V[0])
+    assert V[-1] < 0.5 * V[0]
+
+
+def test_parameters_and_motion_converge_under_excitation():
+    _, controller, run, swing = learning(20.0, 1e-3)
+    # What sampling leaves: the torque is late by half a millisecond on the average.
+    np.testing.assert_allclose(list(controller.estimate.values()), TRUE, rtol=0.02)
+    angle, _ = errors(run, swing)
+    assert abs(angle[-2000:]).max() < 1e-3
+    assert abs(angle[:500]).max() > 0.2
+
+
+def test_estimates_stay_within_bounds_and_leak_back():
+    _, bounded, _, _ = learning(3.0, 1e-3, bounds={"payload.mass": (0.2, 0.5)})
+    mass = np.array(bounded.a)[:, 0]
+    assert mass.max() == 0.5
+    assert mass.min() >= 0.2
+    _, leaking, _, _ = learning(3.0, 1e-3, leakage=1e3)
+    assert abs(np.array(leaking.a) - [0.3, 0.0, 0.0]).max() < 0.01
+
+
+def test_nothing_is_learned_within_the_dead_zone():
+    _, controller, _, _ = learning(1.0, 1e-3, dead_zone=100.0)
+    np.testing.assert_array_equal(np.array(controller.a), [[0.3, 0.0, 0.0]] * 1000)
+
+
+def test_strain_feedback_damps_vibration_of_a_stiffly_held_joint():
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 2}
+    gauges = [fa.Gauge(station=0.02, distance=0.005)]
+    arm = fa.Arm(
+        links=[fa.Link(length=1.4142, gauges=gauges, **rod)], joints=[fa.Joint(hub_inertia=0.1)]
+    )
+    motion = fa.joint_motion(arm, [0.0], [0.5], 0.5)
+    swings = []
+    for gain in (0.0, 2.0):
+        controller = fa.Adaptive(arm, 5.0, 80.0, 0.0, strain_gain=gain)
+        run = fa.simulate(arm, 2.0, controller=controller, reference=motion)
+        late = run.link_tip_deflection.sel(time=slice(1.5, None))
+        swings.append(float(late.max() - late.min()))
+    assert swings[1] < 0.3 * swings[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"bandwidth": 0.0}, "bandwidth must be greater than 0"),
+        ({"damping": [1.0, 2.0, 3.0]}, "damping must be one number, or one for each joint: 2"),
+        ({"damping": [1.0, -2.0]}, "damping must be at least 0"),
+        ({"adaptation": np.nan}, "adaptation"),
+        ({"parameters": ["payload.weight"]}, "payload.weight"),
+        ({"parameters": ["payload.mass", "payload.mass"]}, "once"),
+        ({"bounds": {"payload.mass": (2.0, 1.0)}}, "lower one first"),
+        ({"bounds": {"link_1.mass": (2.0, 3.0)}}, "bounds must be names out of payload.mass"),
+        ({"strain_gain": 1.0}, "no gauge"),
+        ({"sample_time": -1.0}, "sample_time"),
+    ],
+)
+def test_wrong_arguments_are_told(change, words):
+    right = {"bandwidth": 5.0, "damping": 1.0, "adaptation": 0.1}
+    with pytest.raises(fa.InputError, match="Adaptive: ") as caught:
+        fa.Adaptive(rigid_arm(), **{**right, **change})
+    assert words in str(caught.value)
+
+
+def test_all_problems_are_told_at_once():
+    with pytest.raises(fa.InputError) as caught:
+        fa.Adaptive(rigid_arm(), bandwidth=-1.0, damping=-1.0, adaptation=-1.0)
+    assert len(caught.value.problems) == 3

@@ -1,0 +1,266 @@
+"""The extended Kalman filter against linear theory, its own statistics, and payloads."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import chi2
+
+import flexarm as fa
+from flexarm.control.measurement import Measurement
+from flexarm.control.predicted_readings import PredictedReadings
+from flexarm.linear.sampled_step import SampledStep
+
+
+def one_link(payload=0.2, **options):
+    link = fa.Link(
+        length=1.0,
+        flexural_rigidity=40.0,
+        mass_per_length=0.4,
+        elements=4,
+        modes=1,
+        gauges=[fa.Gauge(station=0.03, distance=0.005)],
+    )
+    joint = fa.Joint(hub_inertia=0.05, damping=0.1)
+    return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=payload), **options)
+
+
+def two_links(payload=0.2, offset=(0.0, 0.0)):
+    gauges = [fa.Gauge(station=0.03, distance=0.005)]
+    rod = {"flexural_rigidity": 200.0, "mass_per_length": 0.5, "elements": 2, "modes": 2}
+    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.4, hub_inertia=0.03, housing_inertia=0.03)]
+    return fa.Arm(
+        links=[
+            fa.Link(length=0.8, gauges=gauges, **rod),
+            fa.Link(length=0.6, gauges=gauges, **rod),
+        ],
+        joints=joints,
+        payload=fa.Payload(mass=payload, offset=offset),
+        gravity=(0.0, -9.81),
+    )
+
+
+ENCODER = fa.Instrument("joint_angle", noise=2e-4)
+STRAIN = fa.Instrument("strain", noise=3e-6)
+ACCELEROMETER = fa.Instrument(
+    fa.Sensor("acceleration", link=1, frame="link", name="accelerometer"), noise=0.05
+)
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.05, 0.02)])
+def test_a_single_step_is_the_exact_one(offset):
+    arm = two_links(offset=offset)
+    random = np.random.default_rng(2)
+    x, torque = 0.1 * random.standard_normal(2 * arm.dof), np.array([0.4, -0.2])
+    step = SampledStep(arm, 1e-4)
+    assert step.steps == 1
+    found = step.take(x, torque)
+    wanted = fa.step_jacobian(
+        arm, x[: arm.dof], x[arm.dof :], torque, 1e-4, parameters=["payload.mass"]
+    )
+    np.testing.assert_allclose(found.after, np.concatenate([wanted.q, wanted.qd]), rtol=1e-12)
+    for one, other in (
+        (found.state, wanted.state),
+        (found.torque, wanted.torque),
+        (found.parameter, wanted.parameters["payload.mass"]),
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12 * abs(other).max())
+    # A changed parameter is a changed arm.
+    heavier = fa.varied(arm, payload_mass=0.5)
+    other = SampledStep(heavier, 1e-4).take(x, torque)
+    np.testing.assert_allclose(step.take(x, torque, 0.3).after, other.after, rtol=1e-12)
+
+
+def test_steps_are_as_many_as_the_fastest_mode_asks_for():
+    arm = two_links()
+    run = fa.simulate(
+        arm, 0.01, torque=lambda t: [2.0, -1.0], initial=arm.rest([0.3, -0.4]), rtol=1e-11
+    )
+    step = SampledStep(arm, 0.01)
+    x = step.take(np.concatenate([arm.rest([0.3, -0.4]), np.zeros(arm.dof)]), np.array([2.0, -1.0]))
+    assert step.steps > 5
+    # Ten milliseconds under 2 N m: fast modes to half a part in a hundred.
+    scale = abs(run.q.values[-1]).max()
+    np.testing.assert_allclose(x.after[: arm.dof], run.q.values[-1], rtol=0, atol=1e-4 * scale)
+
+
+def test_predicted_readings_are_those_of_the_linear_model():
+    arm = two_links()
+    random = np.random.default_rng(4)
+    x, torque = 0.1 * random.standard_normal(2 * arm.dof), np.array([0.4, -0.2])
+    velocity = fa.Sensor("velocity", link=2, station=0.3)
+    readings = PredictedReadings(
+        "test", arm, [STRAIN, ACCELEROMETER, ENCODER, fa.Instrument(velocity, noise=1.0)]
+    )
+    constants = SampledStep(arm, 1e-3).constants(0.0)
+    values, slopes, by_mass, by_torque = readings.predict(x, torque, constants)
+    model = fa.linearize(
+        arm,
+        x[: arm.dof],
+        x[arm.dof :],
+        torque,
+        outputs=["strain", ACCELEROMETER.signal, "joint_angle", velocity],
+    )
+    np.testing.assert_allclose(values, model.output, rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(slopes, model.C, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(by_torque, model.D, rtol=1e-9, atol=1e-9)
+    step = 1e-6
+    ahead = readings.predict(x, torque, SampledStep(arm, 1e-3).constants(step)).values
+    np.testing.assert_allclose((ahead - values) / step, by_mass, rtol=1e-4, atol=1e-6)
+
+
+def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN), initial=None):
+    """Torques asked for and readings, of a plant that PD holds and random torques shake."""
+    random = np.random.default_rng(seed)
+    joints = arm.joints
+
+    class Shaken(fa.Controller):
+        sample_time = 1e-3
+
+        def reset(self):
+            self.asked = []
+
+        def update(self, t, measurement, reference):
+            wanted = 0.3 * np.sin(np.array([4.0, 7.0])[:joints] * t)
+            torque = 20.0 * (wanted - measurement.joint_angle) + 3.0 * np.cos(9.0 * t)
+            self.asked.append(torque)
+            return torque + noise * random.standard_normal(joints)
+
+    controller = Shaken()
+    options = {} if initial is None else {"initial": initial[0], "initial_rate": initial[1]}
+    run = fa.simulate(
+        arm,
+        duration,
+        controller=controller,
+        plant=plant,
+        hardware=fa.Hardware(instruments, seed=seed),
+        **options,
+    )
+    names = [item.label for item in instruments]
+    return run, np.array(controller.asked), {n: run[f"measured_{n}"].values for n in names}
+
+
+def test_equals_the_kalman_filter_of_the_linear_arm():
+    """A single link with one mode hardly turns: nothing is left that is not linear."""
+    arm = one_link()
+    filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], torque_noise=0.2)
+    _, torque, readings = record(arm, arm, 0.3, seed=5, noise=0.2)
+    scale = 1e-4  # of everything: what is quadratic falls by as much again
+    readings = {name: scale * values for name, values in readings.items()}
+    found = filters.run(scale * torque, readings)
+
+    model = fa.linearize(arm, outputs=["joint_angle", "strain"])
+    n = 2 * arm.dof
+    block = np.block([[model.A, model.B], [np.zeros((1, n + 1))]])
+    whole = expm(1e-3 * block)
+    F, G = whole[:n, :n], whole[:n, n:]
+    R = np.diag([ENCODER.noise**2, STRAIN.noise**2])
+    filters.reset()
+    filters._begin(Measurement(joint_angle=readings["joint_angle"][0]))
+    P, x = filters.covariance[:n, :n], np.concatenate([filters.q, filters.qd])
+    for k in range(len(torque)):
+        if k:
+            x, P = F @ x + G @ (scale * torque[k - 1]), F @ P @ F.T + 0.04 * G @ G.T
+        y = np.concatenate([readings["joint_angle"][k], readings["strain"][k]])
+        K = P @ model.C.T @ np.linalg.inv(model.C @ P @ model.C.T + R)
+        x, P = x + K @ (y - model.C @ x), (np.eye(n) - K @ model.C) @ P
+        # Four-stage steps of less than 0.1 rad of the mode: 1e-7 of what changes.
+        got = np.concatenate([found.q[k], found.qd[k]])
+        np.testing.assert_allclose(got, x, rtol=1e-5, atol=1e-6 * abs(x).max())
+        np.testing.assert_allclose(found.covariance[k][:n, :n], P, rtol=1e-4, atol=1e-6 * P.max())
+
+
+def test_errors_are_as_large_as_the_filter_says():
+    """Normalised errors squared of 25 runs against the chi-squared distribution."""
+    arm, runs = one_link(), 25
+    random = np.random.default_rng(11)
+    filters = fa.ExtendedKalmanFilter(
+        arm, [ENCODER, STRAIN, ACCELEROMETER], torque_noise=0.3, payload_deviation=0.05
+    )
+    deviations = np.array([1e-3, 2e-3, 0.1, 0.05])  # joint, mode, and their rates
+    start = np.concatenate([deviations, [0.05]])
+    total = 0.0
+    for run_number in range(runs):
+        drawn = start * random.standard_normal(5)
+        plant = fa.varied(arm, payload_mass=0.2 + drawn[4])
+        run, torque, readings = record(
+            arm,
+            plant,
+            0.15,
+            seed=run_number,
+            noise=0.3,
+            instruments=(ENCODER, STRAIN, ACCELEROMETER),
+            initial=(drawn[:2], drawn[2:4]),
+        )
+        filters.reset()
+        filters.begin(np.zeros(2), np.zeros(2), 0.2, np.diag(start**2))
+        for k in range(len(torque)):
+            if k:
+                filters.predict(torque[k - 1])
+            filters.correct(Measurement(**{n: v[k] for n, v in readings.items()}))
+        at = round(1000 * 0.001 * (len(torque) - 1))
+        truth = np.concatenate([run.q.values[at], run.qd.values[at], [0.2 + drawn[4]]])
+        error = np.concatenate([filters.q, filters.qd, [filters.payload_mass]]) - truth
+        total += error @ np.linalg.solve(filters.covariance, error)
+    # Seeds are fixed; another choice would fail once in a hundred times.
+    assert chi2.ppf(0.005, 5 * runs) < total < chi2.ppf(0.995, 5 * runs)
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0, 2.0, 3.0])
+def test_finds_the_payload(factor):
+    arm = two_links()
+    plant = fa.varied(arm, payload_factor=factor)
+    run, torque, readings = record(arm, plant, 0.8, seed=1)
+    filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], 0.02, payload_deviation=0.3)
+    found = filters.run(torque, readings)
+    assert found.payload_mass[-1] == pytest.approx(0.2 * factor, abs=0.01)
+    truth = run.q.values[np.arange(0, 800)]
+    late = slice(400, None)
+    assert abs(found.q - truth)[late].max() < 2e-3
+    assert np.all(found.payload_mass >= 0.0)
+
+
+def test_an_inner_controller_sees_the_estimates():
+    arm = two_links()
+    plant = fa.varied(arm, payload_factor=2.0)
+
+    class Looks(fa.JointPD):
+        def update(self, t, measurement, reference):
+            self.seen = measurement
+            return super().update(t, measurement, reference)
+
+    inner = Looks([20.0, 8.0], [2.0, 0.8])
+    filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], 0.05, payload_deviation=0.3)
+    controller = fa.EstimatorController(filters, inner)
+    motion = fa.joint_motion(arm, [0.2, -0.4], [0.5, 0.1], 0.6)
+    hardware = fa.Hardware([ENCODER, STRAIN], seed=2)
+    run = fa.simulate(
+        arm, 0.8, controller=controller, reference=motion, plant=plant, hardware=hardware
+    )
+    last = run.q.values[-2]  # of the last tick
+    np.testing.assert_allclose(inner.seen.q, last, rtol=0, atol=3e-3)
+    np.testing.assert_allclose(inner.seen.joint_angle, last[arm.joint_index], rtol=0, atol=1e-3)
+    assert inner.seen.payload_mass[0] == pytest.approx(0.4, abs=0.03)
+    assert "strain" in inner.seen
+
+
+def test_wrong_arguments_are_told():
+    arm = one_link()
+    with pytest.raises(fa.InputError) as caught:
+        fa.ExtendedKalmanFilter(arm, [ENCODER], torque_noise=-1.0, sample_time=0.0)
+    assert len(caught.value.problems) == 2
+    instruments = [
+        fa.Instrument("tip", noise=1e-3),
+        fa.Instrument("strain"),
+        fa.Instrument("joint_rate", noise=0.1, delay=0.01),
+    ]
+    with pytest.raises(fa.InputError) as caught:
+        fa.ExtendedKalmanFilter(arm, instruments)
+    text = str(caught.value)
+    for words in ("'tip'", "noise or resolution", "without delay", "'joint_angle'"):
+        assert words in text
+    good = fa.ExtendedKalmanFilter(arm, [ENCODER])
+    with pytest.raises(fa.InputError, match="joint_angle"):
+        good.run(np.zeros((5, 1)), {})
+    with pytest.raises(fa.InputError) as caught:
+        fa.EstimatorController("a filter", None)
+    assert len(caught.value.problems) == 2

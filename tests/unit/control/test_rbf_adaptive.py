@@ -1,0 +1,125 @@
+"""The network controller against its theory: Lyapunov's function, learning, bounded weights."""
+
+import numpy as np
+import pytest
+from rigid_loops import Swing, errors, rigid_arm
+
+import flexarm as fa
+
+
+def made(arm, **options):
+    options = {"adaptation": 20.0, "e_modification": 0.0, "centres": 5, **options}
+    return fa.RBFAdaptive(arm, 5.0, [8.0, 4.0], lower=-1.0, upper=1.0, **options)
+
+
+def followed(controller, arm, duration, **options):
+    swing = Swing()
+    start = arm.rest(swing.joint_angle(0.0))
+    rate = arm.rest(swing.joint_rate(0.0))
+    return errors(
+        fa.simulate(
+            arm,
+            duration,
+            controller=controller,
+            reference=swing,
+            initial=start,
+            initial_rate=rate,
+            **options,
+        ),
+        swing,
+    )[0]
+
+
+def test_it_learns_an_arm_that_it_knows_nothing_of():
+    arm = rigid_arm(payload=0.4)
+    error = followed(made(arm), arm, 20.0)
+    still = followed(made(arm, adaptation=1e-9), arm, 20.0)
+    assert abs(error[-5000:]).max() < 0.2 * abs(still[-5000:]).max()
+
+
+def test_what_the_network_can_represent_it_cancels():
+    """A single Gaussian without width is a constant: a pendulum of constant inertia fits exactly.
+
+    Then V = 1/2 M s^2 + 1/2 |W - W*|^2 / adaptation falls by damping s^2, (C.50).
+    """
+    inertia, viscous = 0.6 / 3 + 0.1, 0.3
+    arm = fa.Arm(
+        links=[fa.Link(length=1.0, mass_per_length=0.6, flexible=False)],
+        joints=[fa.Joint(hub_inertia=0.1, damping=viscous)],
+    )
+    sample_time = 2e-4
+
+    class Kept(fa.RBFAdaptive):
+        def reset(self):
+            super().reset()
+            self.s, self.w = [], []
+
+        def update(self, t, measurement, reference):
+            self.w.append(self.weights[0, 0])
+            torque = super().update(t, measurement, reference)
+            self.s.append(float(self._sliding.s[0]))
+            return torque
+
+    class Wave:
+        def joint_angle(self, t):
+            return np.array([0.8 * np.sin(3.0 * t)])
+
+        def joint_rate(self, t):
+            return np.array([2.4 * np.cos(3.0 * t)])
+
+        def joint_acceleration(self, t):
+            return np.array([-7.2 * np.sin(3.0 * t)])
+
+    controller = Kept(
+        arm, 5.0, 1.0, 0.5, -1.0, 1.0, centres=1, e_modification=0.0, sample_time=sample_time
+    )
+    fa.simulate(arm, 2.0, controller=controller, reference=Wave(), initial=arm.rest([0.3]))
+    s, w = np.array(controller.s), np.array(controller.w)
+    best = np.zeros(w.shape[1])  # signals: 1, acceleration, rate, sign, product of rates
+    best[1], best[2] = inertia, viscous
+    V = 0.5 * inertia * s**2 + 0.5 * np.sum((w - best) ** 2, axis=1) / 0.5
+    taken = np.concatenate([[0.0], np.cumsum((1.0 + viscous) * s**2)])[:-1] * sample_time
+    # Torques held for 0.2 ms: terms of the first order in the sample time.
+    np.testing.assert_allclose(V + taken, V[0], rtol=5e-3)
+    assert V[-1] < 0.5 * V[0]
+
+
+def test_a_prior_model_leaves_less_to_learn():
+    arm = rigid_arm(payload=0.4)
+    plant = fa.varied(arm, payload_factor=1.5)
+    without = followed(made(arm, adaptation=2.0), arm, 2.0, plant=plant)
+    knowing = followed(made(arm, adaptation=2.0, prior=True), arm, 2.0, plant=plant)
+    assert abs(knowing).max() < 0.5 * abs(without).max()
+
+
+def test_modification_keeps_weights_bounded_under_what_it_cannot_learn():
+    """A wall of noise on the readings would let weights wander for ever."""
+    arm = rigid_arm()
+    hardware = fa.Hardware(
+        [fa.Instrument("joint_angle", noise=2e-3), fa.Instrument("joint_rate", noise=0.3)], seed=3
+    )
+    sizes = []
+    for forget in (0.0, 0.2):
+        controller = made(arm, adaptation=1.0, leakage=forget)
+        followed(controller, arm, 10.0, hardware=hardware)
+        sizes.append(np.linalg.norm(controller.weights))
+    assert sizes[1] < 0.8 * sizes[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"adaptation": 0.0}, "adaptation"),
+        ({"centres": 0}, "centres"),
+        ({"centres": [3, 3, 3]}, "centres"),
+        ({"centres": 1000}, "centres"),
+        ({"lower": 2.0}, "upper must be at least lower"),
+        ({"upper": "wide"}, "upper"),
+        ({"lower": [0.0, np.inf]}, "lower must be finite"),
+    ],
+)
+def test_wrong_arguments_are_told(change, words):
+    right = {"bandwidth": 1.0, "damping": 1.0, "adaptation": 1.0, "lower": -1.0, "upper": 1.0}
+    with pytest.raises(fa.InputError) as caught:
+        fa.RBFAdaptive(rigid_arm(), **{**right, **change})
+    assert words in str(caught.value)
