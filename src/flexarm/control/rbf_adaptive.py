@@ -22,8 +22,9 @@ class RBFAdaptive(Controller):
     """A network learns the torque that the motion takes; (C.49) to (C.51).
 
     Ge, Lee and Harris, Adaptive Neural Network Control of Robotic Manipulators, 1998; Lewis,
-    Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996. Gaussians of the joint angles multiply what the
-    dynamics are linear in: accelerations, products of rates, gravity, rates and signs of rates.
+    Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996. Gaussians of the joint
+    angles multiply what the dynamics are linear in: accelerations, products of rates, gravity,
+    rates and signs of rates.
 
     Args:
         arm: tells the number of joints, and with ``prior`` the rigid model.

@@ -2,8 +2,9 @@
 
 Theory page "control under uncertainty", (C.41) to (C.43), (C.52). The inverse dynamics are
 linear in the inertial numbers of the bodies and in the strengths of what joints do by themselves.
-A *set* is one row of these numbers for each body, ``SET_COLUMNS`` long; the kernels write it into the
-constants and run the inverse dynamics, so that a regressor is the same physics, column by column.
+A *set* is one row of these numbers for each body, ``SET_COLUMNS`` long; the kernels write it
+into the constants and run the inverse dynamics, so that a regressor is the same physics, column by
+column.
 
 Constants are the rigid twin's, in arrays of the caller's own that may be written. The entries take
 their arrays in plain tuples: Numba finds the types of a plain tuple six times as fast as those of a
