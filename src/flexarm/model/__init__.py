@@ -20,6 +20,7 @@ from flexarm.model.files import file_text as file_text
 from flexarm.model.files import load_arm_spec as load_arm_spec
 from flexarm.model.files import load_scenario as load_scenario
 from flexarm.model.files import locate_scenario as locate_scenario
+from flexarm.model.files import locate_study as locate_study
 from flexarm.model.files import save_arm_spec as save_arm_spec
 from flexarm.model.files import save_scenario as save_scenario
 from flexarm.model.hardware import HardwareSpec as HardwareSpec
@@ -47,5 +48,7 @@ from flexarm.model.sections import Rectangle as Rectangle
 from flexarm.model.sections import SectionTable as SectionTable
 from flexarm.model.sections import Tube as Tube
 from flexarm.model.spec import ArmSpec as ArmSpec
+from flexarm.model.study import PlantSpec as PlantSpec
+from flexarm.model.study import Study as Study
 from flexarm.model.tables import AccelerationTable as AccelerationTable
 from flexarm.model.tables import FactorTable as FactorTable

@@ -16,12 +16,12 @@ from flexarm.model.checks import Record, faults_of
 from flexarm.model.scenario import Scenario
 from flexarm.model.sections import MATERIALS, Material
 from flexarm.model.spec import ArmSpec
+from flexarm.model.study import Study
 from flexarm.model.wording import Path, suggestion
 from flexarm.model.yaml_text import Document, parse, to_yaml
 
 FILE_VERSION = 1
 
-_KEYS = ("flexarm", *Scenario.model_fields)
 _MOST_BYTES = 100_000_000  # no description is longer; keeps endless devices out
 
 AnyPath = str | os.PathLike[str]
@@ -59,20 +59,33 @@ def locate_scenario(path: AnyPath) -> tuple[Scenario, Callable[[Path], str]]:
 
     What is only found when the scenario is built is told with ``file:line`` too.
     """
+    return _located(Scenario, path)
+
+
+def locate_study(path: AnyPath) -> tuple[Study, Callable[[Path], str]]:
+    """Read a study file, as `locate_scenario` reads a scenario.
+
+    Raises:
+        ModelError: the file or the arm file it names is wrong; lists every problem with its line.
+    """
+    return _located(Study, path)
+
+
+def _located(kind: type[R], path: AnyPath) -> tuple[R, Callable[[Path], str]]:
     document = _read(FilePath(path))
     problems: list[Problem] = []
-    holder = _holder_of_arm(document, problems, ())
-    content = {key: document.value[key] for key in Scenario.model_fields if key in document.value}
+    holder = _holder_of_arm(document, problems, (), kind)
+    content = {key: document.value[key] for key in kind.model_fields if key in document.value}
     content["arm"] = holder.value["arm"] if holder else None
 
     def where(place: Path) -> str:
         return (holder if holder and place[:1] == ("arm",) else document).where(place)
 
     told = () if holder else ("arm",)
-    scenario = _checked(Scenario, content, (), where, problems, told)
-    if scenario is None or problems:
+    record = _checked(kind, content, (), where, problems, told)
+    if record is None or problems:
         raise ModelError(*_in_order(document.file, problems))
-    return scenario, where
+    return record, where
 
 
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
@@ -126,11 +139,14 @@ def _checked(
 
 
 def _holder_of_arm(
-    document: Document, problems: list[Problem], came_from: tuple[FilePath, ...]
+    document: Document,
+    problems: list[Problem],
+    came_from: tuple[FilePath, ...],
+    kind: type[Record] | None = None,
 ) -> Document | None:
     """Follow ``arm: other.yaml`` to the file that describes the arm; None where none does."""
     problems += document.problems
-    problems += _head_problems(document)
+    problems += _head_problems(document, kind)
     if "arm" not in document.value:
         problems.append(Problem(document.where(()), "arm", "be given", "missing"))
         return None
@@ -151,12 +167,18 @@ def _holder_of_arm(
         return None
 
 
-def _head_problems(document: Document) -> list[Problem]:
-    """Return what is wrong with the version and the names of the top-level keys."""
+def _head_problems(document: Document, kind: type[Record] | None) -> list[Problem]:
+    """Return what is wrong with the version and the names of the top-level keys.
+
+    A file that is read for its arm alone may be of any kind.
+    """
+    if kind is None:
+        kind = Study if "drives" in document.value else Scenario
+    keys = ("flexarm", *kind.model_fields)
     problems = [
-        Problem(document.where((key,)), key, "be a known key", "unknown", suggestion(key, _KEYS))
+        Problem(document.where((key,)), key, "be a known key", "unknown", suggestion(key, keys))
         for key in document.value
-        if key not in _KEYS
+        if key not in keys
     ]
     where = document.where(("flexarm",))
     if "flexarm" not in document.value:

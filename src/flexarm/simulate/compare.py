@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
-from itertools import product
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,8 +54,6 @@ def compare(
         InputError: no controllers or references, a plant that is no arm, or what ``simulate``
             refuses.
     """
-    import xarray as xr
-
     where = "compare"
     plants = {"nominal": arm} if plants is None else plants
     given = {"controllers": controllers, "plants": plants, "references": references}
@@ -64,44 +61,55 @@ def compare(
         if not isinstance(items, Mapping) or not items:
             rule = "be a dictionary by name, with one entry at least"
             raise InputError(Problem(where, name, rule, shown(items)))
-    names = [list(controllers), list(plants), list(references)]
-    shape = tuple(map(len, names))
+
+    def one(controller: str, plant: str, reference: str) -> tuple[xr.Dataset, Reference]:
+        run: dict[str, Any] = {"plant": plants[plant], "reference": references[reference]}
+        run |= {"hardware": hardware, "progress": False, **options}
+        chosen = controllers[controller]
+        return simulate(arm, duration, controller=chosen, **run), references[reference]
+
+    names = {"controller": list(controllers), "plant": list(plants), "reference": list(references)}
+    table = comparison(arm, names, one, settling, progress)
+    table.attrs["duration"] = duration
+    return table
+
+
+def comparison(
+    arm: Arm,
+    names: Mapping[str, Sequence[str]],
+    run: Callable[[str, str, str], tuple[xr.Dataset, Reference]],
+    settling: float,
+    progress: bool | None,
+) -> xr.Dataset:
+    """Make the table of ``compare`` from a function that runs one combination of names.
+
+    Args:
+        names: of controllers, plants and references.
+        run: from one name of each to the result and the reference to judge it by.
+    """
+    import xarray as xr
+
+    shape = tuple(len(names[dim]) for dim in _DIMS)
     values = {metric.name: np.full(shape, np.nan) for metric in METRICS}
-    failures = np.full(shape, "", dtype=object)
-    bent = np.full(shape, "", dtype=object)
+    failures, bent = np.full((2, *shape), "", dtype=object)
     with Meter("comparing", progress) as meter:
-        for done, index in enumerate(product(*map(range, shape))):
+        for done, index in enumerate(np.ndindex(shape)):
             meter.update(done / int(np.prod(shape)))
-            controller = controllers[names[0][index[0]]]
-            plant, reference = plants[names[1][index[1]]], references[names[2][index[2]]]
-            run: dict[str, Any] = {
-                "controller": controller,
-                "reference": reference,
-                "plant": plant,
-                **options,
-            }
+            chosen = (names[dim][k] for dim, k in zip(_DIMS, index, strict=True))
             try:
-                with warnings.catch_warnings():  # kept with the numbers, and told once
+                with warnings.catch_warnings():  # kept with the numbers
                     warnings.simplefilter("ignore", LargeDeflectionWarning)
-                    result = simulate(arm, duration, hardware=hardware, progress=False, **run)
+                    result, reference = run(*chosen)
             except SimulationError as error:
                 failures[index] = str(error)
                 continue
             bent[index] = result.attrs["warning"]
             for name, value in metrics_of(result, arm, reference, settling).items():
                 values[name][index] = value
-    dataset = xr.Dataset(
-        {
-            metric.name: (
-                _DIMS,
-                values[metric.name],
-                {"units": metric.unit, "long_name": metric.meaning},
-            )
-            for metric in METRICS
-        },
-        coords=dict(zip(_DIMS, names, strict=True)),
-    )
-    dataset["failure"] = (_DIMS, failures.astype(str))
-    dataset["warning"] = (_DIMS, bent.astype(str))
-    dataset.attrs["duration"] = duration
-    return dataset
+    table = xr.Dataset(coords={dim: list(names[dim]) for dim in _DIMS})
+    for metric in METRICS:
+        labels = {"units": metric.unit, "long_name": metric.meaning}
+        table[metric.name] = (_DIMS, values[metric.name], labels)
+    table["failure"] = (_DIMS, failures.astype(str))
+    table["warning"] = (_DIMS, bent.astype(str))
+    return table

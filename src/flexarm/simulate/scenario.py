@@ -60,9 +60,16 @@ class Prepared:
     text: str
     events: Sequence[EventSpec] = ()
 
-    def run(self, *, arm: Arm | None = None, progress: bool | None = None) -> xr.Dataset:
-        """Simulate, with another ``arm`` of as many joints (its rigid twin, say) if given."""
+    def run(
+        self, *, arm: Arm | None = None, plant: Arm | None = None, progress: bool | None = None
+    ) -> xr.Dataset:
+        """Simulate, with another ``arm`` of as many joints (its rigid twin, say) if given.
+
+        With ``plant``, what is made for the arm of the scenario acts on that one instead.
+        """
         options = dict(self.options)
+        if plant is not None:
+            options["plant"] = plant
         if arm is not None:
             options["initial"] = arm.rest(self.arm.joint_angles(options["initial"]))
             if "initial_rate" in options:

@@ -1,0 +1,178 @@
+"""A study: drives on plants along motions, compared; as a file describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BeforeValidator, Field, ValidationError
+
+from flexarm.errors import InputError, shown
+from flexarm.model.checks import Given, Record, faults_of
+from flexarm.model.contacts import ContactSpec
+from flexarm.model.drives import CONTROLLED, Drive
+from flexarm.model.hardware import HardwareSpec
+from flexarm.model.joints import Friction
+from flexarm.model.loads import LoadSpec
+from flexarm.model.motions import MotionSpec
+from flexarm.model.quantities import (
+    Listed,
+    NonNegative,
+    OneOrMany,
+    Positive,
+    Word,
+)
+from flexarm.model.scenario import RunSettings, Scenario
+from flexarm.model.spec import ArmSpec
+from flexarm.model.variation import varied_spec
+from flexarm.model.wording import Fault, Path, refuse
+
+
+class PlantSpec(Record):
+    """How the arm that is simulated differs from the one that controllers believe in."""
+
+    payload_factor: NonNegative = Field(
+        default=1.0, description="On mass and inertia of the payload."
+    )
+    payload_mass: NonNegative | None = Field(
+        default=None, description="Mass of the payload in its place (kg)."
+    )
+    flexural_rigidity_factor: OneOrMany[Positive] = Field(
+        default=1.0, description="On the bending stiffness, one for all links or one each."
+    )
+    mass_factor: OneOrMany[Positive] = Field(
+        default=1.0, description="On the mass per length, one for all links or one each."
+    )
+    friction: Friction | None = Field(
+        default=None, description="Friction of every joint that turns."
+    )
+
+
+class StudyRun(Record):
+    """How long each run is, how it is computed and from when on it is judged as settled."""
+
+    duration: Positive = Field(description="Simulated time of each run (s).")
+    rate: Positive = Field(default=1000.0, description="Samples judged per second (Hz).")
+    settling: NonNegative = Field(
+        default=0.0,
+        description="Time after the end of a motion that settled error and residual vibration "
+        "leave out (s).",
+    )
+    integrator: Word = Field(default="auto", description="Name of the integrator.")
+
+    def settings(self) -> RunSettings:
+        """Return the same for one run."""
+        return RunSettings(duration=self.duration, rate=self.rate, integrator=self.integrator)
+
+
+def _named(value: Any) -> Any:
+    if not isinstance(value, dict) or not value:
+        raise refuse("be a mapping of names, one at least", value)
+    wrong = next((name for name in value if not isinstance(name, str)), None)
+    if wrong is not None:
+        raise refuse("have words for names", wrong, "Put the name into quotes.")
+    return value
+
+
+class Study(Record):
+    """Every drive on every plant along every motion, and numbers of each run."""
+
+    arm: ArmSpec = Field(description="The arm that the drives believe in.")
+    motions: Annotated[dict[str, MotionSpec], BeforeValidator(_named)] = Field(
+        description="Motions asked for, by name."
+    )
+    drives: Annotated[dict[str, Drive], BeforeValidator(_named)] = Field(
+        description="What moves the joints, by name."
+    )
+    plants: Annotated[dict[str, PlantSpec], BeforeValidator(_named)] = Field(
+        default={"as believed": PlantSpec()}, description="Arms that are simulated, by name."
+    )
+    hardware: HardwareSpec | None = Field(
+        default=None, description="Instruments and motors of every drive that measures."
+    )
+    loads: Listed[LoadSpec] = Field(
+        default=(), description="Forces and moments that act on the links."
+    )
+    contacts: Listed[ContactSpec] = Field(
+        default=(), description="Surfaces that points of the arm may touch."
+    )
+    run: StudyRun = Field(description="How each run is computed and judged.")
+
+    _hints: ClassVar[dict[str, str]] = {
+        "run": "It says how long to simulate, for example `run: {duration: 2}`.",
+    }
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from _unfit_plants(given)
+        if not given.has("arm", "motions", "drives", "run"):
+            return
+        told: set[Path] = set()
+        for drive, motion in _pairs(given):
+            for fault in _of_one(given, drive, motion):
+                if fault.path not in told:
+                    told.add(fault.path)
+                    yield fault
+
+    def scenario(self, drive: str, motion: str) -> Scenario:
+        """Return the scenario of one drive along one motion, on the arm itself."""
+        return Scenario(**_content(self, drive, motion))
+
+
+def _pairs(given: Given) -> Iterator[tuple[str, str]]:
+    """Yield each drive and each motion at least once: what is wrong with one shows."""
+    drives, motions = list(given.drives), list(given.motions)
+    for k in range(max(len(drives), len(motions))):
+        yield drives[min(k, len(drives) - 1)], motions[min(k, len(motions) - 1)]
+
+
+def _of_one(given: Given, drive: str, motion: str) -> Iterator[Fault]:
+    """Yield what is wrong with one combination, at its place in the study."""
+    try:
+        Scenario.model_validate(_content(given, drive, motion))
+    except ValidationError as error:
+        for fault in faults_of(error):
+            path = placed(fault.path, drive, motion)
+            yield Fault(path, fault.rule, fault.value, fault.hint)
+
+
+def placed(path: Path, drive: str, motion: str) -> Path:
+    """Return where in a study the key path of one of its scenarios stands."""
+    for head, place in (("drive", ("drives", drive)), ("motion", ("motions", motion))):
+        if path[:1] == (head,):
+            return (*place, *path[1:])
+    return path
+
+
+def _content(source: Any, drive: str, motion: str) -> dict[str, Any]:
+    asked = source.drives[drive]
+    content = {"arm": source.arm, "motion": source.motions[motion], "drive": asked}
+    content |= {"loads": source.loads or (), "contacts": source.contacts or ()}
+    if asked.kind in CONTROLLED:
+        content["hardware"] = source.hardware
+    return {**content, "run": source.run.settings()}
+
+
+def _unfit_plants(given: Given) -> Iterator[Fault]:
+    if not given.has("arm", "plants"):
+        return
+    for name, plant in given.plants.items():
+        try:
+            plant_spec(given.arm, plant)
+        except InputError as error:
+            for problem in error.problems:
+                path = ("plants", name, problem.name)
+                value = look(given.raw("plants"), name)
+                told = (
+                    shown(look(value, problem.name)) if isinstance(value, dict) else problem.value
+                )
+                yield Fault(path, problem.rule, told, problem.hint)
+
+
+def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
+    """Return the arm that is simulated.
+
+    Raises:
+        InputError: a list does not fit the links, or there is no payload to change.
+    """
+    return varied_spec(arm, **{name: getattr(plant, name) for name in PlantSpec.model_fields})

@@ -1,0 +1,82 @@
+"""Run a study file: every drive on every plant along every motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from flexarm.arm import Arm
+from flexarm.control import Reference
+from flexarm.model import Study, locate_study
+from flexarm.model.study import placed, plant_spec
+from flexarm.model.wording import Path
+from flexarm.simulate.compare import comparison
+from flexarm.simulate.scenario import Prepared, prepare
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Where = Callable[[Path], str]
+
+
+class PreparedStudy:
+    """A study with everything checked and made, ready to run.
+
+    Args:
+        study: what to run.
+        where: where in its file a key path stands, for messages.
+
+    Raises:
+        InputError: a motion leaves the arm's reach, or a drive does not fit.
+    """
+
+    def __init__(self, study: Study, where: Where | None = None) -> None:
+        self.study = study
+        self.arm = Arm(study.arm)
+        self.plants = {name: Arm(plant_spec(study.arm, p)) for name, p in study.plants.items()}
+        self._prepared: dict[tuple[str, str], Prepared] = {}
+        for drive in study.drives:
+            for motion in study.motions:
+                place = partial(_place, where, drive, motion) if where else "study"
+                scenario = study.scenario(drive, motion)
+                self._prepared[drive, motion] = prepare(scenario, place)
+
+    def run(self, progress: bool | None = None) -> xr.Dataset:
+        """Run it and return the table of ``flexarm.compare``: drives are its controllers."""
+        study = self.study
+        names = {
+            "controller": list(study.drives),
+            "plant": list(study.plants),
+            "reference": list(study.motions),
+        }
+        table = comparison(self.arm, names, self._one, study.run.settling, progress)
+        table.attrs["duration"] = study.run.duration
+        return table
+
+    def _one(self, drive: str, plant: str, motion: str) -> tuple[xr.Dataset, Reference]:
+        prepared = self._prepared[drive, motion]
+        assert prepared.motion is not None
+        return prepared.run(plant=self.plants[plant], progress=False), prepared.motion
+
+
+def run_study(study: Study | str | PathLike[str], *, progress: bool | None = None) -> xr.Dataset:
+    """Compare what a study asks for, given as an object or as the path of its file.
+
+    Returns:
+        The table of ``flexarm.compare``, with the drives as controllers.
+
+    Raises:
+        ModelError: the file is wrong; every problem with its line.
+        InputError: a motion leaves the arm's reach, or a drive does not fit the arm.
+    """
+    where: Where | None = None
+    if not isinstance(study, Study):
+        study, where = locate_study(study)
+    return PreparedStudy(study, where).run(progress)
+
+
+def _place(where: Where, drive: str, motion: str, path: Path) -> str:
+    """Tell a place of one scenario as a place in the study."""
+    return where(placed(path, drive, motion))
