@@ -23,10 +23,11 @@ ARM = fa.Arm(links=[LINK, LINK], gravity=(0.0, -9.81))
 def test_an_output_is_the_channel_of_that_name(name):
     by, unit = CHANNEL_OUTPUTS[name]
     assert CHANNELS[name].unit == unit
-    assert CHANNELS[name].dims == ((by,) if by else ())
-    rest = fa.equilibrium(ARM, [0.3, 0.2])
+    assert CHANNELS[name].dims[:1] == ((by,) if by else ())
+    touched = [fa.Contact(fa.Wall((0.0, 0.5), (0.1, 1.0)), 10.0)]
+    rest = fa.equilibrium(ARM, [0.3, 0.2], contacts=touched)
     shown = fa.linearize(ARM, rest, outputs=name).output
-    run = fa.simulate(ARM, 0.01, initial=rest.q, torque=lambda t: rest.torque)
+    run = fa.simulate(ARM, 0.01, initial=rest.q, torque=lambda t: rest.torque, contacts=touched)
     np.testing.assert_allclose(shown, np.ravel(run[name].values[0]), rtol=1e-12, atol=1e-15)
 
 
