@@ -162,10 +162,7 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
         except InputError as error:
             for problem in error.problems:
                 path = ("plants", name, problem.name)
-                value = look(given.raw("plants"), name)
-                told = (
-                    shown(look(value, problem.name)) if isinstance(value, dict) else problem.value
-                )
+                told = shown(getattr(plant, problem.name))
                 yield Fault(path, problem.rule, told, problem.hint)
 
 
