@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.feedforward import SampledFeedforward
 from flexarm.errors import InputError, Problem, shown
-
-#: Sample times for which a torque is computed at once, where it can be.
-_AHEAD = 512
 
 
 class JointFollower(Controller):
@@ -24,12 +21,12 @@ class JointFollower(Controller):
 
     def __init__(self) -> None:
         self._held: FloatArray | None = None
-        self._first, self._ahead = 0, np.zeros((0, 0))
+        self._ahead: SampledFeedforward | None = None
 
     def reset(self) -> None:
         """Forget the angles held."""
         self._held = None
-        self._ahead = np.zeros((0, 0))
+        self._ahead = None
 
     def _wanted(
         self, t: float, measurement: Measurement, reference: Reference | None
@@ -48,16 +45,10 @@ class JointFollower(Controller):
         disturbance, and the largest one where the model is good.
         """
         assert self.feedforward is not None
-        half = 0.5 * self.sample_time
-        k = round(t / self.sample_time)
-        on_tick = k * self.sample_time == t
-        if not on_tick or not getattr(self.feedforward, "vectorized", False):
-            return np.asarray(self.feedforward(t + half))
-        if not self._first <= k < self._first + len(self._ahead):
-            times = np.arange(k, k + _AHEAD) * self.sample_time + half
-            self._first, self._ahead = k, np.asarray(self.feedforward(times))  # type: ignore[arg-type]
-        torque: FloatArray = self._ahead[k - self._first]
-        return torque
+        if self._ahead is None:
+            later = 0.5 * self.sample_time
+            self._ahead = SampledFeedforward(self.feedforward, self.sample_time, later)
+        return self._ahead(t)
 
 
 def check_feedforward(where: str, value: object) -> None:
