@@ -92,6 +92,7 @@ if TYPE_CHECKING:
     from flexarm.simulate.flexible_torque import flexible_torque as flexible_torque
     from flexarm.simulate.plant import Plant as Plant
     from flexarm.simulate.separated import simulate_separated as simulate_separated
+    from flexarm.simulate.study import run_study as run_study
     from flexarm.simulate.tip_inversion import InversionError as InversionError
     from flexarm.simulate.tip_inversion import TipInversion as TipInversion
     from flexarm.simulate.tip_inversion import tip_inversion as tip_inversion
@@ -176,6 +177,7 @@ _HOME = {
     "read_result": "output",
     "rigid_torque": "motion",
     "run_scenario": "simulate",
+    "run_study": "simulate.study",
     "save_arm": "arm",
     "save_linear": "output",
     "shaped": "control",

@@ -11,24 +11,30 @@ from flexarm.model import (
     AccelerationTable,
     LineMotionSpec,
     Scenario,
+    Study,
     load_arm_spec,
     locate_scenario,
+    locate_study,
 )
 from flexarm.model.yaml_text import parse
 from flexarm.simulate import prepare
 from flexarm.simulate.scenario import Where
+from flexarm.simulate.study import PreparedStudy
 
 _MOST_LINKS_SHOWN = 12
 
 
 def check_file(path: Path) -> None:
-    """Check an arm file, or a scenario and the motion it asks for.
+    """Check an arm file, a scenario and the motion it asks for, or a study.
 
     Raises:
         InputError: what is wrong, all of it.
     """
-    located = _scenario(path)
-    if located is None:
+    located = None if _is_study(path) else _scenario(path)
+    if _is_study(path):
+        study = PreparedStudy(*locate_study(path))
+        found = [*_about_arm(study.arm), *_about_study(study.study)]
+    elif located is None:
         arm = Arm(load_arm_spec(path))
         found = _about_arm(arm)
     else:
@@ -38,6 +44,22 @@ def check_file(path: Path) -> None:
     screen = console()
     screen.print(facts(found))
     screen.print("ok")
+
+
+def _is_study(path: Path) -> bool:
+    """Whether a file, if it can be read at all, has the key that only studies have."""
+    try:
+        keys = parse(path, path.read_text(encoding="utf-8-sig")).value
+    except (OSError, UnicodeDecodeError):
+        return False  # told by whoever reads it for what it says
+    return isinstance(keys, dict) and "drives" in keys
+
+
+def _about_study(study: Study) -> list[tuple[str, str]]:
+    names = (("drives", study.drives), ("plants", study.plants), ("motions", study.motions))
+    rows = [(kind, ", ".join(list(items))) for kind, items in names]
+    runs = len(study.drives) * len(study.plants) * len(study.motions)
+    return [*rows, ("runs", f"{runs} of {study.run.duration:g} s")]
 
 
 def _scenario(path: Path) -> tuple[Scenario, Where] | None:

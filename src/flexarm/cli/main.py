@@ -87,12 +87,31 @@ def run(
 @app.command()
 @failures_told()
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm or scenario.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm, scenario or study.")],
 ) -> None:
-    """Check an arm or scenario file; every problem is told with its line."""
+    """Check an arm, scenario or study file; every problem is told with its line."""
     from flexarm.cli.check import check_file
 
     check_file(file)
+
+
+@app.command()
+@failures_told()
+def compare(
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.yaml", help="Drives, plants and motions to compare.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save the numbers: .nc or .csv.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save a plot: .png, .pdf or .svg.")
+    ] = None,
+) -> None:
+    """Compare drives on plants along motions: errors, vibration, torque, computing time."""
+    from flexarm.cli.compare import compare_file
+
+    compare_file(study, out, plot)
 
 
 @app.command()

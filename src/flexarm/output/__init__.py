@@ -3,7 +3,7 @@
 from flexarm.output.figures import FIGURE_SUFFIXES, write_figure
 from flexarm.output.formats import FORMATS, read_result, write_result
 from flexarm.output.linear_model import MODEL_SUFFIXES, save_linear
-from flexarm.output.places import check_place, write_text
+from flexarm.output.places import check_place, write_text, write_whole
 
 __all__ = [
     "FIGURE_SUFFIXES",
@@ -15,4 +15,5 @@ __all__ = [
     "write_figure",
     "write_result",
     "write_text",
+    "write_whole",
 ]

@@ -1,0 +1,91 @@
+"""``flexarm compare``: run a study, print its numbers, save and draw them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.cli.failures import warn
+from flexarm.cli.tables import console, numbers
+from flexarm.model import locate_study
+from flexarm.output import FIGURE_SUFFIXES, check_place, write_figure, write_text, write_whole
+from flexarm.simulate.study import PreparedStudy
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_WHERE = "flexarm compare"
+#: What a comparison's file may end in.
+TABLE_SUFFIXES = (".nc", ".csv")
+#: Columns of the printed table: number, head, factor to the unit shown.
+_COLUMNS = (
+    ("tip_error_rms", "tip RMS [mm]", 1e3),
+    ("tip_error_peak", "peak [mm]", 1e3),
+    ("residual_vibration", "residual [mm]", 1e3),
+    ("force_error_rms", "force RMS [N]", 1.0),
+    ("torque_rms", "torque RMS [N m]", 1.0),
+    ("controller_time", "per sample [us]", 1e6),
+)
+
+
+def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
+    """Run the study in a file.
+
+    Everything that can be wrong with the file and the places for output is found before the runs.
+
+    Raises:
+        InputError: a wrong file, or a place that cannot be written.
+    """
+    prepared = PreparedStudy(*locate_study(path))
+    if out is not None:
+        check_place(_WHERE, "--out", out, TABLE_SUFFIXES)
+    if plot is not None:
+        check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
+    table = prepared.run()
+    screen = console()
+    for reference in table["reference"].values:
+        screen.print(_printed(table.sel(reference=reference), str(reference)), soft_wrap=True)
+    for kind in ("failure", "warning"):
+        for text in _told(table, kind):
+            warn(text)
+    if out is not None:
+        _save(table, out)
+        screen.print(f"table in {out}", soft_wrap=True)
+    if plot is not None:
+        from flexarm.plot.comparison import comparison_figure
+
+        write_figure(comparison_figure(table), plot)
+        screen.print(f"plot in {plot}", soft_wrap=True)
+
+
+def _printed(table: xr.Dataset, reference: str) -> object:
+    shown = [column for column in _COLUMNS if np.isfinite(table[column[0]].values).any()]
+    rows = []
+    for drive in table["controller"].values:
+        for plant in table["plant"].values:
+            one = table.sel(controller=drive, plant=plant)
+            values = (factor * float(one[name]) for name, _, factor in shown)
+            cells = [f"{value:.4g}" if np.isfinite(value) else "-" for value in values]
+            rows.append([str(drive), str(plant), *cells])
+    return numbers(f"Along {reference}", ["drive", "plant", *(head for _, head, _ in shown)], rows)
+
+
+def _told(table: xr.Dataset, kind: str) -> list[str]:
+    """Return what runs stopped for, or warned of, with their names."""
+    told = []
+    for drive in table["controller"].values:
+        for plant in table["plant"].values:
+            for reference in table["reference"].values:
+                text = table[kind].sel(controller=drive, plant=plant, reference=reference).item()
+                if text:
+                    told.append(f"{drive} on {plant} along {reference}: {text}")
+    return told
+
+
+def _save(table: xr.Dataset, out: Path) -> None:
+    if out.suffix.lower() == ".csv":
+        write_text(table.to_dataframe().to_csv(lineterminator="\n"), out)
+    else:
+        write_whole(out, lambda beside: table.to_netcdf(beside, engine="h5netcdf"))
