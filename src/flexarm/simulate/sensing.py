@@ -13,12 +13,12 @@ from flexarm.control.instruments import Instrument, Readings
 from flexarm.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
-from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.layout import new_workspace, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS, poses
 from flexarm.kernels.point_motion import point_motions
 from flexarm.linear.signals import Sensor
 from flexarm.loads import Load, place_loads
-from flexarm.observe import channels_of
+from flexarm.observe import channels_of, contact_forces
 
 if TYPE_CHECKING:
     from flexarm.simulate.stepping import Run
@@ -54,6 +54,8 @@ class ExactSensing:
     def __init__(self, run: Run) -> None:
         names = ["joint_angle", "joint_rate", *(["strain"] if run.arm.gauges else [])]
         self._readers = [(name, _channel(run.arm, name)) for name in names]
+        if run.loads.placed.contacts.body.size:
+            self._readers.append(("contact_force", _contact_force(run)))
         self._none = {} if run.arm.gauges else {"strain": np.zeros(0)}
 
     def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
@@ -103,8 +105,10 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
     if isinstance(signal, Sensor):
         return _point(run.arm, signal)
     if signal == "contact_force":
-        rule = "measure a contact_force only where there are contacts"
-        raise InputError(Problem("Hardware", "instruments", rule, "without them"))
+        if not run.loads.placed.contacts.body.size:
+            rule = "measure a contact_force only where there are contacts"
+            raise InputError(Problem("Hardware", "instruments", rule, "without them"))
+        return _contact_force(run)
     if signal == "strain" and not run.arm.gauges:
         rule = "leave out the strain of an arm without gauges"
         raise InputError(Problem("Hardware", "instruments", rule, "'strain'"))
@@ -125,6 +129,13 @@ def _channel(arm: Arm, name: str) -> Reader:
         columns, tip = _TIP[name], TipMotion(arm)
         return lambda state, system, t: tip(state)[columns].copy()
     return lambda state, system, t: np.ravel(channels_of(arm, state[None])[name][0])
+
+
+def _contact_force(run: Run) -> Reader:
+    """Read the forces (contacts, 2) of contacts on the arm, world axes."""
+    arm, placed = run.arm, run.loads.placed.contacts
+    work = new_workspace(arm.assembly.constants)
+    return lambda state, system, t: contact_forces(arm, placed, state[None], work)[0]
 
 
 def _torque(arm: Arm, system: System, t: float) -> FloatArray:
