@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flexarm.control import LQG as LQG
     from flexarm.control import MPC as MPC
     from flexarm.control import Adaptive as Adaptive
+    from flexarm.control import Admittance as Admittance
     from flexarm.control import Composite as Composite
     from flexarm.control import ComputedTorque as ComputedTorque
     from flexarm.control import Controller as Controller
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from flexarm.control import EstimatorController as EstimatorController
     from flexarm.control import ExtendedKalmanFilter as ExtendedKalmanFilter
     from flexarm.control import Hardware as Hardware
+    from flexarm.control import HybridForce as HybridForce
+    from flexarm.control import Impedance as Impedance
     from flexarm.control import Instrument as Instrument
     from flexarm.control import JointPD as JointPD
     from flexarm.control import JointPID as JointPID
@@ -53,6 +56,8 @@ if TYPE_CHECKING:
     from flexarm.linear import track_modes as track_modes
     from flexarm.linear.along import Separation as Separation
     from flexarm.linear.along import linearize_along as linearize_along
+    from flexarm.linear.pressed import PressedMotion as PressedMotion
+    from flexarm.linear.pressed import pressed_motion as pressed_motion
     from flexarm.linear.quasi_static import QuasiStaticReference as QuasiStaticReference
     from flexarm.linear.quasi_static import quasi_static_reference as quasi_static_reference
     from flexarm.linear.step_jacobian import StepJacobian as StepJacobian
@@ -103,6 +108,7 @@ if TYPE_CHECKING:
 #: Every public name, and the module that holds it.
 _HOME = {
     "Adaptive": "control",
+    "Admittance": "control",
     "Arm": "arm",
     "Box": "model",
     "Circle": "model",
@@ -121,6 +127,8 @@ _HOME = {
     "Friction": "model",
     "Gauge": "model",
     "Hardware": "control",
+    "HybridForce": "control",
+    "Impedance": "control",
     "InputError": "errors",
     "Instrument": "control",
     "InversionError": "simulate.tip_inversion",
@@ -146,6 +154,7 @@ _HOME = {
     "PrescribedAngle": "simulate",
     "QuasiStaticReference": "linear.quasi_static",
     "RBFAdaptive": "control",
+    "PressedMotion": "linear.pressed",
     "RayleighDamping": "model",
     "Rectangle": "model",
     "RoundWall": "surfaces",
@@ -174,6 +183,7 @@ _HOME = {
     "load_scenario": "model",
     "modes": "linear",
     "quasi_static_reference": "linear.quasi_static",
+    "pressed_motion": "linear.pressed",
     "read_result": "output",
     "rigid_torque": "motion",
     "run_scenario": "simulate",

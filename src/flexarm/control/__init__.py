@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flexarm.control.adaptive import Adaptive
+from flexarm.control.admittance import Admittance
 from flexarm.control.base import Controller, Measurement, Reference
 from flexarm.control.composite import Composite
 from flexarm.control.computed_torque import ComputedTorque
@@ -10,6 +11,8 @@ from flexarm.control.disturbance_observer import DisturbanceObserver
 from flexarm.control.estimator import EstimatorController
 from flexarm.control.extended_kalman import ExtendedKalmanFilter
 from flexarm.control.hardware import Hardware, Motors
+from flexarm.control.hybrid_force import HybridForce
+from flexarm.control.impedance import Impedance
 from flexarm.control.input_shaping import shaped
 from flexarm.control.instruments import Instrument
 from flexarm.control.joint_pd import JointPD
@@ -23,10 +26,13 @@ from flexarm.control.strain_feedback import StrainFeedback
 #: Every controller by the name that scenario files use.
 CONTROLLERS: dict[str, type[Controller]] = {
     Adaptive.name: Adaptive,
+    Admittance.name: Admittance,
     Composite.name: Composite,
     ComputedTorque.name: ComputedTorque,
     DisturbanceObserver.name: DisturbanceObserver,
     EstimatorController.name: EstimatorController,
+    HybridForce.name: HybridForce,
+    Impedance.name: Impedance,
     JointPD.name: JointPD,
     JointPID.name: JointPID,
     LQG.name: LQG,
@@ -41,6 +47,7 @@ __all__ = [
     "LQG",
     "MPC",
     "Adaptive",
+    "Admittance",
     "Composite",
     "ComputedTorque",
     "Controller",
@@ -48,6 +55,8 @@ __all__ = [
     "EstimatorController",
     "ExtendedKalmanFilter",
     "Hardware",
+    "HybridForce",
+    "Impedance",
     "Instrument",
     "JointPD",
     "JointPID",

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from flexarm.arm import Arm
-from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control.gains import Gains
-from flexarm.control.rigid_model import RigidModel
-from flexarm.control.task_space import TaskSpace, accelerations_for
-from flexarm.errors import InputError, Problem, shown
+from flexarm.control.task_controller import TaskController, felt_force
+from flexarm.control.task_plan import Asked
 
 
-class HybridForce(Controller):
+class HybridForce(TaskController):
     """Position control along a surface, force control across it (Raibert and Craig 1981).
 
     Along the tangent the joints' tip follows the reference with the rigid model's inertia,
     like a mass, a spring and a damper of ``frequency`` and ``damping_ratio``. Across it the torque
     presses with the reference's force, corrected by the integral of its error, against
     ``normal_damping``. What the bent arm needs to press at rest comes from the reference
-    (`pressed_motion`). Theory page "control-force", (C.60) to (C.64).
+    (`pressed_motion`). A tip that does not touch goes to the surface at ``approach_speed``. Theory
+    page "control-force", (C.60) to (C.64).
 
     Args:
         arm: what the controller believes the arm to be.
@@ -31,13 +27,16 @@ class HybridForce(Controller):
             arm's lowest frequency in touch.
         force_proportional: of the force error.
         normal_damping: N s/m, against motion of the joints' tip across the surface.
+        approach_speed: m/s, of a tip that has to press and does not touch.
+        touch_force: N; a measured force below it counts as none.
         sample_time: s.
 
     It measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which the first contact's
-    counts, and needs a reference with ``contact_force`` and ``normal``.
+    counts. Where the reference has no force, as a plain motion or none, it follows with both
+    directions and measures no force.
 
     Raises:
-        InputError: a gain is negative or not finite, or the sample time is not positive.
+        InputError: a gain is negative or not finite, or speed or sample time are not positive.
     """
 
     name = "hybrid_force"
@@ -50,59 +49,62 @@ class HybridForce(Controller):
         force_integral: float = 10.0,
         force_proportional: float = 0.0,
         normal_damping: float = 20.0,
+        approach_speed: float = 0.1,
+        touch_force: float = 0.2,
         sample_time: float = 1e-3,
     ) -> None:
         gains = Gains("HybridForce")
-        self.arm = arm
         self.frequency = gains.one("frequency", frequency, positive=True)
         self.damping_ratio = gains.one("damping_ratio", damping_ratio)
         self.force_integral = gains.one("force_integral", force_integral)
         self.force_proportional = gains.one("force_proportional", force_proportional)
         self.normal_damping = gains.one("normal_damping", normal_damping)
-        self.sample_time = gains.one("sample_time", sample_time, positive=True)
+        self.approach_speed = gains.one("approach_speed", approach_speed, positive=True)
+        self.touch_force = gains.one("touch_force", touch_force)
+        sample_time = gains.one("sample_time", sample_time, positive=True)
         gains.done()
-        self._model = RigidModel(arm)
-        self._task = TaskSpace(arm)
+        super().__init__(arm, sample_time, self.frequency)
         self._sum = 0.0
 
     def reset(self) -> None:
-        """Forget the integral of the force error."""
+        """Forget the integral of the force error, and the reference."""
+        super().reset()
         self._sum = 0.0
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        wanted = pressed(self.name, reference)
         angle, rate = measurement.joint_angle, measurement.joint_rate
-        normal = wanted.normal(t)
-        tangent = np.array([-normal[1], normal[0]])
-        tip = self._task.at(angle, rate)
-        asked = self._task.at(wanted.joint_angle(t), wanted.joint_rate(t))
-        force = wanted.contact_force(t)
-        error = force - normal @ measurement.contact_force[0]
-        w = self.frequency
-        along = tangent @ (
-            w * w * (asked.position - tip.position)
-            + 2.0 * self.damping_ratio * w * (asked.velocity - tip.velocity)
+        asked = self._plan.at(t, angle, reference)
+        state = self._task.at(angle, rate)
+        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
+        nx, ny = asked.normal_x, asked.normal_y
+        spring = self.frequency * self.frequency
+        damper = 2.0 * self.damping_ratio * self.frequency
+        x_slip, y_slip = asked.x_rate - x_rate, asked.y_rate - y_rate
+        x_pull = spring * (asked.x - x) + damper * x_slip
+        y_pull = spring * (asked.y - y) + damper * y_slip
+        # Across the surface nothing is pulled to its place: force alone acts there.
+        across = nx * x_pull + ny * y_pull
+        push = 0.0
+        if nx or ny:
+            push = self._push(asked, measurement, nx * x_slip + ny * y_slip)
+        return self._task.torque(
+            state,
+            (
+                asked.x_acceleration + x_pull - across * nx,
+                asked.y_acceleration + y_pull - across * ny,
+            ),
+            (-push * nx, -push * ny),
+            self._posture(asked, angle, rate),
+            asked.pressing,
         )
-        acceleration = accelerations_for(tip, along * tangent)
-        # What the bent arm needs to press and hold, less what the rigid model counts of gravity.
-        pressing = wanted.holding_torque(t) - self._model.gravity_torque(wanted.joint_angle(t))
-        push = self.force_proportional * error + self._sum
-        push += self.normal_damping * (normal @ (tip.velocity - asked.velocity))
+
+    def _push(self, asked: Asked, measurement: Measurement, slip: float) -> float:
+        """Force (N) on the surface beyond the reference's; (C.62) in touch, (C.64) before it."""
+        felt, against = felt_force(asked, measurement), -self.normal_damping * slip
+        if felt < self.touch_force:
+            return against + min(0.0, self.normal_damping * self.approach_speed - asked.force)
+        error = asked.force - felt
+        push = self.force_proportional * error + self._sum + against
         self._sum += self.force_integral * self.sample_time * error
-        torque: FloatArray = self._model.torque(angle, rate, acceleration) + pressing
-        return torque - tip.jacobian.T @ (push * normal)
-
-
-def pressed(name: str, reference: Reference | None) -> Any:
-    """Return a reference that has a force.
-
-    Raises:
-        InputError: it has none.
-    """
-    for needed in ("contact_force", "normal", "holding_torque"):
-        if not hasattr(reference, needed):
-            rule = f"be a pressed motion, with {needed}, for {name}"
-            hint = "pressed_motion makes one of a motion along a surface."
-            raise InputError(Problem("controller", "reference", rule, shown(reference), hint))
-    return reference
+        return push

@@ -1,4 +1,4 @@
-"""The tip of the rigid twin as controllers in the task space need it."""
+"""The rigid twin as controllers in the task space need it: its tip, and what moves that."""
 
 from __future__ import annotations
 
@@ -8,67 +8,77 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
-from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS
-from flexarm.kernels.tip_motion import tip_motion
+from flexarm.kernels.task_dynamics import task_dynamics, tip_torque
 
 
-class TipState(NamedTuple):
-    """Where the tip is and how joints move it, world axes."""
+class TaskState(NamedTuple):
+    """The rigid twin at one moment; vectors of the tip in world axes."""
 
-    position: FloatArray  # (2,) m
-    velocity: FloatArray  # (2,) m/s
+    motion: FloatArray  # (3, 2): position m, velocity m/s, acceleration at none of the joints m/s^2
     jacobian: FloatArray  # (2, joints) m
-    bias: FloatArray  # (2,) m/s^2: acceleration where no joint accelerates
+    mass: FloatArray  # (joints, joints) kg m^2
+    bias_torque: FloatArray  # (joints,) N m: what the motion takes where no joint accelerates
 
 
 class TaskSpace:
-    """Rigid kinematics of the tip; the arm's own kernels, without checks."""
+    """Kinematics and dynamics of the rigid twin at its tip; the arm's own kernels, unchecked.
+
+    Attributes:
+        joints: number of joints.
+    """
 
     def __init__(self, arm: Arm) -> None:
         assembly = arm.rigid().assembly
-        self._constants = assembly.constants
-        self._sizes = run_time_sizes(self._constants)
-        self._bodies = assembly.joint_body
-        n, m = self._constants.S.shape
-        self._state = np.zeros((2, n, 1 + m))
-        self._scratch = np.zeros((2, n, 1 + m), dtype=complex)
-        self._poses = np.zeros((n, POSE_COLUMNS), dtype=complex)
-        self._tip = np.zeros(6, dtype=complex)
-
-    def at(self, angle: FloatArray, rate: FloatArray) -> TipState:
-        """Return the tip at joint angles (rad) and rates (rad/s), (joints,) each."""
-        self._state[0, self._bodies, 0] = angle
-        self._state[1, self._bodies, 0] = rate
-        found = np.zeros((3, 2))
-        jacobian = np.zeros((2, self._state.shape[1]))
-        tip_motion(
-            self._sizes,
-            self._constants,
-            self._state,
-            self._scratch,
-            self._poses,
-            self._tip,
-            found[0],
-            found[1],
-            jacobian,
-            found[2],
+        constants = assembly.constants
+        n, m = constants.S.shape
+        self.joints = arm.joints
+        self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
+        self._arguments = (
+            run_time_sizes(constants),
+            constants,
+            assembly.joint_body,
+            self._angle,
+            self._rate,
+            no_loads(constants),
+            np.zeros((2, n, 1 + m)),
+            np.zeros((n, 1 + m)),
+            new_workspace(constants),
+            np.zeros((2, n, 1 + m), dtype=complex),
+            np.zeros((n, POSE_COLUMNS), dtype=complex),
+            np.zeros(6, dtype=complex),
+            np.zeros((2, n)),
+            np.zeros((n, 1 + m, n, 1 + m)),
         )
-        return TipState(found[0], found[1], jacobian[:, self._bodies], found[2])
 
+    def at(self, angle: FloatArray, rate: FloatArray) -> TaskState:
+        """Return the twin at joint angles (rad) and rates (rad/s), (joints,) each."""
+        count = self.joints
+        motion, jacobian = np.empty((3, 2)), np.empty((2, count))
+        mass, bias_torque = np.empty((count, count)), np.empty(count)
+        self._angle[:], self._rate[:] = angle, rate
+        task_dynamics(*self._arguments, motion, jacobian, mass, bias_torque)
+        return TaskState(motion, jacobian, mass, bias_torque)
 
-def accelerations_for(tip: TipState, wanted: FloatArray) -> FloatArray:
-    """Return joint accelerations (joints,) that give the tip an acceleration (2,), m/s^2.
+    def torque(
+        self,
+        state: TaskState,
+        acceleration: tuple[float, float],
+        push: tuple[float, float],
+        posture: FloatArray,
+        added: FloatArray,
+    ) -> FloatArray:
+        """Return joint torques (joints,) N m under which the tip accelerates and pushes: (C.60).
 
-    The smallest ones of an arm with more than two joints; damped where the arm is nearly straight
-    or folded, so that nothing grows beyond bounds there.
-    """
-    J = tip.jacobian
-    square = J @ J.T
-    trace = square[0, 0] + square[1, 1]
-    damping = 1e-6 * trace
-    a, b, c = square[0, 0] + damping, square[0, 1], square[1, 1] + damping
-    x, y = wanted - tip.bias
-    scale = 1.0 / (a * c - b * b)
-    solved: FloatArray = J.T @ np.array([scale * (c * x - b * y), scale * (a * y - b * x)])
-    return solved
+        Args:
+            state: as ``at`` has just returned it.
+            acceleration: of the tip, m/s^2, were there nothing to push.
+            push: force of the tip on what it touches, N.
+            posture: accelerations (joints,) rad/s^2 that those of more than two joints come near
+                to.
+            added: torque (joints,) N m that is added.
+        """
+        torque = np.empty(self.joints)
+        tip_torque(*state, posture, *acceleration, *push, added, torque)
+        return torque

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -17,33 +18,44 @@ from flexarm.motion.kinematics import tip_jacobian
 
 #: The tip is brought onto its path this closely (m), within so many corrections.
 _CLOSE, _CORRECTIONS = 1e-9, 60
-#: Times of rest after the end of the motion that are sampled with it (s).
-_MOST_SAMPLES = 4000
+_FEWEST_SAMPLES, _MOST_SAMPLES = 8, 4000
 #: Friction turns over smoothly below this part of the fastest sliding: a jump would excite the arm.
 _SLOW = 0.2
+
+
+class Held(NamedTuple):
+    """The bent arm at one moment, pressing and held still."""
+
+    angle: FloatArray  # (joints,) rad
+    torque: FloatArray  # (joints,) N m that hold it
+    pressing: FloatArray  # (joints,) N m of these that the rigid twin does not take
+    q: FloatArray  # (dof,)
 
 
 class PressedMotion:
     """A reference for force control: a motion of the joints, and the force at the tip with it.
 
     The joints go where the tip of the *bent* arm, pressed by the force and held still at each
-    moment, lies on the motion's path. Between the sampled times everything is a cubic spline.
+    moment, lies on the motion's path. Between the sampled times everything is a spline of the
+    fifth degree; after the last one the arm rests and the force stays. Every method takes a time
+    (s) or times (T,).
 
     Attributes:
         motion: of the rigid arm, whose tip is the path.
         start_time, end_time, breaks: its own, s.
         initial: q (dof,) of the arm pressed at time zero.
+        vectorized: true: methods take many times at once.
     """
+
+    vectorized = True
 
     def __init__(
         self,
         motion: Motion,
         force: Callable[[float], float],
-        normal: FloatArray,
+        normal: Callable[[float], FloatArray],
         times: FloatArray,
-        angles: FloatArray,
-        torques: FloatArray,
-        initial: FloatArray,
+        held: Sequence[Held],
     ) -> None:
         self.motion = motion
         self.start_time, self.end_time, self.breaks = (
@@ -51,50 +63,71 @@ class PressedMotion:
             motion.end_time,
             motion.breaks,
         )
-        self.initial = initial
+        self.initial = held[0].q
         self._force, self._normal = force, normal
-        self._last = float(times[-1])
-        self._angle = CubicSpline(times, angles)
+        self._first, self._last = float(times[0]), float(times[-1])
+        self._angle = _spline(times, [one.angle for one in held])
         self._rate, self._acceleration = self._angle.derivative(1), self._angle.derivative(2)
-        self._torque = CubicSpline(times, torques)
+        self._holding = _spline(times, [one.torque for one in held])
+        self._pressing = _spline(times, [one.pressing for one in held])
 
     def __repr__(self) -> str:
-        return f"<flexarm.PressedMotion: to t = {self._last:g} s, normal {self._normal.tolist()}>"
+        return f"<flexarm.PressedMotion: to t = {self._last:g} s along {self.motion!r}>"
+
+    def _inside(self, t: ArrayLike) -> FloatArray:
+        return np.clip(np.asarray(t, dtype=np.float64), self._first, self._last)
+
+    def _moving(self, t: ArrayLike) -> FloatArray:
+        """Return 1 within the sampled times and 0 outside of them, (..., 1)."""
+        times = np.asarray(t, dtype=np.float64)
+        return np.asarray((times >= self._first) & (times <= self._last), float)[..., None]
 
     def joint_angle(self, t: ArrayLike) -> FloatArray:
         """Joint angles (joints,) or (T, joints), rad."""
-        return np.asarray(self._angle(np.minimum(t, self._last)))
+        return np.asarray(self._angle(self._inside(t)))
 
     def joint_rate(self, t: ArrayLike) -> FloatArray:
         """Joint rates (joints,) or (T, joints), rad/s."""
-        return np.asarray(self._rate(np.minimum(t, self._last)))
+        return np.asarray(self._rate(self._inside(t)) * self._moving(t))
 
     def joint_acceleration(self, t: ArrayLike) -> FloatArray:
         """Joint accelerations (joints,) or (T, joints), rad/s^2."""
-        return np.asarray(self._acceleration(np.minimum(t, self._last)))
+        return np.asarray(self._acceleration(self._inside(t)) * self._moving(t))
 
     def holding_torque(self, t: ArrayLike) -> FloatArray:
         """Torques (joints,) or (T, joints) N m that hold the bent arm, pressing, at each moment."""
-        return np.asarray(self._torque(np.minimum(t, self._last)))
+        return np.asarray(self._holding(self._inside(t)))
+
+    def pressing_torque(self, t: ArrayLike) -> FloatArray:
+        """Part of ``holding_torque`` that is not what the rigid twin takes at these angles."""
+        return np.asarray(self._pressing(self._inside(t)))
 
     def tip(self, t: ArrayLike) -> FloatArray:
         """Where the tip is to be, (2,) or (T, 2), m."""
         return self.motion.tip(t)
 
-    def contact_force(self, t: float) -> float:
-        """Force (N) that the tip presses on the surface with, at least 0."""
-        return self._force(t)
+    def contact_force(self, t: ArrayLike) -> FloatArray:
+        """Force () or (T,) N that the tip presses on the surface with, at least 0."""
+        times = self._inside(t)
+        forces = [float(self._force(float(now))) for now in times.ravel()]
+        return np.array(forces).reshape(times.shape)
 
-    def normal(self, t: float) -> FloatArray:
-        """Normal (2,) of the surface, world axes, away from it."""
-        return self._normal
+    def normal(self, t: ArrayLike) -> FloatArray:
+        """Unit normal (2,) or (T, 2) of the surface, world axes, away from it."""
+        times = self._inside(t)
+        normals = [self._normal(float(now)) for now in times.ravel()]
+        return np.array(normals).reshape(*times.shape, 2)
+
+
+def _spline(times: FloatArray, values: Sequence[FloatArray]) -> BSpline:
+    return make_interp_spline(times, np.array(values), k=5)
 
 
 def pressed_motion(
     arm: Arm,
     motion: Motion,
     force: float | Callable[[float], float],
-    normal: ArrayLike,
+    normal: ArrayLike | Callable[[float], ArrayLike],
     *,
     duration: float | None = None,
     friction: float = 0.0,
@@ -106,10 +139,12 @@ def pressed_motion(
         arm: flexible or rigid; how far it yields to the force and to gravity counts.
         motion: its tip path lies on the surface.
         force: N, at least 0, or a smooth function of time (s) that gives it.
-        normal: (2,) of the surface, away from it, world axes; any length.
+        normal: (2,) of the surface where the path is, away from it, world axes, any length; or a
+            function of time that gives it, on a surface that is not straight.
         duration: s, of the whole run; None for the motion's end.
         friction: coefficient, of a sliding tip.
-        interval: s between the times at which the arm's equilibrium is computed.
+        interval: s between the times at which the arm's equilibrium is computed; force and path
+            must be smooth over some of them.
 
     Raises:
         InputError: a force that is negative or not finite, a normal of no direction, a friction
@@ -119,46 +154,61 @@ def pressed_motion(
     if not isinstance(motion, Motion) or motion.joints != arm.joints:
         rule = f"be a motion of an arm with {arm.joints} joints"
         raise InputError(Problem(where, "motion", rule, shown(motion)))
-    outward = check_array(where, "normal", normal, (2,))
-    if not np.hypot(*outward) > 0.0:
-        raise InputError(Problem(where, "normal", "have a direction", shown(normal)))
-    outward = outward / np.hypot(*outward)
-    for name, value, least in (("friction", friction, 0.0), ("interval", interval, None)):
-        number = float(check_array(where, name, value, ()))
-        if number < 0.0 or (least is None and number == 0.0):
-            rule = "be at least 0" if least is not None else "be greater than 0"
-            raise InputError(Problem(where, name, rule, shown(value)))
-    end = motion.end_time if duration is None else float(check_array(where, "duration", duration, ()))
-    count = min(max(int(np.ceil(end / interval)) + 1, 8), _MOST_SAMPLES)
+    if float(check_array(where, "friction", friction, ())) < 0.0:
+        raise InputError(Problem(where, "friction", "be at least 0", shown(friction)))
+    if not float(check_array(where, "interval", interval, ())) > 0.0:
+        raise InputError(Problem(where, "interval", "be greater than 0", shown(interval)))
+    end = motion.end_time
+    if duration is not None:
+        end = float(check_array(where, "duration", duration, ()))
+    if not end > 0.0:
+        raise InputError(Problem(where, "duration", "be greater than 0", shown(end)))
+    count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
     times = np.linspace(0.0, end, count)
-    pressing = force if callable(force) else _constant(where, force)
-    sought = _Search(arm, motion, outward, friction)
-    rows = [sought.at(float(t), _checked(where, pressing, float(t))) for t in times]
-    angles, torques, initial = ([row[k] for row in rows] for k in range(3))
-    return PressedMotion(
-        motion, pressing, outward, times, np.array(angles), np.array(torques), initial[0]
-    )
+    pressing, outward = _force(where, force), _normal(where, normal)
+    search = _Search(arm, motion, friction)
+    held = [search.at(t, pressing(t), outward(t)) for t in times.tolist()]
+    return PressedMotion(motion, pressing, outward, times, held)
 
 
-def _constant(where: str, force: float) -> Callable[[float], float]:
-    value = float(check_array(where, "force", force, ()))
-    return lambda _: value
+def _force(where: str, given: float | Callable[[float], float]) -> Callable[[float], float]:
+    """Make the force a function of time that refuses what is no force."""
+
+    def checked(t: float) -> float:
+        told = given(t) if callable(given) else given
+        name = f"force at t = {t:g} s" if callable(given) else "force"
+        value = float(check_array(where, name, told, ()))
+        if value < 0.0:
+            raise InputError(Problem(where, name, "be at least 0", shown(told)))
+        return value
+
+    return checked
 
 
-def _checked(where: str, force: Callable[[float], float], t: float) -> float:
-    value = float(check_array(where, f"force at t = {t:g}", force(t), ()))
-    if value < 0.0:
-        raise InputError(Problem(where, f"force at t = {t:g}", "be at least 0", shown(value)))
-    return value
+def _normal(
+    where: str, given: ArrayLike | Callable[[float], ArrayLike]
+) -> Callable[[float], FloatArray]:
+    """Make the normal a function of time of length one."""
+
+    def unit(name: str, told: ArrayLike) -> FloatArray:
+        outward = check_array(where, name, told, (2,))
+        length = float(np.hypot(*outward))
+        if not length > 0.0:
+            raise InputError(Problem(where, name, "have a direction", shown(told)))
+        return np.asarray(outward / length)
+
+    if callable(given):
+        return lambda t: unit(f"normal at t = {t:g} s", given(t))
+    constant = unit("normal", given)
+    return lambda t: constant
 
 
 class _Search:
     """Joint angles at which the tip of the loaded arm is where it is to be; each from the last."""
 
-    def __init__(self, arm: Arm, motion: Motion, normal: FloatArray, friction: float) -> None:
-        self._arm, self._motion = arm, motion
-        self._normal, self._friction = normal, friction
-        self._tangent = np.array([-normal[1], normal[0]])
+    def __init__(self, arm: Arm, motion: Motion, friction: float) -> None:
+        self._arm, self._motion, self._friction = arm, motion, friction
+        self._rigid = arm.rigid()
         times = np.linspace(motion.start_time, motion.end_time, 201)
         fastest = float(np.hypot(*np.gradient(motion.tip(times), times, axis=0).T).max())
         self._slow = max(_SLOW * fastest, 1e-9)
@@ -166,13 +216,14 @@ class _Search:
         self._beside = np.zeros(arm.joints)
         self._drift = np.zeros(arm.joints)  # change of that from one time to the next
 
-    def at(self, t: float, force: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joint angles, holding torques (joints,) and q (dof,) at time t under a force."""
+    def at(self, t: float, force: float, normal: FloatArray) -> Held:
+        """Find the arm at time t (s) under a force (N) along a normal (2,)."""
         arm, motion = self._arm, self._motion
+        tangent = np.array([-normal[1], normal[0]])
         rigid = np.asarray(motion.joint_angle(t))
         J = tip_jacobian(motion.chain.lengths, rigid + motion.chain.offset)
-        sliding = float(np.tanh(self._tangent @ J @ motion.joint_rate(t) / self._slow))
-        on_tip = force * (self._normal - self._friction * sliding * self._tangent)
+        sliding = float(np.tanh(tangent @ J @ motion.joint_rate(t) / self._slow))
+        on_tip = force * (normal - self._friction * sliding * tangent)
         angle, wanted = rigid + self._beside + self._drift, motion.tip(t)
         J = tip_jacobian(motion.chain.lengths, angle + motion.chain.offset)
         way = np.linalg.pinv(J, rcond=1e-6)
@@ -189,7 +240,9 @@ class _Search:
             if np.hypot(*missed) < _CLOSE:
                 self._drift = angle - rigid - self._beside
                 self._beside = angle - rigid
-                return angle, rest.torque, rest.q
+                twin = self._rigid.bias_force(self._rigid.rest(angle), np.zeros(self._rigid.dof))
+                pressing = rest.torque - twin[self._rigid.joint_index]
+                return Held(angle, rest.torque, pressing, rest.q)
             if step.any():  # Broyden's update: the bent arm's way, learnt from the last step
                 gained = way @ (missed - before)
                 scale = step @ gained

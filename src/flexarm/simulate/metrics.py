@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.control import Reference
@@ -30,7 +31,7 @@ METRICS = (
     Metric("joint_error_rms", "rad", "joint angles from their reference while this moves, RMS"),
     Metric("torque_rms", "N m", "root of the mean sum of squares of the torques"),
     Metric("torque_peak", "N m", "largest torque of any joint"),
-    Metric("force_error_rms", "N", "normal contact force from its reference, RMS, in contact"),
+    Metric("force_error_rms", "N", "normal force of the first contact from its reference, likewise"),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
 
@@ -80,10 +81,26 @@ def metrics_of(
         values["residual_vibration"] = float(np.hypot(*about.T).max())
     values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
     values["torque_peak"] = float(abs(torque).max())
+    if moving.any():
+        values["force_error_rms"] = _force_error(result, reference, times, moving)
     calls = result.attrs.get("controller_calls", 0)
     if calls:
         values["controller_time"] = result.attrs["controller_seconds"] / calls
     return values
+
+
+def _force_error(
+    result: xr.Dataset, reference: Reference, times: FloatArray, moving: NDArray[np.bool_]
+) -> float:
+    """RMS of the force across the surface from what a reference that presses asks for, N."""
+    asked, normal = getattr(reference, "contact_force", None), getattr(reference, "normal", None)
+    if asked is None or normal is None or "contact_force" not in result:
+        return float("nan")
+    now = times[moving]
+    on_arm = result["contact_force"].values[moving, 0]
+    wanted = np.array([asked(float(t)) for t in now])
+    across = np.array([normal(float(t)) for t in now])
+    return _rms(np.sum(across * on_arm, axis=1) - wanted)
 
 
 def _rms(values: FloatArray) -> float:

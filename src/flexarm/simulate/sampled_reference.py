@@ -1,58 +1,77 @@
-"""A motion looked up at the controller's sample times instead of computed at each."""
+"""A reference looked up at the controller's sample times instead of computed at each."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.control import Reference
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 
+#: What is looked up of a reference that knows it, besides the motion of the joints.
+_MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
+
 
 class SampledReference:
-    """The same motion, evaluated for all sample times in one go.
+    """The same reference, evaluated for all sample times in one go.
 
     A motion computes a thousand times as fast as it answers a thousand single questions, and
-    controllers ask at every sample. At other times it asks the motion itself, as for anything
-    else that the motion knows.
+    controllers ask at every sample. At other times, and for many times at once, it asks the
+    reference itself, as for anything else that this knows.
     """
 
-    def __init__(self, motion: Motion, sample_time: float, duration: float) -> None:
-        self._motion = motion
+    vectorized = True
+
+    def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
+        self._reference = reference
         self._sample_time = sample_time
-        ticks = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
-        self._state = motion.state(ticks)
+        self._ticks = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
+        self._tables: dict[str, FloatArray] = {}
+        if isinstance(reference, Motion):
+            angle, rate, acceleration = reference.state(self._ticks)
+            self._tables |= {"joint_angle": angle, "joint_rate": rate}
+            self._tables["joint_acceleration"] = acceleration
 
-    def _index(self, t: float) -> int | None:
-        k = round(t / self._sample_time)
-        on_tick = 0 <= k < len(self._state.angle) and k * self._sample_time == t
-        return k if on_tick else None
+    def _look_up(self, name: str, t: ArrayLike) -> Any:
+        # What is not one of the ticks to the last bit would get the answer of another time.
+        if np.ndim(t) == 0:
+            k = round(float(t) / self._sample_time)  # type: ignore[arg-type]
+            if 0 <= k < len(self._ticks) and k * self._sample_time == t:
+                table = self._tables.get(name)
+                if table is None:
+                    table = np.asarray(getattr(self._reference, name)(self._ticks))
+                    self._tables[name] = table
+                return table[k]
+        return getattr(self._reference, name)(t)
 
-    def joint_angle(self, t: float) -> FloatArray:
-        """Joint angles (joints,) at time t, rad."""
-        k = self._index(t)
-        return self._motion.joint_angle(t) if k is None else self._state.angle[k]
+    def joint_angle(self, t: ArrayLike) -> FloatArray:
+        """Joint angles (joints,) or (T, joints) at t, rad."""
+        found: FloatArray = self._look_up("joint_angle", t)
+        return found
 
-    def joint_rate(self, t: float) -> FloatArray:
-        """Joint rates (joints,) at time t, rad/s."""
-        k = self._index(t)
-        return self._motion.joint_rate(t) if k is None else self._state.rate[k]
+    def joint_rate(self, t: ArrayLike) -> FloatArray:
+        """Joint rates (joints,) or (T, joints) at t, rad/s."""
+        found: FloatArray = self._look_up("joint_rate", t)
+        return found
 
-    def joint_acceleration(self, t: float) -> FloatArray:
-        """Joint accelerations (joints,) at time t, rad/s^2."""
-        k = self._index(t)
-        return self._motion.joint_acceleration(t) if k is None else self._state.acceleration[k]
+    def joint_acceleration(self, t: ArrayLike) -> FloatArray:
+        """Joint accelerations (joints,) or (T, joints) at t, rad/s^2."""
+        found: FloatArray = self._look_up("joint_acceleration", t)
+        return found
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._motion, name)
+        if name in _MORE and hasattr(self._reference, name):
+            return lambda t: self._look_up(name, t)
+        return getattr(self._reference, name)
 
 
 def sampled_reference(
     reference: Reference | None, sample_time: float, duration: float
 ) -> Reference | None:
-    """Look a motion up at sample times; leave a user's own reference as it is."""
-    if isinstance(reference, Motion):
+    """Look up at sample times what takes many at once; leave any other reference as it is."""
+    if isinstance(reference, Motion) or getattr(reference, "vectorized", False):
         return SampledReference(reference, sample_time, duration)
     return reference

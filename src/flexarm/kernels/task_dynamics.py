@@ -1,0 +1,110 @@
+"""What a controller in the task space asks at each sample time, in one call.
+
+Motion of the last tip (``tip_motion``), mass matrix (``composite_body``) and bias
+(``newton_euler``) of an arm, reduced to its joints. Passing the arrays of an arm to compiled code
+costs more than all three: therefore together.
+"""
+
+from __future__ import annotations
+
+from flexarm.kernels.cache import compiled
+from flexarm.kernels.composite_body import mass_matrix
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernels.tip_motion import tip_motion
+
+#: Part of its trace that is added to J J': no joint accelerates beyond bounds where the arm is
+#: straight or folded, and elsewhere the tip's acceleration is right to about as many digits.
+DAMPING = 1e-6
+
+
+@compiled
+def task_dynamics(
+    sizes: Sizes,
+    constants: ArmConstants,
+    joint_body: Array,
+    angle: Array,
+    rate: Array,
+    loads: Loads,
+    state: Array,
+    at_rest: Array,
+    work: Workspace,
+    scratch: Array,
+    body_poses: Array,
+    tip: Array,
+    columns: Array,
+    full_mass: Array,
+    motion: Array,
+    jacobian: Array,
+    mass: Array,
+    bias_torque: Array,
+) -> None:
+    """Fill what is asked of the joints at ``angle`` and ``rate`` (joints,).
+
+    ``motion`` (3, 2): position, velocity, and acceleration where no joint accelerates, of the tip,
+    world axes; ``jacobian`` (2, joints); ``mass`` (joints, joints); ``bias_torque`` (joints,), what
+    the motion takes where no joint accelerates. The rest is scratch: ``state`` (2, n, 1 + m),
+    ``at_rest`` (n, 1 + m) zeros, ``scratch``, ``body_poses``, ``tip`` as of ``tip_motion``,
+    ``columns`` (2, n), ``full_mass`` (n, 1 + m, n, 1 + m).
+    """
+    joints = joint_body.shape[0]
+    for k in range(joints):
+        state[0, joint_body[k], 0] = angle[k]
+        state[1, joint_body[k], 0] = rate[k]
+    tip_motion(
+        sizes, constants, state, scratch, body_poses, tip, motion[0], motion[1], columns, motion[2]
+    )
+    mass_matrix(sizes, constants, state, work, full_mass)
+    inverse_dynamics(sizes, constants, state, at_rest, loads, work)
+    for k in range(joints):
+        i = joint_body[k]
+        jacobian[0, k] = columns[0, i]
+        jacobian[1, k] = columns[1, i]
+        bias_torque[k] = work.force[i, 0]
+        for other in range(joints):
+            mass[k, other] = full_mass[i, 0, joint_body[other], 0]
+
+
+@compiled
+def tip_torque(
+    motion: Array,
+    jacobian: Array,
+    mass: Array,
+    bias_torque: Array,
+    posture: Array,
+    wanted_x: float,
+    wanted_y: float,
+    push_x: float,
+    push_y: float,
+    added: Array,
+    torque: Array,
+) -> None:
+    """Fill ``torque`` (joints,): the tip accelerates as wanted, m/s^2, and pushes, N; (C.60).
+
+    The first four as ``task_dynamics`` leaves them. ``posture`` (joints,) rad/s^2 is what joint
+    accelerations come near to; ``added`` (joints,) N m is added.
+    """
+    joints = mass.shape[0]
+    xx = 0.0
+    xy = 0.0
+    yy = 0.0
+    x = wanted_x - motion[2, 0]
+    y = wanted_y - motion[2, 1]
+    for k in range(joints):
+        xx += jacobian[0, k] * jacobian[0, k]
+        xy += jacobian[0, k] * jacobian[1, k]
+        yy += jacobian[1, k] * jacobian[1, k]
+        x -= jacobian[0, k] * posture[k]
+        y -= jacobian[1, k] * posture[k]
+    damping = DAMPING * (xx + yy)
+    xx += damping
+    yy += damping
+    scale = 1.0 / (xx * yy - xy * xy)
+    along_x = scale * (yy * x - xy * y)
+    along_y = scale * (xx * y - xy * x)
+    for k in range(joints):
+        total = bias_torque[k] + added[k] + jacobian[0, k] * push_x + jacobian[1, k] * push_y
+        for other in range(joints):
+            needed = jacobian[0, other] * along_x + jacobian[1, other] * along_y
+            total += mass[k, other] * (posture[other] + needed)
+        torque[k] = total
