@@ -39,10 +39,10 @@ class Admittance(TaskController):
     def __init__(
         self,
         arm: Arm,
-        damping: float = 15.0,
+        damping: float = 150.0,
         stiffness: float = 0.0,
-        frequency: float = 15.0,
-        damping_ratio: float = 1.0,
+        frequency: float = 8.0,
+        damping_ratio: float = 0.7,
         most_speed: float = 0.1,
         sample_time: float = 1e-3,
     ) -> None:

@@ -8,6 +8,10 @@ from flexarm.control.gains import Gains
 from flexarm.control.task_controller import TaskController, felt_force
 from flexarm.control.task_plan import Asked
 
+#: The integral corrects by no more than this part of the force asked for: a tip that has been off
+#: the surface for long does not hit it.
+_MOST_CORRECTION = 0.5
+
 
 class HybridForce(TaskController):
     """Position control along a surface, force control across it (Raibert and Craig 1981).
@@ -23,6 +27,8 @@ class HybridForce(TaskController):
         arm: what the controller believes the arm to be.
         frequency: rad/s, of the error along the surface.
         damping_ratio: of that error.
+        path_integral: 1/s, of that error: what friction is not foreseen is made up for in about
+            its inverse.
         force_integral: 1/s, of the force error: the bandwidth of the force control, below the
             arm's lowest frequency in touch.
         force_proportional: of the force error.
@@ -46,6 +52,7 @@ class HybridForce(TaskController):
         arm: Arm,
         frequency: float = 8.0,
         damping_ratio: float = 1.0,
+        path_integral: float = 2.0,
         force_integral: float = 10.0,
         force_proportional: float = 0.0,
         normal_damping: float = 20.0,
@@ -56,6 +63,7 @@ class HybridForce(TaskController):
         gains = Gains("HybridForce")
         self.frequency = gains.one("frequency", frequency, positive=True)
         self.damping_ratio = gains.one("damping_ratio", damping_ratio)
+        self.path_integral = gains.one("path_integral", path_integral)
         self.force_integral = gains.one("force_integral", force_integral)
         self.force_proportional = gains.one("force_proportional", force_proportional)
         self.normal_damping = gains.one("normal_damping", normal_damping)
@@ -64,12 +72,14 @@ class HybridForce(TaskController):
         sample_time = gains.one("sample_time", sample_time, positive=True)
         gains.done()
         super().__init__(arm, sample_time, self.frequency)
-        self._sum = 0.0
+        self._sum, self._touched = 0.0, False
+        self._x_sum, self._y_sum = 0.0, 0.0
 
     def reset(self) -> None:
-        """Forget the integral of the force error, and the reference."""
+        """Forget the integrals of both errors, and the reference."""
         super().reset()
-        self._sum = 0.0
+        self._sum, self._touched = 0.0, False
+        self._x_sum, self._y_sum = 0.0, 0.0
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
@@ -81,10 +91,16 @@ class HybridForce(TaskController):
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
         x_slip, y_slip = asked.x_rate - x_rate, asked.y_rate - y_rate
-        x_pull = spring * (asked.x - x) + damper * x_slip
-        y_pull = spring * (asked.y - y) + damper * y_slip
+        x_off, y_off = asked.x - x, asked.y - y
         # Across the surface nothing is pulled to its place: force alone acts there.
+        across = nx * x_off + ny * y_off
+        x_off, y_off = x_off - across * nx, y_off - across * ny
+        x_pull = spring * (x_off + self._x_sum) + damper * x_slip
+        y_pull = spring * (y_off + self._y_sum) + damper * y_slip
         across = nx * x_pull + ny * y_pull
+        gain = self.path_integral * self.sample_time
+        self._x_sum += gain * x_off
+        self._y_sum += gain * y_off
         push = 0.0
         if nx or ny:
             push = self._push(asked, measurement, nx * x_slip + ny * y_slip)
@@ -102,9 +118,14 @@ class HybridForce(TaskController):
     def _push(self, asked: Asked, measurement: Measurement, slip: float) -> float:
         """Force (N) on the surface beyond the reference's; (C.62) in touch, (C.64) before it."""
         felt, against = felt_force(asked, measurement), -self.normal_damping * slip
-        if felt < self.touch_force:
-            return against + min(0.0, self.normal_damping * self.approach_speed - asked.force)
-        error = asked.force - felt
+        error, limit = asked.force - felt, _MOST_CORRECTION * asked.force
+        touching = felt >= self.touch_force
+        self._touched = self._touched or touching
         push = self.force_proportional * error + self._sum + against
-        self._sum += self.force_integral * self.sample_time * error
-        return push
+        if self._touched:
+            # In the air too: a tip that bounces presses with the right force on average.
+            added = self._sum + self.force_integral * self.sample_time * error
+            self._sum = min(max(added, -limit), limit)
+        if touching:
+            return push
+        return against + min(0.0, self.normal_damping * self.approach_speed - asked.force)

@@ -69,7 +69,9 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     for name, values in loop.readings().items():
         reading = f"measured_{name}"
         meaning = {"long_name": f"{name} as measured"}
-        dataset[reading] = (("tick", f"{reading}_part"), values[: len(times)], meaning)
+        # Most readings are rows of numbers; a contact's force has an axis more.
+        parts = [f"{reading}_part", f"{reading}_axis"][: values.ndim - 1]
+        dataset[reading] = (("tick", *parts), values[: len(times)], meaning)
     return dataset.assign_coords(tick_time=ticks)
 
 
