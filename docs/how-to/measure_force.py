@@ -1,4 +1,4 @@
-"""Table and figure of "control the force on a surface": python docs/how-to/measure_force.py [FIGURE]"""
+"""Table and figure of "control the force on a surface": measure_force.py [FIGURE]"""
 
 import sys
 
@@ -87,7 +87,7 @@ def run(controller, **options):
 
 
 def errors(result):
-    """Force error while sliding, RMS in % of 5 N, and largest distance of the tip along the wall, mm."""
+    """Force error in sliding, RMS in % of 5 N, and largest distance of the tip along it, mm."""
     now = result.sel(time=slice(START, END))
     missed = -now.contact_force.values[:, 0, 0] - PRESSED.contact_force(now.time.values)
     beside = now.tip.values[:, 1] - PRESSED.tip(now.time.values)[:, 1]
