@@ -29,10 +29,17 @@ def _schema() -> dict[str, Any]:
 
 
 @cache
+def _definitions() -> dict[str, Any]:
+    """Every mapping of the file format by the name of its record."""
+    return json_schema("study")["$defs"] | _schema()["$defs"]
+
+
+@cache
 def generated() -> dict[tuple[str, str], str]:
     """Every generated part: (page, name of the part) to its text."""
     parts = {(RESULT, "channels"): channel_table(), (FILE_FORMAT, "file"): _keys(_schema())}
-    for name, definition in _schema()["$defs"].items():
+    parts[FILE_FORMAT, "study"] = _keys(json_schema("study"))
+    for name, definition in _definitions().items():
         if definition["properties"].keys() - {"kind"}:
             parts[FILE_FORMAT, name] = _keys(definition)
     return parts
@@ -96,11 +103,13 @@ def _value(schema: dict[str, Any], many: bool = False) -> str:
             return " or ".join(members)
     if schema["type"] == "array":
         return _list(schema, many)
+    if schema["type"] == "object":
+        return f"names, and for each {_value(schema['additionalProperties'])}"
     return _scalar(schema, many)
 
 
 def _mapping(name: str) -> str:
-    properties = _schema()["$defs"][name]["properties"]
+    properties = _definitions()[name]["properties"]
     if properties.keys() == {"kind"}:
         return f"`{{kind: {properties['kind']['const']}}}`"
     words = title(name).lower().replace("pd", "PD").replace("pid", "PID")

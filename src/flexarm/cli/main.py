@@ -34,6 +34,7 @@ class Kind(StrEnum):
 
     SCENARIO = "scenario"
     ARM = "arm"
+    STUDY = "study"
 
 
 def _show_version(wanted: bool) -> None:

@@ -9,9 +9,10 @@ from flexarm.model.files import FILE_VERSION
 from flexarm.model.scenario import Scenario
 from flexarm.model.sections import MATERIALS
 from flexarm.model.spec import ArmSpec
+from flexarm.model.study import Study
 from flexarm.model.wording import suggestion
 
-_KINDS = {"arm": ArmSpec, "scenario": Scenario}
+_KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": Study}
 
 
 def json_schema(kind: str = "scenario") -> dict[str, Any]:
@@ -19,7 +20,7 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
 
     Args:
         kind: ``"scenario"``, which is right for arm files too (only `flexarm` and `arm` are
-            required), or ``"arm"``, which knows no other keys.
+            required), ``"arm"``, which knows no other keys, or ``"study"``.
 
     Raises:
         ModelError: there is no such kind of file.
@@ -28,16 +29,16 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
         rule = f"be one of {', '.join(map(repr, _KINDS))}"
         hint = suggestion(kind, _KINDS) if isinstance(kind, str) else ""
         raise ModelError(Problem("json_schema", "kind", rule, shown(kind), hint))
-    scenario = Scenario.model_json_schema()
-    definitions = scenario["$defs"]
+    whole = (Study if kind == "study" else Scenario).model_json_schema()
+    definitions = whole["$defs"]
     for definition in definitions.values():
         if "kind" in definition.get("properties", {}):
             # Pydantic sees a default and calls the key optional; without it a file is refused.
             definition["required"] = ["kind", *definition.get("required", [])]
     material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
     material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before pydantic sees them
-    properties: dict[str, Any] = scenario["properties"]
-    parts = list(properties) if kind == "scenario" else ["arm"]
+    properties: dict[str, Any] = whole["properties"]
+    parts = ["arm"] if kind == "arm" else list(properties)
     arm = properties["arm"]
     file = {"type": "string", "description": "An arm file, relative to this file."}
     properties["arm"] = {"description": arm.pop("description", ""), "anyOf": [arm, file]}
@@ -47,7 +48,7 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
         "title": f"flexarm {kind} file",
         "type": "object",
         "properties": {"flexarm": version, **{part: properties[part] for part in parts}},
-        "required": ["flexarm", "arm"],
+        "required": ["flexarm", *(whole["required"] if kind == "study" else ["arm"])],
         "additionalProperties": False,
         "$defs": definitions,
     }

@@ -1,0 +1,156 @@
+"""``flexarm compare``: a study from its file to its table, and every wrong one told at once."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+from flexarm.model import Study, locate_study
+
+STUDY = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 0.8, flexural_rigidity: 40.0, mass_per_length: 0.5, elements: 1}
+    - {length: 0.6, flexural_rigidity: 25.0, mass_per_length: 0.4, elements: 1}
+  joints: [{hub_inertia: 0.05}, {hub_inertia: 0.03}]
+  payload: {mass: 0.1}
+motions:
+  there: {kind: joint, start: [0.2, -0.4], end: [0.5, 0.0], duration: 0.4}
+  back: {kind: joint, start: [0.5, 0.0], end: [0.2, -0.4], duration: 0.4}
+drives:
+  torque alone: {kind: rigid_inverse_dynamics}
+  PD:
+    kind: joint_pd
+    proportional: [20, 8]
+    derivative: [2, 0.8]
+    feedforward: rigid_inverse_dynamics
+plants:
+  as believed: {}
+  heavy: {payload_factor: 2.0, flexural_rigidity_factor: [0.7, 1.0]}
+hardware:
+  instruments: [{signal: joint_angle, resolution: 0.0001, rate_cutoff: 80}]
+run: {duration: 0.6, rate: 200, settling: 0.05}
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY)
+    return path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_the_numbers_are_those_of_single_runs(path):
+    table = fa.run_study(path)
+    assert table.controller.values.tolist() == ["torque alone", "PD"]
+    arm = fa.load_arm(path)
+    back = fa.joint_motion(arm, [0.5, 0.0], [0.2, -0.4], 0.4)
+    heavy = fa.varied(arm, payload_factor=2.0, flexural_rigidity_factor=[0.7, 1.0])
+    feedforward = fa.rigid_torque(arm, back)
+    instrument = fa.Instrument("joint_angle", resolution=1e-4, rate_cutoff=80.0)
+    by_hand = fa.compare(
+        arm,
+        {"PD": fa.JointPD([20.0, 8.0], [2.0, 0.8], feedforward=feedforward)},
+        0.6,
+        {"back": back},
+        {"heavy": heavy},
+        hardware=fa.Hardware([instrument]),
+        settling=0.05,
+        rate=200.0,
+    )
+    one = {"controller": "PD", "plant": "heavy", "reference": "back"}
+    for name in ("tip_error_rms", "residual_vibration", "torque_peak", "joint_error_rms"):
+        assert table[name].sel(one).item() == pytest.approx(by_hand[name].item(), rel=1e-9)
+    # Without a controller nothing is computed between samples.
+    assert np.isnan(table.controller_time.sel(controller="torque alone")).all()
+
+
+def test_table_figure_and_files(path, tmp_path):
+    result = call("compare", path, "--out", tmp_path / "t.csv", "--plot", tmp_path / "t.png")
+    assert result.exit_code == 0, result.output
+    assert "Along there" in result.output
+    assert "torque alone" in result.output
+    with open(tmp_path / "t.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 8
+    assert {row["plant"] for row in rows} == {"as believed", "heavy"}
+    assert (tmp_path / "t.png").stat().st_size > 10_000
+    assert call("compare", path, "--out", tmp_path / "t.nc").exit_code == 0
+    with xr.open_dataset(tmp_path / "t.nc", engine="h5netcdf") as kept:
+        assert kept.tip_error_rms.sizes == {"controller": 2, "plant": 2, "reference": 2}
+
+
+def test_check_says_what_is_in_a_study(path):
+    result = call("check", path)
+    assert result.exit_code == 0, result.output
+    assert "8 of 0.6 s" in result.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("kind: joint_pd", "kind: joint_p", "study.yaml:14: drives.PD.kind"),
+        ("[20, 8]", "[20, 8, 3]", "study.yaml:15: drives.PD.proportional must have one value"),
+        ("[0.7, 1.0]", "[0.7]", "plants.heavy.flexural_rigidity_factor must be a number"),
+        ("payload: {mass: 0.1}", "", "plants.heavy.payload_factor must be left out of an arm"),
+        ("settling: 0.05", "setting: 0.05", "run.setting must be a known key"),
+        ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have one value"),
+        ("as believed: {}", "1: {}", "plants must have words for names, but is 1"),
+        ("drives:", "controllers:", "drives"),
+        ("[2, 0.8]", "[2, -0.8]", "drives.PD.derivative[1] must be at least 0"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_line(path, old, new, words):
+    assert old in STUDY
+    path.write_text(STUDY.replace(old, new, 1))
+    result = call("compare", path)
+    assert result.exit_code == 2
+    assert words in result.stderr.replace("\n", "")
+    assert "Traceback" not in result.output
+
+
+def test_two_problems_at_once(path):
+    text = STUDY.replace("[20, 8]", "[20, 8, 3]").replace("payload: {mass: 0.1}", "")
+    path.write_text(text)
+    with pytest.raises(fa.InputError) as caught:
+        locate_study(path)
+    assert len(caught.value.problems) == 2
+
+
+def test_out_of_reach_is_told_with_the_motion(path):
+    line = "there: {kind: line, start: [1.0, 0.2], end: [3.0, 0.0], duration: 0.4}"
+    path.write_text(STUDY.replace(STUDY.splitlines()[8].strip(), line))
+    with pytest.raises(fa.InputError, match=r"study.yaml:9: motions.there"):
+        fa.run_study(path)
+
+
+def test_a_run_that_fails_is_told_and_the_table_comes_all_the_same(path):
+    path.write_text(STUDY.replace("[20, 8]", "[9000, 8000]"))
+    result = call("compare", path)
+    assert result.exit_code == 0
+    assert "PD on heavy along back: stopped at t =" in result.stderr.replace("\n", " ")
+
+
+def test_a_study_in_python():
+    study, _ = locate_study_of(STUDY)
+    assert isinstance(study, Study)
+    assert study.scenario("PD", "back").drive.kind == "joint_pd"
+
+
+def locate_study_of(text):
+    import tempfile
+    from pathlib import Path
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "study.yaml"
+        path.write_text(text)
+        return locate_study(path)
