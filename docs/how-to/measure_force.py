@@ -107,7 +107,7 @@ def figure(path):
     left.axvspan(START, END, color="0.93", zorder=-1)
     left.text((START + END) / 2, 0.2, "slides", ha="center", color="0.4")
     left.set(xlabel="time (s)", ylabel="force on the wall (N)", xlim=(0, DURATION))
-    left.set_ylim(0, max(7.6, 1.05 * pressed.max()))
+    left.set_ylim(0, 1.2 * pressed.max())
     left.legend(frameon=False, loc="upper left", ncols=2)
     tip, wanted = result.tip.values, PRESSED.tip(time)
     right.plot(time, tip[:, 1], color="tab:blue", lw=1.2, label="tip")

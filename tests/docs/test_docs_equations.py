@@ -8,8 +8,8 @@ import pytest
 from docs_pages import ROOT, text_of
 
 THEORY = sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs" / "theory").glob("*.md"))
-_CITED = re.compile(r"\(([BCDILPRST])\.(\d+)([a-z]?)\)")
-_TAG = re.compile(r"\\tag\{([BCDILPRST])\.(\d+)\}")
+_CITED = re.compile(r"\(([BCDFILPRST])\.(\d+)([a-z]?)\)")
+_TAG = re.compile(r"\\tag\{([BCDFILPRST])\.(\d+)\}")
 
 
 def tags() -> list[tuple[str, int]]:
@@ -20,7 +20,7 @@ def tags() -> list[tuple[str, int]]:
 def test_each_number_is_given_once_and_none_is_left_out() -> None:
     found = tags()
     assert len(found) == len(set(found))
-    for letter in "BCDILPRST":
+    for letter in "BCDFILPRST":
         numbers = sorted(n for other, n in found if other == letter)
         # Pages on control begin at (C.1), (C.20), (C.40), ...: each has room to grow.
         starts = [1, *range(20, 200, 20)] if letter == "C" else [1]
@@ -51,7 +51,7 @@ def test_cited_equations_exist(folder: str) -> None:
 
 
 def test_index_knows_the_last_equation_of_each_page() -> None:
-    given = r"\((\w+)\.md\) \| \(([BCDILPRST])\.(\d+)\) to \(\2\.(\d+)\)"
+    given = r"\((\w+)\.md\) \| \(([BCDFILPRST])\.(\d+)\) to \(\2\.(\d+)\)"
     ranges = re.findall(given.replace(r"\w+", r"[\w-]+"), text_of("docs/theory/index.md"))
     assert len(ranges) == len(THEORY) - 1  # all but the index
     for page, letter, first, last in ranges:

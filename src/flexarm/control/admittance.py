@@ -14,7 +14,7 @@ class Admittance(TaskController):
     The reference goes away from the surface by y with ``damping`` y' + ``stiffness`` y = measured
     force - reference's force, and the joints' tip follows it with the rigid model's inertia, as a
     mass, a spring and a damper of ``frequency`` and ``damping_ratio``. Without stiffness the force
-    has no steady error: (C.69). Theory page "control-force", (C.68) to (C.70).
+    has no steady error: (F.12). Theory page "control-force", (F.10) to (F.12).
 
     Args:
         arm: what the controller believes the arm to be.

@@ -21,7 +21,7 @@ class HybridForce(TaskController):
     presses with the reference's force, corrected by the integral of its error, against
     ``normal_damping``. What the bent arm needs to press at rest comes from the reference
     (`pressed_motion`). A tip that does not touch goes to the surface at ``approach_speed``. Theory
-    page "control-force", (C.60) to (C.64).
+    page "control-force", (F.1) to (F.7).
 
     Args:
         arm: what the controller believes the arm to be.
@@ -116,7 +116,7 @@ class HybridForce(TaskController):
         )
 
     def _push(self, asked: Asked, measurement: Measurement, slip: float) -> float:
-        """Force (N) on the surface beyond the reference's; (C.62) in touch, (C.64) before it."""
+        """Force (N) on the surface beyond the reference's; (F.5) in touch, (F.6) before it."""
         felt, against = felt_force(asked, measurement), -self.normal_damping * slip
         error, limit = asked.force - felt, _MOST_CORRECTION * asked.force
         touching = felt >= self.touch_force

@@ -15,8 +15,8 @@ class Impedance(TaskController):
     rigid model's torques along it; the inertia felt is the arm's own. A reference that presses
     (`pressed_motion`) asks for joint angles whose rigid tip lies behind the surface, and so the
     spring presses with its force there. Without a measured force that holds as well as the surface
-    is where it is believed, and the links as stiff: (C.66). With ``force_integral`` the spring's
-    end moves until the measured force is right. Theory page "control-force", (C.65) to (C.67).
+    is where it is believed, and the links as stiff: (F.9). With ``force_integral`` the spring's
+    end moves until the measured force is right. Theory page "control-force", (F.8) and (F.9).
 
     Args:
         arm: what the controller believes the arm to be.
@@ -41,8 +41,8 @@ class Impedance(TaskController):
     def __init__(
         self,
         arm: Arm,
-        tangent_stiffness: float = 100.0,
-        tangent_damping: float = 20.0,
+        tangent_stiffness: float = 60.0,
+        tangent_damping: float = 8.0,
         normal_stiffness: float = 20.0,
         normal_damping: float = 10.0,
         force_proportional: float = 0.0,

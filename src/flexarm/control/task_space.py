@@ -69,7 +69,7 @@ class TaskSpace:
         posture: FloatArray,
         added: FloatArray,
     ) -> FloatArray:
-        """Return joint torques (joints,) N m under which the tip accelerates and pushes: (C.60).
+        """Return joint torques (joints,) N m under which the tip accelerates and pushes: (F.1).
 
         Args:
             state: as ``at`` has just returned it.

@@ -1,0 +1,334 @@
+"""Force control in closed loop, against springs in series, linear models and its promises."""
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+import flexarm as fa
+from flexarm.motion.kinematics import tip_jacobian
+from flexarm.simulate.metrics import metrics_of
+
+LENGTHS, RIGIDITY = (1.2, 0.9), 105.0
+NORMAL = np.array([-1.0, 0.0])
+STIFFNESS = 1e4
+POSTURE = np.array([0.9, -1.3])
+
+
+def arm_of(ratio=0.02, **more):
+    links = [
+        fa.Link(
+            length=length,
+            flexural_rigidity=RIGIDITY,
+            mass_per_length=0.6,
+            elements=1,
+            damping=fa.ModalDamping(ratio=ratio),
+        )
+        for length in LENGTHS
+    ]
+    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5, hub_inertia=0.05)]
+    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.1), **more)
+
+
+ARM = arm_of()
+
+
+def bars():
+    """Both bars of the rigid arm at POSTURE, and what turns them by a radian: x, y each, m."""
+    angles = np.cumsum(POSTURE)
+    along = np.array([np.cos(angles), np.sin(angles)]) * LENGTHS
+    return along, np.array([-along[1], along[0]])
+
+
+def jacobian():
+    """Of the rigid tip at POSTURE, (2, 2) m."""
+    turned = bars()[1]
+    return np.stack([turned.sum(axis=1), turned[:, 1]], axis=1)
+
+
+def compliance():
+    """Of the links under a force along x at the tip, joints locked, m/N: work of its moments."""
+    _, rises = bars()[0]
+    total = 0.0
+    # Moment of 1 N along x at a point of the axis: how far across x the tip is from it.
+    for length, first, last in (
+        (LENGTHS[0], rises.sum(), rises[1]),
+        (LENGTHS[1], rises[1], 0.0),
+    ):
+        total += length * (first**2 + first * last + last**2) / (3.0 * RIGIDITY)
+    return total
+
+
+def standing(force):
+    """A motion that stands, at POSTURE, pressing with a constant force; and where its tip is."""
+    x, y = bars()[0].sum(axis=1).tolist()
+    line = fa.line_motion(ARM, (x, y), (x, y + 1e-6), 1.0, start_time=100.0)
+    np.testing.assert_allclose(line.joint_angle(0.0), POSTURE, atol=1e-9)
+    return fa.pressed_motion(ARM, line, force, NORMAL, duration=1.0), x
+
+
+def settled(controller, away, force=1.0, duration=6.0):
+    """Force (N) that a tip presses with in the end on a wall that is ``away`` m farther."""
+    reference, x = standing(force)
+    contact = fa.Contact(fa.Wall((x + away, 0.0), NORMAL), stiffness=STIFFNESS, damping=0.5)
+    result = fa.simulate(
+        ARM,
+        duration,
+        controller=controller,
+        reference=reference,
+        initial=reference.initial,
+        contacts=[contact],
+        rate=50.0,
+    )
+    late = -result.contact_force.values[-25:, 0, 0]
+    assert np.ptp(late) < 1e-3 * abs(late).max()  # it has come to rest
+    return late.mean()
+
+
+def in_series(*stiffnesses):
+    return 1.0 / sum(1.0 / k for k in stiffnesses)
+
+
+@pytest.mark.parametrize("normal_stiffness", [20.0, 100.0])
+def test_impedance_gives_in_as_springs_in_series_do(normal_stiffness):
+    """(F.9): the designed spring, the links and the wall, one behind the other."""
+    controller = fa.Impedance(ARM, normal_stiffness=normal_stiffness)
+    k = in_series(normal_stiffness, 1.0 / compliance(), STIFFNESS)
+    away = 2e-3
+    force = settled(controller, away) - settled(controller, -away)
+    # Between the two the second order cancels; 4 mm of a metre is left to the third.
+    assert force == pytest.approx(-2.0 * away * k, rel=2e-3)
+    # The wall of zero depth is where it is believed: only its own compliance is missing.
+    assert settled(controller, 0.0) == pytest.approx(1.0 - k / STIFFNESS, rel=1e-3)
+
+
+def test_impedance_with_the_force_measured_has_no_steady_error():
+    controller = fa.Impedance(ARM, force_integral=5.0)
+    assert settled(controller, 5e-3) == pytest.approx(1.0, rel=1e-4)
+
+
+@pytest.mark.parametrize("stiffness", [50.0, 150.0])
+def test_admittance_gives_in_as_springs_in_series_do(stiffness):
+    """(F.12): its own spring, the position loop, the links and the wall."""
+    frequency = 8.0
+    controller = fa.Admittance(ARM, damping=100.0, stiffness=stiffness, frequency=frequency)
+    rigid = ARM.rigid()
+    J = jacobian()
+    mobility = (J @ np.linalg.inv(rigid.mass_matrix(rigid.rest(POSTURE))) @ J.T)[0, 0]
+    loop = frequency**2 / mobility
+    k = in_series(stiffness, loop, 1.0 / compliance(), STIFFNESS)
+    away = 2e-3
+    force = settled(controller, away) - settled(controller, -away)
+    # The tip also slides, by its bending across: not more than the tangent's own compliance.
+    assert force == pytest.approx(-2.0 * away * k, rel=2e-2)
+
+
+def test_without_a_spring_of_its_own_admittance_has_no_steady_error():
+    controller = fa.Admittance(ARM, damping=100.0)
+    assert settled(controller, 5e-3, duration=10.0) == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("away", [-5e-3, 5e-3])
+def test_hybrid_has_no_steady_error(away):
+    assert settled(fa.HybridForce(ARM), away) == pytest.approx(1.0, rel=1e-4)
+
+
+class Step:
+    """Equilibrium of an arm in touch, and a force a little greater asked for."""
+
+    def __init__(self, rest, force, more):
+        self._angle, self._torque = ARM.joint_angles(rest.q), rest.torque
+        self._force = force + more
+
+    def joint_angle(self, t):
+        return self._angle
+
+    def joint_rate(self, t):
+        return np.zeros(2)
+
+    joint_acceleration = joint_rate
+
+    def contact_force(self, t):
+        return self._force
+
+    def normal(self, t):
+        return NORMAL
+
+    def pressing_torque(self, t):
+        return self._torque
+
+
+def test_force_loop_is_that_of_the_linear_model():
+    """Sampled loop of (F.7) with ``fa.linearize`` in touch: every sample of a small step."""
+    reference, x = standing(2.0)
+    contact = fa.Contact(fa.Wall((x, 0.0), NORMAL), stiffness=STIFFNESS, damping=0.5)
+    rest = fa.equilibrium(ARM, reference.joint_angle(0.0), contacts=[contact])
+    outputs = ("joint_angle", "joint_rate", "contact_force")
+    model = fa.linearize(ARM, rest, outputs=outputs)
+    force0 = -model.output[4]
+    controller = fa.HybridForce(ARM, path_integral=0.0)
+    step, dt = 1e-3, controller.sample_time
+
+    rigid = ARM.rigid()
+    angles = ARM.joint_angles(rest.q)
+    M = rigid.mass_matrix(rigid.rest(angles))
+    J = tip_jacobian(np.array(LENGTHS), angles)
+    along = np.diag([0.0, 1.0])  # of the wall, which stands along y
+    w = controller.frequency
+    way = M @ np.linalg.inv(J) @ along @ J
+    across = J.T @ np.outer(NORMAL, NORMAL) @ J
+    on_angle = -(w**2) * way
+    on_rate = -2.0 * w * way - controller.normal_damping * across
+    A, B = model.A, model.B
+    Ad, Bd, *_ = cont2discrete((A, B, np.eye(len(A)), np.zeros_like(B)), dt)
+    feedback = on_angle @ model.C[:2] + on_rate @ model.C[2:4]
+    state, total, force = np.zeros(len(A)), 0.0, []
+    steps = 1000
+    for _ in range(steps):
+        felt = -model.C[4] @ state
+        force.append(felt)
+        torque = feedback @ state - J.T @ NORMAL * total
+        total += controller.force_integral * dt * (step - felt)
+        state = Ad @ state + Bd @ torque
+    run = fa.simulate(
+        ARM,
+        1.0,
+        controller=controller,
+        reference=Step(rest, force0, step),
+        initial=rest.q,
+        contacts=[contact],
+        rtol=1e-10,
+        atol=1e-13,
+    )
+    seen = -run.contact_force.values[:steps, 0, 0] - force0
+    # Second order of a step of 5e-4 of the force, and the pseudo-inverse's millionth.
+    np.testing.assert_allclose(seen, force, atol=3e-3 * step)
+    assert force[-1] > 0.8 * step  # it has done something
+
+
+# What it is for -------------------------------------------------------------------------------
+
+
+LINE_START, LINE_END = 1.5, 4.5
+
+
+def wall(away=0.0, stiffness=STIFFNESS, friction=0.2):
+    surface = fa.Wall((1.5 + away, 0.0), NORMAL)
+    return fa.Contact(surface, stiffness=stiffness, damping=0.5, friction=friction)
+
+
+def lab(rigidity=1.0, payload=0.1):
+    rod = {"flexural_rigidity": 105.0 * rigidity, "mass_per_length": 0.61732}
+    return fa.Arm(
+        links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],
+        joints=[
+            fa.Joint(hub_inertia=0.1),
+            fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
+        ],
+        payload=fa.Payload(mass=payload),
+    )
+
+
+def asked_force(t):
+    u = min(max((t - LINE_START) / 0.5, 0.0), 1.0)
+    begin = min(t, 1.0)
+    smooth = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    pressed = 2.0 + 3.0 * begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2)
+    return pressed + 2.0 * smooth * np.sin(np.pi * (t - LINE_START))
+
+
+@pytest.fixture(scope="module")
+def sliding():
+    arm = lab()
+    line = fa.line_motion(
+        arm, (1.5, 0.5), (1.5, 0.8), LINE_END - LINE_START, start_time=LINE_START
+    )
+    return arm, fa.pressed_motion(arm, line, asked_force, NORMAL, friction=0.2)
+
+
+@pytest.mark.parametrize(
+    ("plant", "contact", "limit"),
+    [
+        ({}, {}, 2.0),
+        ({"payload": 0.2}, {"away": 0.002}, 5.0),
+        ({"rigidity": 0.7}, {"stiffness": 3e4}, 5.0),
+        ({}, {"friction": 0.0, "away": -0.002}, 5.0),
+        ({"rigidity": 0.7, "payload": 0.2}, {"friction": 0.4, "stiffness": 1e4 / 3}, 5.0),
+    ],
+)
+def test_force_is_tracked_from_touchdown_through_sliding(sliding, plant, contact, limit):
+    """Issue: RMS error below 2 % of 5 N as believed, 5 % where arm and wall differ."""
+    arm, reference = sliding
+    before = fa.line_motion(arm, (1.49, 0.5), (1.49, 0.8), 1.0).joint_angle(0.0)
+    result = fa.simulate(
+        arm,
+        LINE_END,
+        controller=fa.HybridForce(arm),
+        reference=reference,
+        plant=lab(**plant),
+        initial=arm.rest(before),
+        contacts=[wall(**contact)],
+    )
+    error = metrics_of(result, arm, reference)["force_error_rms"]
+    assert 100.0 * error / 5.0 < limit
+    # The number is that of the sliding alone, across the wall.
+    now = result.sel(time=slice(LINE_START, LINE_END))
+    wanted = [asked_force(t) for t in now.time.values]
+    by_hand = np.sqrt(np.mean((-now.contact_force.values[:, 0, 0] - wanted) ** 2))
+    assert error == pytest.approx(by_hand, rel=1e-12)
+
+
+def test_touches_down_at_its_speed_and_stays(sliding):
+    arm, reference = sliding
+    before = fa.line_motion(arm, (1.47, 0.5), (1.47, 0.8), 1.0).joint_angle(0.0)
+    controller = fa.HybridForce(arm, approach_speed=0.1)
+    result = fa.simulate(
+        arm,
+        LINE_START,
+        controller=controller,
+        reference=reference,
+        initial=arm.rest(before),
+        contacts=[wall()],
+    )
+    gap = result.contact_gap.values[:, 0]
+    touch = int(np.argmax(gap < 0.0))
+    speed = (gap[touch - 50] - gap[touch]) / 0.05
+    # A light arm, still swinging from its start; 2 N against 20 N s/m asks for this speed.
+    assert speed == pytest.approx(0.1, rel=0.3)
+    assert gap[touch:].max() < 2e-3
+    assert gap[touch + 700 :].max() < 0.0, "it bounces no more"
+
+
+def test_noise_delay_and_resolution_change_little(sliding):
+    arm, reference = sliding
+    hardware = fa.Hardware(
+        instruments=[
+            fa.Instrument("joint_angle", resolution=2 * np.pi / 2**17, rate_cutoff=100.0),
+            fa.Instrument("contact_force", noise=0.05, delay=0.002),
+        ],
+        seed=3,
+    )
+    result = fa.simulate(
+        arm,
+        LINE_END,
+        controller=fa.HybridForce(arm),
+        reference=reference,
+        initial=reference.initial,
+        contacts=[wall()],
+        hardware=hardware,
+    )
+    assert metrics_of(result, arm, reference)["force_error_rms"] < 0.02 * 5.0
+    # Measured for each contact, world axes.
+    assert result.measured_contact_force.shape[1:] == (1, 2)
+
+
+def test_no_force_in_the_run_has_no_force_error(sliding):
+    arm, reference = sliding
+    motion = reference.motion
+    result = fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=motion)
+    assert np.isnan(metrics_of(result, arm, motion)["force_error_rms"])
+
+
+def test_a_force_that_nobody_measures_is_told(sliding):
+    arm, reference = sliding
+    with pytest.raises(fa.SimulationError, match="contact_force"):
+        fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=reference)

@@ -1,0 +1,133 @@
+"""Motions of the bent arm that presses: where its tip is, and what holds it."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+ROD = {"mass_per_length": 0.6, "flexural_rigidity": 105.0, "elements": 1}
+
+
+def arm_of(**more):
+    links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
+    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1)] * 2, **more)
+
+
+ARM = arm_of()
+LINE = fa.line_motion(ARM, (1.5, 0.5), (1.5, 0.8), 2.0)
+
+
+def wave(t):
+    return 5.0 + 2.0 * np.sin(2.0 * t)
+
+
+@pytest.mark.parametrize("arm", [ARM, arm_of(gravity=(0.0, -9.81), payload=fa.Payload(mass=0.1))])
+def test_the_bent_arm_stands_on_the_path_and_is_held(arm):
+    found = fa.pressed_motion(arm, LINE, wave, (-2.0, 0.0), interval=0.25)
+    for t in np.linspace(0.0, 2.0, 9):
+        rest = fa.equilibrium(arm, found.joint_angle(t), tip_force=(-wave(t), 0.0))
+        # How closely the search brings the tip to its path, and rounding of splines.
+        np.testing.assert_allclose(arm.tip(rest.q)[:2], LINE.tip(t), atol=2e-9)
+        np.testing.assert_allclose(found.holding_torque(t), rest.torque, atol=1e-7)
+        rigid = arm.rigid()
+        twin = rigid.inverse_dynamics(found.joint_angle(t), np.zeros(2), np.zeros(2))
+        np.testing.assert_allclose(found.pressing_torque(t), rest.torque - twin, atol=1e-7)
+    np.testing.assert_allclose(arm.tip(found.initial)[:2], LINE.tip(0.0), atol=2e-9)
+
+
+def test_between_the_sampled_times_it_is_as_good_as_its_splines():
+    found = fa.pressed_motion(ARM, LINE, wave, (-1.0, 0.0), interval=0.05)
+    off = []
+    for t in (0.475, 0.925, 1.525):
+        rest = fa.equilibrium(ARM, found.joint_angle(t), tip_force=(-wave(t), 0.0))
+        off.append(np.hypot(*(ARM.tip(rest.q)[:2] - LINE.tip(t))))
+    assert max(off) < 1e-6
+    # The rates are the angles' own.
+    step = 1e-4
+    for t in (0.5, 1.2):
+        ahead, behind = found.joint_angle(t + step), found.joint_angle(t - step)
+        rate = (ahead - behind) / (2 * step)
+        np.testing.assert_allclose(found.joint_rate(t), rate, atol=1e-6)
+
+
+def test_a_rigid_arm_presses_with_the_transposed_jacobian():
+    rigid = fa.Arm(
+        links=[fa.Link(length=length, mass_per_length=0.6, flexible=False) for length in (1.4, 1.0)]
+    )
+    line = fa.line_motion(rigid, (1.5, 0.5), (1.5, 0.8), 2.0)
+    found = fa.pressed_motion(rigid, line, 4.0, (-1.0, 0.0))
+    t = 2.0
+    a, b = np.cumsum(found.joint_angle(t))
+    lever = np.array([1.4 * np.sin(a) + np.sin(b), np.sin(b)])  # -d x / d angle
+    np.testing.assert_allclose(found.joint_angle(t), line.joint_angle(t), atol=1e-9)
+    # On the tip acts -4 N along x: the motors hold against its torque 4 N times these levers.
+    np.testing.assert_allclose(found.holding_torque(t), -4.0 * lever, atol=1e-8)
+
+
+def test_friction_acts_against_the_motion():
+    smooth = fa.pressed_motion(ARM, LINE, 5.0, (-1.0, 0.0))
+    rubbing = fa.pressed_motion(ARM, LINE, 5.0, (-1.0, 0.0), friction=0.3)
+    t = 1.0
+    rest = fa.equilibrium(ARM, rubbing.joint_angle(t), tip_force=(-5.0, -1.5))
+    # Friction has its full size but for tanh at the fastest sliding: 1 - tanh(5).
+    np.testing.assert_allclose(rubbing.holding_torque(t), rest.torque, atol=1e-3)
+    assert abs(rubbing.holding_torque(t) - smooth.holding_torque(t)).max() > 1.0
+    np.testing.assert_allclose(rubbing.holding_torque(0.0), smooth.holding_torque(0.0), atol=1e-6)
+
+
+def test_answers_for_many_times_and_after_the_end():
+    found = fa.pressed_motion(ARM, LINE, wave, (-1.0, 0.0), duration=2.5)
+    times = np.array([-1.0, 0.0, 0.7, 2.5, 9.0])
+    for name, shape in {
+        "joint_angle": (2,),
+        "joint_rate": (2,),
+        "joint_acceleration": (2,),
+        "holding_torque": (2,),
+        "pressing_torque": (2,),
+        "contact_force": (),
+        "normal": (2,),
+        "tip": (2,),
+    }.items():
+        ask = getattr(found, name)
+        many = ask(times)
+        assert many.shape == (5, *shape)
+        # Sums over many times at once are taken in another order.
+        np.testing.assert_allclose(many, [ask(float(t)) for t in times], rtol=1e-14, atol=1e-15)
+    assert found.contact_force(9.0) == wave(2.5)
+    np.testing.assert_array_equal(found.joint_rate(9.0), [0.0, 0.0])
+    assert "2.5 s" in repr(found)
+
+
+def test_the_normal_may_turn():
+    def turning(t):
+        return (-1.0, 0.1 * t)
+
+    found = fa.pressed_motion(ARM, LINE, 5.0, turning)
+    t = 2.0
+    outward = np.array(turning(t)) / np.hypot(*turning(t))
+    np.testing.assert_allclose(found.normal(t), outward)
+    rest = fa.equilibrium(ARM, found.joint_angle(t), tip_force=5.0 * outward)
+    np.testing.assert_allclose(found.holding_torque(t), rest.torque, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"force": -1.0}, "force"),
+        ({"force": np.nan}, "force"),
+        ({"force": lambda t: 1.0 - t}, "force at t"),
+        ({"normal": (0.0, 0.0)}, "normal"),
+        ({"normal": (1.0, 0.0, 0.0)}, "normal"),
+        ({"normal": lambda t: (0.0, 0.0)}, "normal at t"),
+        ({"friction": -0.1}, "friction"),
+        ({"interval": 0.0}, "interval"),
+        ({"duration": -1.0}, "duration"),
+        ({"motion": "a line"}, "motion"),
+        ({"force": 1e4}, "reach the path|equilibrium"),
+    ],
+)
+def test_refused(change, word):
+    given = {"motion": LINE, "force": 5.0, "normal": (-1.0, 0.0), **change}
+    motion, force, normal = given.pop("motion"), given.pop("force"), given.pop("normal")
+    with pytest.raises((fa.InputError, fa.EquilibriumError), match=word):
+        fa.pressed_motion(ARM, motion, force, normal, **given)
