@@ -1,4 +1,7 @@
-"""Table and figure of "control the force on a surface": measure_force.py [FIGURE]"""
+"""Table and figure of the page "Control the force on a surface".
+
+python docs/how-to/measure_force.py [FIGURE.png]
+"""
 
 import sys
 
@@ -87,7 +90,7 @@ def run(controller, **options):
 
 
 def errors(result):
-    """Force error in sliding, RMS in % of 5 N, and largest distance of the tip along it, mm."""
+    """While sliding: force error, RMS in % of 5 N, and largest distance along the wall, mm."""
     now = result.sel(time=slice(START, END))
     missed = -now.contact_force.values[:, 0, 0] - PRESSED.contact_force(now.time.values)
     beside = now.tip.values[:, 1] - PRESSED.tip(now.time.values)[:, 1]

@@ -93,12 +93,13 @@ def test_impedance_gives_in_as_springs_in_series_do(normal_stiffness):
     """(F.9): the designed spring, the links and the wall, one behind the other."""
     controller = fa.Impedance(ARM, normal_stiffness=normal_stiffness)
     k = in_series(normal_stiffness, 1.0 / compliance(), STIFFNESS)
-    away = 2e-3
-    force = settled(controller, away) - settled(controller, -away)
-    # Between the two the second order cancels; 4 mm of a metre is left to the third.
-    assert force == pytest.approx(-2.0 * away * k, rel=2e-3)
-    # The wall of zero depth is where it is believed: only its own compliance is missing.
-    assert settled(controller, 0.0) == pytest.approx(1.0 - k / STIFFNESS, rel=1e-3)
+    away, pressed = 5e-4, 0.2
+    force = settled(controller, away, pressed) - settled(controller, -away, pressed)
+    # The torque that presses does not turn with the arm: a spring of 0.2 N over a metre beside k.
+    assert force == pytest.approx(-2.0 * away * k, rel=1.5e-2)
+    # The face of the wall is where it is believed: only its own compliance is missing.
+    found = settled(controller, 0.0, pressed)
+    assert found == pytest.approx(pressed * (1.0 - k / STIFFNESS), rel=1e-3)
 
 
 def test_impedance_with_the_force_measured_has_no_steady_error():
@@ -116,15 +117,14 @@ def test_admittance_gives_in_as_springs_in_series_do(stiffness):
     mobility = (J @ np.linalg.inv(rigid.mass_matrix(rigid.rest(POSTURE))) @ J.T)[0, 0]
     loop = frequency**2 / mobility
     k = in_series(stiffness, loop, 1.0 / compliance(), STIFFNESS)
-    away = 2e-3
-    force = settled(controller, away) - settled(controller, -away)
-    # The tip also slides, by its bending across: not more than the tangent's own compliance.
-    assert force == pytest.approx(-2.0 * away * k, rel=2e-2)
+    away, pressed = 5e-4, 0.2
+    force = settled(controller, away, pressed) - settled(controller, -away, pressed)
+    assert force == pytest.approx(-2.0 * away * k, rel=1.5e-2)  # as for the impedance
 
 
 def test_without_a_spring_of_its_own_admittance_has_no_steady_error():
     controller = fa.Admittance(ARM, damping=100.0)
-    assert settled(controller, 5e-3, duration=10.0) == pytest.approx(1.0, rel=1e-3)
+    assert settled(controller, 5e-3, duration=16.0) == pytest.approx(1.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("away", [-5e-3, 5e-3])
@@ -239,9 +239,7 @@ def asked_force(t):
 @pytest.fixture(scope="module")
 def sliding():
     arm = lab()
-    line = fa.line_motion(
-        arm, (1.5, 0.5), (1.5, 0.8), LINE_END - LINE_START, start_time=LINE_START
-    )
+    line = fa.line_motion(arm, (1.5, 0.5), (1.5, 0.8), LINE_END - LINE_START, start_time=LINE_START)
     return arm, fa.pressed_motion(arm, line, asked_force, NORMAL, friction=0.2)
 
 

@@ -76,8 +76,12 @@ class Impedance(TaskController):
         state = self._task.at(angle, rate)
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         nx, ny = asked.normal_x, asked.normal_y
-        x, y = asked.x - x, asked.y - y
-        x_rate, y_rate = asked.x_rate - x_rate, asked.y_rate - y_rate
+        x, y, x_rate, y_rate = (
+            asked.x - x,
+            asked.y - y,
+            asked.x_rate - x_rate,
+            asked.y_rate - y_rate,
+        )
         # As if the tangent's were everywhere, and what the normal's has more or less on top.
         k, d = self.tangent_stiffness, self.tangent_damping
         across = (self.normal_stiffness - k) * (nx * x + ny * y)

@@ -59,8 +59,8 @@ class TaskPlan:
         """Return what is asked at t (s); without a reference, to stay at the first ``angle``."""
         if reference is None:
             if self._held is None:
-                still = np.array([angle, 0.0 * angle, 0.0 * angle])[:, None]
-                self._held = self._of(self._row(*still, None, np.zeros(1))[0])
+                here, still = np.array([angle]), np.zeros((1, self._joints))
+                self._held = self._of(self._row(here, still, still, None, np.zeros(1))[0])
             return self._held
         if self._rows is None or reference is not self._reference:
             self._reference = reference
@@ -70,7 +70,9 @@ class TaskPlan:
     def _of(self, row: FloatArray) -> Asked:
         n = self._joints
         a, b, c, d = (_NUMBERS + k * n for k in range(4))
-        return Asked(*row[:_NUMBERS].tolist(), row[a:b], row[b:c], row[c:d], row[d : d + n])
+        numbers: Any = row[:_NUMBERS].tolist()
+        arrays: Any = (row[a:b], row[b:c], row[c:d], row[d : d + n])
+        return Asked(*numbers, *arrays)
 
     def _row(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, of: Any, t: FloatArray
@@ -91,11 +93,10 @@ class TaskPlan:
 
     def rows(self, reference: Any, t: FloatArray) -> FloatArray:
         """Return rows (T, numbers) at times (T,)."""
-        joints = (
-            _asked_of(reference, name, t)
-            for name in ("joint_angle", "joint_rate", "joint_acceleration")
-        )
-        return self._row(*joints, reference, t)
+        angle = _asked_of(reference, "joint_angle", t)
+        rate = _asked_of(reference, "joint_rate", t)
+        acceleration = _asked_of(reference, "joint_acceleration", t)
+        return self._row(angle, rate, acceleration, reference, t)
 
 
 class _Rows:

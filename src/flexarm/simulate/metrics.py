@@ -32,7 +32,7 @@ METRICS = (
     Metric("torque_rms", "N m", "root of the mean sum of squares of the torques"),
     Metric("torque_peak", "N m", "largest torque of any joint"),
     Metric(
-        "force_error_rms", "N", "normal force of the first contact from what is asked, likewise"
+        "force_error_rms", "N", "normal force of the first contact from its reference, likewise"
     ),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
