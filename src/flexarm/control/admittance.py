@@ -26,8 +26,8 @@ class Admittance(TaskController):
         sample_time: s.
 
     It measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which the first contact's
-    counts. Where the reference has no force, as a plain motion or none, it follows that and
-    measures no force.
+    counts. Where the reference has no force, as a plain motion or none, the joints follow that with
+    ``frequency``, and no force is measured.
 
     Raises:
         InputError: a gain is negative or not finite, or damping, frequency, speed or sample time
@@ -67,16 +67,16 @@ class Admittance(TaskController):
         angle, rate = measurement.joint_angle, measurement.joint_rate
         asked = self._plan.at(t, angle, reference)
         state = self._task.at(angle, rate)
-        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         nx, ny = asked.normal_x, asked.normal_y
+        if not (nx or ny):
+            return self._joints_follow(asked, state, angle, rate)
+        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
-        across = 0.0
-        if nx or ny:
-            force = felt_force(asked, measurement) - asked.force - self.stiffness * self._away
-            speed = min(max(force / self.damping, -self.most_speed), self.most_speed)
-            across = spring * self._away + damper * speed
-            self._away += speed * self.sample_time
+        force = felt_force(asked, measurement) - asked.force - self.stiffness * self._away
+        speed = min(max(force / self.damping, -self.most_speed), self.most_speed)
+        across = spring * self._away + damper * speed
+        self._away += speed * self.sample_time
         x_pull = spring * (asked.x - x) + damper * (asked.x_rate - x_rate)
         y_pull = spring * (asked.y - y) + damper * (asked.y_rate - y_rate)
         return self._task.torque(

@@ -38,8 +38,8 @@ class HybridForce(TaskController):
         sample_time: s.
 
     It measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which the first contact's
-    counts. Where the reference has no force, as a plain motion or none, it follows with both
-    directions and measures no force.
+    counts. Where the reference has no force, as a plain motion or none, the joints follow that with
+    ``frequency``, and no force is measured.
 
     Raises:
         InputError: a gain is negative or not finite, or speed or sample time are not positive.
@@ -86,8 +86,10 @@ class HybridForce(TaskController):
         angle, rate = measurement.joint_angle, measurement.joint_rate
         asked = self._plan.at(t, angle, reference)
         state = self._task.at(angle, rate)
-        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         nx, ny = asked.normal_x, asked.normal_y
+        if not (nx or ny):
+            return self._joints_follow(asked, state, angle, rate)
+        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
         x_slip, y_slip = asked.x_rate - x_rate, asked.y_rate - y_rate
@@ -101,9 +103,7 @@ class HybridForce(TaskController):
         gain = self.path_integral * self.sample_time
         self._x_sum += gain * x_off
         self._y_sum += gain * y_off
-        push = 0.0
-        if nx or ny:
-            push = self._push(asked, measurement, nx * x_slip + ny * y_slip)
+        push = self._push(asked, measurement, nx * x_slip + ny * y_slip)
         return self._task.torque(
             state,
             (

@@ -20,17 +20,19 @@ class Impedance(TaskController):
 
     Args:
         arm: what the controller believes the arm to be.
-        tangent_stiffness: N/m along the surface, and every way where the reference has no force.
+        tangent_stiffness: N/m along the surface.
         tangent_damping: N s/m, likewise.
         normal_stiffness: N/m across it.
         normal_damping: N s/m, likewise.
         force_proportional: of the force error, where a force is measured.
         force_integral: 1/s, of the force error.
-        posture_frequency: rad/s, with which more than two joints keep to the reference's posture.
+        posture_frequency: rad/s, with which more than two joints keep to the reference's posture,
+            and all of them follow a reference that has no force.
         sample_time: s.
 
     It measures ``joint_angle`` and ``joint_rate``, and ``contact_force``, of which the first
-    contact's counts, if one of the force gains is not zero and the reference has a force.
+    contact's counts, if one of the force gains is not zero and the reference has a force. Where it
+    has none, as a plain motion or none at all, the joints follow with ``posture_frequency``.
 
     Raises:
         InputError: a gain is negative or not finite, or the sample time is not positive.
@@ -74,8 +76,10 @@ class Impedance(TaskController):
         angle, rate = measurement.joint_angle, measurement.joint_rate
         asked = self._plan.at(t, angle, reference)
         state = self._task.at(angle, rate)
-        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         nx, ny = asked.normal_x, asked.normal_y
+        if not (nx or ny):
+            return self._joints_follow(asked, state, angle, rate)
+        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         x, y, x_rate, y_rate = (
             asked.x - x,
             asked.y - y,
@@ -86,7 +90,7 @@ class Impedance(TaskController):
         k, d = self.tangent_stiffness, self.tangent_damping
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
         across += (self.normal_damping - d) * (nx * x_rate + ny * y_rate)
-        if self._measures and (nx or ny):
+        if self._measures:
             error = asked.force - felt_force(asked, measurement)
             across -= self.force_proportional * error + self._sum
             self._sum += self.force_integral * self.sample_time * error

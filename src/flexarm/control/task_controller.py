@@ -6,7 +6,7 @@ from flexarm.arm import Arm
 from flexarm.control.base import Controller
 from flexarm.control.measurement import FloatArray, Measurement
 from flexarm.control.task_plan import Asked, TaskPlan
-from flexarm.control.task_space import TaskSpace
+from flexarm.control.task_space import TaskSpace, TaskState
 
 
 class TaskController(Controller):
@@ -26,6 +26,15 @@ class TaskController(Controller):
     def reset(self) -> None:
         """Forget the reference, and the angles held without one."""
         self._plan.reset()
+
+    def _joints_follow(
+        self, asked: Asked, state: TaskState, angle: FloatArray, rate: FloatArray
+    ) -> FloatArray:
+        """Torque of a motion without a force: computed torque, which no posture stops."""
+        w = self._posture_frequency
+        back = w * w * (asked.angle - angle) + 2.0 * w * (asked.rate - rate)
+        torque: FloatArray = state.mass @ (asked.acceleration + back) + state.bias_torque
+        return torque + asked.pressing
 
     def _posture(self, asked: Asked, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Joint accelerations (joints,) that the tip leaves open: more than two joints' posture."""

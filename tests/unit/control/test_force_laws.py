@@ -1,0 +1,171 @@
+"""Force controllers asked directly: bounds, the air, the reference looked up ahead, bad gains."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.control import Measurement
+from flexarm.simulate.sampled_reference import sampled_reference
+
+LINK = {"mass_per_length": 0.6, "flexural_rigidity": 105.0, "elements": 1}
+ARM = fa.Arm(
+    links=[fa.Link(length=1.2, **LINK), fa.Link(length=0.9, **LINK)],
+    joints=[fa.Joint(hub_inertia=0.1)] * 2,
+)
+LINE = fa.line_motion(ARM, (1.4, 0.2), (1.4, 0.5), 1.0)
+PRESSED = fa.pressed_motion(ARM, LINE, 4.0, (-1.0, 0.0))
+STILL = np.zeros(2)
+FORCED = [fa.HybridForce, fa.Impedance, fa.Admittance]
+every = pytest.mark.parametrize("kind", FORCED)
+
+
+def reading(force, angle=None, rate=STILL):
+    angle = PRESSED.joint_angle(0.0) if angle is None else angle
+    return Measurement(joint_angle=angle, joint_rate=rate, contact_force=np.array([[-force, 0.0]]))
+
+
+class AtRest:
+    """The pressed motion, stopped at its start."""
+
+    def joint_angle(self, t):
+        return PRESSED.joint_angle(0.0)
+
+    def contact_force(self, t):
+        return PRESSED.contact_force(0.0)
+
+    def normal(self, t):
+        return PRESSED.normal(0.0)
+
+    def pressing_torque(self, t):
+        return PRESSED.pressing_torque(0.0)
+
+    def joint_rate(self, t):
+        return STILL
+
+    joint_acceleration = joint_rate
+
+
+@every
+def test_at_its_reference_it_holds_the_bent_arm(kind):
+    controller = kind(ARM)
+    controller.reset()
+    torque = controller.update(0.0, reading(4.0), AtRest())
+    np.testing.assert_allclose(torque, PRESSED.holding_torque(0.0), atol=1e-12)
+
+
+@every
+def test_an_arm_that_is_its_own_reference_needs_no_force(kind):
+    controller = kind(ARM)
+    controller.reset()
+    measurement = Measurement(joint_angle=np.array([0.4, 0.3]), joint_rate=STILL)
+    np.testing.assert_allclose(controller.update(0.0, measurement, None), STILL, atol=1e-12)
+
+
+def jacobian_row():
+    a, b = np.cumsum(PRESSED.joint_angle(0.0))
+    return np.array([-1.2 * np.sin(a) - 0.9 * np.sin(b), -0.9 * np.sin(b)])
+
+
+def pushes(controller, forces):
+    """Force along x beyond the reference's, for one measured force after another."""
+    controller.reset()
+    row, found = jacobian_row(), []
+    for k, force in enumerate(forces):
+        torque = controller.update(k * controller.sample_time, reading(force), AtRest())
+        found.append(np.dot(torque - PRESSED.holding_torque(0.0), row) / np.dot(row, row))
+    return np.array(found)
+
+
+def test_hybrid_pushes_with_the_integral_of_the_error():
+    controller = fa.HybridForce(ARM, force_integral=10.0, force_proportional=0.5)
+    found = pushes(controller, [3.0, 3.0, 3.5])
+    np.testing.assert_allclose(found, [0.5, 0.51, 0.27], atol=1e-12)
+
+
+def test_in_the_air_it_pushes_no_more_than_its_speed_takes():
+    controller = fa.HybridForce(ARM, normal_damping=20.0, approach_speed=0.1)
+    # 4 N less 2 N, however long; the integral waits for the first touch.
+    np.testing.assert_allclose(pushes(controller, [0.0] * 50), -2.0, atol=1e-12)
+    found = pushes(controller, [0.0] * 50 + [4.0, 4.0])
+    np.testing.assert_allclose(found[-2:], 0.0, atol=1e-12)
+
+
+def test_integral_is_bounded_by_half_of_the_force():
+    controller = fa.HybridForce(ARM, force_integral=1000.0)
+    assert pushes(controller, [1.0] * 20)[-1] == pytest.approx(2.0)
+    assert pushes(controller, [9.0] * 20)[-1] == pytest.approx(-2.0)
+
+
+def test_admittance_moves_its_reference_no_faster_than_told():
+    slow = fa.Admittance(ARM, damping=1.0, most_speed=0.05)
+    fast = fa.Admittance(ARM, damping=1.0, most_speed=1e9)
+    # Error 2 N over 1 N s/m: 2 m/s asked for, 0.05 m/s given; the first sample feels the damper.
+    ratio = pushes(slow, [6.0])[0] / pushes(fast, [6.0])[0]
+    assert ratio == pytest.approx(0.05 / 2.0)
+
+
+def test_three_joints_keep_their_posture():
+    arm = fa.Arm(links=[fa.Link(length=0.6, **LINK)] * 3, joints=[fa.Joint(hub_inertia=0.1)] * 3)
+    controller = fa.Impedance(arm, normal_stiffness=60.0, posture_frequency=4.0)
+    goal = np.array([0.5, -0.7, 0.9])
+
+    class Goal:
+        def joint_angle(self, t):
+            return goal
+
+        def joint_rate(self, t):
+            return np.zeros(3)
+
+        joint_acceleration = joint_rate
+
+        def contact_force(self, t):
+            return 0.0
+
+        def normal(self, t):
+            return [1.0, 0.0]
+
+        def pressing_torque(self, t):
+            return np.zeros(3)
+
+    rigid = arm.rigid()
+    angles = goal + np.array([0.02, -0.03, 0.04])
+    measurement = Measurement(joint_angle=angles, joint_rate=np.zeros(3))
+    torque = controller.update(0.0, measurement, Goal())
+    found = rigid.forward_dynamics(rigid.rest(angles), np.zeros(3), torque)[rigid.joint_index]
+    back = -16.0 * (angles - goal)
+    step = 1e-7
+    tip = [rigid.tip(rigid.rest(angles + step * e))[:2] for e in np.eye(3)]
+    J = (np.array(tip) - rigid.tip(rigid.rest(angles))[:2]).T / step
+    M = rigid.mass_matrix(rigid.rest(angles))
+    free = np.linalg.svd(J)[2][2]
+    pulled = np.linalg.solve(M, J.T @ [1.0, 0.0]), np.linalg.solve(M, J.T @ [0.0, 1.0])
+    # What is left once the springs of the tip are taken away lies along the posture's way.
+    K = -60.0 * J @ (angles - goal)
+    rest = found - K[0] * pulled[0] - K[1] * pulled[1]
+    # The tip's own path is curved: second order of the offset of 0.04 rad.
+    assert free @ rest == pytest.approx(free @ back, rel=0.1)
+
+
+def test_the_reference_ahead_is_the_reference():
+    seen = sampled_reference(PRESSED, 1e-3, 1.0)
+    for name in ("joint_angle", "joint_acceleration", "contact_force", "pressing_torque", "tip"):
+        ask, wanted = getattr(seen, name), getattr(PRESSED, name)
+        for t in (0.0, 0.4, 400 * 1e-3, 0.4004, 1.0, 7.0):
+            np.testing.assert_allclose(ask(t), wanted(t), rtol=1e-13, atol=1e-13)
+        times = np.array([0.1, 0.25])
+        np.testing.assert_array_equal(ask(times), wanted(times))
+    assert seen.end_time == PRESSED.end_time
+    assert not hasattr(sampled_reference(LINE, 1e-3, 1.0), "contact_force")
+    plain = AtRest()
+    assert sampled_reference(plain, 1e-3, 1.0) is plain
+
+
+@every
+def test_bad_gains_are_told_all_at_once(kind):
+    with pytest.raises(fa.InputError) as caught:
+        kind(
+            ARM,
+            sample_time=0.0,
+            **{"normal_damping" if kind is not fa.Admittance else "damping": -1},
+        )
+    assert len(caught.value.problems) == 2
