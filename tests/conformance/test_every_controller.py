@@ -39,11 +39,9 @@ def kalman_filter():
 LIMIT = [2.0, 0.6]
 #: How to make each controller of the registry for an arm of two joints.
 EXAMPLES = {
-    "admittance": lambda: fa.Admittance(two_links(), frequency=3.0, sample_time=SAMPLE_TIME),
-    "hybrid_force": lambda: fa.HybridForce(two_links(), frequency=3.0, sample_time=SAMPLE_TIME),
-    "impedance": lambda: fa.Impedance(
-        two_links(), tangent_stiffness=8.0, tangent_damping=1.5, sample_time=SAMPLE_TIME
-    ),
+    "admittance": lambda: fa.Admittance(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
+    "hybrid_force": lambda: fa.HybridForce(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
+    "impedance": lambda: fa.Impedance(two_links(), posture_frequency=1.5, sample_time=SAMPLE_TIME),
     "adaptive": lambda: fa.Adaptive(two_links(), 2.0, [0.8, 0.2], 0.003, sample_time=SAMPLE_TIME),
     "disturbance_observer": lambda: fa.DisturbanceObserver(two_links(), joint_pd(), 0.2),
     "estimator": lambda: fa.EstimatorController(kalman_filter(), joint_pd()),
