@@ -159,7 +159,7 @@ def test_sliding_friction_is_coulombs():
     force = result.contact_force[:, 0].values[gliding.values]
     sense = np.sign(result.tip_velocity.values[gliding.values, 0])
     assert gliding.sum() > 400
-    assert {-1.0, 1.0} == set(sense)
+    assert set(sense) == {-1.0}  # the other way: the example that wipes a wall
     assert force[:, 1].min() > 1.0
     # tanh(20) is one to all digits.
     np.testing.assert_allclose(force[:, 0], -0.4 * sense * force[:, 1], rtol=1e-12)

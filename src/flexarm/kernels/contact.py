@@ -76,9 +76,10 @@ def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, A
     knots = contacts.knots
     first = int(contacts.law[k, FIRST])
     last = first + int(contacts.law[k, COUNT]) - 1
-    near = first
+    near = last
     least = np.inf
-    for j in range(first, last + 1):
+    # Not the first: of a closed curve it is a copy, from which one cannot go back any further.
+    for j in range(first + 1, last + 1):
         away = (real(x) - knots[j, 1]) ** 2 + (real(y) - knots[j, 5]) ** 2
         if away < least:
             least = away
@@ -225,7 +226,7 @@ def _force(
 def touch(sizes: Sizes, P: Array, contacts: Contacts, state: Array, work: Workspace) -> None:
     """Take the forces of contacts from the biases that ``link_terms`` has left.
 
-    ``P`` (n, m) of the arm's constants. Real parts of what integrators ask for stay in ``seen``.
+    ``P`` (n, m) of the arm's constants. Real parts of motion, force and gap stay in ``seen``.
     """
     _place_bodies(sizes, P, state, work.rotation, work.rate, work.tip, work.Fx, work.world)
     for k in range(contacts.body.shape[0]):
@@ -240,6 +241,8 @@ def touch(sizes: Sizes, P: Array, contacts: Contacts, state: Array, work: Worksp
             sizes, contacts.rows, contacts.shortening, k, i, 1.0, contacts.law[k, LEVER], along,
             across, state, work.root_bias, work.flex_bias,
         )  # fmt: skip
+        contacts.seen[1, k, FORCE] = real(fx)
+        contacts.seen[1, k, FORCE + 1] = real(fy)
         contacts.seen[1, k, GAP] = real(gap)
         contacts.seen[1, k, BEND] = real(bend)
         contacts.seen[1, k, VELOCITY] = real(vx)
