@@ -79,7 +79,7 @@ def tip_torque(
     added: Array,
     torque: Array,
 ) -> None:
-    """Fill ``torque`` (joints,): the tip accelerates as wanted, m/s^2, and pushes, N; (C.60).
+    """Fill ``torque`` (joints,): the tip accelerates as wanted, m/s^2, and pushes, N; (F.1).
 
     The first four as ``task_dynamics`` leaves them. ``posture`` (joints,) rad/s^2 is what joint
     accelerations come near to; ``added`` (joints,) N m is added.
