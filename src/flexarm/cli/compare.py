@@ -21,12 +21,12 @@ _WHERE = "flexarm compare"
 TABLE_SUFFIXES = (".nc", ".csv")
 #: Columns of the printed table: number, head, factor to the unit shown.
 _COLUMNS = (
-    ("tip_error_rms", "tip RMS [mm]", 1e3),
-    ("tip_error_peak", "peak [mm]", 1e3),
-    ("residual_vibration", "residual [mm]", 1e3),
-    ("force_error_rms", "force RMS [N]", 1.0),
-    ("torque_rms", "torque RMS [N m]", 1.0),
-    ("controller_time", "per sample [us]", 1e6),
+    ("tip_error_rms", "RMS mm", 1e3),
+    ("tip_error_peak", "peak mm", 1e3),
+    ("residual_vibration", "after mm", 1e3),
+    ("force_error_rms", "force N", 1.0),
+    ("torque_rms", "N m", 1.0),
+    ("controller_time", "us", 1e6),
 )
 
 
@@ -64,12 +64,13 @@ def _printed(table: xr.Dataset, reference: str) -> object:
     shown = [column for column in _COLUMNS if np.isfinite(table[column[0]].values).any()]
     rows = []
     for drive in table["controller"].values:
-        for plant in table["plant"].values:
+        for k, plant in enumerate(table["plant"].values):
             one = table.sel(controller=drive, plant=plant)
             values = (factor * float(one[name]) for name, _, factor in shown)
             cells = [f"{value:.4g}" if np.isfinite(value) else "-" for value in values]
-            rows.append([str(drive), str(plant), *cells])
-    return numbers(f"Along {reference}", ["drive", "plant", *(head for _, head, _ in shown)], rows)
+            rows.append([str(drive) if k == 0 else "", str(plant), *cells])
+    title = f"Along {reference}: error of the tip, its swing after, torque, time per sample"
+    return numbers(title, ["drive", "plant", *(head for _, head, _ in shown)], rows)
 
 
 def _told(table: xr.Dataset, kind: str) -> list[str]:
