@@ -45,8 +45,9 @@ def test_generated_part_is_up_to_date(key: tuple[str, str]) -> None:
 def test_every_kind_of_mapping_has_a_section() -> None:
     """Parts are looked up by name above; here nothing may be left over on the page."""
     on_page = re.findall(r"<!-- begin (\w+) -->", text_of("docs/reference/file-format.md"))
-    with_keys = [n for n, d in json_schema()["$defs"].items() if d["properties"].keys() - {"kind"}]
-    assert sorted(on_page) == sorted(["file", *with_keys])
+    mappings = json_schema("study")["$defs"] | json_schema()["$defs"]
+    with_keys = [n for n, d in mappings.items() if d["properties"].keys() - {"kind"}]
+    assert sorted(on_page) == sorted(["file", "study", *with_keys])
 
 
 @pytest.mark.parametrize("name", fa.__all__)
@@ -99,7 +100,8 @@ def test_no_name_on_the_page_is_gone() -> None:
 def test_registries_are_documented() -> None:
     rows = re.findall(r"^\| `(\w+)` \| (\d) \|", text_of(INTEGRATORS_PAGE), flags=re.MULTILINE)
     assert dict(rows) == {name: str(method.order) for name, method in INTEGRATORS.items()}
-    assert CONTROLLERS.keys() <= code_words("docs/reference/file-format.md")
+    for controller in CONTROLLERS.values():
+        assert f"| `{controller.__name__}(" in text_of("docs/reference/python-api.md")
     assert TIMING_LAWS.keys() <= code_words("docs/how-to/plan-a-motion.md")
 
 

@@ -99,6 +99,9 @@ def widened(arrays, extra):
     """The same arm, or loads on it, with ``extra`` more padded modes on every body."""
     wide = []
     for name, array in zip(arrays._fields, arrays, strict=True):
+        if isinstance(array, tuple):  # contacts among the loads
+            wide.append(widened(array, extra))
+            continue
         growing = [(0, 0)] * array.ndim
         for axis in range(1, array.ndim):
             modal = name in (*MODAL, "rows", "slopes")

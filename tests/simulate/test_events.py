@@ -50,8 +50,9 @@ def test_pendulum_passes_and_turns_at_quarter_periods(integrator, rate):
     result, quarter = pendulum_events(2.5, integrator=integrator, rate=rate, **options)
     count = int(4.0 / quarter)
     expected = quarter * np.arange(1, count + 1)
-    # Ten times what the worst of the methods errs by at these settings.
-    np.testing.assert_allclose(result.event_time, expected, rtol=0.0, atol=2e-8)
+    # Ten times what the worst of the methods errs by at these settings; order 2 errs far more.
+    found = 2e-8 if INTEGRATORS[integrator].order > 2 else 1e-4
+    np.testing.assert_allclose(result.event_time, expected, rtol=0.0, atol=found)
     assert result.event_name.values.tolist() == (["lowest", "turns"] * count)[:count]
     assert result.event_direction.values.tolist() == ([-1, 1, 1, -1] * count)[:count]
     # The state is that of the event: at the bottom, and at rest; rates are of order 10.
@@ -325,8 +326,9 @@ def test_flexible_arm_with_every_integrator(integrator):
     step = None if INTEGRATORS[integrator].adaptive else 1e-4
     result = run(integrator=integrator, rtol=1e-8, atol=1e-10, step=step, rate=100.0)
     assert result.event_name.values.tolist() == tight.event_name.values.tolist()
-    # Tip errors of 1e-7 m or so at speeds of 1 m/s.
-    np.testing.assert_allclose(result.event_time, tight.event_time, atol=1e-6, rtol=0.0)
+    # Tip errors of 1e-7 m or so at speeds of 1 m/s; of order 2, a hundred times as much.
+    found = 1e-6 if INTEGRATORS[integrator].order > 2 else 1e-4
+    np.testing.assert_allclose(result.event_time, tight.event_time, atol=found, rtol=0.0)
 
 
 def test_watching_does_not_change_the_run():

@@ -76,7 +76,7 @@ def test_same_run_as_in_python(tmp_path):
 def test_signals_of_files_are_those_of_python():
 
     assert set(CHANNEL_SIGNALS) == set(SIGNALS)
-    assert set(get_args(Signal)) == {*CHANNEL_SIGNALS, "contact_force", *POINT_SIGNALS}
+    assert set(get_args(Signal)) == {*CHANNEL_SIGNALS, *POINT_SIGNALS}
 
 
 @pytest.mark.parametrize(

@@ -149,7 +149,7 @@ def _show_tracks(tracks: ModeTracks, joints: str, options: ModesOptions) -> None
         [f"{way[k]:.4g}", *(f"{value:.5g}" for value in tracks.frequency_hz[k])]
         for k in range(0, way.size, _SHOWN_EVERY)
     ]
-    screen.print(numbers(f"Frequencies [Hz]{joints}", heads, rows))
+    screen.print(numbers("Frequencies [Hz]" + joints.replace(" with the", ","), heads, rows))
     if options.csv is not None:
         write_text(_tracks_table(tracks), options.csv)
         screen.print(f"all {way.size} samples in {options.csv}", soft_wrap=True)

@@ -15,7 +15,7 @@ from flexarm.linear.signals import CHANNEL_OUTPUTS, Sensor
 FloatArray = NDArray[np.float64]
 
 #: Channels that an instrument can read.
-SIGNALS = (*CHANNEL_OUTPUTS,)
+SIGNALS = tuple(CHANNEL_OUTPUTS)
 #: How much a time may miss a whole number of sample times by: rounding of decimal fractions.
 _GRID = 1e-9
 
@@ -61,7 +61,7 @@ class Instrument:
 
     def __post_init__(self) -> None:
         problems = []
-        if not isinstance(self.signal, Sensor) and self.signal not in (*SIGNALS, "contact_force"):
+        if not isinstance(self.signal, Sensor) and self.signal not in SIGNALS:
             rule = "be a Sensor or one of " + ", ".join(map(repr, SIGNALS))
             problems.append(Problem("Instrument", "signal", rule, shown(self.signal)))
         for field in fields(self):

@@ -70,6 +70,7 @@ class Gauss6(Integrator):
 
     name = "gauss_6"
     order = 6
+    follows_contacts = False
     reference = ("HairerLubichWanner2006", "HouwenSwart1997")
 
     def advance(

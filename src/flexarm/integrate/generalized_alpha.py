@@ -39,6 +39,7 @@ class GeneralizedAlpha(Integrator):
 
     name = "generalized_alpha"
     order = 2
+    follows_contacts = False
     reference = ("ChungHulbert1993", "ArnoldBruels2007")
 
     def __post_init__(self) -> None:

@@ -38,6 +38,8 @@ CHANNEL_SIGNALS = (
     "tip_angle_rate",
     "strain",
     "torque",
+    "contact_force",
+    "contact_gap",
 )
 POINT_SIGNALS = ("position", "velocity", "acceleration")
 Signal = Literal[  # written out, for the schema
@@ -57,6 +59,7 @@ Signal = Literal[  # written out, for the schema
     "strain",
     "torque",
     "contact_force",
+    "contact_gap",
     "position",
     "velocity",
     "acceleration",

@@ -13,12 +13,13 @@ from flexarm.control.instruments import Instrument, Readings
 from flexarm.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
+from flexarm.kernels.contact import GAP
 from flexarm.kernels.layout import new_workspace, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS, poses
 from flexarm.kernels.point_motion import point_motions
 from flexarm.linear.signals import Sensor
 from flexarm.loads import Load, place_loads
-from flexarm.observe import channels_of, contact_forces
+from flexarm.observe import channels_of, contact_forces, contact_values
 
 if TYPE_CHECKING:
     from flexarm.simulate.stepping import Run
@@ -104,11 +105,11 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
     signal = instrument.signal
     if isinstance(signal, Sensor):
         return _point(run.arm, signal)
-    if signal == "contact_force":
+    if signal in ("contact_force", "contact_gap"):
         if not run.loads.placed.contacts.body.size:
-            rule = "measure a contact_force only where there are contacts"
+            rule = f"measure a {signal} only where there are contacts"
             raise InputError(Problem("Hardware", "instruments", rule, "without them"))
-        return _contact_force(run)
+        return _contact_force(run) if signal == "contact_force" else _contact_gap(run)
     if signal == "strain" and not run.arm.gauges:
         rule = "leave out the strain of an arm without gauges"
         raise InputError(Problem("Hardware", "instruments", rule, "'strain'"))
@@ -136,6 +137,13 @@ def _contact_force(run: Run) -> Reader:
     arm, placed = run.arm, run.loads.placed.contacts
     work = new_workspace(arm.assembly.constants)
     return lambda state, system, t: contact_forces(arm, placed, state[None], work)[0]
+
+
+def _contact_gap(run: Run) -> Reader:
+    """Read the gaps (contacts,) of contacts, m; negative in touch."""
+    arm, placed = run.arm, run.loads.placed.contacts
+    work = new_workspace(arm.assembly.constants)
+    return lambda state, system, t: contact_values(arm, placed, state[None], work)[0, :, GAP]
 
 
 def _torque(arm: Arm, system: System, t: float) -> FloatArray:

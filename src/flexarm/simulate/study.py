@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING
 
 from flexarm.arm import Arm
 from flexarm.control import Reference
+from flexarm.errors import InputError
 from flexarm.model import Study, locate_study
 from flexarm.model.study import placed, plant_spec
-from flexarm.model.wording import Path
+from flexarm.model.wording import Path, path_of, path_text
 from flexarm.simulate.compare import comparison
 from flexarm.simulate.scenario import Prepared, prepare
 
@@ -41,7 +44,8 @@ class PreparedStudy:
             for motion in study.motions:
                 place = partial(_place, where, drive, motion) if where else "study"
                 scenario = study.scenario(drive, motion)
-                self._prepared[drive, motion] = prepare(scenario, place)
+                with _told_in_study(drive, motion):
+                    self._prepared[drive, motion] = prepare(scenario, place)
 
     def run(self, progress: bool | None = None) -> xr.Dataset:
         """Run it and return the table of ``flexarm.compare``: drives are its controllers."""
@@ -75,6 +79,17 @@ def run_study(study: Study | str | PathLike[str], *, progress: bool | None = Non
     if not isinstance(study, Study):
         study, where = locate_study(study)
     return PreparedStudy(study, where).run(progress)
+
+
+@contextmanager
+def _told_in_study(drive: str, motion: str) -> Iterator[None]:
+    """Name problems of one scenario by their key paths in the study."""
+    try:
+        yield
+    except InputError as error:
+        names = [path_text(placed(path_of(p.name), drive, motion)) for p in error.problems]
+        told = [replace(p, name=n) for p, n in zip(error.problems, names, strict=True)]
+        raise InputError(*told) from None
 
 
 def _place(where: Where, drive: str, motion: str, path: Path) -> str:

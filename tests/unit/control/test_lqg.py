@@ -156,7 +156,7 @@ def test_poles_are_those_that_the_nonlinear_loop_shows():
         1.5,
         controller=controller,
         reference=hold,
-        initial=arm.rest(np.add(POSTURE, 1e-3)),
+        initial=arm.rest(np.add(POSTURE, 1e-4)),
         rate=500.0,
         rtol=1e-10,
         atol=1e-15,

@@ -62,5 +62,7 @@ def test_material_may_be_a_name():
 
 
 def test_unknown_kind_of_file():
-    with pytest.raises(ModelError, match=r"kind must be one of 'arm', 'scenario', but is 'arms'"):
+    with pytest.raises(
+        ModelError, match=r"kind must be one of 'arm', 'scenario', 'study', but is 'arms'"
+    ):
         json_schema("arms")
