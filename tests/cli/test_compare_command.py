@@ -104,7 +104,7 @@ def test_check_says_what_is_in_a_study(path):
         ("payload: {mass: 0.1}", "", "plants.heavy.payload_factor must be left out of an arm"),
         ("settling: 0.05", "setting: 0.05", "run.setting must be a known key"),
         ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have one value"),
-        ("as believed: {}", "[]", "plants"),
+        ("as believed: {}", "as believed: 3", "plants.as believed must be a mapping"),
         ("drives:", "controllers:", "drives"),
         ("[2, 0.8]", "[2, -0.8]", "drives.PD.derivative[1] must be at least 0"),
     ],

@@ -33,6 +33,8 @@ def test_pages_on_control_leave_none_of_theirs_out() -> None:
     index = text_of("docs/theory/index.md")
     for page in (page for page in THEORY if "control" in page):
         numbers = [int(n) for letter, n in _TAG.findall(text_of(page)) if letter == "C"]
+        if not numbers:  # a letter of its own
+            continue
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), page
         assert f"(C.{numbers[0]}) to (C.{numbers[-1]})" in index, f"the index on {page}"
 

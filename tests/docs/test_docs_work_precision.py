@@ -30,9 +30,12 @@ def test_every_integrator_is_measured_and_drawn(script: ModuleType, tmp_path: Pa
     points = script.measure(case, repeats=2, tolerances=(1e-4, 1e-6), steps=(2e-3, 5e-4))
     assert {point.integrator for point in points} == set(INTEGRATORS)
     for name in INTEGRATORS:
-        coarse, fine = sorted((p for p in points if p.integrator == name), key=lambda p: -p.setting)
+        own = sorted((p for p in points if p.integrator == name), key=lambda p: -p.setting)
+        assert all(point.seconds > 0.0 for point in own)
+        if INTEGRATORS[name].order >= 6 and len(own) == 1:
+            continue  # the finer step is as exact as the reference, and left out
+        coarse, fine = own
         assert fine.error < coarse.error, name
-        assert min(coarse.seconds, fine.seconds) > 0.0
     assert all(len(basis.arm().lengths) == 2 for basis in script.BASES)
     script.draw(tmp_path / "figure.png", {"one": points, "none": []})
     assert (tmp_path / "figure.png").stat().st_size > 10_000

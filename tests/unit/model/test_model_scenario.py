@@ -93,11 +93,12 @@ def test_torque_takes_an_array():
             ],
         ),
         (
-            {"drive": {"kind": "joint_pid"}},
+            {"drive": {"kind": "joint_pdd"}},
             [
                 (
                     "drive.kind must be one of 'rigid_inverse_dynamics', 'torque', 'joint_pd', "
-                    "'none', but is 'joint_pid'. Did you mean 'joint_pd'?"
+                    "'joint_pid', 'computed_torque', 'strain_feedback', "
+                    "'none', but is 'joint_pdd'. Did you mean 'joint_pd'?"
                 )
             ],
         ),
