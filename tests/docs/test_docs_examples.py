@@ -27,7 +27,7 @@ from docs_pages import ROOT, Block, blocks, pages
 from typer.testing import CliRunner
 
 from flexarm.cli.main import app
-from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario
+from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario, locate_study
 
 RUNNING = ("yaml", "python", "bash")
 PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
@@ -108,7 +108,9 @@ def read_yaml(block: Block) -> None:
     path.write_text(block.text)
     if block.option("broken"):
         return
-    if "run" in content:
+    if "drives" in content:
+        locate_study(path)
+    elif "run" in content:
         load_scenario(path)
     else:
         load_arm_spec(path)
