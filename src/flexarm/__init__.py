@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from flexarm.simulate import simulate as simulate
     from flexarm.simulate.compare import compare as compare
     from flexarm.simulate.events import Event as Event
+    from flexarm.simulate.events import contact_event as contact_event
     from flexarm.simulate.events import joint_event as joint_event
     from flexarm.simulate.events import tip_event as tip_event
     from flexarm.simulate.flexible_torque import FlexibleTorque as FlexibleTorque
@@ -172,6 +173,7 @@ _HOME = {
     "campbell": "linear",
     "citation": "references",
     "compare": "simulate.compare",
+    "contact_event": "simulate.events",
     "equilibrium": "linear",
     "flexible_torque": "simulate.flexible_torque",
     "joint_event": "simulate.events",

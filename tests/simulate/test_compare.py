@@ -126,3 +126,37 @@ def test_nothing_to_compare_is_refused(arm, motion, wrong, value):
     given = {"controllers": {"pd": gains()}, "references": {"move": motion}, "plants": None}
     with pytest.raises(fa.InputError, match=f"{wrong} must be a dictionary by name"):
         fa.compare(arm, duration=0.1, **{**given, wrong: value})
+
+
+def test_runs_that_an_event_ends_are_not_judged(arm, motion):
+    early = fa.joint_event(arm, 1, 0.4, terminal=True)
+    table = fa.compare(arm, {"pd": gains()}, 0.5, {"move": motion}, events=[early])
+    assert table.failure.item().startswith("ended by the event")
+    assert np.isnan(table.tip_error_rms.item())
+
+
+def test_what_is_given_by_name_is_not_given_twice(arm, motion):
+    with pytest.raises(fa.InputError, match="plant must be left out"):
+        fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, plant=arm)
+
+
+def test_a_reference_must_answer(arm):
+    with pytest.raises(fa.InputError, match="reference must have the methods joint_angle"):
+        fa.simulate(arm, 0.1, controller=gains(), reference=[0.1, 0.2])
+
+
+def test_a_loop_that_runs_away_is_stopped(arm, motion):
+    """Rates fed back with the wrong sign: the linear theory would bend the links by kilometres."""
+
+    class Unstable(fa.Controller):
+        sample_time = 0.002
+
+        def update(self, t, measurement, reference):
+            return 0.3 * measurement.joint_rate - 20.0 * measurement.joint_angle
+
+    with pytest.raises(
+        fa.SimulationError, match=r"times its length: the loop is unstable"
+    ) as caught:
+        fa.simulate(arm, 30.0, controller=Unstable(), initial=arm.rest([0.2, -0.1]))
+    assert caught.value.result is not None
+    assert caught.value.time < 30.0

@@ -360,3 +360,26 @@ def test_hardware_that_is_late_and_slow(rate):
     assert result.attrs["ended_by"] == "there"
     assert result.joint_angle.values[-1, 0] == pytest.approx(1.0, abs=1e-12)
     assert float(result.time[-1]) == pytest.approx(float(tight.time[-1]), abs=1e-8)
+
+
+def test_contacts_made_and_lost():
+    """A rod against a wall without damping: free turns between bounces take the same time."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=0.6, flexible=False)])
+    wall = fa.Contact(fa.Wall((np.cos(0.5), 0.0), (-1.0, 0.0)), 1e5)
+    events = [
+        fa.contact_event(arm, wall, name="made"),
+        fa.contact_event(arm, wall, name="lost", direction=1),
+    ]
+    options = {"initial": [1.0], "initial_rate": [-2.0], "contacts": [wall], "events": events}
+    result = fa.simulate(arm, 1.5, **options)
+    # From 1 to 0.5 rad at 2 rad/s, back, and never again: nothing pulls it.
+    assert result.event_name.values.tolist() == ["made", "lost"]
+    assert result.event_time.values[0] == pytest.approx(0.25, abs=1e-9)
+    touching = result.event_q.values[:, 0]
+    np.testing.assert_allclose(touching, 0.5, atol=1e-9)
+    ended = fa.simulate(
+        arm, 1.5, **{**options, "events": [fa.contact_event(arm, wall, terminal=True)]}
+    )
+    assert float(ended.time[-1]) == pytest.approx(0.25, abs=1e-9)
+    with pytest.raises(fa.InputError, match="contacts must be a list of Contact"):
+        fa.contact_event(arm, "wall")

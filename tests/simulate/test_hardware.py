@@ -1,5 +1,8 @@
 """Instruments and motors between a controller and an arm."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -250,6 +253,8 @@ def test_a_measurement_is_a_mapping():
         (lambda: fa.Motors(current_limit=2.0), "torque_constant must be given"),
         (lambda: fa.Motors(voltage_limit=2.0, torque_constant=1.0), "resistance must be given"),
         (lambda: fa.Hardware([fa.Instrument("tip")] * 2), "have different names, but is tip"),
+        (lambda: fa.Hardware(fa.Instrument("tip")), "instruments must be a list of Instrument"),
+        (lambda: fa.Instrument("tip", name="my cam/2"), "name must be a word of letters"),
         (lambda: fa.Hardware(["tip"]), "instruments must be a list of Instrument"),
         (lambda: fa.Hardware(motors=3), "motors must be a Motors object"),
         (lambda: fa.Hardware(seed=-1), "seed must be a whole number"),
@@ -278,3 +283,11 @@ def test_hardware_that_does_not_fit_the_arm_is_refused_before_the_run(arm, hardw
 def test_hardware_needs_a_controller(arm):
     with pytest.raises(fa.InputError, match="together with a controller"):
         fa.simulate(arm, 0.1, hardware=fa.Hardware())
+
+
+def test_a_measurement_can_be_copied_and_kept():
+    measurement = fa.Measurement(joint_angle=np.ones(2))
+    for again in (copy.copy(measurement), copy.deepcopy(measurement)):
+        np.testing.assert_array_equal(again.joint_angle, measurement.joint_angle)
+    kept = pickle.loads(pickle.dumps(measurement))
+    assert list(kept) == ["joint_angle"]

@@ -23,7 +23,7 @@ from flexarm.control.rbf_adaptive import RBFAdaptive
 from flexarm.control.sliding_mode import SlidingMode
 from flexarm.control.strain_feedback import StrainFeedback
 
-#: Every controller by the name that scenario files use.
+#: Every controller by its name; scenario files use some of them.
 CONTROLLERS: dict[str, type[Controller]] = {
     Adaptive.name: Adaptive,
     Admittance.name: Admittance,

@@ -128,10 +128,14 @@ class Hardware:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for item in self.instruments or ():
-            if not isinstance(item, Instrument):
-                rule = "be a list of Instrument objects"
-                raise InputError(Problem("Hardware", "instruments", rule, shown(item)))
+        listed = self.instruments is None or isinstance(self.instruments, list | tuple)
+        wrong = (
+            [x for x in self.instruments or () if not isinstance(x, Instrument)] if listed else []
+        )
+        if not listed or wrong:
+            rule = "be a list of Instrument objects"
+            value = shown(wrong[0] if wrong else self.instruments)
+            raise InputError(Problem("Hardware", "instruments", rule, value))
         if self.motors is not None and not isinstance(self.motors, Motors):
             raise InputError(
                 Problem("Hardware", "motors", "be a Motors object", shown(self.motors))

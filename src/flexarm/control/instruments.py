@@ -64,6 +64,11 @@ class Instrument:
         if not isinstance(self.signal, Sensor) and self.signal not in SIGNALS:
             rule = "be a Sensor or one of " + ", ".join(map(repr, SIGNALS))
             problems.append(Problem("Instrument", "signal", rule, shown(self.signal)))
+        for name in ("name", "rate_name"):
+            given = getattr(self, name)
+            if given is not None and not (isinstance(given, str) and given.isidentifier()):
+                rule = "be a word of letters, digits and underscores"
+                problems.append(Problem("Instrument", name, rule, shown(given)))
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name in ("signal", "name", "rate_name") or value is None:

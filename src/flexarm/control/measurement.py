@@ -31,7 +31,12 @@ class Measurement(Mapping[str, FloatArray]):
     def __len__(self) -> int:
         return len(self._values)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return _measurement, (self._values,)
+
     def __getattr__(self, name: str) -> FloatArray:
+        if name.startswith("_"):  # asked for by copies and pickles, before there are values
+            raise AttributeError(name)
         try:
             return self._values[name]
         except KeyError:
@@ -43,3 +48,8 @@ class Measurement(Mapping[str, FloatArray]):
 
     def __repr__(self) -> str:
         return f"Measurement({', '.join(f'{k}={v}' for k, v in self._values.items())})"
+
+
+def _measurement(values: dict[str, FloatArray]) -> Measurement:
+    """Make a measurement of its values: what a pickle calls."""
+    return Measurement(**values)

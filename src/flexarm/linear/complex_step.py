@@ -45,7 +45,7 @@ def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
     rule = f"be one of {', '.join(map(repr, known))}"
     hint = ""
     if kind is not None:
-        hint = "Its step depends on several states before it, so it has no Jacobian by one state."
+        hint = "Its step depends on states before, or is found by iterating: neither is followed."
     raise InputError(Problem(where, "method", rule, shown(method), hint))
 
 

@@ -13,6 +13,10 @@ from flexarm.integrate.base import FloatArray
 from flexarm.simulate.sampled_reference import sampled_reference
 from flexarm.simulate.stepping import Run
 from flexarm.simulate.ticks import Ticks
+from flexarm.simulate.validity import runs_away
+
+#: Sample times from one look for a loop that runs away to the next.
+_LOOK_EVERY = 64
 
 
 class ClosedLoop:
@@ -49,8 +53,17 @@ class ClosedLoop:
             self.ticks.append(ticks.time)
             self.asked.append(torque)
             ticks.hold(torque)
+            if ticks.tick % _LOOK_EVERY == 0:
+                self._look(ticks.time)
             if ticks.tick % 256 == 0:
                 run.meter.update(run.progress.time / run.duration)
+
+    def _look(self, t: float) -> None:
+        absurd = runs_away(self._run.arm, self._run.progress.state)
+        if absurd:
+            reason = f"{absurd}: the loop is unstable."
+            hint = "Lower the gains or the sample time, or design for the arm that is there."
+            raise SimulationError(t, reason, hint, self._run.state())
 
     def _update(self, t: float, measurement: Measurement) -> FloatArray:
         run = self._run

@@ -11,6 +11,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.errors import InputError, LargeDeflectionWarning, Problem, SimulationError, shown
+from flexarm.model.events import DURATION
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.metrics import METRICS, metrics_of
 from flexarm.simulate.run import simulate
@@ -57,6 +58,12 @@ def compare(
     where = "compare"
     plants = {"nominal": arm} if plants is None else plants
     given = {"controllers": controllers, "plants": plants, "references": references}
+    for name in ("plant", "reference", "controller", "progress", "torque"):
+        if name in options:
+            rule = (
+                f"be left out: compare takes {name}s by name" if name != "torque" else "be left out"
+            )
+            raise InputError(Problem(where, name, rule, "given"))
     for name, items in given.items():
         if not isinstance(items, Mapping) or not items:
             rule = "be a dictionary by name, with one entry at least"
@@ -102,6 +109,9 @@ def comparison(
                     result, reference = run(*chosen)
             except SimulationError as error:
                 failures[index] = str(error)
+                continue
+            if result.attrs["ended_by"] != DURATION:  # its numbers would flatter it
+                failures[index] = f"ended by the event {result.attrs['ended_by']!r}"
                 continue
             bent[index] = result.attrs["warning"]
             for name, value in metrics_of(result, arm, reference, settling).items():

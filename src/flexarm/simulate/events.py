@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
+from flexarm.contacts import Contact, place_contacts
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.integrate.base import FloatArray
+from flexarm.kernels.contact import GAP
+from flexarm.kernels.layout import Contacts
 from flexarm.model import EventSpec, JointEvent
 from flexarm.model.events import DURATION, FAILURE
-from flexarm.observe import tips_of
+from flexarm.observe import contact_values, tips_of
 
 #: Function of t (s), q (dof,), qd (dof,) to a number.
 EventFunction = Callable[[Any, Any, Any], Any]
@@ -132,6 +135,29 @@ def tip_event(
     return Event(_TipDistance(arm, place, across / length), name, direction, terminal)
 
 
+def contact_event(
+    arm: Arm,
+    contact: Contact,
+    *,
+    name: str | None = None,
+    direction: int = -1,
+    terminal: bool = False,
+) -> Event:
+    """Watch a contact being made or lost; the function is its gap, m, negative in touch.
+
+    Args:
+        arm: the arm that is simulated.
+        contact: as ``simulate`` is given it; the run follows its forces only if it is given there.
+        name, direction, terminal: as for ``Event``; -1 is touching, 1 letting go, 0 both.
+
+    Raises:
+        InputError: no contact, or one whose point is not on the arm.
+    """
+    return Event(
+        _Gap(arm, place_contacts(arm, "contact_event", [contact])), name, direction, terminal
+    )
+
+
 def events_of(specs: Sequence[EventSpec], arm: Arm) -> list[Event]:
     """Return the events of a scenario, watched on ``arm``."""
     return [_event(spec, arm) for spec in specs]
@@ -174,6 +200,20 @@ class _TipDistance:
     def __call__(self, t: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         tips = tips_of(self.arm, self.arm.padded(np.stack([q, qd], axis=1)))
         return np.asarray((tips[:, :2] - self.point) @ self.normal)
+
+
+@dataclass(frozen=True, eq=False)
+class _Gap:
+    """Gap of a contact, of many samples."""
+
+    vectorized: ClassVar[bool] = True
+
+    arm: Arm
+    placed: Contacts
+
+    def __call__(self, t: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+        states = self.arm.padded(np.stack([q, qd], axis=1))
+        return contact_values(self.arm, self.placed, states)[:, 0, GAP]
 
 
 @dataclass(eq=False)

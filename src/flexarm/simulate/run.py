@@ -139,6 +139,7 @@ def simulate(
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller, hardware)
+    _check_reference(where, reference)
     if torque is not None and controller is not None:
         raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
     if prescribed and controller is not None:
@@ -278,6 +279,16 @@ def _check_objects(
             rule = f"have the method {name}"
             raise InputError(Problem(where, "controller", rule, shown(controller)))
     positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
+
+
+def _check_reference(where: str, reference: object | None) -> None:
+    """Refuse what cannot be asked for joint angles, their rates and accelerations."""
+    names = ("joint_angle", "joint_rate", "joint_acceleration")
+    missing = [name for name in names if not callable(getattr(reference, name, None))]
+    if reference is not None and missing:
+        rule = f"have the method{'s' * (len(missing) > 1)} {', '.join(missing)}"
+        hint = "line_motion and joint_motion make references."
+        raise InputError(Problem(where, "reference", rule, shown(reference), hint))
 
 
 def _initial_state(

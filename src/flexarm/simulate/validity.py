@@ -19,6 +19,8 @@ _LEFT = 0.1
 
 #: Deflection over length beyond which the linear theory is off by whole per cents.
 _FAR = 0.1
+#: Deflection over length that no link ever had.
+_ABSURD = 10.0
 #: Samples looked at in one go: bounds the scratch memory of long runs.
 _CHUNK = 4096
 
@@ -79,6 +81,19 @@ def _furthest_bent(arm: Arm, states: FloatArray) -> tuple[str, Piece] | None:
         f"{worst.shapes.length:.4g} m"
     )
     return fact, worst
+
+
+def runs_away(arm: Arm, state: FloatArray) -> str:
+    """Say which link bends by many times its length, as only an unstable loop makes it; or nothing.
+
+    The linear theory would follow it for as long as numbers last.
+    """
+    bent = np.abs(np.einsum("nm,nm->n", arm.assembly.constants.P, state[0, :, 1:]))
+    for piece in arm.assembly.pieces:
+        times = bent[piece.body] / piece.shapes.length
+        if times > _ABSURD:
+            return f"link {piece.link + 1} has bent by {times:.3g} times its length"
+    return ""
 
 
 class BendingWatch:

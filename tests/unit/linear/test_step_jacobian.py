@@ -169,5 +169,7 @@ def test_refused():
         fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_3.mass"])
     with pytest.raises(fa.InputError, match=r"method must be one of 'rk4'.*but is 'euler'\.$"):
         fa.step_jacobian(arm, q, qd, torque, H, method="euler")
-    with pytest.raises(fa.InputError, match=r"but is 'cowell_4'\. Its step depends on several"):
+    with pytest.raises(
+        fa.InputError, match=r"but is 'cowell_4'\. Its step depends on states before"
+    ):
         fa.step_jacobian(arm, q, qd, torque, H, method="cowell_4")
