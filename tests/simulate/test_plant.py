@@ -251,3 +251,23 @@ def test_the_quick_look_at_bending_says_what_the_thorough_one_says(arm):
             assert watch(state) == too_far_bent(one, state[None])
             said += bool(watch(state))
         assert 0 < said < 40 if one.spec.theory == "linear" else said == 0
+
+
+def test_a_plant_can_touch(arm, motion):
+    """The wall stands in the way of the tip, whose force is measured."""
+    tip = motion.tip(0.06)
+    wall = fa.Contact(fa.Wall(tip, -(motion.tip(0.3) - tip)), 1e4, damping=0.3)
+    result = fa.simulate(
+        arm,
+        100 * TICK,
+        controller=controller(),
+        reference=motion,
+        contacts=[wall],
+        rate=1.0 / TICK,
+    )
+    assert abs(result.contact_force).max() > 0.1
+    plant = fa.Plant(arm, TICK, contacts=[wall])
+    initial = arm.rest(motion.joint_angle(0.0))
+    measurement, q, _ = by_hand(plant, controller(), motion, 100, initial=initial)
+    np.testing.assert_array_equal(q, result.q.values)
+    np.testing.assert_allclose(measurement.contact_force, result.contact_force[-1], atol=1e-9)

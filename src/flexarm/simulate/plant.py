@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
+from flexarm.contacts import Contact
 from flexarm.control import Hardware, Measurement
 from flexarm.errors import (
     InputError,
@@ -45,7 +46,8 @@ class Plant:
         sample_time: s from one step to the next.
         hardware: instruments and motors in between; None for exact sensors of joint angles, rates
             and strain, and motors that give what they are asked for.
-        tip_force, loads, base_acceleration: what acts from outside, see ``flexarm.simulate``.
+        tip_force, loads, base_acceleration, contacts: what acts from outside, see
+            ``flexarm.simulate``.
         integrator, step, rtol, atol: how closely it is followed, see ``flexarm.simulate``.
         duration: s, the latest that it may be stepped to; None for ever, which loads or a base that
             are functions of time do not allow: they are looked at beforehand.
@@ -71,6 +73,7 @@ class Plant:
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: BaseAcceleration | None = None,
+        contacts: Sequence[Contact] = (),
         integrator: str | Integrator = "auto",
         step: float | None = None,
         rtol: float = RTOL,
@@ -99,6 +102,7 @@ class Plant:
             tip_force=tip_force,
             loads=loads,
             base_acceleration=base_acceleration,
+            contacts=contacts,
             integrator=integrator,
             step=step,
             rtol=positive("Plant", "rtol", rtol),
