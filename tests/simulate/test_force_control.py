@@ -254,7 +254,7 @@ def sliding():
     ],
 )
 def test_force_is_tracked_from_touchdown_through_sliding(sliding, plant, contact, limit):
-    """Issue: RMS error below 2 % of 5 N as believed, 5 % where arm and wall differ."""
+    """RMS error below 2 % of 5 N as believed, 5 % where arm and wall differ."""
     arm, reference = sliding
     before = fa.line_motion(arm, (1.49, 0.5), (1.49, 0.8), 1.0).joint_angle(0.0)
     result = fa.simulate(

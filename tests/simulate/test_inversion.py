@@ -24,7 +24,7 @@ def tip_error(arm, motion, torque, initial, duration):
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_tip_error_on_the_papers_line(theory):
-    """Issue 5 asks for a hundredth of the error under rigid torques; it is a five-hundredth."""
+    """A hundredth of the error under rigid torques is promised; it is a five-hundredth."""
     arm = paper_arm(theory=theory)
     line = paper_line(arm)
     found = fa.tip_inversion(arm, line)
@@ -116,7 +116,7 @@ OTHERS = {
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # under rigid torques
 @pytest.mark.parametrize("name", OTHERS)
 def test_tip_error_of_other_arms(name):
-    """The full model under the torque, run afresh: a hundredth at most, as the issue asks of two.
+    """The full model under the torque, run afresh: a hundredth at most, as of two.
 
     Measured: payload 1800, elastic joints 2600, three joints 730, fixed joints 980 and 1200 times.
     """

@@ -21,7 +21,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +115,10 @@ class Progress:
     rejected: int = 0
     evaluations: int = 0
     memory: dict[str, FloatArray] = field(default_factory=dict)  # an integrator's own arrays
+
+    def take(self, counts: NDArray[Any]) -> None:
+        """Take over samples, steps, rejected steps and evaluations (4,) from a stepper."""
+        self.sample, self.steps, self.rejected, self.evaluations = (int(n) for n in counts)
 
 
 @dataclass(frozen=True)

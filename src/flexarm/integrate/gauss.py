@@ -144,7 +144,5 @@ class Gauss6(Integrator):
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), step
-        progress.sample, progress.steps, progress.rejected, progress.evaluations = (
-            int(count) for count in counts
-        )
+        progress.take(counts)
         return Status(status)

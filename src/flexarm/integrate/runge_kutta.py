@@ -81,7 +81,5 @@ class ExplicitRungeKutta(Integrator):
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), float(clock[STEP])
-        progress.sample, progress.steps, progress.rejected, progress.evaluations = (
-            int(count) for count in counts
-        )
+        progress.take(counts)
         return Status(status)

@@ -97,7 +97,5 @@ class Cowell4(Integrator):
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), step
-        progress.sample, progress.steps, progress.rejected, progress.evaluations = (
-            int(count) for count in counts
-        )
+        progress.take(counts)
         return Status(status)

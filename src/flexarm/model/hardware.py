@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
@@ -21,8 +21,7 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.wording import Fault
 
-#: Signals that are channels, and those of a point of a link.
-CHANNEL_SIGNALS = (
+ChannelSignal = Literal[
     "joint_angle",
     "joint_rate",
     "joint_twist",
@@ -40,30 +39,12 @@ CHANNEL_SIGNALS = (
     "torque",
     "contact_force",
     "contact_gap",
-)
-POINT_SIGNALS = ("position", "velocity", "acceleration")
-Signal = Literal[  # written out, for the schema
-    "joint_angle",
-    "joint_rate",
-    "joint_twist",
-    "link_angle",
-    "link_rate",
-    "link_tip_deflection",
-    "link_tip_slope",
-    "link_tip_deflection_rate",
-    "link_tip_slope_rate",
-    "tip",
-    "tip_velocity",
-    "tip_angle",
-    "tip_angle_rate",
-    "strain",
-    "torque",
-    "contact_force",
-    "contact_gap",
-    "position",
-    "velocity",
-    "acceleration",
 ]
+PointSignal = Literal["position", "velocity", "acceleration"]
+Signal = Literal[ChannelSignal, PointSignal]
+#: Signals that are channels, and those of a point of a link.
+CHANNEL_SIGNALS: tuple[str, ...] = get_args(ChannelSignal)
+POINT_SIGNALS: tuple[str, ...] = get_args(PointSignal)
 #: What motors may have one value of for each joint.
 LIMITS = ("torque_limit", "torque_constant", "current_limit", "voltage_limit", "resistance")
 Seed = Annotated[int, Field(strict=True, ge=0), BeforeValidator(plain)]
