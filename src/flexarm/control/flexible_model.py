@@ -6,6 +6,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
+from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.newton_euler import inverse_dynamics
 from flexarm.kernels.observables import POSE_COLUMNS, poses
@@ -38,6 +39,7 @@ class FlexibleModel:
         self._force = self._work.force.reshape(-1)
         self._joint_places = assembly.coordinates[arm.joint_index]
         self._elastic_places = assembly.coordinates[self.elastic]
+        self._inverse_dynamics, self._find_poses = Entry(inverse_dynamics), Entry(poses)
         self._poses, self._tip = np.zeros((assembly.bodies, POSE_COLUMNS)), np.zeros(6)
 
     def forces(
@@ -52,7 +54,7 @@ class FlexibleModel:
         self._qd[joints] = rate
         self._qdd[joints] = acceleration
         self._q[elastic] = bend
-        inverse_dynamics(
+        self._inverse_dynamics(
             self._sizes, self._constants, self._state, self._acceleration, self._loads, self._work
         )
         return self._force[joints], self._force[elastic]
@@ -61,5 +63,5 @@ class FlexibleModel:
         """Return x and y (m) of the tip, (2,)."""
         self._q[self._joint_places] = angle
         self._q[self._elastic_places] = bend
-        poses(self._sizes, self._constants, self._state, self._poses, self._tip)
+        self._find_poses(self._sizes, self._constants, self._state, self._poses, self._tip)
         return self._tip[:2].copy()

@@ -238,7 +238,9 @@ class LQG(Controller):
     def _within_limits(self, torque: FloatArray) -> FloatArray:
         if self.torque_limit is None:
             return torque
-        return np.clip(torque, -self.torque_limit, self.torque_limit)
+        # Half the time of ``clip``.
+        cut: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
+        return cut
 
     def _integrate(self, measurement: Measurement, nominal: Nominal, excess: FloatArray) -> None:
         """Go on integrating, unless that would ask for more of what the motors cannot give."""

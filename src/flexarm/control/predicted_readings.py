@@ -12,6 +12,7 @@ from flexarm.assemble import IntArray
 from flexarm.control.instruments import Instrument
 from flexarm.control.measurement import FloatArray, Measurement
 from flexarm.errors import InputError, Problem, shown
+from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS
 from flexarm.kernels.point_sensitivity import point_jacobian
@@ -66,6 +67,7 @@ class PredictedReadings:
         )
         self._sizes, self._loads = run_time_sizes(constants), no_loads(constants)
         self._work = new_workspace(constants, complex)
+        self._point_jacobian = Entry(point_jacobian)
         self._acceleration = np.zeros((n, 1 + m), dtype=complex)
         self._poses = np.zeros((n, POSE_COLUMNS), dtype=complex)
         self._tip = np.zeros(6, dtype=complex)
@@ -138,7 +140,7 @@ class PredictedReadings:
         found: FloatArray,
     ) -> None:
         arm = self._arm
-        point_jacobian(
+        self._point_jacobian(
             self._sizes,
             *constants,
             places,

@@ -10,6 +10,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, shown
+from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.rigid_terms import SET_COLUMNS, momentum, regressor
 
@@ -65,11 +66,13 @@ class RigidParameters:
         self._order = _order(directions)
         self.known = 2
         constants = _writable(exact)
-        parts = run_time_sizes(constants), constants, no_loads(constants), new_workspace(constants)
-        self._model = tuple(tuple(part) for part in parts)
+        self._sizes = run_time_sizes(constants)
+        self._model = constants, no_loads(constants), new_workspace(constants)
+        self._torques, self._momentum = Entry(regressor), Entry(momentum)
         n, m = exact.S.shape
         self._state, self._acceleration = np.zeros((2, n, 1 + m)), np.zeros((n, 1 + m))
         self._motion = np.zeros((4, self.joints))
+        self._angle, self._rate = np.zeros(self.joints), np.zeros(self.joints)
         self._columns = np.zeros((len(self._sets), self.joints))
         self._unit, self._found = np.zeros(self.joints), np.zeros((2, self.joints))
 
@@ -88,12 +91,9 @@ class RigidParameters:
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
-        sizes, constants, loads, work = self._model
-        regressor(
-            sizes,
-            constants,
-            loads,
-            work,
+        self._torques(
+            self._sizes,
+            *self._model,
             self._sets,
             self._inertial,
             self._bodies,
@@ -106,16 +106,14 @@ class RigidParameters:
 
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return M qd and C' qd - g - losses, the momentum's rate without motors: (2, joints)."""
-        sizes, constants, loads, work = self._model
-        momentum(
-            sizes,
-            constants,
-            loads,
-            work,
+        self._angle[:], self._rate[:] = angle, rate
+        self._momentum(
+            self._sizes,
+            *self._model,
             self._split,
             self._bodies,
-            angle,
-            rate,
+            self._angle,
+            self._rate,
             self._unit,
             self._state,
             self._acceleration,

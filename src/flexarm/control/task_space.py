@@ -8,6 +8,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
+from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS
 from flexarm.kernels.task_dynamics import task_dynamics, tip_torque
@@ -35,6 +36,7 @@ class TaskSpace:
         n, m = constants.S.shape
         self.joints = arm.joints
         self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
+        self._task_dynamics = Entry(task_dynamics)
         self._arguments = (
             run_time_sizes(constants),
             constants,
@@ -58,7 +60,7 @@ class TaskSpace:
         motion, jacobian = np.empty((3, 2)), np.empty((2, count))
         mass, bias_torque = np.empty((count, count)), np.empty(count)
         self._angle[:], self._rate[:] = angle, rate
-        task_dynamics(*self._arguments, motion, jacobian, mass, bias_torque)
+        self._task_dynamics(*self._arguments, motion, jacobian, mass, bias_torque)
         return TaskState(motion, jacobian, mass, bias_torque)
 
     def torque(

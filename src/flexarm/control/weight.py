@@ -6,6 +6,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
+from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.newton_euler import inverse_dynamics
 
@@ -39,6 +40,7 @@ class SaggingArm:
         weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
         stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.joints)))
         self._compliance = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
+        self._inverse_dynamics = Entry(inverse_dynamics)
         self.reset()
 
     def reset(self) -> None:
@@ -57,7 +59,7 @@ class SaggingArm:
 
     def _correct(self) -> FloatArray:
         """Return the torque at the sag as it is, and correct the sag."""
-        inverse_dynamics(
+        self._inverse_dynamics(
             self._sizes, self._constants, self._state, self._still, self._loads, self._work
         )
         force = self._work.force

@@ -19,6 +19,7 @@ keeps (``tests/conformance/test_every_integrator.py`` checks each for every entr
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, ClassVar, NamedTuple
@@ -26,6 +27,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
 
 FloatArray = NDArray[np.float64]
@@ -115,6 +117,16 @@ class Progress:
     rejected: int = 0
     evaluations: int = 0
     memory: dict[str, FloatArray] = field(default_factory=dict)  # an integrator's own arrays
+    entry: Entry | None = None  # into the stepper
+
+    def enter(self, stepper: Callable[..., int], system: System, *arguments: Any) -> Status:
+        """Call the stepper of the one integrator that this run has.
+
+        What ``Entry`` is promised holds: the arguments of a run keep their types.
+        """
+        if self.entry is None:
+            self.entry = Entry(stepper)
+        return Status(self.entry(system, *arguments))
 
     def take(self, counts: NDArray[Any]) -> None:
         """Take over samples, steps, rejected steps and evaluations (4,) from a stepper."""

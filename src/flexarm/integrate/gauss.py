@@ -107,9 +107,10 @@ class Gauss6(Integrator):
         clock, counts = memory["clock"], memory["counts"]
         clock[TIME] = progress.time
         counts[0] = progress.sample
-        step = self.step or progress.step or 0.5 / tolerance.fastest
+        step = float(self.step or progress.step or 0.5 / tolerance.fastest)
         reach = 1.0 / float(tolerance.unit[0, :, 0].min())
-        status = advance_collocation(
+        status = progress.enter(
+            advance_collocation,
             system,
             named("softened", memory),
             tolerance,
@@ -138,11 +139,11 @@ class Gauss6(Integrator):
             memory["span"],
             counts,
             step,
-            until,
+            float(until),
             sample_times,
             samples,
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), step
         progress.take(counts)
-        return Status(status)
+        return status

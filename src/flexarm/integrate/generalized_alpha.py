@@ -87,8 +87,9 @@ class GeneralizedAlpha(Integrator):
         clock, counts = memory["clock"], memory["counts"]
         clock[TIME] = progress.time
         counts[0] = progress.sample
-        step = self.step or progress.step or 0.5 / tolerance.fastest
-        status = advance_newmark(
+        step = float(self.step or progress.step or 0.5 / tolerance.fastest)
+        status = progress.enter(
+            advance_newmark,
             system,
             named("softened", memory),
             tolerance._replace(
@@ -110,11 +111,11 @@ class GeneralizedAlpha(Integrator):
             memory["span"],
             counts,
             step,
-            until,
+            float(until),
             sample_times,
             samples,
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), step
         progress.take(counts)
-        return Status(status)
+        return status

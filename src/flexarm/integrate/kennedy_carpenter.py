@@ -236,13 +236,15 @@ class Additive(Integrator):
             for name in ("added", "force"):
                 memory[name] = np.zeros(progress.state.shape[1:])
             memory["torque"] = np.zeros(progress.state.shape[1])
+            memory["no_error"] = np.zeros_like(tableau.error)
             memory["stages"] = np.zeros((len(tableau.c), *progress.state.shape))
             own = constants_to_soften(system.constants)
             memory |= {f"softened.{name}": array for name, array in own._asdict().items()}
         clock, counts = memory["clock"], memory["counts"]
         clock[TIME] = progress.time
         counts[0] = progress.sample
-        status = advance_additive(
+        status = progress.enter(
+            advance_additive,
             system,
             named("softened", memory),
             tolerance,
@@ -250,7 +252,7 @@ class Additive(Integrator):
             tableau.implicit,
             tableau.c,
             tableau.error,
-            np.zeros_like(tableau.error),
+            memory["no_error"],
             tableau.order,
             progress.state,
             memory["smooth"],
@@ -261,14 +263,14 @@ class Additive(Integrator):
             memory["stages"],
             clock,
             counts,
-            until,
+            float(until),
             sample_times,
             samples,
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), float(clock[STEP])
         progress.take(counts)
-        return Status(status)
+        return status
 
 
 @dataclass(frozen=True)

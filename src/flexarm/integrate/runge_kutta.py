@@ -58,7 +58,8 @@ class ExplicitRungeKutta(Integrator):
         clock, counts = memory["clock"], memory["counts"]
         clock[TIME] = progress.time
         counts[0] = progress.sample
-        status = advance_explicit(
+        status = progress.enter(
+            advance_explicit,
             system,
             tolerance,
             tableau.A,
@@ -75,11 +76,11 @@ class ExplicitRungeKutta(Integrator):
             memory["weights"],
             clock,
             counts,
-            until,
+            float(until),
             sample_times,
             samples,
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), float(clock[STEP])
         progress.take(counts)
-        return Status(status)
+        return status

@@ -106,6 +106,40 @@ def merged(function: F) -> F:
     return _decorate(function, forceinline=True)
 
 
+class Entry:
+    """The way into one kernel for a caller that comes again and again with the same types.
+
+    At each call of a kernel Numba finds the type of every array in every record anew, which costs
+    ten times what a small kernel does. Here that is done where the first argument is another object
+    than at the call before; as long as it is the same, the caller promises that the others keep
+    their types, dimensions and memory layout. Nothing checks the promise.
+    """
+
+    __slots__ = ("_code", "_first", "_kernel")
+
+    def __init__(self, kernel: Callable[..., Any]) -> None:
+        self._kernel = kernel
+        self._first: Any = self  # no caller's first argument
+        self._code: Callable[..., Any] = kernel
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the kernel."""
+        if arguments[0] is not self._first:
+            self._look(arguments)
+        return self._code(*arguments)
+
+    def _look(self, arguments: tuple[Any, ...]) -> None:
+        kernel: Any = self._kernel
+        if hasattr(kernel, "typeof_pyval"):  # not where Numba is told to compile nothing
+            types = tuple(map(kernel.typeof_pyval, arguments))
+            kernel.compile(types)
+            self._code = kernel.overloads[types].entry_point
+        self._first = arguments[0]
+
+    def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any]]]:
+        return Entry, (self._kernel,)  # a copy finds its machine code anew
+
+
 def undecorated(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the plain Python function behind a kernel, and behind every kernel that it calls.
 

@@ -6,20 +6,14 @@ A *set* is one row of these numbers for each body, ``SET_COLUMNS`` long; the ker
 into the constants and run the inverse dynamics, so that a regressor is the same physics, column by
 column.
 
-Constants are the rigid twin's, in arrays of the caller's own that may be written. The entries take
-their arrays in plain tuples: Numba finds the types of a plain tuple six times as fast as those of a
-named one, and controllers call at every sample time.
+Constants are the rigid twin's, in arrays of the caller's own that may be written.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
-
-Plain = tuple[Any, ...]
 
 #: Of a set: mass, first moments x and y, inertia, tip mass, tip inertia, rotor inertia; viscous
 #: damping, spring, Coulomb, rise to static, viscous friction, stop.
@@ -93,10 +87,10 @@ def _difference(
 
 @compiled
 def regressor(
-    plain_sizes: Plain,
-    plain_constants: Plain,
-    plain_loads: Plain,
-    plain_work: Plain,
+    sizes: Sizes,
+    constants: ArmConstants,
+    loads: Loads,
+    work: Workspace,
     sets: Array,
     inertial: int,
     bodies: Array,
@@ -112,10 +106,6 @@ def regressor(
     reference acceleration. Inertial: M qdd_r + C(q, qd) qd_r + g with Christoffel's C; others: at
     the reference rate.
     """
-    sizes = Sizes(*plain_sizes)
-    constants = ArmConstants(*plain_constants)
-    loads = Loads(*plain_loads)
-    work = Workspace(*plain_work)
     for k in range(sets.shape[0]):
         for i in range(len(sizes.bodies)):
             _write(constants, sets, k, i)
@@ -149,10 +139,10 @@ def regressor(
 
 @compiled
 def momentum(
-    plain_sizes: Plain,
-    plain_constants: Plain,
-    plain_loads: Plain,
-    plain_work: Plain,
+    sizes: Sizes,
+    constants: ArmConstants,
+    loads: Loads,
+    work: Workspace,
     sets: Array,
     bodies: Array,
     angle: Array,
@@ -167,10 +157,6 @@ def momentum(
     ``sets`` (2, n, SET_COLUMNS): the inertial and the other numbers of the arm; ``unit`` (joints,)
     is zero and scratch. (C.52), with row k of C' qd = qd . C(q, qd) e_k.
     """
-    sizes = Sizes(*plain_sizes)
-    constants = ArmConstants(*plain_constants)
-    loads = Loads(*plain_loads)
-    work = Workspace(*plain_work)
     for i in range(len(sizes.bodies)):
         _write(constants, sets, 0, i)
     ax = loads.base_acceleration[0]

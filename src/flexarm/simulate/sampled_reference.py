@@ -37,7 +37,7 @@ class SampledReference:
 
     def _look_up(self, name: str, t: ArrayLike) -> Any:
         # What is not one of the ticks to the last bit would get the answer of another time.
-        if np.ndim(t) == 0:
+        if isinstance(t, float) or np.ndim(t) == 0:
             k = round(float(t) / self._sample_time)  # type: ignore[arg-type]
             if 0 <= k < len(self._ticks) and k * self._sample_time == t:
                 table = self._tables.get(name)

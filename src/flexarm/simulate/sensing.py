@@ -13,6 +13,7 @@ from flexarm.control.instruments import Instrument, Readings
 from flexarm.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
+from flexarm.kernels.cache import Entry
 from flexarm.kernels.contact import GAP
 from flexarm.kernels.layout import new_workspace, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS, poses
@@ -42,10 +43,11 @@ class TipMotion:
         self._constants = arm.assembly.constants
         self._sizes = run_time_sizes(self._constants)
         self._poses, self._tip = np.zeros((arm.assembly.bodies, POSE_COLUMNS)), np.zeros(6)
+        self._find = Entry(poses)
 
     def __call__(self, state: FloatArray) -> FloatArray:
         """Return (6,) m, rad, m/s, rad/s at a state (2, n, 1 + m); overwritten by the next call."""
-        poses(self._sizes, self._constants, state, self._poses, self._tip)
+        self._find(self._sizes, self._constants, state, self._poses, self._tip)
         return self._tip
 
 
@@ -158,11 +160,12 @@ def _point(arm: Arm, sensor: Sensor) -> Reader:
     places = place_loads(arm, "Sensor", [Load(sensor.link, station=sensor.station)])
     n, shape = arm.assembly.bodies, arm.assembly.constants.S.shape
     torque, stages = np.zeros(n), np.zeros((1, 2, n, 1 + shape[1]))
+    slope, motions = Entry(slope_at), Entry(point_motions)
     body_poses, tip, motion = np.zeros((n, POSE_COLUMNS)), np.zeros(6), np.zeros((1, 8))
 
     def read(state: FloatArray, system: System, t: float) -> FloatArray:
-        slope_at(system, t, True, state, torque, stages, 0)
-        point_motions(
+        slope(system, t, True, state, torque, stages, 0)
+        motions(
             system.sizes,
             system.constants,
             state,

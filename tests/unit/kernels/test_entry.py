@@ -1,0 +1,86 @@
+"""The way into a kernel that knows its types: same numbers, and new types where they change."""
+
+import copy
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+
+import flexarm as fa
+from flexarm.kernels.cache import Entry, undecorated
+from flexarm.kernels.layout import compile_time_sizes, new_workspace, no_loads, run_time_sizes
+from flexarm.kernels.newton_euler import inverse_dynamics
+
+
+def arguments(arm, sizes=run_time_sizes):
+    """Everything that the inverse dynamics of an arm in motion take."""
+    constants = arm.assembly.constants
+    n, m = constants.S.shape
+    state = np.random.default_rng(1).normal(size=(2, n, 1 + m))
+    loads, work = no_loads(constants), new_workspace(constants)
+    return sizes(constants), constants, state, np.ones((n, 1 + m)), loads, work
+
+
+def arm_of(links):
+    link = fa.Link(length=1.0, flexural_rigidity=5.0, mass_per_length=0.3, elements=2)
+    return fa.Arm(links=[link] * links, gravity=(0.0, -9.81))
+
+
+def test_gives_what_the_kernel_gives():
+    given = arguments(arm_of(2))
+    inverse_dynamics(*given)
+    expected = given[-1].force.copy()
+    entry = Entry(inverse_dynamics)
+    for _ in range(2):
+        given[-1].force[:] = 0.0
+        entry(*given)
+        np.testing.assert_array_equal(given[-1].force, expected)
+
+
+def test_looks_again_where_the_first_argument_is_another():
+    entry = Entry(inverse_dynamics)
+    for given in (
+        arguments(arm_of(2)),
+        arguments(arm_of(3)),
+        arguments(arm_of(3), compile_time_sizes),
+        arguments(arm_of(2)),
+    ):
+        entry(*given)
+        found = given[-1].force.copy()
+        undecorated(inverse_dynamics)(*given)
+        # Two orders of the same sums.
+        np.testing.assert_allclose(found, given[-1].force, rtol=1e-12, atol=1e-12)
+
+
+def test_copies_and_pickles_find_their_own_way():
+    entry = Entry(inverse_dynamics)
+    given = arguments(arm_of(2))
+    entry(*given)
+    expected = given[-1].force.copy()
+    for twin in (copy.deepcopy(entry), pickle.loads(pickle.dumps(entry))):
+        given[-1].force[:] = 0.0
+        twin(*given)
+        np.testing.assert_array_equal(given[-1].force, expected)
+
+
+def test_without_a_compiler_it_is_the_function_itself():
+    program = (
+        "from flexarm.kernels.cache import Entry, compiled\n"
+        "@compiled\n"
+        "def double(x):\n"
+        "    return 2.0 * x\n"
+        "print(Entry(double)(1.5))\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program],
+        env={"NUMBA_DISABLE_JIT": "1", "PATH": ""} | _paths(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.stdout.strip() == "3.0", ran.stderr
+
+
+def _paths():
+    return {"PYTHONPATH": ":".join(path for path in sys.path if path)}
