@@ -62,10 +62,12 @@ _ITERATIONS = 25
 
 @merged
 def _highest(
-    system: System, stiff: Array, state: Array, rest: Array, force: Array, direction: Array,
-    unforced: Array, torque: Array,
+    system: System, stiff: Array, state: Array, bent: float, rest: Array, force: Array,
+    direction: Array, unforced: Array, torque: Array,
 ) -> float:  # fmt: skip
     """Highest squared frequency of the arm if its stiff modes had no stiffness; from below.
+
+    In the posture of ``bent`` times the coordinates of the state.
 
     Power iteration. Fine meshes need it: the residual inertia of (R.7) is so small that even the
     stiffness of slow modes makes a fast motion of a joint against its link.
@@ -74,7 +76,7 @@ def _highest(
     for i in range(len(system.sizes.bodies)):
         torque[i] = 0.0
         for j in range(1 + len(system.sizes.modes)):
-            rest[0, i, j] = state[0, i, j]
+            rest[0, i, j] = bent * state[0, i, j]
             rest[1, i, j] = 0.0
             force[i, j] = 0.0
     implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
@@ -106,17 +108,28 @@ def _highest(
 def _soften(
     system: System, softened: ArmConstants, tolerance: Tolerance, state: Array, smooth: Array,
     known: Array, force: Array, torque: Array, stiff: Array, added: Array, h: float,
-) -> None:  # fmt: skip
-    """Decide which modes are stiff at steps of h, and add their implicit part to the mass."""
+) -> float:  # fmt: skip
+    """Decide which modes are stiff at steps of h, and add their implicit part to the mass.
+
+    Return the longest step to take: h, or down to half of it where that is enough to be stable.
+    Then no mode has to be stiff that the step could resolve: that would cost far more accuracy. A
+    span is long: the arm may stretch in it, and straight arms vibrate fastest.
+    """
     c = system.constants
+    longest = h
     for i in range(len(system.sizes.bodies)):
         stiff[i, 0] = 0.0
         for j in range(len(system.sizes.modes)):
             fast = h * max(math.sqrt(c.w2[i, j]), c.damping[i, j]) > RESOLVED
             stiff[i, 1 + j] = 1.0 if fast else 0.0
     if (h * tolerance.fastest) ** 2 > _STABLE:
-        square = _highest(system, stiff, state, smooth, force, known[0], known[1], torque)
-        if h * h * square > _STABLE:
+        here = _highest(system, stiff, state, 1.0, smooth, force, known[0], known[1], torque)
+        straight = _highest(system, stiff, state, 0.0, smooth, force, known[0], known[1], torque)
+        square = h * h * max(here, straight)
+        if square > _STABLE:
+            longest = h * math.sqrt(_STABLE / square)
+        if longest < 0.5 * h:
+            longest = h
             for i in range(len(system.sizes.bodies)):
                 for j in range(len(system.sizes.modes)):
                     stiff[i, 1 + j] = 1.0
@@ -131,6 +144,7 @@ def _soften(
                 gamma = 0.5
             added[i, j] = h * gamma * damping + h * h * beta * stiffness
     add_to_diagonal(system.sizes, c, added, softened)
+    return longest
 
 
 @merged
@@ -309,11 +323,15 @@ def advance_cowell(
         if t >= until:
             break
         if span[PLACE] >= span[COUNT]:  # a new span begins
-            begin_span(system.drive.stops, t, until, step, span)
-            _soften(
-                system, softened, tolerance, state, smooth, known, force, torque, stiff, added,
-                span[LENGTH],
-            )  # fmt: skip
+            longest = step
+            for _ in range(2):
+                begin_span(system.drive.stops, t, until, longest, span)
+                longest = _soften(
+                    system, softened, tolerance, state, smooth, known, force, torque, stiff, added,
+                    span[LENGTH],
+                )  # fmt: skip
+                if longest >= span[LENGTH]:
+                    break
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[3] += 1
             _remember(system, past, rise, zero, state, stages[0])

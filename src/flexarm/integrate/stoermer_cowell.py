@@ -21,13 +21,13 @@ class Cowell4(Integrator):
     Energy is kept of small vibrations; the predicted velocity products of large ones cost a little.
     It does not follow contacts: the formula looks back over four points of a smooth motion.
     Bending and damping are implicit, and single modes too fast for the step are carried on by the
-    trapezoidal rule; fine meshes in fast motion are beyond it and end with a status. After
-    every stop, where the torque is not smooth, three
-    steps are made by ``kennedy_carpenter_4``.
+    trapezoidal rule; fine meshes in fast motion are beyond it and end with a status. After every
+    stop, where the torque is not smooth, three steps are made by ``kennedy_carpenter_4``.
 
     Args:
-        step: fixed step (s), shortened to meet every stop; None takes half a radian of the fastest
-            mode.
+        step: longest step (s), shortened to meet every stop, and down to half where the highest
+            frequency of the arm, bent or straight, asks for it; None takes half a radian of the
+            fastest mode.
     """
 
     step: float | None = None
@@ -68,8 +68,9 @@ class Cowell4(Integrator):
         clock, counts = memory["clock"], memory["counts"]
         clock[TIME] = progress.time
         counts[0] = progress.sample
-        step = self.step or progress.step or 0.5 / tolerance.fastest
-        status = advance_cowell(
+        step = float(self.step or progress.step or 0.5 / tolerance.fastest)
+        status = progress.enter(
+            advance_cowell,
             system,
             named("softened", memory),
             named("starter", memory),
@@ -91,11 +92,11 @@ class Cowell4(Integrator):
             memory["span"],
             counts,
             step,
-            until,
+            float(until),
             sample_times,
             samples,
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), step
         progress.take(counts)
-        return Status(status)
+        return status
