@@ -223,10 +223,14 @@ def test_a_fixed_step_too_long_for_a_touch_stops_and_says_so():
     assert told.value.result.sizes["time"] > 70
 
 
-def test_a_contact_too_soft_for_the_blow_stops_and_says_so():
-    contact = fa.Contact(fa.RoundWall((0.0, 1.0), 0.01), 1e3)
+@pytest.mark.parametrize(
+    ("stiffness", "radius", "speed"), [(1e3, 0.01, 5.0), (10.0, 0.01, 5.0), (1.0, 0.0025, 20.0)]
+)
+def test_a_contact_too_soft_for_the_blow_stops_and_says_so(stiffness, radius, speed):
+    """However soft: what hardly turns the point back is not stepped over either."""
+    contact = fa.Contact(fa.RoundWall((0.0, 1.0), radius), stiffness)
     with pytest.raises(fa.SimulationError, match="gone through what it touches"):
-        fa.simulate(rod(), 2.0, initial_rate=[5.0], contacts=[contact])
+        fa.simulate(rod(), 10.0 / speed, initial_rate=[speed], contacts=[contact])
 
 
 def test_a_method_that_looks_back_is_refused():

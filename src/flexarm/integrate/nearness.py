@@ -40,18 +40,31 @@ _STABLE = 1.0
 _BACK = 0.9
 #: Deepest touch as a part of the radius of a bulging surface: at its centre the normal turns over.
 _DEEPEST = 0.9
+#: Path of a step inside of a bulging surface, in its radius: no step leads past the centre.
+_WITHIN = 0.15
+
+
+@merged
+def _bulge(contacts: Contacts, k: int) -> float:
+    """Curvature (1/m) of a bulging surface at the worse end of a step, hardly any of others."""
+    bend: float = max(contacts.seen[0, k, BEND], contacts.seen[1, k, BEND], _TINY)
+    return bend
 
 
 @merged
 def turning_time(contacts: Contacts, k: int, speed: float) -> float:
-    """Time (s) in which a touch at this speed of closing is at its deepest, about, (T.9)."""
+    """Time (s) in which a touch at this speed of closing is at its deepest, about, (T.9).
+
+    Or has gone as far as the surface's radius, where that is less: a soft post is passed there.
+    """
     law = contacts.law
     above = law[k, EXPONENT] + 1.0
     pull = law[k, STIFFNESS] * law[k, MOBILITY] * (2.0 + law[k, DAMPING] * speed)
     if pull <= 0.0 or speed <= 0.0:
         return math.inf
     deepest: float = (above * speed * speed / pull) ** (1.0 / above)
-    return deepest / speed
+    time: float = min(deepest, 1.0 / _bulge(contacts, k)) / speed
+    return time
 
 
 @merged
@@ -96,10 +109,12 @@ def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
         speed = max(_speed(contacts, 0, k), _speed(contacts, 1, k))
         touching = before + after == 0.0
         path = h * speed
-        if (adaptive and touching) or (not touching and path <= before + after):
+        if not touching and path <= before + after:
             continue
         turning = turning_time(contacts, k, max(speed, _SLOWEST))
-        if touching:
+        if touching and adaptive:
+            allowed = _WITHIN / (speed * _bulge(contacts, k))
+        elif touching:
             allowed = min(turning, _fastest_change(contacts, k))
         elif adaptive:
             allowed = max(_SHARE * turning, _BACK * h * (before + after) / path)

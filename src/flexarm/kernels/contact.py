@@ -71,20 +71,41 @@ def _arc(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any
 
 
 @merged
+def _nearest_chord(knots: Array, first: int, last: int, x: Any, y: Any) -> tuple[int, float]:
+    """Piece whose chord is nearest to a point, and the arc where; between knots alone."""
+    near = first + 1
+    place = knots[near, 0]
+    least = np.inf
+    for j in range(first + 1, last):
+        cx = knots[j + 1, 1] - knots[j, 1]
+        cy = knots[j + 1, 5] - knots[j, 5]
+        dx = real(x) - knots[j, 1]
+        dy = real(y) - knots[j, 5]
+        along = min(max((cx * dx + cy * dy) / (cx * cx + cy * cy), 0.0), 1.0)
+        away = (dx - along * cx) ** 2 + (dy - along * cy) ** 2
+        if away < least:
+            least = away
+            near = j
+            place = knots[j, 0] + along * (knots[j + 1, 0] - knots[j, 0])
+    return near, place
+
+
+@merged
 def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
     """Gap, normal and curvature at the nearest place of a tabulated surface, (T.3), (T.4)."""
     knots = contacts.knots
     first = int(contacts.law[k, FIRST])
     last = first + int(contacts.law[k, COUNT]) - 1
-    near = last
-    least = np.inf
-    # Not the first: of a closed curve it is a copy, from which one cannot go back any further.
-    for j in range(first + 1, last + 1):
-        away = (real(x) - knots[j, 1]) ** 2 + (real(y) - knots[j, 5]) ** 2
-        if away < least:
-            least = away
-            near = j
-    s = knots[near, 0] + 0.0 * x
+    near, place = _nearest_chord(knots, first, last, x, y)
+    s = place + 0.0 * x
+    # Further than over the neighbours is a step too far: round a sharp end to the other side.
+    lowest = knots[near - 1, 0]
+    highest = knots[min(near + 2, last), 0]
+    if knots[first, 0] == knots[first + 1, 0]:  # an open curve, straight on beyond its ends
+        lowest = lowest if near - 1 > first else -np.inf
+        highest = highest if near + 2 < last else np.inf
+    elif near + 1 == last:
+        highest = knots[last, 0] + knots[first + 2, 0] - knots[first + 1, 0]
     for _ in range(_ITERATIONS):
         while near < last and real(s) >= knots[near + 1, 0]:
             near += 1
@@ -102,6 +123,8 @@ def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, A
         if real(slope) < 0.5 * real(square):
             slope = 0.5 * square
         s = s - (dx * tx + dy * ty) / slope
+        if real(s) < lowest or real(s) > highest:
+            s = min(max(real(s), lowest), highest) + 0.0 * x
     while near < last and real(s) >= knots[near + 1, 0]:
         near += 1
     while near > first and real(s) < knots[near, 0]:

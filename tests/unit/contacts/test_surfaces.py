@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from matplotlib.path import Path
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
 
 import flexarm as fa
 from flexarm.contacts import place_contacts
@@ -153,3 +156,26 @@ def test_the_force_of_a_table_does_not_jump_at_a_knot():
 def test_nonsense_is_refused(make, said):
     with pytest.raises(fa.InputError, match=said):
         make()
+
+
+def sharp_bodies():
+    """Closed bodies (k, 2), clockwise, whose ends turn by a quarter circle from knot to knot."""
+    for count, width in ((8, 0.05), (24, 0.05), (24, 0.01), (48, 0.01)):
+        angle = -np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+        yield f"ellipse of {count}, {width}", 0.5 * np.cos(angle), width * np.sin(angle)
+    along = np.linspace(0.0, 1.0, 15)
+    x, y = 0.8 * along**2 - 0.4, 0.24 * along * (1.0 - along**2)
+    yield "wing", np.append(x, x[-2:0:-1]), np.append(y, -y[-2:0:-1])
+
+
+@pytest.mark.parametrize(("x", "y"), [pytest.param(*b[1:], id=b[0]) for b in sharp_bodies()])
+def test_round_a_sharp_end_no_place_is_missed(x, y):
+    points = some_points(1000, 5)
+    found = seen_from(fa.SurfaceTable(x, y, closed=True), points)[:, GAP]
+    knots = np.stack([np.append(x, x[0]), np.append(y, y[0])], axis=1)
+    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1)))
+    curve = CubicSpline(s, knots, bc_type="periodic")(np.linspace(0.0, s[-1], 60_001))
+    expected = cKDTree(curve).query(points)[0]
+    expected[Path(curve).contains_points(points)] *= -1.0
+    # The curve's points stand 3e-5 apart: near it the nearest one is half of that away.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5)
