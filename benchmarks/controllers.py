@@ -1,0 +1,84 @@
+"""What each controller costs at a sample time, in a closed loop on two flexible links."""
+
+from __future__ import annotations
+
+import statistics
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+
+import flexarm as fa
+from flexarm.control import CONTROLLERS, Controller
+
+#: Joint angles (rad) that the loops go from and to, in so many seconds.
+START, END, DURATION = [0.3, 1.2], [0.6, 1.5], 0.5
+_LIMIT = [40.0, 10.0]
+
+
+def arm() -> fa.Arm:
+    """Return two links with a strain gauge each and a payload."""
+    rod = {"flexural_rigidity": 600.0, "mass_per_length": 0.6, "elements": 1}
+    rod["damping"] = fa.ModalDamping(ratio=0.005)
+    gauges = [fa.Gauge(station=0.02, distance=0.005)]
+    return fa.Arm(
+        links=[fa.Link(length=length, gauges=gauges, **rod) for length in (1.0, 0.8)],
+        joints=[
+            fa.Joint(hub_inertia=0.2),
+            fa.Joint(mass=0.5, hub_inertia=0.05, housing_inertia=0.05),
+        ],
+        payload=fa.Payload(mass=0.4),
+    )
+
+
+def _kalman_filter(arm: fa.Arm) -> fa.ExtendedKalmanFilter:
+    instruments = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("strain", noise=1e-6)]
+    return fa.ExtendedKalmanFilter(arm, instruments)
+
+
+_PD = ([300.0, 80.0], [30.0, 8.0])
+_ADAPTED = ["payload.mass", "joint_1.viscous", "joint_2.viscous"]
+#: How to make each controller of the registry.
+MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
+    "joint_pd": lambda arm: fa.JointPD(*_PD),
+    "joint_pid": lambda arm: fa.JointPID(*_PD, [50.0, 10.0], arm=arm),
+    "strain_feedback": lambda arm: fa.StrainFeedback(*_PD, 10.0, 0.1),
+    "computed_torque": lambda arm: fa.ComputedTorque(arm, frequency_hz=1.5),
+    "disturbance_observer": lambda arm: fa.DisturbanceObserver(arm, fa.JointPD(*_PD), 2.0),
+    "adaptive": lambda arm: fa.Adaptive(arm, 10.0, [30.0, 8.0], 0.5, _ADAPTED),
+    "sliding_mode": lambda arm: fa.SlidingMode(
+        arm, 10.0, 0.3, {"payload.mass": 0.8}, reaching=[1.0, 0.5], damping=[30.0, 8.0]
+    ),
+    "rbf_adaptive": lambda arm: fa.RBFAdaptive(
+        arm, 10.0, [30.0, 8.0], 2.0, [0.0, 1.0], [1.0, 2.0], centres=(1, 5)
+    ),
+    "hybrid_force": lambda arm: fa.HybridForce(arm, frequency=1.5),
+    "impedance": lambda arm: fa.Impedance(arm, posture_frequency=1.5),
+    "admittance": lambda arm: fa.Admittance(arm, frequency=1.5),
+    "composite": lambda arm: fa.Composite(arm, torque_limit=_LIMIT),
+    "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),
+    "mpc": lambda arm: fa.MPC(arm, torque_limit=_LIMIT, horizon=10),
+    "estimator": lambda arm: fa.EstimatorController(_kalman_filter(arm), fa.JointPD(*_PD)),
+}
+
+
+def microseconds(repeats: int = 5, duration: float = DURATION) -> dict[str, float]:
+    """Return what one ``update`` of each controller takes: the median of runs taken in turns."""
+    plant = arm()
+    motion = fa.joint_motion(plant, START, END, DURATION)
+    controllers = {name: MAKERS[name](plant) for name in CONTROLLERS}
+    found: dict[str, list[float]] = {name: [] for name in controllers}
+    for turn in range(repeats + 1):
+        for name, controller in controllers.items():
+            seconds = _per_update(plant, controller, motion, duration)
+            if turn > 0:  # the first run loads machine code
+                found[name].append(1e6 * seconds)
+    return {name: statistics.median(values) for name, values in found.items()}
+
+
+def _per_update(plant: fa.Arm, controller: Controller, motion: fa.Motion, duration: float) -> float:
+    settings = {"initial": plant.rest(np.array(START)), "progress": False}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.LargeDeflectionWarning)
+        result = fa.simulate(plant, duration, controller=controller, reference=motion, **settings)
+    return result.attrs["controller_seconds"] / result.attrs["controller_calls"]
