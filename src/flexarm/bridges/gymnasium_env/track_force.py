@@ -150,15 +150,15 @@ class TrackForceEnv(ArmEnv):
             self._draw()
         low, high = np.log(self.stiffness)
         stiffness, friction = np.exp(rng.uniform(low, high)), rng.uniform(*self.friction)
-        off = rng.uniform(-self.place, self.place)
-        drawn = {"stiffness": stiffness, "friction": friction, "place": off}
+        place = rng.uniform(-self.place, self.place)
+        drawn = {"stiffness": stiffness, "friction": friction, "place": place}
         drawn |= {k: float(check_array(where, k, options[k], ())) for k in drawn if k in options}
         surface = Wall(self.motion.start + drawn["place"] * self.normal, self.normal)
         self._wall = self._touching(surface, drawn["stiffness"], drawn["friction"])
         self._wanted = self._table()
         # Before the wall as it is: one that is nearer than said is not started in.
-        off = (_GAP + max(drawn["place"], 0.0)) * self.normal
-        return self._along(self.motion.start + off, self.motion.end + off).joint_angle(0.0)
+        before = (_GAP + max(drawn["place"], 0.0)) * self.normal
+        return self._along(self.motion.start + before, self.motion.end + before).joint_angle(0.0)
 
     def _along(self, start: FloatArray, end: FloatArray) -> LineMotion:
         return line_motion(self.arm, start, end, _SLIDE, start_time=_TOUCHDOWN)
