@@ -13,7 +13,7 @@ import flexarm.bridges.gymnasium_env as bridge
 from flexarm.bridges.gymnasium_env import ENVIRONMENTS, laboratory_arm
 
 every = pytest.mark.parametrize("name", ENVIRONMENTS)
-REACH, TRACK = "flexarm/Reach-v0", "flexarm/TrackPath-v0"
+REACH, TRACK, FORCE = "flexarm/Reach-v0", "flexarm/TrackPath-v0", "flexarm/TrackForce-v0"
 
 
 def episode(env, policy, seed=0, **options):
@@ -61,9 +61,11 @@ def test_the_same_seed_gives_the_same_episode(name):
         np.testing.assert_array_equal(runs[0][1], runs[1][1])
         assert np.any(runs[0][0] != runs[2][0])
     # Noise is an episode's own: the same task again is measured otherwise.
-    options = {"start": [0.3, 0.4], "goal": [0.5, 0.1]}
-    if name == TRACK:
-        options = {"start": [2.0, 0.5], "end": [1.5, 1.0], "duration": 1.0}
+    options = {
+        REACH: {"start": [0.3, 0.4], "goal": [0.5, 0.1]},
+        TRACK: {"start": [2.0, 0.5], "end": [1.5, 1.0], "duration": 1.0},
+        FORCE: {"start": [1.5, 0.5], "end": [1.5, 0.8]},
+    }[name]
     first = noisy.reset(seed=1, options=options)[0]
     assert np.any(noisy.reset(options=options)[0] != first)
 
@@ -121,7 +123,7 @@ def test_an_observation_says_what_its_names_say(name):
         wanted["wanted_tip[x] (m)"] = motion.tip(t)[0]
         wanted["wanted_velocity[y] (m/s)"] = rates[1]
         wanted["line_end[x] (m)"] = motion.end[0]
-        wanted["time_left[1] (s)"] = motion.duration - t
+        wanted["time_left[1] (s)"] = motion.end_time - t
     for key, value in wanted.items():
         assert seen[key] == pytest.approx(value, rel=2e-7, abs=2e-7), key  # single precision
 
@@ -131,14 +133,15 @@ def test_a_step_is_a_sample_time_with_the_torque_held(name):
     env = gymnasium.make(name, sample_time=0.01, duration=0.2)
     env.reset(seed=7)
     q = env.unwrapped.plant.q
-    actions = [env.action_space.sample() for _ in range(20)]
+    actions = [0.5 * env.action_space.sample() for _ in range(20)]  # links bend as they may
     actions[3] = np.array([5.0, -7.0], np.float32)  # cut to what the motors give
     torques = []
     for action in actions:
         info = env.step(action)[-1]
         torques.append(info["torque"])
-    np.testing.assert_allclose(torques[3], [10.0, -3.0])
-    np.testing.assert_allclose(torques[0], actions[0] * [10.0, 3.0], rtol=1e-6)
+    limit = {FORCE: [20.0, 12.0]}.get(name, [10.0, 3.0])
+    np.testing.assert_allclose(torques[3], [limit[0], -limit[1]])
+    np.testing.assert_allclose(torques[0], actions[0] * limit, rtol=1e-6)
     result = fa.simulate(
         laboratory_arm(),
         0.2,
@@ -146,6 +149,7 @@ def test_a_step_is_a_sample_time_with_the_torque_held(name):
         rate=100.0,
         torque_interpolation="hold",
         initial=q,
+        contacts=env.unwrapped.contacts(),
     )
     # Two ways of stopping at every sample time: rounding.
     np.testing.assert_allclose(env.unwrapped.plant.q, result.q.values[-1], rtol=0, atol=1e-12)
@@ -159,16 +163,17 @@ def test_an_episode_is_cut_at_its_duration_and_rewards_are_as_written(name):
     _, rewards, infos, ended = episode(env, joint_pd, seed=3)
     assert ended == (False, True)
     assert len(rewards) == 200
-    scale = {REACH: 0.05, TRACK: 0.02}[name] * 2.4142
+    scale = {REACH: 0.05, TRACK: 0.02, FORCE: 0.02}[name] * 2.4142
     for reward, info in zip(rewards, infos[1:], strict=True):
-        effort = np.mean((info["torque"] / [10.0, 3.0]) ** 2)
-        wanted = 1.0 / (1.0 + info["distance"] / scale) - 0.002 * effort
+        effort = np.mean((info["torque"] / env.unwrapped.torque_limit) ** 2)
+        of_force = abs(info.get("force_error", 0.0)) / 1.0  # N, a fifth of 5 N
+        wanted = 1.0 / (1.0 + info["distance"] / scale + of_force) - 0.002 * effort
         assert reward == pytest.approx(wanted, rel=1e-12)
     distance = np.hypot(*(infos[-1]["tip"] - env.unwrapped.target(200)))
     assert infos[-1]["distance"] == pytest.approx(distance)
 
 
-@every
+@pytest.mark.parametrize("name", [REACH, TRACK])
 def test_joint_pd_succeeds_where_doing_nothing_fails(name):
     env = gymnasium.make(name)
     for seed in range(3):

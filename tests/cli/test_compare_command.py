@@ -74,6 +74,40 @@ def test_the_numbers_are_those_of_single_runs(path):
     assert np.isnan(table.controller_time.sel(controller="torque alone")).all()
 
 
+def test_a_load_on_one_plant_is_that_of_compare(path):
+    """Beside one on all plants; the same again for the one on none."""
+    pushed = "  pushed: {loads: [{link: 2, force: [0.0, -8.0]}, {link: 1, moment: 0.5}]}\n"
+    everywhere = "loads: [{link: 1, force: [1.0, 0.0], station: 0.4}]\n"
+    path.write_text(STUDY.replace("hardware:", pushed + everywhere + "hardware:"))
+    table = fa.run_study(path)
+    arm = fa.load_arm(path)
+    there = fa.joint_motion(arm, [0.2, -0.4], [0.5, 0.0], 0.4)
+    controller = fa.JointPD([20.0, 8.0], [2.0, 0.8], feedforward=fa.rigid_torque(arm, there))
+    by_hand = fa.compare(
+        arm,
+        {"PD": controller},
+        0.6,
+        {"there": there},
+        {
+            "as believed": arm,
+            "pushed": (arm, [fa.Load(2, (0.0, -8.0)), fa.Load(1, moment=0.5)]),
+        },
+        hardware=fa.Hardware([fa.Instrument("joint_angle", resolution=1e-4, rate_cutoff=80.0)]),
+        settling=0.05,
+        rate=200.0,
+        loads=[fa.Load(1, (1.0, 0.0), station=0.4)],
+    )
+    errors = []
+    for plant in ("as believed", "pushed"):
+        one = {"controller": "PD", "plant": plant, "reference": "there"}
+        for name in ("tip_error_rms", "joint_error_rms", "torque_peak"):
+            assert table[name].sel(one).item() == pytest.approx(
+                by_hand[name].sel(one).item(), rel=1e-9
+            )
+        errors.append(table.joint_error_rms.sel(one).item())
+    assert errors[1] > 1.02 * errors[0]  # the same arms without it would differ by nothing
+
+
 def test_table_figure_and_files(path, tmp_path):
     result = call("compare", path, "--out", tmp_path / "t.csv", "--plot", tmp_path / "t.png")
     assert result.exit_code == 0, result.output
@@ -104,6 +138,16 @@ def test_check_says_what_is_in_a_study(path):
         ("payload: {mass: 0.1}", "", "plants.heavy.payload_factor must be left out of an arm"),
         ("settling: 0.05", "setting: 0.05", "run.setting must be a known key"),
         ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have one value"),
+        (
+            "as believed: {}",
+            "as believed: {loads: [{link: 3, force: [0, 1]}]}",
+            "study.yaml:19: plants.as believed.loads[0].link must be the number of a link, 1 to 2",
+        ),
+        (
+            "as believed: {}",
+            "as believed: {loads: [{link: 1, force: [0, 1], station: 0.9}]}",
+            "plants.as believed.loads[0].station must be at most 0.8, the length of the link",
+        ),
         ("as believed: {}", "as believed: 3", "plants.as believed must be a mapping"),
         ("drives:", "controllers:", "drives"),
         ("[2, 0.8]", "[2, -0.8]", "drives.PD.derivative[1] must be at least 0"),

@@ -95,6 +95,71 @@ def test_a_table_of_every_combination(arm, motion):
     ).all()
 
 
+def test_a_load_on_one_plant_moves_a_held_joint_by_its_torque_over_the_gain():
+    """At rest the gain times the angle is the force's moment, and the link bends by F L^3 / 3 EI.
+
+    A computed torque's gain is the rigid inertia times its frequency squared: a controller that
+    knew of the force would hold against it and stand nearer to the goal.
+    """
+    length, rigidity, force, goal = 1.0, 60.0, 1.5, 0.3
+    link = fa.Link(
+        length=length,
+        flexural_rigidity=rigidity,
+        mass_per_length=0.5,
+        elements=1,
+        damping=fa.ModalDamping(ratio=0.1),
+    )
+    held = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.2)])
+    move = fa.joint_motion(held, [0.0], [goal], 0.5)
+    frequency_hz, inertia = 0.8, 0.5 * length**3 / 3.0 + 0.2
+    gain = {"PD": 12.0, "computed torque": inertia * (2.0 * np.pi * frequency_hz) ** 2}
+    controllers = {
+        "PD": fa.JointPD([gain["PD"]], [4.0]),
+        "computed torque": fa.ComputedTorque(held, frequency_hz),
+    }
+    push = fa.Load(1, (0.0, force))
+    plants = {"free": held, "pushed": (held, [push])}
+    options = {"settling": 7.0, "rate": 20.0}
+    table = fa.compare(held, controllers, 8.0, {"move": move}, plants, **options)
+    for name, stiffness in gain.items():
+        turned = goal
+        for _ in range(60):  # a contraction: the moment changes little with the angle
+            bent = force * np.cos(turned) * length**3 / (3.0 * rigidity)
+            moment = force * (length * np.cos(turned) - bent * np.sin(turned))
+            turned = goal + moment / stiffness
+        along, across = np.array([[1, 1j], [1j, -1]]) @ [np.cos(turned), np.sin(turned)]
+        missed = abs(length * along + bent * across - length * np.exp(1j * goal))
+        of_one = table.sel(controller=name)
+        # After 7 s what is left of the motion is below a millionth.
+        assert of_one.tip_error_settled.sel(plant="pushed").item() == pytest.approx(
+            missed, rel=1e-5
+        )
+        assert of_one.tip_error_settled.sel(plant="free").item() < 1e-6
+    # What acts on all plants and what acts on one add up.
+    back = fa.compare(
+        held, controllers, 8.0, {"move": move}, plants, loads=[fa.Load(1, (0.0, -force))], **options
+    )
+    assert (back.tip_error_settled.sel(plant="pushed") < 1e-6).all()
+    assert (back.tip_error_settled.sel(plant="free") > 0.1).all()
+
+
+@pytest.mark.parametrize(
+    "wrong", [3, (3, []), "arm", ("arm", [3]), ("arm", fa.Load(1, (0.0, 1.0))), ("arm", [], [])]
+)
+def test_a_plant_is_an_arm_or_an_arm_with_loads(arm, motion, wrong):
+    if isinstance(wrong, tuple) and wrong[0] == "arm":
+        wrong = (arm, *wrong[1:])
+    words = r"plants\['pushed'\] must be an Arm, or a pair of an Arm and a list of Load objects"
+    with pytest.raises(fa.InputError, match=words):
+        fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, {"pushed": wrong})
+
+
+def test_loads_that_are_no_list_are_refused_on_plants_with_loads_too(arm, motion):
+    push = fa.Load(1, (0.0, 1.0))
+    with pytest.raises(fa.InputError, match="loads must be a list of Load objects"):
+        fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, {"it": (arm, [push])}, loads=push)
+
+
 def test_the_same_noise_for_all_and_the_same_again(arm, motion):
     hardware = fa.Hardware([fa.Instrument("joint_angle", noise=1e-3, rate_cutoff=50.0)], seed=5)
     tables = [

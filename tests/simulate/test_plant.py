@@ -271,3 +271,4 @@ def test_a_plant_can_touch(arm, motion):
     measurement, q, _ = by_hand(plant, controller(), motion, 100, initial=initial)
     np.testing.assert_array_equal(q, result.q.values)
     np.testing.assert_allclose(measurement.contact_force, result.contact_force[-1], atol=1e-9)
+    np.testing.assert_array_equal(plant.contact_force, measurement.contact_force)  # the truth

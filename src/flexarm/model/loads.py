@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
@@ -10,6 +10,7 @@ from pydantic import Discriminator, Field, Tag
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, NonNegative, Number, Pair, plain
+from flexarm.model.spec import ArmSpec
 from flexarm.model.tables import AccelerationTable, FactorTable
 from flexarm.model.wording import Fault
 
@@ -67,10 +68,14 @@ BaseAcceleration = Annotated[
 
 def load_faults(given: Given) -> Iterator[Fault]:
     """Yield the loads of a scenario that are not on its arm."""
-    if not given.has("arm", "loads"):
-        return
-    links = given.arm.links
-    for i, load in enumerate(given.loads):
+    if given.has("arm", "loads"):
+        yield from off_the_arm(given.arm, given.loads)
+
+
+def off_the_arm(arm: ArmSpec, loads: Sequence[LoadSpec]) -> Iterator[Fault]:
+    """Yield those of a list ``loads`` that are not on an arm."""
+    links = arm.links
+    for i, load in enumerate(loads):
         if load.link > len(links):
             rule = f"be the number of a link, 1 to {len(links)}"
             yield Fault(("loads", i, "link"), rule, shown(load.link))

@@ -13,7 +13,7 @@ from flexarm.model.contacts import ContactSpec
 from flexarm.model.drives import CONTROLLED, Drive
 from flexarm.model.hardware import HardwareSpec
 from flexarm.model.joints import Friction
-from flexarm.model.loads import LoadSpec
+from flexarm.model.loads import LoadSpec, off_the_arm
 from flexarm.model.motions import MotionSpec
 from flexarm.model.quantities import (
     Listed,
@@ -45,6 +45,9 @@ class PlantSpec(Record):
     )
     friction: Friction | None = Field(
         default=None, description="Friction of every joint that turns."
+    )
+    loads: Listed[LoadSpec] = Field(
+        default=(), description="Forces and moments that act on this plant alone."
     )
 
 
@@ -164,12 +167,15 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
                 path = ("plants", name, problem.name)
                 told = shown(getattr(plant, problem.name))
                 yield Fault(path, problem.rule, told, problem.hint)
+        for fault in off_the_arm(given.arm, plant.loads):
+            yield Fault(("plants", name, *fault.path), fault.rule, fault.value, fault.hint)
 
 
 def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
-    """Return the arm that is simulated.
+    """Return the arm that is simulated, without the loads on it.
 
     Raises:
         InputError: a list does not fit the links, or there is no payload to change.
     """
-    return varied_spec(arm, **{name: getattr(plant, name) for name in PlantSpec.model_fields})
+    factors = [name for name in PlantSpec.model_fields if name != "loads"]
+    return varied_spec(arm, **{name: getattr(plant, name) for name in factors})

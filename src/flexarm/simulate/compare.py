@@ -11,6 +11,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.errors import InputError, LargeDeflectionWarning, Problem, SimulationError, shown
+from flexarm.loads import Load
 from flexarm.model.events import DURATION
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.metrics import METRICS, metrics_of
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _DIMS = ("controller", "plant", "reference")
+#: An arm that is simulated; with loads that act on it alone.
+ComparedPlant = Arm | tuple[Arm, Sequence[Load]]
 
 
 def compare(
@@ -27,7 +30,7 @@ def compare(
     controllers: Mapping[str, Controller],
     duration: float,
     references: Mapping[str, Reference],
-    plants: Mapping[str, Arm] | None = None,
+    plants: Mapping[str, ComparedPlant] | None = None,
     *,
     hardware: Hardware | None = None,
     settling: float = 0.0,
@@ -41,7 +44,9 @@ def compare(
         controllers: by name; the same objects serve all runs, reset before each.
         duration: of every run, s.
         references: motions by name.
-        plants: arms that are really simulated, by name; None for the arm itself, as "nominal".
+        plants: arms that are really simulated, by name; None for the arm itself, as "nominal". A
+            pair ``(arm, loads)`` is an arm with loads that act on it alone, beside those of the
+            option ``loads``; no controller knows any of them.
         hardware: of every run, with the same seed: the noise is the same in all.
         settling: s after the end of a motion that the numbers of the time after it leave out.
         progress: True or False shows or hides the bar.
@@ -52,8 +57,8 @@ def compare(
         ``failure``: why a run stopped early, or empty. Numbers of a run that stopped are NaN.
 
     Raises:
-        InputError: no controllers or references, a plant that is no arm, or what ``simulate``
-            refuses.
+        InputError: no controllers or references, a plant that is neither an arm nor an arm with
+            loads, or what ``simulate`` refuses.
     """
     where = "compare"
     plants = {"nominal": arm} if plants is None else plants
@@ -68,9 +73,15 @@ def compare(
         if not isinstance(items, Mapping) or not items:
             rule = "be a dictionary by name, with one entry at least"
             raise InputError(Problem(where, name, rule, shown(items)))
+    loaded = {name: _with_loads(name, plant) for name, plant in plants.items()}
+    everywhere = options.pop("loads", ())
 
     def one(controller: str, plant: str, reference: str) -> tuple[xr.Dataset, Reference]:
-        run: dict[str, Any] = {"plant": plants[plant], "reference": references[reference]}
+        simulated, own = loaded[plant]
+        run: dict[str, Any] = {"plant": simulated, "reference": references[reference]}
+        # What is no list goes on as it is, for simulate to refuse.
+        both = own and isinstance(everywhere, list | tuple)
+        run |= {"loads": [*everywhere, *own] if both else everywhere}
         run |= {"hardware": hardware, "progress": False, **options}
         chosen = controllers[controller]
         return simulate(arm, duration, controller=chosen, **run), references[reference]
@@ -79,6 +90,18 @@ def compare(
     table = comparison(arm, names, one, settling, progress)
     table.attrs["duration"] = duration
     return table
+
+
+def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load]]:
+    """Return a plant as its arm and the loads that act on it alone."""
+    match plant:
+        case Arm():
+            return plant, ()
+        case (Arm() as simulated, list() | tuple() as loads):
+            if all(isinstance(load, Load) for load in loads):
+                return simulated, loads
+    rule = "be an Arm, or a pair of an Arm and a list of Load objects"
+    raise InputError(Problem("compare", f"plants[{name!r}]", rule, shown(plant)))
 
 
 def comparison(

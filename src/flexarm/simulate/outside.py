@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,9 +17,9 @@ from flexarm.simulate.piecewise import linear_history
 from flexarm.surfaces import RoundWall, Surface, SurfaceTable, Wall
 
 
-def loads_of(scenario: Scenario) -> list[Load]:
-    """Return the scenario's loads."""
-    return [_load(spec) for spec in scenario.loads]
+def loads_of(specs: Sequence[LoadSpec]) -> list[Load]:
+    """Return the loads that a file lists."""
+    return [_load(spec) for spec in specs]
 
 
 def contacts_of(scenario: Scenario) -> list[Contact]:
@@ -49,7 +50,7 @@ def base_acceleration_of(scenario: Scenario) -> Any:
 def loads_at_start(scenario: Scenario) -> list[Load]:
     """Return the scenario's loads as they are at time zero, constant."""
     loads = []
-    for load in loads_of(scenario):
+    for load in loads_of(scenario.loads):
         now = 1.0 if load.factor is None else float(_at_start("factor", load.factor, 1)[0])
         force, moment = now * np.asarray(load.force), now * load.moment
         loads.append(replace(load, force=force, moment=moment, factor=None))

@@ -25,6 +25,7 @@ from flexarm.errors import (
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.loads import Load
+from flexarm.observe import contact_forces
 from flexarm.simulate.load_history import BaseAcceleration
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.new_run import ATOL, RTOL, initial_state, new_run, positive
@@ -202,6 +203,14 @@ class Plant:
     def tip_velocity(self) -> FloatArray:
         """Rates of ``tip``, (3,)."""
         return self._tip(self._ticks.run.progress.state)[3:].copy()
+
+    @property
+    def contact_force(self) -> FloatArray:
+        """Forces (contacts, 2) of contacts on the arm, N, world axes."""
+        run = self._ticks.run
+        state = run.progress.state[None]
+        forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
+        return forces
 
 
 def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration | None) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from flexarm.arm import Arm
 from flexarm.control import ComputedTorque, Controller, JointPD, JointPID, StrainFeedback
 from flexarm.errors import InputError, Problem, SimulationError
+from flexarm.loads import Load
 from flexarm.model import (
     ComputedTorqueDrive,
     EventSpec,
@@ -61,15 +62,23 @@ class Prepared:
     events: Sequence[EventSpec] = ()
 
     def run(
-        self, *, arm: Arm | None = None, plant: Arm | None = None, progress: bool | None = None
+        self,
+        *,
+        arm: Arm | None = None,
+        plant: Arm | None = None,
+        loads: Sequence[Load] = (),
+        progress: bool | None = None,
     ) -> xr.Dataset:
         """Simulate, with another ``arm`` of as many joints (its rigid twin, say) if given.
 
-        With ``plant``, what is made for the arm of the scenario acts on that one instead.
+        With ``plant``, what is made for the arm of the scenario acts on that one instead; with
+        ``loads``, these act beside those of the scenario.
         """
         options = dict(self.options)
         if plant is not None:
             options["plant"] = plant
+        if loads:
+            options["loads"] = [*options.get("loads", ()), *loads]
         if arm is not None:
             options["initial"] = arm.rest(self.arm.joint_angles(options["initial"]))
             if "initial_rate" in options:
@@ -110,7 +119,7 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
         if getattr(run, name) is not None:
             options[name] = getattr(run, name)
     if scenario.loads:
-        options["loads"] = loads_of(scenario)
+        options["loads"] = loads_of(scenario.loads)
     if scenario.events:
         options["events"] = events_of(scenario.events, arm)
     if scenario.contacts:

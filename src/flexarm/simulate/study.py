@@ -16,6 +16,7 @@ from flexarm.model import Study, locate_study
 from flexarm.model.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.simulate.compare import comparison
+from flexarm.simulate.outside import loads_of
 from flexarm.simulate.scenario import Prepared, prepare
 
 if TYPE_CHECKING:
@@ -38,7 +39,10 @@ class PreparedStudy:
     def __init__(self, study: Study, where: Where | None = None) -> None:
         self.study = study
         self.arm = Arm(study.arm)
-        self.plants = {name: Arm(plant_spec(study.arm, p)) for name, p in study.plants.items()}
+        self.plants = {
+            name: (Arm(plant_spec(study.arm, plant)), loads_of(plant.loads))
+            for name, plant in study.plants.items()
+        }
         self._prepared: dict[tuple[str, str], Prepared] = {}
         for drive in study.drives:
             for motion in study.motions:
@@ -62,7 +66,8 @@ class PreparedStudy:
     def _one(self, drive: str, plant: str, motion: str) -> tuple[xr.Dataset, Reference]:
         prepared = self._prepared[drive, motion]
         assert prepared.motion is not None
-        return prepared.run(plant=self.plants[plant], progress=False), prepared.motion
+        simulated, loads = self.plants[plant]
+        return prepared.run(plant=simulated, loads=loads, progress=False), prepared.motion
 
 
 def run_study(study: Study | str | PathLike[str], *, progress: bool | None = None) -> xr.Dataset:

@@ -1,7 +1,7 @@
 """Environments for Gymnasium: a flexible arm as a task for a learning agent.
 
-Importing this module registers ``flexarm/Reach-v0`` and ``flexarm/TrackPath-v0``. Needs the extra
-``gym``.
+Importing this module registers ``flexarm/Reach-v0``, ``flexarm/TrackPath-v0`` and
+``flexarm/TrackForce-v0``. Needs the extra ``gym``.
 """
 
 from __future__ import annotations
@@ -14,14 +14,16 @@ except ImportError:
 
 from flexarm.bridges.gymnasium_env.base import ArmEnv, laboratory_arm
 from flexarm.bridges.gymnasium_env.reach import ReachEnv
+from flexarm.bridges.gymnasium_env.track_force import TrackForceEnv
 from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
 
-__all__ = ["ENVIRONMENTS", "ArmEnv", "ReachEnv", "TrackPathEnv", "laboratory_arm"]
+__all__ = ["ENVIRONMENTS", "ArmEnv", "ReachEnv", "TrackForceEnv", "TrackPathEnv", "laboratory_arm"]
 
 #: Every environment by the name that ``gymnasium.make`` knows it by.
 ENVIRONMENTS: dict[str, type[ArmEnv]] = {
     "flexarm/Reach-v0": ReachEnv,
     "flexarm/TrackPath-v0": TrackPathEnv,
+    "flexarm/TrackForce-v0": TrackForceEnv,
 }
 
 for _name, _kind in ENVIRONMENTS.items():

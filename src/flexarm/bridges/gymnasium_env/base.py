@@ -23,6 +23,7 @@ from flexarm.bridges.gymnasium_env.observation import (
     reach_of,
 )
 from flexarm.bridges.gymnasium_env.picture import Picture, Scene
+from flexarm.contacts import Contact
 from flexarm.control import Hardware, Measurement, Motors
 from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
 from flexarm.model import Gauge, Joint, Link, ModalDamping
@@ -44,10 +45,6 @@ def laboratory_arm() -> Arm:
     return Arm(links=links, joints=[Joint(hub_inertia=0.1), elbow])
 
 
-#: Largest torques (N m) of its motors.
-_LABORATORY_TORQUE = (10.0, 3.0)
-
-
 class ArmEnv(gymnasium.Env[Vector, Vector]):
     """An arm whose motors an agent drives, one sample time a step.
 
@@ -56,7 +53,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     the task adds: ``observation_names`` says what each component is, with its unit. The reward of a
     step is ``1 / (1 + distance / scale)``, with the distance of the true tip from where the task
     wants it, less 0.002 times the mean square of the action: always positive, so that an agent
-    never gains by ending an episode.
+    never gains by ending an episode. A task may add to what counts as missed, and says so.
 
     An episode is *terminated*, with reward zero, where the arm cannot be followed any further or a
     link bends too far for the linear theory; ``info["reason"]`` says which. It is *truncated* after
@@ -71,7 +68,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             one for each episode from the random generator that it is given.
         sample_time: s. duration: of an episode, s.
         torque_limit: N m, one number or one for each joint; None for that of the hardware's motors,
-            or (10, 3) of the laboratory arm.
+            or ``laboratory_torque`` of the laboratory arm.
         hardware: instruments and motors; its seed is replaced by one of the episode's own. Without
             instruments: exact joint angles, rates, strain, tip and its velocity.
         render_mode: "rgb_array" or None.
@@ -90,6 +87,10 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     scale: ClassVar[float]
     #: Names of what ``reset(options=...)`` understands.
     option_names: ClassVar[tuple[str, ...]]
+    #: Largest torques (N m) of the motors of the laboratory arm.
+    laboratory_torque: ClassVar[tuple[float, float]] = (10.0, 3.0)
+    #: Signals that exact instruments measure beside the joints, strain and tip.
+    extra_signals: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,
@@ -105,10 +106,11 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         _check_objects(where, arm, plant, hardware, render_mode)
         hardware = hardware or Hardware()
         if torque_limit is None:
-            torque_limit = _default_limit(where, arm, hardware.motors)
+            given = self.laboratory_torque if arm is None else None
+            torque_limit = _default_limit(where, given, hardware.motors)
         self.arm = arm or laboratory_arm()
         self.torque_limit = _checked_limit(where, self.arm, torque_limit)
-        instruments = hardware.instruments or exact_instruments(self.arm)
+        instruments = hardware.instruments or exact_instruments(self.arm, self.extra_signals)
         self._hardware = replace(hardware, instruments=instruments)
         self._source: PlantSource = self.arm if plant is None else plant
         first = self._source if isinstance(self._source, Arm) else self.arm
@@ -144,6 +146,14 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     def target(self, tick: int) -> FloatArray:
         """Return where the tip is wanted (2,) at a sample time, m."""
 
+    def contacts(self) -> Sequence[Contact]:
+        """Return what the arm may touch in this episode: nothing, unless a task says so."""
+        return ()
+
+    def miss(self, info: dict[str, Any]) -> float:
+        """Say how much is missed, one for half of the largest reward: the distance by its scale."""
+        return float(info["distance"]) / (self.scale * reach_of(self.arm))
+
     @abstractmethod
     def succeeded(self, tick: int, distance: float) -> bool:
         """Say whether the task is done at a sample time, the tip ``distance`` m away."""
@@ -174,8 +184,9 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
                 rule = "be one of " + ", ".join(map(repr, self.option_names))
                 raise InputError(Problem(where, "an option", rule, shown(name)))
         start = self.begin(dict(options or {}))
-        if not isinstance(self._source, Arm):
-            self.plant = self._made(self._source(self.np_random), self.plant.sample_time)
+        drawn = self._source if isinstance(self._source, Arm) else self._source(self.np_random)
+        if drawn is not self.plant.arm or self.contacts():
+            self.plant = self._made(drawn, self.plant.sample_time)
         noise = int(self.np_random.integers(2**31))
         measurement = self.plant.reset(self.plant.arm.rest(start), seed=noise)
         self._tick = 0
@@ -200,8 +211,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         info = self._info(torque, reason)
         reward = 0.0
         if not reason:
-            scale = self.scale * reach_of(self.arm)
-            reward = 1.0 / (1.0 + info["distance"] / scale) - _EFFORT * float(np.mean(part**2))
+            reward = 1.0 / (1.0 + self.miss(info)) - _EFFORT * float(np.mean(part**2))
         over = self._tick >= self.ticks
         return self._seen(self.plant.measurement), reward, bool(reason), over, info
 
@@ -229,7 +239,8 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         ):
             rule = f"be an Arm of {known.joints} joints and {len(known.gauges)} gauges"
             raise InputError(Problem(type(self).__name__, "plant", rule, shown(arm)))
-        return Plant(arm, sample_time, self._hardware, warn=False)
+        touching = self.contacts()
+        return Plant(arm, sample_time, self._hardware, contacts=touching, warn=False)
 
     def _seen(self, measurement: Measurement) -> Vector:
         return self._observation.vector(measurement, self.task_values(self._tick))
@@ -270,12 +281,12 @@ def _check_objects(
         raise InputError(*problems)
 
 
-def _default_limit(where: str, arm: Arm | None, motors: Motors | None) -> ArrayLike:
+def _default_limit(where: str, laboratory: ArrayLike | None, motors: Motors | None) -> ArrayLike:
     """Return the torque limit of the motors, or of the laboratory arm's, N m."""
     if motors is not None and np.all(np.isfinite(motors.torque_limit)):
         return motors.torque_limit
-    if arm is None:
-        return _LABORATORY_TORQUE
+    if laboratory is not None:
+        return laboratory
     hint = "Or give motors with a torque_limit."
     raise InputError(Problem(where, "torque_limit", "be given with an arm", "nothing", hint))
 

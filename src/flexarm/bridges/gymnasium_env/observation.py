@@ -17,6 +17,8 @@ Vector = NDArray[np.float32]
 
 #: Bounds that a working arm stays far within; what goes beyond is cut: rad/s, and 1e-3.
 _MOST_RATE, _MOST_STRAIN = 50.0, 10.0
+#: Largest force of a contact that is seen, N.
+MOST_FORCE = 100.0
 #: A bent arm of the linear theory reaches a little farther than a straight one.
 _STRETCH = 1.2
 
@@ -78,6 +80,8 @@ class Observation:
                 self.parts.append(Part(label, "m", size, _STRETCH * reach, axes=True))
             elif signal == "tip_velocity":
                 self.parts.append(Part(label, "m/s", size, _MOST_RATE * reach, axes=True))
+            elif signal == "contact_force":
+                self.parts.append(Part(label, "N", size, MOST_FORCE, axes=True))
             else:
                 self.parts.append(Part(label, "SI", size, limits.get(label, np.inf)))
         self.parts += task
@@ -98,16 +102,16 @@ class Observation:
             if signal == "joint_angle":
                 values += [np.cos(value), np.sin(value)]
             else:
-                values.append(1e3 * value if signal == "strain" else value)
+                values.append(1e3 * value if signal == "strain" else value.ravel())
         seen = np.concatenate([*values, task])
         # Rounding to single precision must not carry a value over its bound.
         return np.clip(seen.astype(np.float32), self.space.low, self.space.high)
 
 
-def exact_instruments(arm: Arm) -> list[Instrument]:
-    """Return instruments without error, of all that an agent may want to know."""
+def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:
+    """Return instruments without error, of all that an agent may want to know; and of ``extra``."""
     strain = ["strain"] if arm.gauges else []
-    signals = ["joint_angle", "joint_rate", *strain, "tip", "tip_velocity"]
+    signals = ["joint_angle", "joint_rate", *strain, "tip", "tip_velocity", *extra]
     return [Instrument(signal) for signal in signals]
 
 
