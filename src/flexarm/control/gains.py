@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.model.wording import nearest
 
 
 class Gains:
@@ -64,7 +65,8 @@ class Gains:
         """Refuse names that are not among the choices."""
         for item in given:
             if item not in choices:
-                self.refuse(name, f"be names out of {', '.join(choices)}", item)
+                rule, hint = f"be names out of {', '.join(choices)}", nearest(item, choices)
+                self._problems.append(Problem(self._where, name, rule, shown(item), hint))
 
     def done(self) -> None:
         """Tell what was wrong.
