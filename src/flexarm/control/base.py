@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray, Measurement
 from flexarm.control.needs import Needs
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import Problem, shown
 
 __all__ = ["Controller", "FloatArray", "Measurement", "Needs", "Reference"]
 
@@ -62,16 +62,13 @@ def needs_of(controller: object, arm: Arm, reference: Reference | None) -> Needs
     return told if isinstance(told, Needs) else Needs()
 
 
-def check_controller(where: str, name: str, value: object) -> None:
-    """Refuse what is no controller.
-
-    Raises:
-        InputError: it is a class, or has no ``reset`` or ``update``.
-    """
+def controller_problem(where: str, name: str, value: object) -> Problem | None:
+    """Return why a value is no controller; None where it is one."""
     if isinstance(value, type):
         hint = f"Make one: {value.__name__}(...)."
         rule = "be a controller"
-        raise InputError(Problem(where, name, rule, f"the class {value.__name__}", hint))
+        return Problem(where, name, rule, f"the class {value.__name__}", hint)
     for method in ("reset", "update"):
         if not callable(getattr(value, method, None)):
-            raise InputError(Problem(where, name, f"have the method {method}", shown(value)))
+            return Problem(where, name, f"have the method {method}", shown(value))
+    return None

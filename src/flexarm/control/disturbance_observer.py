@@ -14,7 +14,6 @@ from flexarm.control.base import (
     Measurement,
     Needs,
     Reference,
-    check_controller,
     needs_of,
 )
 from flexarm.control.gains import Gains
@@ -48,7 +47,7 @@ class DisturbanceObserver(Controller):
         self, arm: Arm, inner: Controller, cutoff: ArrayLike = 5.0, compensation: float = 1.0
     ) -> None:
         gains = Gains("DisturbanceObserver")
-        check_controller("DisturbanceObserver", "inner", inner)
+        gains.controller("inner", inner)
         self.arm, self.inner = arm, inner
         self.cutoff = gains.each("cutoff", cutoff, arm.joints, positive=True)
         self.compensation = gains.one("compensation", compensation)

@@ -11,7 +11,6 @@ from flexarm.control.base import (
     Measurement,
     Needs,
     Reference,
-    check_controller,
     needs_of,
 )
 from flexarm.control.extended_kalman import ExtendedKalmanFilter
@@ -44,7 +43,7 @@ class EstimatorController(Controller):
         gains = Gains("EstimatorController")
         if not isinstance(estimator, ExtendedKalmanFilter):
             gains.refuse("estimator", "be an ExtendedKalmanFilter", estimator)
-        check_controller("EstimatorController", "inner", inner)
+        gains.controller("inner", inner)
         gains.done()
         self.estimator, self.inner = estimator, inner
         self._asked: FloatArray | None = None

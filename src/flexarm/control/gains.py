@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.control.base import controller_problem
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.model.wording import nearest
@@ -67,6 +68,12 @@ class Gains:
             if item not in choices:
                 rule, hint = f"be names out of {', '.join(choices)}", nearest(item, choices)
                 self._problems.append(Problem(self._where, name, rule, shown(item), hint))
+
+    def controller(self, name: str, value: object) -> None:
+        """Refuse what is no controller."""
+        problem = controller_problem(self._where, name, value)
+        if problem is not None:
+            self._problems.append(problem)
 
     def done(self) -> None:
         """Tell what was wrong.

@@ -181,11 +181,15 @@ def _without_tags(location: Path, data: object) -> Path:
     that place of `data`.
     """
     path: list[str | int] = []
+    tagged = True  # the record itself is no member of a union here
     for part in location:
-        if isinstance(part, str) and (part.startswith("<") or part == look(data, "kind")):
+        if isinstance(part, str) and part.startswith("<"):
+            continue
+        if not tagged and part == look(data, "kind"):
+            tagged = True  # a key of that name may follow
             continue
         path.append(part)
-        data = look(data, part)
+        data, tagged = look(data, part), False
     return tuple(path)
 
 

@@ -36,7 +36,9 @@ METRICS = (
         "N",
         "normal force of the first contact from its reference while this moves, RMS",
     ),
-    Metric("force_error_peak", "N", "largest difference of that force from its reference, likewise"),
+    Metric(
+        "force_error_peak", "N", "largest difference of that force from its reference, likewise"
+    ),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
 

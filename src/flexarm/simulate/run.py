@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm import Arm
 from flexarm.contacts import Contact
 from flexarm.control import Controller, Hardware, Reference
-from flexarm.control.base import check_controller
+from flexarm.control.base import controller_problem
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -275,7 +275,9 @@ def _check_objects(
         raise InputError(Problem(where, "hardware", rule, value))
     if controller is None:
         return
-    check_controller(where, "controller", controller)
+    problem = controller_problem(where, "controller", controller)
+    if problem is not None:
+        raise InputError(problem)
     positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
 
 
