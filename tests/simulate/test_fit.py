@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control import Needs
 
 LINK = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
 GAUGES = [fa.Gauge(station=0.1, distance=0.005)]
@@ -137,9 +136,9 @@ class Own(fa.Controller):
 
 
 def test_own_controllers_may_say_what_they_need(arm):
-    (told,) = refused(arm, Own(lambda m: None, Needs(joints=3)))
+    (told,) = refused(arm, Own(lambda m: None, fa.Needs(joints=3)))
     assert "controller must be for an arm with 2 joints" in told
-    (told,) = refused(arm, Own(lambda m: None, Needs(measured=("tip",))))
+    (told,) = refused(arm, Own(lambda m: None, fa.Needs(measured=("tip",))))
     assert "an instrument for tip, which Own reads" in told
     fa.simulate(arm, 0.01, controller=Own(lambda m: m.joint_angle))
 

@@ -41,12 +41,14 @@ def assert_same(one, other):
     [
         ("{}", {}),
         ("{method: ei, tolerance: 0.1, modes: [2], joints: free}", None),
+        ("{joints: [[40, 20], locked]}", None),
         ("{method: zv, frequency_hz: [1.5, 6], damping_ratio: [0, 0.02]}", None),
     ],
 )
 def test_shaped_motions(made, keys, options):
     if options is None:
         options = {
+            "{joints: [[40": {"joints": [(40.0, 20.0), "locked"]},
             "{method: ei": {"method": "ei", "tolerance": 0.1, "modes": [2], "joints": "free"},
             "{method: zv": {
                 "method": "zv",

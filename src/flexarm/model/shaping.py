@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Count, OneOrMany, Positive, finite
+from flexarm.model.quantities import Count, Listed, OneOrMany, Pair, Positive, finite, plain
 from flexarm.model.wording import Fault
 
 Ratio = Annotated[float, Field(ge=0, lt=1), BeforeValidator(finite)]
 Part = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+
+
+def _word_or_list(value: Any) -> str:
+    return "<list>" if isinstance(plain(value), list | tuple) else "<word>"
+
+
+_Joint = Literal["locked", "free"]
+_JointOrGains = Annotated[
+    Annotated[_Joint, Tag("<word>")] | Annotated[Pair, Tag("<list>")],
+    Discriminator(_word_or_list),
+]
+_Joints = Annotated[
+    Annotated[_Joint, Tag("<word>")] | Annotated[Listed[_JointOrGains], Tag("<list>")],
+    Discriminator(_word_or_list),
+]
 
 
 class ShapingSpec(Record):
@@ -27,8 +42,10 @@ class ShapingSpec(Record):
     modes: OneOrMany[Count] = Field(
         default=1, description="How many of the lowest modes, or which, counted from 1."
     )
-    joints: Literal["locked", "free"] = Field(
-        default="locked", description="What the joints do while the links vibrate."
+    joints: _Joints = Field(
+        default="locked",
+        description="What the joints do while the links vibrate: locked, free, or for each of them "
+        "locked, free or the controller's gains [N m/rad, N m s/rad].",
     )
     frequency_hz: OneOrMany[Positive] | None = Field(
         default=None,

@@ -75,8 +75,8 @@ ONE_EACH = "must have one value for each of the 2 joints, but is 3 long."
             {"kind": "estimator", "inner": PD, "estimator": {"torque_noice": 1}},
             [
                 (
-                    "drive.estimator.torque_noice must be a known key, but is unknown. Did you mean "
-                    "'torque_noise'?"
+                    "drive.estimator.torque_noice must be a known key, but is unknown. "
+                    "Did you mean 'torque_noise'?"
                 )
             ],
         ),
