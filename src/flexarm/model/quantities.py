@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.model.wording import refuse
 
@@ -59,6 +59,21 @@ def _two(value: Any) -> Any:
     return given
 
 
+class Names(dict[str, T]):
+    """Values by name that stay as they are, so that records that hold them have a hash."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Names, (dict(self),)
+
+    def _refuse(self, *_: object, **__: object) -> Any:
+        raise TypeError("a record does not change: use its replace()")
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
+
+
 def _named(value: Any) -> Any:
     if not isinstance(value, dict) or not value:
         raise refuse("be a mapping of names, one at least", value)
@@ -78,7 +93,7 @@ if TYPE_CHECKING:
     Named = Annotated[Mapping[str, T], ...]
 else:
     Listed = Annotated[tuple[T, ...], BeforeValidator(_listed)]
-    Named = Annotated[dict[str, T], BeforeValidator(_named)]
+    Named = Annotated[dict[str, T], BeforeValidator(_named), AfterValidator(Names)]
 
 # Bounds stand before the validator of the type: so they reach the number inside, and the schema.
 Number = Annotated[float, BeforeValidator(finite)]

@@ -219,3 +219,18 @@ def test_a_motion_that_presses_needs_nothing_more_than_a_wall():
     made = scenario(motion=PRESSED, contacts=[WALL], drive={"kind": "hybrid_force"})
     assert made.motion.friction == 0.0
     assert made.drive.frequency == 8.0
+
+
+def test_values_by_name_stay_as_they_are():
+    made = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
+    same = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
+    assert hash(made) == hash(same)
+    measured = made.drive.measured
+    for change in (
+        lambda: measured.update(tip=2.0),
+        lambda: measured.pop("tip"),
+        lambda: measured.__setitem__("tip", 2.0),
+    ):
+        with pytest.raises(TypeError, match="a record does not change"):
+            change()
+    assert measured == {"tip": 1.0}
