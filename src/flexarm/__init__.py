@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from flexarm.control import JointPID as JointPID
     from flexarm.control import Measurement as Measurement
     from flexarm.control import Motors as Motors
+    from flexarm.control import Needs as Needs
     from flexarm.control import RBFAdaptive as RBFAdaptive
     from flexarm.control import SlidingMode as SlidingMode
     from flexarm.control import StrainFeedback as StrainFeedback
@@ -148,6 +149,7 @@ _HOME = {
     "ModalDamping": "model",
     "ModelError": "errors",
     "Motors": "control",
+    "Needs": "control",
     "ModeTracks": "linear",
     "Modes": "linear",
     "Payload": "model",

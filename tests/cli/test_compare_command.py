@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.model import Study, locate_study
+from flexarm.model import Study, locate_study, save_scenario
 
 STUDY = """\
 flexarm: 1
@@ -151,6 +151,23 @@ def test_check_says_what_is_in_a_study(path):
         ("as believed: {}", "as believed: 3", "plants.as believed must be a mapping"),
         ("drives:", "controllers:", "drives"),
         ("[2, 0.8]", "[2, -0.8]", "drives.PD.derivative[1] must be at least 0"),
+        (
+            ", rate_cutoff: 80",
+            "",
+            (
+                "study.yaml:22: hardware.instruments must have an instrument for joint_rate, which "
+                "joint_pd reads, but is for joint_angle."
+            ),
+        ),
+        (
+            "kind: joint_pd",
+            "kind: strain_feedback\n    strain: 1",
+            (
+                "study.yaml:2: arm must have the 2 gauges that strain_feedback reads, but is "
+                "an arm with 0."
+            ),
+        ),
+        ("there: {kind: joint, ", "there: {kind: pressed, ", "motions.there.path must be given"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(path, old, new, words):
@@ -198,3 +215,53 @@ def locate_study_of(text):
         path = Path(folder) / "study.yaml"
         path.write_text(text)
         return locate_study(path)
+
+
+PRESSING = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 1.4142, flexural_rigidity: 105.0, mass_per_length: 0.61732, elements: 1}
+    - {length: 1.0, flexural_rigidity: 105.0, mass_per_length: 0.61732, elements: 1}
+  joints: [{hub_inertia: 0.1}, {mass: 0.5, hub_inertia: 0.02, housing_inertia: 0.02}]
+motions:
+  wipe:
+    kind: pressed
+    path: {kind: line, start: [1.5, 0.5], end: [1.5, 0.55], duration: 0.3}
+    force: 3.0
+  free: {kind: line, start: [1.4, 0.5], end: [1.4, 0.55], duration: 0.2, shaping: {method: zv}}
+drives:
+  hybrid: {kind: hybrid_force}
+contacts:
+  - {surface: {kind: wall, point: [1.5, 0.0], normal: [-1, 0]}, stiffness: 1.0e+4, damping: 0.5}
+run: {duration: 0.4, rate: 200}
+"""
+
+
+def test_errors_of_the_force_are_told_where_something_presses(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(PRESSING)
+    result = call("compare", path, "--out", tmp_path / "t.csv")
+    assert result.exit_code == 0, result.output
+    pressing, free = result.output.split("Along free")
+    assert "error of the tip, of the force" in pressing
+    assert "peak N" in pressing
+    assert "after mm" not in pressing
+    assert "peak N" not in free
+    assert "N m" in free
+    with open(tmp_path / "t.csv", newline="") as stream:
+        rows = {row["reference"]: row for row in csv.DictReader(stream)}
+    # 3 N are asked for; a tip that begins at rest on the wall bounces at first.
+    assert 0.0 < float(rows["wipe"]["force_error_rms"]) < float(rows["wipe"]["force_error_peak"])
+    assert float(rows["wipe"]["force_error_peak"]) <= 6.0
+    assert rows["free"]["force_error_rms"] == rows["free"]["force_error_peak"] == ""
+
+
+def test_check_tells_what_is_special_about_a_motion(tmp_path):
+    path = tmp_path / "run.yaml"
+    study, _ = locate_study_of(PRESSING)
+    for motion, words in (("wipe", "in 0.3 s, within reach, pressing"), ("free", "with shaping")):
+        save_scenario(study.scenario("hybrid", motion), path)
+        result = call("check", path)
+        assert result.exit_code == 0, result.output
+        assert words in " ".join(result.output.split())

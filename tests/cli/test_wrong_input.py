@@ -100,6 +100,40 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(
     assert sorted(tmp_path.rglob("*")) == before
 
 
+STUDY = GOOD.replace("motion: {", "motions: {there: {").replace(
+    "0.05}\ndrive: {", "0.05}}\ndrives: {a: {"
+)
+STUDY = STUDY.replace("dynamics}", "dynamics}}")
+
+
+@pytest.mark.parametrize(
+    ("command", "content", "told"),
+    [
+        (
+            "run",
+            STUDY,
+            "must be a scenario, but is a study. `flexarm compare` runs it; in Python, ",
+        ),
+        ("compare", GOOD, "must be a study, but is a scenario. `flexarm run` runs it; in Python, "),
+        (
+            "compare",  # a free arm: nothing but an arm and a run
+            "\n".join(line for line in GOOD.splitlines() if line[:3] not in ("mot", "dri")),
+            "must be a study, but is a scenario. `flexarm run` runs it; in Python, run_scenario.",
+        ),
+    ],
+)
+def test_a_file_of_the_other_kind_names_its_command(command, content, told, tmp_path):
+    outcome = invoke(command, write(tmp_path / "file.yaml", content))
+    assert_refused(outcome)
+    assert told in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1
+
+
+def test_the_files_above_are_what_they_are_taken_for(tmp_path):
+    for command, content in (("compare", STUDY), ("run", GOOD)):
+        assert invoke(command, write(tmp_path / "a.yaml", content)).exit_code == 0
+
+
 @pytest.mark.parametrize(
     "angles", ["0.1", "0.1,0.2,0.3", "a,b", "", "nan,0", "1e400,0", "0.1;0.2", ","]
 )

@@ -1,80 +1,16 @@
 """The numbered rules of ``flexarm.control.base``, for every controller of the registry."""
 
 import inspect
+import math
 
 import numpy as np
 import pytest
+from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, two_links
 
 import flexarm as fa
 from flexarm.control import CONTROLLERS, Controller, Measurement
-
-SAMPLE_TIME = 0.004
-
-
-def two_links():
-    """The arm of two joints that every controller here is for."""
-    links = [
-        fa.Link(
-            length=0.8,
-            flexural_rigidity=30.0,
-            mass_per_length=0.5,
-            elements=1,
-            gauges=[fa.Gauge(station=0.1, distance=0.005)],
-        ),
-        fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.4, elements=1),
-    ]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
-
-
-def joint_pd():
-    return fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=SAMPLE_TIME)
-
-
-def kalman_filter():
-    instruments = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("strain", noise=1e-6)]
-    return fa.ExtendedKalmanFilter(two_links(), instruments, sample_time=SAMPLE_TIME)
-
-
-#: Torques that leave the links of ``two_links`` within the linear theory, however fast a motion.
-LIMIT = [2.0, 0.6]
-#: How to make each controller of the registry for an arm of two joints.
-EXAMPLES = {
-    "admittance": lambda: fa.Admittance(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
-    "hybrid_force": lambda: fa.HybridForce(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
-    "impedance": lambda: fa.Impedance(two_links(), posture_frequency=1.5, sample_time=SAMPLE_TIME),
-    "adaptive": lambda: fa.Adaptive(two_links(), 2.0, [0.8, 0.2], 0.003, sample_time=SAMPLE_TIME),
-    "disturbance_observer": lambda: fa.DisturbanceObserver(two_links(), joint_pd(), 0.2),
-    "estimator": lambda: fa.EstimatorController(kalman_filter(), joint_pd()),
-    "rbf_adaptive": lambda: fa.RBFAdaptive(
-        two_links(), 8.0, [0.8, 0.3], 0.001, -1.0, 1.0, sample_time=SAMPLE_TIME
-    ),
-    "sliding_mode": lambda: fa.SlidingMode(
-        two_links(),
-        2.0,
-        0.5,
-        {"link_2.mass": 0.02},
-        reaching=[0.1, 0.02],
-        damping=[0.5, 0.1],
-        sample_time=SAMPLE_TIME,
-    ),
-    "composite": lambda: fa.Composite(
-        two_links(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
-    ),
-    "computed_torque": lambda: fa.ComputedTorque(two_links(), 0.3, 0.5, sample_time=SAMPLE_TIME),
-    "joint_pd": joint_pd,
-    "lqg": lambda: fa.LQG(
-        two_links(), [0.4, 0.1], integral=True, torque_limit=LIMIT, sample_time=SAMPLE_TIME
-    ),
-    "mpc": lambda: fa.MPC(
-        two_links(), [0.4, 0.1], torque_limit=LIMIT, horizon=10, sample_time=SAMPLE_TIME
-    ),
-    "joint_pid": lambda: fa.JointPID(
-        [8.0, 3.0], [0.8, 0.3], [2.0, 1.0], arm=two_links(), sag=True, sample_time=SAMPLE_TIME
-    ),
-    "strain_feedback": lambda: fa.StrainFeedback(
-        [8.0, 3.0], [0.8, 0.3], [[100.0], [0.0]], [[0.1], [0.0]], sample_time=SAMPLE_TIME
-    ),
-}
+from flexarm.model import Scenario, load_scenario, save_scenario
+from flexarm.model.drives import CONTROLLED
 
 #: The motion is violent and links bend far: nothing that is looked at here.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
@@ -227,6 +163,141 @@ def test_follows_a_slow_motion(name, arm):
     wanted = slow.joint_angle(result.time.values)
     assert abs(result.joint_angle.values - wanted).max() < 0.1
     assert abs(result.joint_angle.values[-1] - wanted[-1]).max() < 0.02
+
+
+@every
+def test_what_it_needs_is_enough(name, arm):
+    """With instruments for what it says that it reads, and no others, it runs."""
+    controller, reference = EXAMPLES[name](), motion(arm)
+    needs = controller.needs(arm, reference)
+    assert needs.joints == 2
+    instruments = [fa.Instrument(label) for label in needs.measured]
+    fa.simulate(
+        arm,
+        0.02,
+        controller=controller,
+        reference=reference,
+        hardware=fa.Hardware(instruments),
+    )
+
+
+@every
+def test_each_thing_that_it_needs_is_missed_before_the_run(name, arm):
+    controller, reference = EXAMPLES[name](), motion(arm)
+    needed = controller.needs(arm, reference).measured
+    for left_out in needed:
+        others = [fa.Instrument(label) for label in needed if label != left_out]
+        with pytest.raises(fa.InputError, match=f"hardware must have an instrument for {left_out}"):
+            fa.simulate(
+                arm,
+                0.02,
+                controller=controller,
+                reference=reference,
+                hardware=fa.Hardware(others),
+            )
+
+
+@every
+def test_an_arm_of_another_number_of_joints_is_refused_before_the_run(name, arm):
+    three = fa.Arm(links=[arm.spec.links[0]] * 3, joints=[fa.Joint(hub_inertia=0.05)] * 3)
+    with pytest.raises(fa.InputError, match="controller must be for an arm with 3 joints, but is"):
+        fa.simulate(three, 0.02, controller=EXAMPLES[name]())
+
+
+# In files -----------------------------------------------------------------------------------
+
+#: Arguments that only Python can give, or that would say nothing in a file.
+PYTHON_ONLY = {
+    ("composite", "integral"): "refused by the class",
+    ("composite", "preview"): "refused by the class",
+    ("composite", "nominal"): "refused by the class",
+    ("lqg", "nominal"): "a result of a run",
+    ("mpc", "nominal"): "a result of a run",
+    ("estimator", "sample_time"): "that of the inner controller",
+}
+#: Keys of a record in place of arguments of the class.
+INSTEAD = {("joint_pid", "gravity"): ("arm", "sag")}
+
+
+def arguments(kind):
+    """Arguments of a class but the arm, those passed on to its base included."""
+    found = dict(inspect.signature(kind).parameters)
+    if found.pop("options", None) is not None:
+        found = dict(inspect.signature(kind.__base__).parameters) | found
+    return found
+
+
+@every
+def test_has_a_record_with_the_same_arguments_and_defaults(name):
+    """A newcomer needs a record in ``flexarm.model.drives``, and a line in its registry."""
+    assert name in CONTROLLED, f"files cannot say {name}: add a record, and a line in registry.py"
+    fields = {k: f for k, f in CONTROLLED[name].model_fields.items() if k != "kind"}
+    left_out = {"arm"} | {k for record, k in PYTHON_ONLY if record == name}
+    for (record, key), replaced in INSTEAD.items():
+        if record == name:
+            assert not fields.pop(key).is_required()
+            left_out |= set(replaced)
+    found = arguments(CONTROLLERS[name])
+    wanted = {key: p for key, p in found.items() if key not in left_out}
+    assert set(fields) == set(wanted)
+    for key, field in fields.items():
+        assert field.description
+        compare(f"{name}.{key}", field, wanted[key].default)
+
+
+def compare(place, field, default):
+    """Fail where a record's default is not that of the class."""
+    nothing = (None, inspect.Parameter.empty, math.inf)
+    if default is inspect.Parameter.empty:
+        # A part with keys of its own may be left out where each of these may.
+        nested = field.default is not None and hasattr(field.default, "model_fields_set")
+        assert field.is_required() or nested, f"{place} must be required"
+    elif place.endswith(".feedforward"):
+        assert (field.default, default) == ("none", None)
+    elif field.default is None:
+        assert default in nothing, f"{place} must be {default} by default"
+    else:
+        assert field.default == default, f"{place} must be {default} by default"
+
+
+def test_the_filter_has_a_record_with_the_same_arguments_and_defaults():
+    fields = CONTROLLED["estimator"].model_fields["estimator"].annotation.model_fields
+    wanted = dict(inspect.signature(fa.ExtendedKalmanFilter).parameters)
+    for key in ("arm", "sample_time"):  # the file's arm; the inner controller's time
+        del wanted[key]
+    assert set(fields) == set(wanted)
+    for key, field in fields.items():
+        if key != "instruments":  # the hardware's where left out
+            compare(f"estimator.{key}", field, wanted[key].default)
+
+
+def test_no_record_is_left_without_its_controller():
+    assert set(CONTROLLED) == set(CONTROLLERS)
+    assert set(DRIVES) == set(CONTROLLERS), "add the newcomer to DRIVES of controller_examples.py"
+
+
+@every
+def test_a_file_gives_the_same_run(name, arm, tmp_path):
+    """Of two gauges, which strain feedback of a file needs: one for each joint."""
+    gauge = fa.Gauge(station=0.1, distance=0.005)
+    links = [link.replace(gauges=[gauge]) for link in arm.spec.links]
+    controller, spec = EXAMPLES[name](), arm.spec
+    if name == "strain_feedback":
+        spec = arm.spec.replace(links=links)
+        controller.strain, controller.strain_rate = np.array([100.0, 50.0]), np.array([0.1, 0.0])
+    inside = {} if "inner" in DRIVES[name] else {"sample_time": SAMPLE_TIME}
+    scenario = Scenario(
+        arm=spec,
+        motion={"kind": "joint", "start": [0.2, -0.4], "end": [0.9, 0.5], "duration": 0.3},
+        drive={**DRIVES[name], **inside, "kind": name},
+        run={"duration": 0.1},
+    )
+    plant = fa.Arm(spec)
+    by_hand = fa.simulate(plant, 0.1, controller=controller, reference=motion(arm))
+    np.testing.assert_array_equal(fa.run_scenario(scenario).torque, by_hand.torque)
+    path = tmp_path / "scenario.yaml"
+    save_scenario(scenario, path)
+    assert load_scenario(path).drive == scenario.drive
 
 
 # What ``simulate`` does with bad answers --------------------------------------------------------

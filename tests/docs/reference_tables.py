@@ -19,8 +19,11 @@ FILE_FORMAT = "docs/reference/file-format.md"
 RESULT = "docs/how-to/read-the-result.md"
 _UNITS = re.compile(
     r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N|N m|N m\^2|N m/rad|"
-    r"N m s/rad|N/m|m/s|s/m)\)"
+    r"N m s/rad|N/m|m/s|s/m|N s/m|N m/s|1/rad|rad/s per 1/m|kg/s\^0\.5|J)\)"
 )
+
+
+_SHORT = {word.lower(): word for word in ("PD", "PID", "LQG", "MPC", "RBF")}
 
 
 @cache
@@ -112,7 +115,7 @@ def _mapping(name: str) -> str:
     properties = _definitions()[name]["properties"]
     if properties.keys() == {"kind"}:
         return f"`{{kind: {properties['kind']['const']}}}`"
-    words = title(name).lower().replace("pd", "PD").replace("pid", "PID")
+    words = " ".join(_SHORT.get(word, word) for word in title(name).lower().split())
     return f"[{words}](#{words.lower().replace(' ', '-')})"
 
 

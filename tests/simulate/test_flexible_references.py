@@ -202,7 +202,7 @@ run: {duration: 0.1, rate: 100}
             "",
             "gravity must be none where the feedforward",
         ),
-        ("{kind: strain_feedback, proportional: 1, derivative: 1, strain: 1}", "", "one gauge"),
+        ("{kind: strain_feedback, proportional: 1, derivative: 1, strain: 1}", "", "2 gauges"),
     ],
 )
 def test_wrong_scenarios_are_told(drive, more, words, tmp_path):

@@ -16,10 +16,11 @@ from flexarm.model import (
     locate_scenario,
     locate_study,
 )
+from flexarm.model.motions import JointMotionSpec, PressedMotionSpec
 from flexarm.model.yaml_text import parse
 from flexarm.simulate import prepare
-from flexarm.simulate.scenario import Where
 from flexarm.simulate.study import PreparedStudy
+from flexarm.simulate.told import Where
 
 _MOST_LINKS_SHOWN = 12
 
@@ -101,12 +102,11 @@ def _about_arm(arm: Arm) -> list[tuple[str, str]]:
 def _about_run(scenario: Scenario) -> list[tuple[str, str]]:
     rows = []
     motion = scenario.motion
-    if isinstance(motion, LineMotionSpec):
-        (x, y), (to_x, to_y) = motion.start, motion.end
-        way = f"line from ({x:g}, {y:g}) to ({to_x:g}, {to_y:g}) m"
-        rows.append(("motion", f"{way} in {motion.duration:g} s, within reach"))
-    elif motion is not None:
-        rows.append(("motion", f"joints, in {motion.duration:g} s"))
+    presses = isinstance(motion, PressedMotionSpec)
+    if isinstance(motion, PressedMotionSpec):
+        motion = motion.path
+    if motion is not None:
+        rows.append(("motion", f"{_way(motion)}{', pressing' if presses else ''}"))
     run = scenario.run
     rows.append(("drive", scenario.drive.kind.replace("_", " ")))
     for joint in scenario.prescribed:
@@ -127,6 +127,16 @@ def _about_run(scenario: Scenario) -> list[tuple[str, str]]:
         rows.append(("start", f"in equilibrium{balanced}"))
     rows.append(("run", f"{run.duration:g} s, {run.rate:g} samples/s, integrator {run.integrator}"))
     return rows
+
+
+def _way(motion: LineMotionSpec | JointMotionSpec) -> str:
+    changed = [name for name in ("shaping", "smoothing") if getattr(motion, name) is not None]
+    also = "".join(f", with {name}" for name in changed)
+    if isinstance(motion, LineMotionSpec):
+        (x, y), (to_x, to_y) = motion.start, motion.end
+        line = f"line from ({x:g}, {y:g}) to ({to_x:g}, {to_y:g}) m"
+        return f"{line} in {motion.duration:g} s, within reach{also}"
+    return f"joints, in {motion.duration:g} s{also}"
 
 
 _SURFACES = {"wall": "wall", "round": "circle", "table": "tabulated surface"}

@@ -20,12 +20,19 @@ _WHERE = "flexarm compare"
 #: What a comparison's file may end in.
 TABLE_SUFFIXES = (".nc", ".csv")
 #: Columns of the printed table: number, head, factor to the unit shown.
-_COLUMNS = (
+_FREE = (
     ("tip_error_rms", "RMS mm", 1e3),
     ("tip_error_peak", "peak mm", 1e3),
     ("residual_vibration", "after mm", 1e3),
-    ("force_error_rms", "force N", 1.0),
     ("torque_rms", "N m", 1.0),
+    ("controller_time", "us", 1e6),
+)
+#: The same along a reference that presses.
+_PRESSING = (
+    ("tip_error_rms", "RMS mm", 1e3),
+    ("tip_error_peak", "peak mm", 1e3),
+    ("force_error_rms", "RMS N", 1.0),
+    ("force_error_peak", "peak N", 1.0),
     ("controller_time", "us", 1e6),
 )
 
@@ -61,7 +68,9 @@ def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
 
 
 def _printed(table: xr.Dataset, reference: str) -> object:
-    shown = [column for column in _COLUMNS if np.isfinite(table[column[0]].values).any()]
+    presses = bool(np.isfinite(table["force_error_rms"].values).any())
+    columns = _PRESSING if presses else _FREE
+    shown = [column for column in columns if np.isfinite(table[column[0]].values).any()]
     rows = []
     for drive in table["controller"].values:
         for k, plant in enumerate(table["plant"].values):
@@ -69,7 +78,8 @@ def _printed(table: xr.Dataset, reference: str) -> object:
             values = (factor * float(one[name]) for name, _, factor in shown)
             cells = [f"{value:.4g}" if np.isfinite(value) else "-" for value in values]
             rows.append([str(drive) if k == 0 else "", str(plant), *cells])
-    title = f"Along {reference}: error of the tip, its swing after, torque, time per sample"
+    numbers_are = "of the force" if presses else "its swing after, torque"
+    title = f"Along {reference}: error of the tip, {numbers_are}, time per sample"
     return numbers(title, ["drive", "plant", *(head for _, head, _ in shown)], rows)
 
 

@@ -19,11 +19,12 @@ from flexarm.control.joint_pd import JointPD
 from flexarm.control.joint_pid import JointPID
 from flexarm.control.lqg import LQG
 from flexarm.control.mpc import MPC
+from flexarm.control.needs import Needs
 from flexarm.control.rbf_adaptive import RBFAdaptive
 from flexarm.control.sliding_mode import SlidingMode
 from flexarm.control.strain_feedback import StrainFeedback
 
-#: Every controller by its name; scenario files use some of them.
+#: Every controller by its name, which is that of its record in files.
 CONTROLLERS: dict[str, type[Controller]] = {
     Adaptive.name: Adaptive,
     Admittance.name: Admittance,
@@ -62,6 +63,7 @@ __all__ = [
     "JointPID",
     "Measurement",
     "Motors",
+    "Needs",
     "RBFAdaptive",
     "Reference",
     "SlidingMode",

@@ -7,9 +7,12 @@ from typing import Protocol
 
 from numpy.typing import ArrayLike
 
+from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray, Measurement
+from flexarm.control.needs import Needs
+from flexarm.errors import Problem, shown
 
-__all__ = ["Controller", "FloatArray", "Measurement", "Reference"]
+__all__ = ["Controller", "FloatArray", "Measurement", "Needs", "Reference"]
 
 
 class Reference(Protocol):
@@ -33,8 +36,9 @@ class Controller(ABC):
     3. ``update`` is called at 0, sample_time, 2 sample_time, ... in order, with what the sensors
        say at that moment, and returns torques (joints,) N m, held until the next call.
     4. It sees the measurement and the reference only, never the simulated state.
+    5. ``needs`` tells what it relies on, before ``reset``; what is missing is refused there.
 
-    Any object with these three names will do; deriving from this class is a convenience.
+    Any object with the first three names will do; deriving from this class is a convenience.
     """
 
     sample_time: float
@@ -45,3 +49,26 @@ class Controller(ABC):
     @abstractmethod
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> ArrayLike:
         """Return the joint torques (joints,) N m to hold from time t on."""
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """Return what it relies on to control ``arm`` along ``reference``; here, nothing."""
+        return Needs()
+
+
+def needs_of(controller: object, arm: Arm, reference: Reference | None) -> Needs:
+    """Return what any object that controls relies on; nothing where it does not say."""
+    tell = getattr(controller, "needs", None)
+    told = tell(arm, reference) if callable(tell) else None
+    return told if isinstance(told, Needs) else Needs()
+
+
+def controller_problem(where: str, name: str, value: object) -> Problem | None:
+    """Return why a value is no controller; None where it is one."""
+    if isinstance(value, type):
+        hint = f"Make one: {value.__name__}(...)."
+        rule = "be a controller"
+        return Problem(where, name, rule, f"the class {value.__name__}", hint)
+    for method in ("reset", "update"):
+        if not callable(getattr(value, method, None)):
+            return Problem(where, name, f"have the method {method}", shown(value))
+    return None

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Reference
+from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
 from flexarm.control.gains import check_gains, check_joints, check_positive, check_sample_time
+from flexarm.control.needs import JOINTS
 from flexarm.control.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, shown
 
@@ -64,6 +65,10 @@ class ComputedTorque(JointFollower):
         self._model = RigidModel(arm)
         omega = 2.0 * np.pi * self.frequency_hz
         self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        return Needs(self.arm.joints, JOINTS)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

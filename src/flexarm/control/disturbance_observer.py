@@ -8,8 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.base import (
+    Controller,
+    FloatArray,
+    Measurement,
+    Needs,
+    Reference,
+    needs_of,
+)
 from flexarm.control.gains import Gains
+from flexarm.control.needs import JOINTS
 from flexarm.control.rigid_parameters import RigidParameters
 
 
@@ -39,8 +47,7 @@ class DisturbanceObserver(Controller):
         self, arm: Arm, inner: Controller, cutoff: ArrayLike = 5.0, compensation: float = 1.0
     ) -> None:
         gains = Gains("DisturbanceObserver")
-        if not all(hasattr(inner, name) for name in ("sample_time", "reset", "update")):
-            gains.refuse("inner", "be a controller", inner)
+        gains.controller("inner", inner)
         self.arm, self.inner = arm, inner
         self.cutoff = gains.each("cutoff", cutoff, arm.joints, positive=True)
         self.compensation = gains.one("compensation", compensation)
@@ -74,6 +81,12 @@ class DisturbanceObserver(Controller):
         self._forget = np.array(
             [math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
         )
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        inner = needs_of(self.inner, arm, reference)
+        joints = self.arm.joints if self.arm.joints != arm.joints else inner.joints
+        return Needs(joints, tuple(dict.fromkeys([*JOINTS, *inner.measured])), inner.gauges)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

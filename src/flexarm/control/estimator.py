@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.arm import Arm
+from flexarm.control.base import (
+    Controller,
+    FloatArray,
+    Measurement,
+    Needs,
+    Reference,
+    needs_of,
+)
 from flexarm.control.extended_kalman import ExtendedKalmanFilter
 from flexarm.control.gains import Gains
+
+#: What the inner controller is told instead of read.
+_TOLD = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
 
 
 class EstimatorController(Controller):
@@ -32,8 +43,7 @@ class EstimatorController(Controller):
         gains = Gains("EstimatorController")
         if not isinstance(estimator, ExtendedKalmanFilter):
             gains.refuse("estimator", "be an ExtendedKalmanFilter", estimator)
-        if not all(hasattr(inner, name) for name in ("sample_time", "reset", "update")):
-            gains.refuse("inner", "be a controller", inner)
+        gains.controller("inner", inner)
         gains.done()
         self.estimator, self.inner = estimator, inner
         self._asked: FloatArray | None = None
@@ -53,6 +63,19 @@ class EstimatorController(Controller):
         self.estimator.reset()
         self.inner.reset()
         self._asked = None
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``: what the filter reads, and what it does not tell the inner."""
+        inner = needs_of(self.inner, arm, reference)
+        own = [item.label for item in self.estimator.instruments]
+        more = [name for name in inner.measured if name not in _TOLD]
+        joints = self.estimator.arm.joints
+        gauges = len(self.estimator.arm.gauges) if "strain" in own else None
+        return Needs(
+            joints if joints != arm.joints else inner.joints,
+            tuple(dict.fromkeys([*own, *more])),
+            gauges if gauges not in (None, len(arm.gauges)) else inner.gauges,
+        )
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -7,8 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.control.base import controller_problem
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.model.wording import nearest
 
 
 class Gains:
@@ -64,7 +66,14 @@ class Gains:
         """Refuse names that are not among the choices."""
         for item in given:
             if item not in choices:
-                self.refuse(name, f"be names out of {', '.join(choices)}", item)
+                rule, hint = f"be names out of {', '.join(choices)}", nearest(item, choices)
+                self._problems.append(Problem(self._where, name, rule, shown(item), hint))
+
+    def controller(self, name: str, value: object) -> None:
+        """Refuse what is no controller."""
+        problem = controller_problem(self._where, name, value)
+        if problem is not None:
+            self._problems.append(problem)
 
     def done(self) -> None:
         """Tell what was wrong.

@@ -63,7 +63,7 @@ class Impedance(TaskController):
         sample_time = gains.one("sample_time", sample_time, positive=True)
         gains.done()
         super().__init__(arm, sample_time, self.posture_frequency)
-        self._measures = self.force_proportional > 0.0 or self.force_integral > 0.0
+        self._reads_force = self.force_proportional > 0.0 or self.force_integral > 0.0
         self._sum = 0.0
 
     def reset(self) -> None:
@@ -90,7 +90,7 @@ class Impedance(TaskController):
         k, d = self.tangent_stiffness, self.tangent_damping
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
         across += (self.normal_damping - d) * (nx * x_rate + ny * y_rate)
-        if self._measures:
+        if self._reads_force:
             error = asked.force - felt_force(asked, measurement)
             across -= self.force_proportional * error + self._sum
             self._sum += self.force_integral * self.sample_time * error

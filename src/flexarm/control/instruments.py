@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.linear.signals import CHANNEL_OUTPUTS, Sensor
+from flexarm.model.wording import nearest
 
 FloatArray = NDArray[np.float64]
 
@@ -63,7 +64,8 @@ class Instrument:
         problems = []
         if not isinstance(self.signal, Sensor) and self.signal not in SIGNALS:
             rule = "be a Sensor or one of " + ", ".join(map(repr, SIGNALS))
-            problems.append(Problem("Instrument", "signal", rule, shown(self.signal)))
+            hint = nearest(self.signal, SIGNALS)
+            problems.append(Problem("Instrument", "signal", rule, shown(self.signal), hint))
         for name in ("name", "rate_name"):
             given = getattr(self, name)
             if given is not None and not (isinstance(given, str) and given.isidentifier()):

@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 from numpy.typing import ArrayLike
 
-from flexarm.control.base import FloatArray, Measurement, Reference
+from flexarm.arm import Arm
+from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
 from flexarm.control.gains import check_gains, check_sample_time
+from flexarm.control.needs import JOINTS, joints_of
 
 
 class JointPD(JointFollower):
@@ -42,6 +44,10 @@ class JointPD(JointFollower):
         self.sample_time = check_sample_time("JointPD", sample_time)
         check_feedforward("JointPD", feedforward)
         self.feedforward = feedforward
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        return Needs(joints_of(arm.joints, self.proportional, self.derivative), JOINTS)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Reference
+from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
 from flexarm.control.gains import check_gains, check_joints, check_positive, check_sample_time
+from flexarm.control.needs import JOINTS, joints_of
 from flexarm.control.rigid_model import RigidModel
 from flexarm.control.weight import SaggingArm
 from flexarm.errors import InputError, Problem, shown
@@ -82,6 +83,13 @@ class JointPID(JointFollower):
         self._sum = 0.0
         if isinstance(self._weight, SaggingArm):
             self._weight.reset()
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        if self.arm is not None:
+            return Needs(self.arm.joints, JOINTS)
+        lists = self.proportional, self.derivative, self.integral, self.torque_limit
+        return Needs(joints_of(arm.joints, *lists), JOINTS)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -16,6 +16,7 @@ from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.linearize import linearize
 from flexarm.linear.signals import INPUTS
 from flexarm.linear.state_space import LinearModel
+from flexarm.model.wording import nearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,7 +287,9 @@ def check_names(
         raise InputError(Problem(where, argument, rule, shown(given)))
     wrong = [name for name in given if name not in allowed]
     if wrong:
-        raise InputError(*(Problem(where, argument, rule, shown(name)) for name in wrong))
+        raise InputError(
+            *(Problem(where, argument, rule, shown(n), nearest(n, allowed)) for n in wrong)
+        )
     return given
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.flexible_model import FlexibleModel
 from flexarm.control.linear_design import (
     DISTURBANCES,
@@ -190,6 +190,12 @@ class LQG(Controller):
         self._known[:] = 0.0
         self._whole[:] = 0.0
         self._motion.reset()
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        first = () if self.nominal is not None else ("joint_angle",)
+        read = tuple(dict.fromkeys([*first, *self.wishes.measured, *self.wishes.integrated]))
+        return Needs(self.arm.joints, read, len(self.arm.gauges) if "strain" in read else None)
 
     @property
     def estimate(self) -> FloatArray:

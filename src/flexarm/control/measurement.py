@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.model.wording import nearest
+
 FloatArray = NDArray[np.float64]
 
 
@@ -23,7 +25,10 @@ class Measurement(Mapping[str, FloatArray]):
         self._values = values
 
     def __getitem__(self, name: str) -> FloatArray:
-        return self._values[name]
+        try:
+            return self._values[name]
+        except KeyError:
+            raise _NotMeasured(name, self._values) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
@@ -40,14 +45,25 @@ class Measurement(Mapping[str, FloatArray]):
         try:
             return self._values[name]
         except KeyError:
-            given = ", ".join(self._values)
-            raise AttributeError(
-                f"no instrument measures {name!r}; measured are: {given}. Give simulate a hardware "
-                f"with an Instrument of that signal or name."
-            ) from None
+            raise AttributeError(_not_measured(name, self._values)) from None
 
     def __repr__(self) -> str:
         return f"Measurement({', '.join(f'{k}={v}' for k, v in self._values.items())})"
+
+
+class _NotMeasured(KeyError):
+    """A name that is not measured; worded when it is shown, since ``get`` asks often."""
+
+    def __str__(self) -> str:
+        name, values = self.args
+        return _not_measured(name, values)
+
+
+def _not_measured(name: str, values: Mapping[str, FloatArray]) -> str:
+    hint = nearest(name, values)
+    if not hint:
+        hint = "Give simulate a hardware with an Instrument of that signal or name."
+    return f"no instrument measures {name!r}; measured are: {', '.join(values)}. {hint}"
 
 
 def _measurement(values: dict[str, FloatArray]) -> Measurement:

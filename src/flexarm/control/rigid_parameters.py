@@ -13,6 +13,7 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.rigid_terms import SET_COLUMNS, momentum, regressor
+from flexarm.model.wording import nearest
 
 #: Columns of a set that a parameter of a link or a joint fills with ones.
 _LINK = {"mass": 0, "first_moment": 1, "inertia": 3}
@@ -129,7 +130,8 @@ def _directions(where: str, rigid: Arm, names: Sequence[str]) -> list[FloatArray
     for i, name in enumerate(names):
         if name not in known:
             rule = f"be names out of {', '.join(known)}"
-            problems.append(Problem(where, "parameters", rule, shown(name)))
+            hint = nearest(name, known)
+            problems.append(Problem(where, "parameters", rule, shown(name), hint))
         elif name in names[:i]:
             problems.append(Problem(where, "parameters", "name each once", shown(name)))
     if problems:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Reference
+from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.gains import Gains
+from flexarm.control.needs import JOINTS
 
 #: Above this frequency curvature is not fed back, Hz: rates of noise would drown the rest.
 _NOISE_CUTOFF = 100.0
@@ -48,6 +49,12 @@ class SlidingVariable:
             return
         self._gauge[joint] = min(own)[1]
         self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
+
+    def needs(self, arm: Arm) -> Needs:
+        """Return what it reads, for the controller of ``arm``."""
+        if self._fed:
+            return Needs(arm.joints, (*JOINTS, "strain"), len(arm.gauges))
+        return Needs(arm.joints, JOINTS)
 
     def reset(self, sample_time: float) -> None:
         """Forget the run before; s."""

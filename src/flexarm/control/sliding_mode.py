@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.gains import Gains
 from flexarm.control.rigid_parameters import RigidParameters
 from flexarm.control.sliding import SlidingVariable
@@ -71,6 +71,10 @@ class SlidingMode(Controller):
     def reset(self) -> None:
         """Forget the run before."""
         self._sliding.reset(self.sample_time)
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        return self._sliding.needs(self.arm)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -8,9 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.control.base import FloatArray, Measurement, Reference
+from flexarm.arm import Arm
+from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
 from flexarm.control.gains import check_gains, check_positive, check_sample_time
+from flexarm.control.needs import JOINTS, joints_of
 from flexarm.errors import InputError, Problem, check_array
 
 
@@ -74,6 +76,15 @@ class StrainFeedback(JointFollower):
         """Forget the angles held and the strains before."""
         super().reset()
         self._last = None
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        fed = [self.strain, *([self.strain_rate] if np.any(self.strain_rate) else [])]
+        joints = joints_of(arm.joints, self.proportional, self.derivative, *fed)
+        there = len(arm.gauges)
+        counts = (gains.shape[1] if gains.ndim == 2 else joints for gains in fed)
+        gauges = next((count for count in counts if count != there), there)
+        return Needs(joints, (*JOINTS, "strain"), gauges)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

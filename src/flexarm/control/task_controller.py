@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from flexarm.arm import Arm
-from flexarm.control.base import Controller
+from flexarm.control.base import Controller, Needs, Reference
 from flexarm.control.measurement import FloatArray, Measurement
+from flexarm.control.needs import JOINTS
 from flexarm.control.task_plan import Asked, TaskPlan
 from flexarm.control.task_space import TaskSpace, TaskState
 
@@ -20,12 +21,18 @@ class TaskController(Controller):
         self.arm = arm
         self.sample_time = sample_time
         self._posture_frequency = posture_frequency
+        self._reads_force = True
         self._task = TaskSpace(arm)
         self._plan = TaskPlan(arm, sample_time)
 
     def reset(self) -> None:
         """Forget the reference, and the angles held without one."""
         self._plan.reset()
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``: of a reference that presses, the force is measured."""
+        presses = self._reads_force and hasattr(reference, "contact_force")
+        return Needs(self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS)
 
     def _joints_follow(
         self, asked: Asked, state: TaskState, angle: FloatArray, rate: FloatArray

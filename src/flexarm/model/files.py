@@ -73,6 +73,7 @@ def locate_study(path: AnyPath) -> tuple[Study, Callable[[Path], str]]:
 
 def _located(kind: type[R], path: AnyPath) -> tuple[R, Callable[[Path], str]]:
     document = _read(FilePath(path))
+    _refuse_other_kind(document, kind)
     problems: list[Problem] = []
     holder = _holder_of_arm(document, problems, (), kind)
     content = {key: document.value[key] for key in kind.model_fields if key in document.value}
@@ -86,6 +87,29 @@ def _located(kind: type[R], path: AnyPath) -> tuple[R, Callable[[Path], str]]:
     if record is None or problems:
         raise ModelError(*_in_order(document.file, problems))
     return record, where
+
+
+def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
+    """Say of a study that it is no scenario, and of a scenario that it is no study.
+
+    Raises:
+        ModelError: it has keys that only the other kind of file has, and none of its own.
+    """
+    keys = document.value.keys()
+    own = keys & (kind.model_fields.keys() - _OTHERS[kind].model_fields.keys())
+    others = keys & (_OTHERS[kind].model_fields.keys() - kind.model_fields.keys())
+    if kind is Study:
+        others |= keys & {"run"}  # all that a scenario of a free arm has
+    if own or not others:
+        return
+    names = {Scenario: ("scenario", "run"), Study: ("study", "compare")}
+    wanted, (told, command) = names[kind][0], names[_OTHERS[kind]]
+    hint = f"`flexarm {command}` runs it; in Python, run_{told}."
+    place = document.where((min(others),))
+    raise ModelError(Problem(place, "the file", f"be a {wanted}", f"a {told}", hint))
+
+
+_OTHERS: dict[type[Record], type[Record]] = {Scenario: Study, Study: Scenario}
 
 
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
@@ -258,6 +282,8 @@ def _content(value: Any) -> Any:
         }
         kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
         return {**kind, **told}
+    if isinstance(value, dict):
+        return {name: _content(part) for name, part in value.items()}
     return [_content(part) for part in value] if isinstance(value, tuple) else value
 
 

@@ -170,6 +170,9 @@ def hardware_faults(given: Given) -> Iterator[Fault]:
         if item.signal == "strain" and not gauges:
             rule = "be another on an arm without gauges"
             yield Fault((*place, "signal"), rule, shown(item.signal))
+        if item.signal.startswith("contact_") and given.has("contacts") and not given.contacts:
+            rule = "be another where there are no contacts"
+            yield Fault((*place, "signal"), rule, shown(item.signal))
         if item.link is not None and item.link > len(links):
             rule = f"be the number of a link, 1 to {len(links)}"
             yield Fault((*place, "link"), rule, shown(item.link))

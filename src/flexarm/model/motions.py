@@ -1,13 +1,17 @@
-"""Motions a scenario can ask for: the tip along a line, or the joints from here to there."""
+"""Motions a scenario can ask for: the tip along a line, the joints from here to there, pressing."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
-from flexarm.model.checks import Record
-from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, length_of, plain
+from flexarm.model.shaping import ShapingSpec, SmoothingSpec
+from flexarm.model.wording import Fault, look
 
 Profile = Literal["quintic", "trapezoidal"]
 
@@ -18,6 +22,12 @@ class _Timing(Record):
     duration: Positive = Field(description="Time from start to end (s).")
     profile: Profile = Field(default="quintic", description="How the way is spread over time.")
     start_time: NonNegative = Field(default=0.0, description="When the motion starts (s).")
+    shaping: ShapingSpec | None = Field(
+        default=None, description="Input shaping, so that it leaves no vibration."
+    )
+    smoothing: SmoothingSpec | None = Field(
+        default=None, description="An average over time, after the shaping."
+    )
 
 
 class LineMotionSpec(_Timing):
@@ -41,4 +51,92 @@ class JointMotionSpec(_Timing):
     end: Listed[Number] = Field(description="Relative joint angles at the end (rad).")
 
 
-MotionSpec = Annotated[LineMotionSpec | JointMotionSpec, Field(discriminator="kind")]
+PathSpec = Annotated[LineMotionSpec | JointMotionSpec, Field(discriminator="kind")]
+
+
+class ForceTable(Record):
+    """A force over time: smooth from each value to the next, constant before and after."""
+
+    times: Listed[Number] = Field(description="Ascending times (s).")
+    values: Listed[NonNegative] = Field(description="The force at each time (N).")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        times, values = length_of(given.raw("times")), length_of(given.raw("values"))
+        if times == 0:
+            yield Fault(("times",), "hold at least one time", "empty")
+        elif times is not None and values is not None and values != times:
+            yield Fault(
+                ("values",), f"have a value for each of the {times} times", f"{values} long"
+            )
+        if not given.has("times"):
+            return
+        for k in range(1, len(given.times)):
+            if given.times[k] <= given.times[k - 1]:
+                rule = f"be greater than {given.times[k - 1]:.9g}, the time before it"
+                yield Fault(("times", k), rule, shown(given.times[k]))
+                return
+
+
+def _number_or_table(value: Any) -> str:
+    return "<table>" if isinstance(plain(value), dict | ForceTable) else "<number>"
+
+
+Force = Annotated[
+    Annotated[NonNegative, Tag("<number>")] | Annotated[ForceTable, Tag("<table>")],
+    Discriminator(_number_or_table),
+]
+
+
+class PressedMotionSpec(Record):
+    """The tip of the bent arm follows a path along a surface and presses on it."""
+
+    kind: Literal["pressed"] = "pressed"
+    path: PathSpec = Field(description="The motion of the rigid arm whose tip is the path.")
+    force: Force = Field(description="Force on the surface (N), or a table of it over time.")
+    normal: Pair | None = Field(
+        default=None,
+        description="Direction away from the surface [x, y], of any length; that of the first "
+        "contact where left out.",
+    )
+    friction: NonNegative = Field(
+        default=0.0, description="Coefficient of friction that the bent arm is planned with."
+    )
+    interval: Positive = Field(
+        default=0.05, description="Time between those at which the bent arm is computed (s)."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("normal") and not any(given.normal):
+            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
+
+
+MotionSpec = Annotated[
+    LineMotionSpec | JointMotionSpec | PressedMotionSpec, Field(discriminator="kind")
+]
+
+
+def motion_faults(given: Given) -> Iterator[Fault]:
+    """Yield what does not fit between a motion that presses and the rest of a scenario."""
+    motion, drive = given.raw("motion"), given.raw("drive")
+    if look(motion, "kind") != "pressed":
+        return
+    kind = look(drive, "kind")
+    if kind == "rigid_inverse_dynamics":
+        yield Fault(("drive", "kind"), "be another along a motion that presses", shown(kind))
+    place: tuple[str, ...] = ("drive",)
+    while drive is not None:
+        if look(drive, "feedforward") == "rigid_inverse_dynamics":
+            rule = "be none along a motion that presses"
+            yield Fault((*place, "feedforward"), rule, shown("rigid_inverse_dynamics"))
+        drive, place = look(drive, "inner"), (*place, "inner")
+    for k, joint in enumerate(given.prescribed if given.has("prescribed") else ()):
+        if joint.kind == "motion":
+            rule = "be another along a motion that presses"
+            yield Fault(("prescribed", k, "kind"), rule, shown(joint.kind))
+    if look(motion, "normal") is None and given.has("contacts"):
+        surface = given.contacts[0].surface.kind if given.contacts else None
+        if surface not in ("wall", "round"):
+            rule = "be given where the first contact is no wall and no circle"
+            yield Fault(("motion", "normal"), rule, "missing")

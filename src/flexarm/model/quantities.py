@@ -1,4 +1,4 @@
-"""The kinds of values that fields hold: finite numbers, counts, pairs, lists.
+"""The kinds of values that fields hold: finite numbers, counts, pairs, lists, values by name.
 
 Numbers are strict (no text, no booleans) but take NumPy scalars and arrays for the plain Python
 values they hold; lists and tuples are the same to the user and stored as tuples.
@@ -7,10 +7,10 @@ values they hold; lists and tuples are the same to the user and stored as tuples
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.model.wording import refuse
 
@@ -59,6 +59,30 @@ def _two(value: Any) -> Any:
     return given
 
 
+class Names(dict[str, T]):
+    """Values by name that stay as they are, so that records that hold them have a hash."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Names, (dict(self),)
+
+    def _refuse(self, *_: object, **__: object) -> Any:
+        raise TypeError("a record does not change: use its replace()")
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
+
+
+def _named(value: Any) -> Any:
+    if not isinstance(value, dict) or not value:
+        raise refuse("be a mapping of names, one at least", value)
+    wrong = next((name for name in value if not isinstance(name, str)), None)
+    if wrong is not None:
+        raise refuse("have words for names", wrong, "Put the name into quotes.")
+    return value
+
+
 def _one_or_many(value: Any) -> str:
     return "<list>" if isinstance(plain(value), list | tuple) else "<number>"
 
@@ -66,8 +90,10 @@ def _one_or_many(value: Any) -> str:
 if TYPE_CHECKING:
     # What may be given, so that type checkers let lists pass; what is stored is a tuple.
     Listed = Annotated[Sequence[T], ...]
+    Named = Annotated[Mapping[str, T], ...]
 else:
     Listed = Annotated[tuple[T, ...], BeforeValidator(_listed)]
+    Named = Annotated[dict[str, T], BeforeValidator(_named), AfterValidator(Names)]
 
 # Bounds stand before the validator of the type: so they reach the number inside, and the schema.
 Number = Annotated[float, BeforeValidator(finite)]

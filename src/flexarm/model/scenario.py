@@ -14,7 +14,7 @@ from flexarm.model.drives import CONTROLLED, Drive, NoDrive, balances
 from flexarm.model.events import EventSpec, event_faults
 from flexarm.model.hardware import LIMITS, HardwareSpec, hardware_faults
 from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
-from flexarm.model.motions import MotionSpec
+from flexarm.model.motions import MotionSpec, motion_faults
 from flexarm.model.prescribed import PrescribedJoint, prescribed_faults
 from flexarm.model.quantities import Flag, Listed, Number, Positive, Word, finite, length_of, plain
 from flexarm.model.spec import ArmSpec
@@ -140,6 +140,7 @@ class Scenario(Record):
         yield from hardware_faults(given)
         yield from load_faults(given)
         yield from contact_faults(given)
+        yield from motion_faults(given)
         yield from prescribed_faults(given, turning)
         yield from event_faults(given, turning)
         if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
@@ -166,9 +167,12 @@ def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
     Looks at what the user wrote, since only lengths matter here: the values may have other faults.
     """
     motion, drive, initial = (given.raw(name) for name in ("motion", "drive", "initial"))
+    place: Path = ("motion",)
+    if look(motion, "kind") == "pressed":
+        motion, place = look(motion, "path"), ("motion", "path")
     if look(motion, "kind") == "joint":
-        yield ("motion", "start"), look(motion, "start")
-        yield ("motion", "end"), look(motion, "end")
+        yield (*place, "start"), look(motion, "start")
+        yield (*place, "end"), look(motion, "end")
     if look(drive, "kind") == "torque":
         rows = plain(look(drive, "values"))
         # Rows of the same length have the same problem: the first of them stands for all.
@@ -177,9 +181,13 @@ def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
             if length_of(row) not in seen:
                 yield ("drive", "values", i), row
             seen.add(length_of(row))
-    kind = look(drive, "kind")
-    for name in CONTROLLED.get(kind, ()) if isinstance(kind, str) else ():
-        yield ("drive", name), look(drive, name)
+    place = ("drive",)
+    while drive is not None:  # a controller may be around another one
+        kind = look(drive, "kind")
+        record = CONTROLLED.get(kind) if isinstance(kind, str) else None
+        for name in record.per_joint if record else ():
+            yield (*place, name), look(drive, name)
+        drive, place = look(drive, "inner"), (*place, "inner")
     motors = look(given.raw("hardware"), "motors")
     for name in LIMITS:
         yield ("hardware", "motors", name), look(motors, name)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from flexarm.errors import InputError, shown
 from flexarm.model.checks import Given, Record, faults_of
@@ -17,6 +17,7 @@ from flexarm.model.loads import LoadSpec, off_the_arm
 from flexarm.model.motions import MotionSpec
 from flexarm.model.quantities import (
     Listed,
+    Named,
     NonNegative,
     OneOrMany,
     Positive,
@@ -25,7 +26,7 @@ from flexarm.model.quantities import (
 from flexarm.model.scenario import RunSettings, Scenario
 from flexarm.model.spec import ArmSpec
 from flexarm.model.variation import varied_spec
-from flexarm.model.wording import Fault, Path, refuse
+from flexarm.model.wording import Fault, Path
 
 
 class PlantSpec(Record):
@@ -68,26 +69,13 @@ class StudyRun(Record):
         return RunSettings(duration=self.duration, rate=self.rate, integrator=self.integrator)
 
 
-def _named(value: Any) -> Any:
-    if not isinstance(value, dict) or not value:
-        raise refuse("be a mapping of names, one at least", value)
-    wrong = next((name for name in value if not isinstance(name, str)), None)
-    if wrong is not None:
-        raise refuse("have words for names", wrong, "Put the name into quotes.")
-    return value
-
-
 class Study(Record):
     """Every drive on every plant along every motion, and numbers of each run."""
 
     arm: ArmSpec = Field(description="The arm that the drives believe in.")
-    motions: Annotated[dict[str, MotionSpec], BeforeValidator(_named)] = Field(
-        description="Motions asked for, by name."
-    )
-    drives: Annotated[dict[str, Drive], BeforeValidator(_named)] = Field(
-        description="What moves the joints, by name."
-    )
-    plants: Annotated[dict[str, PlantSpec], BeforeValidator(_named)] = Field(
+    motions: Named[MotionSpec] = Field(description="Motions asked for, by name.")
+    drives: Named[Drive] = Field(description="What moves the joints, by name.")
+    plants: Named[PlantSpec] = Field(
         default={"as believed": PlantSpec()}, description="Arms that are simulated, by name."
     )
     hardware: HardwareSpec | None = Field(
@@ -110,11 +98,11 @@ class Study(Record):
         yield from _unfit_plants(given)
         if not given.has("arm", "motions", "drives", "run"):
             return
-        told: set[Path] = set()
+        told: set[Fault] = set()
         for drive, motion in _pairs(given):
             for fault in _of_one(given, drive, motion):
-                if fault.path not in told:
-                    told.add(fault.path)
+                if fault not in told:
+                    told.add(fault)
                     yield fault
 
     def scenario(self, drive: str, motion: str) -> Scenario:

@@ -94,6 +94,12 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f"Known: {', '.join(choices)}." if choices else ""
 
 
+def nearest(word: object, known: Iterable[str]) -> str:
+    """Return the sentence that names what `word` is nearly, or nothing."""
+    near = suggestion(word, known) if isinstance(word, str) else ""
+    return near if near.startswith("Did") else ""
+
+
 def _likeness(word: str, choice: str) -> tuple[float, int]:
     """Return how near two words are, and how many letters their beginnings share."""
     import difflib
@@ -123,9 +129,8 @@ def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
     if details["type"].startswith("union_tag"):
         return _wrong_kind(path, value, context)
     fault = Fault(path, _rule(details["type"], context) or details["msg"], shown(value))
-    if details["type"] == "literal_error" and isinstance(value, str):
-        near = suggestion(value, _choices(context["expected"]))
-        return replace(fault, hint=near if near.startswith("Did") else "")
+    if details["type"] == "literal_error":
+        return replace(fault, hint=nearest(value, _choices(context["expected"])))
     return fault
 
 
@@ -160,8 +165,7 @@ def _wrong_kind(path: Path, value: Any, context: dict[str, Any]) -> Fault:
         return Fault((*path, "kind"), "be given", "missing")
     choices = _choices(context["expected_tags"])
     kind = value["kind"] if isinstance(value, dict) else context["tag"]
-    near = suggestion(context["tag"], choices)
-    hint = near if near.startswith("Did") else ""
+    hint = nearest(context["tag"], choices)
     return Fault((*path, "kind"), f"be one of {context['expected_tags']}", shown(kind), hint)
 
 
@@ -177,11 +181,15 @@ def _without_tags(location: Path, data: object) -> Path:
     that place of `data`.
     """
     path: list[str | int] = []
+    tagged = True  # the record itself is no member of a union here
     for part in location:
-        if isinstance(part, str) and (part.startswith("<") or part == look(data, "kind")):
+        if isinstance(part, str) and part.startswith("<"):
+            continue
+        if not tagged and part == look(data, "kind"):
+            tagged = True  # a key of that name may follow
             continue
         path.append(part)
-        data = look(data, part)
+        data, tagged = look(data, part), False
     return tuple(path)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from flexarm.control import Controller, Hardware, Measurement, Reference
 from flexarm.errors import InputError, SimulationError, check_array
 from flexarm.integrate.base import FloatArray
+from flexarm.simulate.fit import misfits
 from flexarm.simulate.sampled_reference import sampled_reference
 from flexarm.simulate.stepping import Run
 from flexarm.simulate.ticks import Ticks
@@ -20,7 +21,11 @@ _LOOK_EVERY = 64
 
 
 class ClosedLoop:
-    """Sense, control, hold the torque, advance; again at the next sample time."""
+    """Sense, control, hold the torque, advance; again at the next sample time.
+
+    Raises:
+        InputError: controller, hardware and arm do not fit each other.
+    """
 
     def __init__(
         self,
@@ -29,6 +34,10 @@ class ClosedLoop:
         reference: Reference | None,
         hardware: Hardware | None,
     ) -> None:
+        contacts = run.loads.placed.contacts.body.size
+        problems = misfits(controller, run.arm, reference, hardware, contacts)
+        if problems:
+            raise InputError(*problems)
         self._run = run
         self._controller = controller
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from flexarm.control import Hardware, Instrument, Motors
@@ -15,10 +16,13 @@ def hardware_of(spec: HardwareSpec | None) -> Hardware | None:
     """Return the hardware that a file describes, or None."""
     if spec is None:
         return None
-    instruments = None
-    if spec.instruments is not None:
-        instruments = [_instrument(item) for item in spec.instruments]
+    instruments = None if spec.instruments is None else instruments_of(spec.instruments)
     return Hardware(instruments, _motors(spec.motors), spec.seed)
+
+
+def instruments_of(specs: Sequence[InstrumentSpec]) -> list[Instrument]:
+    """Return the instruments that a file describes."""
+    return [_instrument(item) for item in specs]
 
 
 def _instrument(spec: InstrumentSpec) -> Instrument:

@@ -32,7 +32,12 @@ METRICS = (
     Metric("torque_rms", "N m", "root of the mean sum of squares of the torques"),
     Metric("torque_peak", "N m", "largest torque of any joint"),
     Metric(
-        "force_error_rms", "N", "normal force of the first contact from its reference, likewise"
+        "force_error_rms",
+        "N",
+        "normal force of the first contact from its reference while this moves, RMS",
+    ),
+    Metric(
+        "force_error_peak", "N", "largest difference of that force from its reference, likewise"
     ),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
@@ -84,7 +89,10 @@ def metrics_of(
     values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
     values["torque_peak"] = float(abs(torque).max())
     if moving.any():
-        values["force_error_rms"] = _force_error(result, reference, times, moving)
+        missed_force = _force_error(result, reference, times, moving)
+        if missed_force is not None:
+            values["force_error_rms"] = _rms(missed_force)
+            values["force_error_peak"] = float(abs(missed_force).max())
     calls = result.attrs.get("controller_calls", 0)
     if calls:
         values["controller_time"] = result.attrs["controller_seconds"] / calls
@@ -93,16 +101,17 @@ def metrics_of(
 
 def _force_error(
     result: xr.Dataset, reference: Reference, times: FloatArray, moving: NDArray[np.bool_]
-) -> float:
-    """RMS of the force across the surface from what a reference that presses asks for, N."""
+) -> FloatArray | None:
+    """Force across the surface less what a reference that presses asks for, while it moves, N."""
     asked, normal = getattr(reference, "contact_force", None), getattr(reference, "normal", None)
     if asked is None or normal is None or "contact_force" not in result:
-        return float("nan")
+        return None
     now = times[moving]
     on_arm = result["contact_force"].values[moving, 0]
     wanted = np.array([asked(float(t)) for t in now])
     across = np.array([normal(float(t)) for t in now])
-    return _rms(np.sum(across * on_arm, axis=1) - wanted)
+    missed: FloatArray = np.sum(across * on_arm, axis=1) - wanted
+    return missed
 
 
 def _rms(values: FloatArray) -> float:

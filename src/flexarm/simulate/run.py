@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm import Arm
 from flexarm.contacts import Contact
 from flexarm.control import Controller, Hardware, Reference
+from flexarm.control.base import controller_problem
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -275,10 +276,9 @@ def _check_objects(
         raise InputError(Problem(where, "hardware", rule, value))
     if controller is None:
         return
-    for name in ("reset", "update"):
-        if not callable(getattr(controller, name, None)):
-            rule = f"have the method {name}"
-            raise InputError(Problem(where, "controller", rule, shown(controller)))
+    problem = controller_problem(where, "controller", controller)
+    if problem is not None:
+        raise InputError(problem)
     positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
 
 

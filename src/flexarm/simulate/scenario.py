@@ -2,47 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexarm.arm import Arm
-from flexarm.control import ComputedTorque, Controller, JointPD, JointPID, StrainFeedback
-from flexarm.errors import InputError, Problem, SimulationError
+from flexarm.errors import InputError, SimulationError
 from flexarm.loads import Load
 from flexarm.model import (
-    ComputedTorqueDrive,
     EventSpec,
-    JointPDDrive,
-    JointPIDDrive,
-    LineMotionSpec,
     RigidInverseDynamicsDrive,
     Scenario,
-    StrainFeedbackDrive,
     TorqueDrive,
     file_text,
     locate_scenario,
 )
-from flexarm.model.wording import Path, path_of
-from flexarm.motion import Motion, joint_motion, line_motion
+from flexarm.model.drives import ControllerDrive
+from flexarm.model.wording import path_of
+from flexarm.motion import Motion
 from flexarm.simulate.choice import check_integrator
+from flexarm.simulate.controllers import Around, controller_of
 from flexarm.simulate.events import events_of
+from flexarm.simulate.fit import misfits
 from flexarm.simulate.hardware_file import hardware_of
+from flexarm.simulate.motions import Asked, motion_of
 from flexarm.simulate.outside import base_acceleration_of, contacts_of, loads_of
 from flexarm.simulate.run import simulate
 from flexarm.simulate.start import Start, feedforward, start_of
+from flexarm.simulate.told import Where, told_as
 from flexarm.simulate.torque_history import constant_torque, sampled_torque
 
 if TYPE_CHECKING:
     import xarray as xr
-
-#: Drives that are controllers.
-_CONTROLLERS = (ComputedTorqueDrive, JointPDDrive, JointPIDDrive, StrainFeedbackDrive)
-#: Where a key path stands in its file: ``file:line``.
-Where = Callable[[Path], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +48,7 @@ class Prepared:
     """
 
     arm: Arm
-    motion: Motion | None
+    motion: Asked | None
     options: dict[str, Any]
     text: str
     events: Sequence[EventSpec] = ()
@@ -95,22 +87,26 @@ class Prepared:
         return result
 
 
-def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
+def prepare(
+    scenario: Scenario, where: str | Where = "scenario", motion: Asked | None = None
+) -> Prepared:
     """Make the arm, the motion and the drive of a scenario.
 
     Args:
         scenario: what to run.
         where: the file that it comes from, or where in it a key path stands, for messages.
+        motion: the scenario's, where it has been made before.
 
     Raises:
         InputError: the motion leaves the arm's reach, or the torques do not cover the run.
         EquilibriumError: the equilibrium to start from was not found.
     """
     place = where if callable(where) else lambda _: where
-    with _told_as(place, ""):
+    with told_as(place, ""):
         arm = Arm(scenario.arm)
-    with _told_as(place, "motion"):
-        motion = _motion(arm, scenario)
+    if motion is None:
+        with told_as(place, "motion"):
+            motion = motion_of(arm, scenario)
     run = scenario.run
     options: dict[str, Any] = {"duration": run.duration, "rate": run.rate}
     options["integrator"] = run.integrator
@@ -126,21 +122,47 @@ def prepare(scenario: Scenario, where: str | Where = "scenario") -> Prepared:
         options["contacts"] = contacts_of(scenario)
     if scenario.base_acceleration is not None:
         options["base_acceleration"] = base_acceleration_of(scenario)
-    with _told_as(place, "initial"):
+    with told_as(place, "initial"):
         start = start_of(arm, scenario, motion)
     options["initial"] = start.q
     if scenario.initial.joint_rate is not None:
         options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
     if start.prescribed:
         options["prescribed"] = start.prescribed
-    with _told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
-        _set_drive(arm, scenario, motion, start, options)
     if scenario.hardware is not None:
-        with _told_as(place, "hardware"):
+        with told_as(place, "hardware"):
             options["hardware"] = hardware_of(scenario.hardware)
-    with _told_as(place, "run"):
+    with told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
+        _set_drive(arm, scenario, motion, start, options)
+    _check_fit(arm, scenario, place, options)
+    with told_as(place, "run"):
         check_integrator(run.integrator, run.step, "scenario", bool(scenario.contacts))
     return Prepared(arm, motion, options, file_text(scenario), scenario.events)
+
+
+def _check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
+    """Refuse a drive that will not find what it measures.
+
+    Raises:
+        InputError: so it is, told at the places of the file where it would come from.
+    """
+    if "controller" not in options:
+        return
+    found = misfits(
+        options["controller"],
+        arm,
+        options["reference"],
+        options.get("hardware"),
+        len(scenario.contacts),
+        called=scenario.drive.kind,
+    )
+    names = {"hardware": "hardware.instruments", "controller": "drive"}
+    problems = []
+    for problem in found:
+        name = names.get(problem.name, problem.name)
+        problems.append(replace(problem, where=place(path_of(name)), name=name))
+    if problems:
+        raise InputError(*problems)
 
 
 def run_scenario(
@@ -158,73 +180,20 @@ def run_scenario(
     return prepare(scenario, where).run(progress=progress)
 
 
-@contextmanager
-def _told_as(place: Where, key: str, names: dict[str, str] | None = None) -> Iterator[None]:
-    """Name problems by the line and the key path that they come from.
-
-    Args:
-        key: where the values stand that may be refused; nothing where problems say it themselves.
-        names: keys of the file for arguments that are called otherwise.
-    """
-    try:
-        yield
-    except InputError as error:
-        placed = []
-        for problem in error.problems:
-            told = (names or {}).get(problem.name, problem.name)
-            name = f"{key or problem.where}.{told}"
-            placed.append(replace(problem, where=place(path_of(name)), name=name))
-        raise InputError(*placed) from None
-
-
-def _motion(arm: Arm, scenario: Scenario) -> Motion | None:
-    asked = scenario.motion
-    if asked is None:
-        return None
-    common: dict[str, Any] = {"profile": asked.profile, "start_time": asked.start_time}
-    if isinstance(asked, LineMotionSpec):
-        return line_motion(arm, asked.start, asked.end, asked.duration, elbow=asked.elbow, **common)
-    return joint_motion(arm, asked.start, asked.end, asked.duration, **common)
-
-
 def _set_drive(
-    arm: Arm, scenario: Scenario, motion: Motion | None, start: Start, options: dict[str, Any]
+    arm: Arm, scenario: Scenario, motion: Asked | None, start: Start, options: dict[str, Any]
 ) -> None:
     drive = scenario.drive
+    plain = motion if isinstance(motion, Motion) else None
     if isinstance(drive, TorqueDrive):
         history = sampled_torque(
             drive.values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
         )
         options["torque"] = history if start.holding is None else history.shifted(start.holding)
-    elif isinstance(drive, RigidInverseDynamicsDrive) and motion is not None:
-        options["torque"] = feedforward(arm, motion, start)
-    elif motion is not None and (made := _controller(arm, scenario, motion, start)) is not None:
-        options["controller"], options["reference"] = made, motion
+    elif isinstance(drive, RigidInverseDynamicsDrive):
+        options["torque"] = feedforward(arm, plain, start)
+    elif isinstance(drive, ControllerDrive):
+        around = Around(arm, plain, start, options.get("hardware"))
+        options["controller"], options["reference"] = controller_of(drive, around), motion
     elif start.holding is not None:
         options["torque"] = constant_torque(start.holding)
-
-
-def _controller(arm: Arm, scenario: Scenario, motion: Motion, start: Start) -> Controller | None:
-    """Make the controller of a drive that is one."""
-    drive: Any = scenario.drive
-    if not isinstance(drive, _CONTROLLERS):
-        return None
-    rigid = motion if drive.feedforward == "rigid_inverse_dynamics" else None
-    common: dict[str, Any] = {
-        "sample_time": drive.sample_time,
-        "feedforward": feedforward(arm, rigid, start),
-    }
-    if isinstance(drive, ComputedTorqueDrive):
-        return ComputedTorque(arm, drive.frequency_hz, drive.damping_ratio, **common)
-    gains = drive.proportional, drive.derivative
-    if isinstance(drive, JointPIDDrive):
-        common |= {"torque_limit": inf if drive.torque_limit is None else drive.torque_limit}
-        common |= {"arm": None if drive.gravity == "none" else arm, "sag": drive.gravity == "sag"}
-        return JointPID(*gains, drive.integral, **common)
-    if isinstance(drive, StrainFeedbackDrive):
-        if len(arm.gauges) != arm.joints:
-            rule = f"have one gauge for each of the {arm.joints} joints for strain feedback"
-            raise InputError(Problem("drive", "strain", rule, f"an arm with {len(arm.gauges)}"))
-        common |= {"rate_cutoff": drive.rate_cutoff}
-        return StrainFeedback(*gains, drive.strain, drive.strain_rate, **common)
-    return JointPD(*gains, **common)

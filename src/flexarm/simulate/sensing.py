@@ -55,10 +55,11 @@ class ExactSensing:
     """Sensors without error: what an arm gives to a controller unless hardware is named."""
 
     def __init__(self, run: Run) -> None:
-        names = ["joint_angle", "joint_rate", *(["strain"] if run.arm.gauges else [])]
-        self._readers = [(name, _channel(run.arm, name)) for name in names]
-        if run.loads.placed.contacts.body.size:
-            self._readers.append(("contact_force", _contact_force(run)))
+        names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
+        self._readers = [
+            (name, _contact_force(run) if name == "contact_force" else _channel(run.arm, name))
+            for name in names
+        ]
         self._none = {} if run.arm.gauges else {"strain": np.zeros(0)}
 
     def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
@@ -88,6 +89,17 @@ class InstrumentSensing:
                 readings.take(k, read(state, system, t))
             readings.tell(k, values)
         return Measurement(**values)
+
+
+def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[str, ...]:
+    """Return the names in the measurements of an arm with so many contacts.
+
+    Without hardware the strain of an arm without gauges is there, but empty, and does not count.
+    """
+    if hardware is not None and hardware.instruments is not None:
+        return tuple(label for item in hardware.instruments for label in item.labels)
+    strain, force = bool(arm.gauges), contacts > 0
+    return ("joint_angle", "joint_rate", *["strain"] * strain, *["contact_force"] * force)
 
 
 def sensing_of(

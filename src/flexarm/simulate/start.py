@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
+from flexarm.linear.pressed import PressedMotion
 from flexarm.model import HeldJoint, Scenario, TabulatedJoint
 from flexarm.motion import Motion, RigidTorque, rigid_torque
 from flexarm.simulate.outside import base_acceleration_at_start, contacts_of, loads_at_start
@@ -33,8 +34,8 @@ class Start:
     holding: FloatArray | None = None
 
 
-def start_of(arm: Arm, scenario: Scenario, motion: Motion | None) -> Start:
-    """Find the start of a scenario.
+def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None) -> Start:
+    """Find the start of a scenario; along a motion that presses, links start bent by the force.
 
     Raises:
         EquilibriumError: it is to be an equilibrium, and none was found.
@@ -56,11 +57,14 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | None) -> Start:
         elif isinstance(spec, HeldJoint):
             own = PrescribedAngle.hold(angles[place])
         else:
-            assert motion is not None  # refused without one when the file was read
+            assert isinstance(motion, Motion)  # refused otherwise when the file was read
             own = motion
             angles[place] = motion.joint_angle(0.0)[place]
         prescribed[spec.joint] = own
     if not asked.equilibrium:
+        chosen = asked.joint_angle is not None or prescribed
+        if isinstance(motion, PressedMotion) and not chosen:
+            return Start(motion.initial, prescribed)
         return Start(arm.rest(angles), prescribed)
     loads, base = loads_at_start(scenario), base_acceleration_at_start(scenario)
     contacts = contacts_of(scenario)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -16,13 +16,13 @@ from flexarm.model import Study, locate_study
 from flexarm.model.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.simulate.compare import comparison
+from flexarm.simulate.motions import Asked
 from flexarm.simulate.outside import loads_of
 from flexarm.simulate.scenario import Prepared, prepare
+from flexarm.simulate.told import Where
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Where = Callable[[Path], str]
 
 
 class PreparedStudy:
@@ -44,12 +44,15 @@ class PreparedStudy:
             for name, plant in study.plants.items()
         }
         self._prepared: dict[tuple[str, str], Prepared] = {}
+        made: dict[str, Asked | None] = {}  # one that presses takes seconds to make
         for drive in study.drives:
             for motion in study.motions:
                 place = partial(_place, where, drive, motion) if where else "study"
                 scenario = study.scenario(drive, motion)
                 with _told_in_study(drive, motion):
-                    self._prepared[drive, motion] = prepare(scenario, place)
+                    prepared = prepare(scenario, place, made.get(motion))
+                self._prepared[drive, motion] = prepared
+                made[motion] = prepared.motion
 
     def run(self, progress: bool | None = None) -> xr.Dataset:
         """Run it and return the table of ``flexarm.compare``: drives are its controllers."""

@@ -356,5 +356,5 @@ def test_what_is_refused(options, word):
 def test_a_missing_reading_is_named():
     arm = arm_with_gauges()
     hardware = fa.Hardware(instruments=[fa.Instrument("joint_angle")])
-    with pytest.raises(fa.SimulationError, match="strain"):
+    with pytest.raises(fa.InputError, match="an instrument for strain, which LQG reads"):
         fa.simulate(arm, 0.1, controller=fa.LQG(arm), hardware=hardware)

@@ -37,7 +37,19 @@ from flexarm.model import (
     TorqueDrive,
     Tube,
 )
-from flexarm.model.drives import CONTROLLED, balances
+from flexarm.model.drives import (
+    CONTROLLED,
+    AdaptiveDrive,
+    DisturbanceObserverDrive,
+    EstimatorDrive,
+    FilterSpec,
+    HybridForceDrive,
+    LQGDrive,
+    balances,
+)
+from flexarm.model.hardware import InstrumentSpec
+from flexarm.model.motions import ForceTable, PressedMotionSpec
+from flexarm.model.shaping import ShapingSpec, SmoothingSpec
 
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)
@@ -216,6 +228,22 @@ def initial_states(draw, each):
     return InitialState(joint_angle=angles, equilibrium=True, balance=draw(st.booleans()))
 
 
+shapings = st.builds(
+    ShapingSpec,
+    method=st.sampled_from(["zv", "zvd", "ei"]),
+    modes=st.sampled_from([1, 2, [1, 3]]),
+    joints=st.sampled_from(["locked", "free", ["free", [1.0, 0.5]]]),
+    damping_ratio=st.none() | st.floats(0.0, 0.99),
+)
+forces = st.integers(1, 4).flatmap(
+    lambda count: st.builds(
+        ForceTable,
+        times=st.lists(numbers, min_size=count, max_size=count, unique=True).map(sorted),
+        values=st.lists(not_negative, min_size=count, max_size=count),
+    )
+)
+
+
 @st.composite
 def scenarios(draw):
     """Draw a scenario with any motion and any drive that fits it."""
@@ -225,20 +253,24 @@ def scenarios(draw):
         "duration": positive,
         "profile": st.sampled_from(["quintic", "trapezoidal"]),
         "start_time": not_negative,
+        "shaping": st.none() | shapings,
+        "smoothing": st.none() | st.builds(SmoothingSpec, duration=positive),
     }
-    motion = draw(
-        st.one_of(
-            st.none(),
-            st.builds(JointMotionSpec, start=each, end=each, **timing),
-            st.builds(
-                LineMotionSpec,
-                start=pairs,
-                end=pairs,
-                elbow=st.sampled_from(["up", "down"]),
-                **timing,
-            ),
-        )
+    plain = st.one_of(
+        st.builds(JointMotionSpec, start=each, end=each, **timing),
+        st.builds(
+            LineMotionSpec, start=pairs, end=pairs, elbow=st.sampled_from(["up", "down"]), **timing
+        ),
     )
+    pressed = st.builds(
+        PressedMotionSpec,
+        path=plain,
+        force=not_negative | forces,
+        normal=pairs.filter(any),
+        friction=not_negative,
+    )
+    motion = draw(st.one_of(st.none(), plain, pressed))
+    presses = isinstance(motion, PressedMotionSpec)
     gains = not_negative | st.lists(not_negative, min_size=len(arm.links), max_size=len(arm.links))
     drives = [
         st.just(NoDrive()),
@@ -250,14 +282,42 @@ def scenarios(draw):
         ),
     ]
     if motion is not None:
+        pd = st.builds(
+            JointPDDrive,
+            proportional=gains,
+            derivative=gains,
+            feedforward=st.sampled_from(["none", "rigid_inverse_dynamics"][: 1 if presses else 2]),
+            sample_time=positive,
+        )
         drives += [
-            st.just(RigidInverseDynamicsDrive()),
+            *([] if presses else [st.just(RigidInverseDynamicsDrive())]),
+            pd,
+            st.builds(HybridForceDrive, frequency=positive),
             st.builds(
-                JointPDDrive,
-                proportional=gains,
-                derivative=gains,
-                feedforward=st.sampled_from(["none", "rigid_inverse_dynamics"]),
-                sample_time=positive,
+                LQGDrive,
+                posture=st.none() | each,
+                measured=st.dictionaries(st.sampled_from(["tip", "strain"]), positive, min_size=1),
+                integral=st.sampled_from([None, True, "tip", {"joint_angle": 0.1}]),
+            ),
+            st.builds(
+                AdaptiveDrive,
+                bandwidth=positive,
+                damping=gains,
+                adaptation=not_negative,
+                parameters=st.sampled_from(["links", ["payload.mass", "link_1.inertia"]]),
+                bounds=st.none() | st.dictionaries(st.just("payload.mass"), pairs, min_size=1),
+            ),
+            st.builds(DisturbanceObserverDrive, inner=pd, compensation=ratios),
+            st.builds(
+                EstimatorDrive,
+                inner=st.builds(DisturbanceObserverDrive, inner=pd),
+                estimator=st.builds(
+                    FilterSpec,
+                    instruments=st.none()
+                    | st.lists(
+                        st.builds(InstrumentSpec, signal=st.just("joint_angle")), max_size=2
+                    ),
+                ),
             ),
             st.builds(
                 JointPIDDrive,
@@ -274,7 +334,7 @@ def scenarios(draw):
     moved = (
         []
         if drive.kind in CONTROLLED
-        else draw(prescribed_joints(len(arm.links), motion is not None))
+        else draw(prescribed_joints(len(arm.links), motion is not None and not presses))
     )
     initial = draw(initial_states(each))
     if balances(drive):

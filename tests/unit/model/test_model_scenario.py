@@ -13,6 +13,7 @@ from flexarm.model import (
     Scenario,
     TorqueDrive,
 )
+from flexarm.model.drives import CONTROLLED
 
 LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
 ARM = ArmSpec(links=[LINK, LINK])
@@ -96,9 +97,9 @@ def test_torque_takes_an_array():
             {"drive": {"kind": "joint_pdd"}},
             [
                 (
-                    "drive.kind must be one of 'rigid_inverse_dynamics', 'torque', 'joint_pd', "
-                    "'joint_pid', 'computed_torque', 'strain_feedback', "
-                    "'none', but is 'joint_pdd'. Did you mean 'joint_pd'?"
+                    "drive.kind must be one of 'rigid_inverse_dynamics', 'torque', 'none', "
+                    + "".join(f"{kind!r}, " for kind in CONTROLLED).removesuffix(", ")
+                    + ", but is 'joint_pdd'. Did you mean 'joint_pd'?"
                 )
             ],
         ),

@@ -1,0 +1,47 @@
+"""Drives that measure nothing: torques given or computed beforehand, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from pydantic import Field
+
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Listed, Number, Positive, length_of
+from flexarm.model.wording import Fault
+
+
+class RigidInverseDynamicsDrive(Record):
+    """The torques that would move the rigid twin along the motion, without feedback."""
+
+    kind: Literal["rigid_inverse_dynamics"] = "rigid_inverse_dynamics"
+
+
+class TorqueDrive(Record):
+    """Sampled joint torques."""
+
+    kind: Literal["torque"] = "torque"
+    rate: Positive = Field(description="Samples per second (Hz).")
+    values: Listed[Listed[Number]] = Field(
+        description="One row for each sample: the torque of each joint (N m).",
+        json_schema_extra={"minItems": 1},
+    )
+    interpolation: Literal["cubic", "linear", "hold"] = Field(
+        default="cubic", description="What happens between samples."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        samples = length_of(given.raw("values"))
+        if samples == 0:
+            yield Fault(("values",), "hold at least one sample", "empty")
+        if samples == 1 and given.has("interpolation") and given.interpolation != "hold":
+            rule = f"hold at least two samples for {given.interpolation} interpolation"
+            yield Fault(("values",), rule, "1 long")
+
+
+class NoDrive(Record):
+    """No torque: the arm moves freely."""
+
+    kind: Literal["none"] = "none"

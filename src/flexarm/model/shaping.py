@@ -1,0 +1,82 @@
+"""What keeps a motion from leaving vibration behind: input shaping, smoothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Count, Listed, OneOrMany, Pair, Positive, finite, plain
+from flexarm.model.wording import Fault
+
+Ratio = Annotated[float, Field(ge=0, lt=1), BeforeValidator(finite)]
+Part = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+
+
+def _word_or_list(value: Any) -> str:
+    return "<list>" if isinstance(plain(value), list | tuple) else "<word>"
+
+
+_Joint = Literal["locked", "free"]
+_JointOrGains = Annotated[
+    Annotated[_Joint, Tag("<word>")] | Annotated[Pair, Tag("<list>")],
+    Discriminator(_word_or_list),
+]
+_Joints = Annotated[
+    Annotated[_Joint, Tag("<word>")] | Annotated[Listed[_JointOrGains], Tag("<list>")],
+    Discriminator(_word_or_list),
+]
+
+
+class ShapingSpec(Record):
+    """The motion as a sum of delayed copies whose vibrations cancel; it takes longer."""
+
+    method: Literal["zv", "zvd", "ei"] = Field(
+        default="zvd",
+        description="zv leaves nothing at the frequencies designed for; zvd besides little near "
+        "them, ei at most the tolerance over a wider range.",
+    )
+    modes: OneOrMany[Count] = Field(
+        default=1, description="How many of the lowest modes, or which, counted from 1."
+    )
+    joints: _Joints = Field(
+        default="locked",
+        description="What the joints do while the links vibrate: locked, free, or for each of them "
+        "locked, free or the controller's gains [N m/rad, N m s/rad].",
+    )
+    frequency_hz: OneOrMany[Positive] | None = Field(
+        default=None,
+        description="Frequencies (Hz), one or several, in place of those of the arm's modes along "
+        "the motion.",
+    )
+    damping_ratio: OneOrMany[Ratio] | None = Field(
+        default=None,
+        description="One number, or one for each mode; that of the modes, or 0 with frequencies, "
+        "where left out.",
+    )
+    tolerance: Part = Field(
+        default=0.05,
+        description="For ei: vibration left at the frequency designed for, as a part of what a "
+        "single impulse leaves.",
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.absent("frequency_hz"):
+            return
+        for name, usual in (("modes", 1), ("joints", "locked")):
+            if given.has(name) and getattr(given, name) != usual:
+                rule = "be left out where frequencies are given"
+                yield Fault((name,), rule, shown(given.raw(name)))
+
+
+class SmoothingSpec(Record):
+    """Each joint angle as its average over a window of the past; the motion takes that longer."""
+
+    duration: Positive = Field(description="Length of the window (s).")
+    window: Literal["raised_cosine", "moving_average"] = Field(
+        default="raised_cosine", description="How the window weighs."
+    )

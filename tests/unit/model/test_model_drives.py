@@ -1,0 +1,236 @@
+"""Drives that are controllers, and motions that press: what a file may say, and what it may not."""
+
+import pytest
+
+from flexarm.errors import ModelError
+from flexarm.model import ArmSpec, Link, Scenario
+from flexarm.model.drives import balances
+
+LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
+ARM = ArmSpec(links=[LINK, LINK])
+LINE = {"kind": "line", "start": [1.5, 0], "end": [1.5, 1], "duration": 1}
+PD = {"kind": "joint_pd", "proportional": 1, "derivative": 1}
+PRESSED = {"kind": "pressed", "path": LINE, "force": 2.0}
+WALL = {"surface": {"kind": "wall", "point": [1.5, 0], "normal": [-1, 0]}, "stiffness": 1e3}
+TABLE = {"kind": "table", "x": [1.5, 1.5, 1.5], "y": [0, 1, 2]}
+
+
+def scenario(**parts):
+    return Scenario(**{"arm": ARM, "run": {"duration": 1}, "motion": LINE, "drive": PD, **parts})
+
+
+def problems(**parts):
+    with pytest.raises(ModelError) as caught:
+        scenario(**parts)
+    return [str(problem).removeprefix("Scenario: ") for problem in caught.value.problems]
+
+
+ONE_EACH = "must have one value for each of the 2 joints, but is 3 long."
+
+
+@pytest.mark.parametrize(
+    ("drive", "told"),
+    [
+        ({"kind": "lqg", "posture": [0, 0, 0]}, [f"drive.posture {ONE_EACH}"]),
+        ({"kind": "lqg", "schedule": [None, None, [0]]}, [f"drive.schedule {ONE_EACH}"]),
+        ({"kind": "mpc"}, ["drive.torque_limit must be given, but is missing."]),
+        (
+            {"kind": "mpc", "torque_limit": 1, "horizon": 2.5},
+            ["drive.horizon must be a whole number, but is 2.5."],
+        ),
+        (
+            {"kind": "lqg", "mesured": {"tip": 1}},
+            ["drive.mesured must be a known key, but is unknown. Did you mean 'measured'?"],
+        ),
+        (
+            {"kind": "lqg", "measured": {"tip": 0}, "integral": 3},
+            [
+                "drive.measured.tip must be greater than 0, but is 0.",
+                "drive.integral must be true or false, but is 3.",
+            ],
+        ),
+        (
+            {"kind": "lqg", "acceptable": {}},
+            ["drive.acceptable must be a mapping of names, one at least, but is {}."],
+        ),
+        (
+            {"kind": "sliding_mode", "bandwidth": [1, 2, 3], "boundary_layer": -1},
+            [
+                "drive.boundary_layer must be greater than 0, but is -1.",
+                f"drive.bandwidth {ONE_EACH}",
+            ],
+        ),
+        (
+            {"kind": "disturbance_observer", "inner": {**PD, "proportional": [1, 2, 3]}},
+            [f"drive.inner.proportional {ONE_EACH}"],
+        ),
+        (
+            {"kind": "disturbance_observer", "compensation": 2, "inner": {"kind": "joint_pdd"}},
+            [
+                "drive.inner.kind must be one of",
+                "drive.compensation must be at most 1, but is 2.",
+            ],
+        ),
+        (
+            {"kind": "estimator", "inner": PD, "estimator": {"torque_noice": 1}},
+            [
+                (
+                    "drive.estimator.torque_noice must be a known key, but is unknown. "
+                    "Did you mean 'torque_noise'?"
+                )
+            ],
+        ),
+        (  # one observer is enough
+            {"kind": "disturbance_observer", "inner": {"kind": "disturbance_observer"}},
+            ["drive.inner.kind must be one of"],
+        ),
+    ],
+)
+def test_wrong_controllers_are_refused_with_every_reason(drive, told):
+    found = problems(drive=drive)
+    assert len(found) == len(told)
+    for text, start in zip(found, told, strict=True):
+        assert text.startswith(start)
+
+
+@pytest.mark.parametrize(
+    ("drive", "expected"),
+    [
+        (PD, False),
+        ({"kind": "lqg"}, True),
+        ({"kind": "disturbance_observer", "inner": PD}, False),
+        ({"kind": "estimator", "inner": {"kind": "hybrid_force"}}, True),
+        ({**PD, "kind": "joint_pid", "gravity": "rigid"}, True),
+        ({**PD, "kind": "joint_pid"}, False),
+    ],
+)
+def test_who_balances_the_weight(drive, expected):
+    assert balances(scenario(drive=drive).drive) == expected
+    start = {"equilibrium": True, "balance": True}
+    if expected:
+        rule = "initial.balance must be false where the drive balances the weight by itself"
+        assert problems(drive=drive, initial=start)[0].startswith(rule)
+    else:
+        scenario(drive=drive, initial=start)
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        (
+            {"motion": PRESSED},
+            (
+                "motion.normal must be given where the first contact is no wall and no circle, "
+                "but is missing."
+            ),
+        ),
+        (
+            {"motion": PRESSED, "contacts": [{**WALL, "surface": TABLE}]},
+            "motion.normal must be given where",
+        ),
+        (
+            {"motion": {**PRESSED, "normal": [0, 0]}},
+            "motion.normal must have a length greater than 0, but is [0, 0].",
+        ),
+        (
+            {"motion": {**PRESSED, "force": -1}, "contacts": [WALL]},
+            "motion.force must be at least 0, but is -1.",
+        ),
+        (
+            {
+                "motion": {**PRESSED, "force": {"times": [0, 1, 1], "values": [0, 1, 1]}},
+                "contacts": [WALL],
+            },
+            "motion.force.times[2] must be greater than 1, the time before it, but is 1.",
+        ),
+        (
+            {
+                "motion": {**PRESSED, "force": {"times": [0, 1], "values": [0, 1, 1]}},
+                "contacts": [WALL],
+            },
+            "motion.force.values must have a value for each of the 2 times, but is 3 long.",
+        ),
+        (
+            {"motion": {**PRESSED, "path": {**LINE, "kind": "joint", "start": [0, 0, 0]}}},
+            f"motion.path.start {ONE_EACH}",
+        ),
+        (
+            {
+                "motion": PRESSED,
+                "contacts": [WALL],
+                "drive": {**PD, "feedforward": "rigid_inverse_dynamics"},
+            },
+            "drive.feedforward must be none along a motion that presses",
+        ),
+        (
+            {
+                "motion": PRESSED,
+                "contacts": [WALL],
+                "drive": {
+                    "kind": "disturbance_observer",
+                    "inner": {**PD, "feedforward": "rigid_inverse_dynamics"},
+                },
+            },
+            "drive.inner.feedforward must be none along a motion that presses",
+        ),
+        (
+            {
+                "motion": PRESSED,
+                "contacts": [WALL],
+                "drive": {"kind": "rigid_inverse_dynamics"},
+            },
+            "drive.kind must be another along a motion that presses",
+        ),
+        (
+            {
+                "motion": PRESSED,
+                "contacts": [WALL],
+                "drive": {"kind": "none"},
+                "prescribed": [{"joint": 1, "kind": "motion"}],
+            },
+            "prescribed[0].kind must be another along a motion that presses, but is 'motion'.",
+        ),
+        (
+            {"motion": {**LINE, "shaping": {"method": "zvdd"}}},
+            "motion.shaping.method must be one of 'zv', 'zvd', 'ei', but is 'zvdd'. Did you mean",
+        ),
+        (
+            {"motion": {**LINE, "shaping": {"frequency_hz": 1, "modes": 2}}},
+            "motion.shaping.modes must be left out where frequencies are given, but is 2.",
+        ),
+        (
+            {"motion": {**LINE, "smoothing": {"duration": 0}}},
+            "motion.smoothing.duration must be greater than 0, but is 0.",
+        ),
+        (
+            {"hardware": {"instruments": [{"signal": "contact_force"}]}},
+            (
+                "hardware.instruments[0].signal must be another where there are no contacts, but "
+                "is 'contact_force'."
+            ),
+        ),
+    ],
+)
+def test_wrong_motions_are_refused(parts, told):
+    assert any(text.startswith(told) for text in problems(**parts))
+
+
+def test_a_motion_that_presses_needs_nothing_more_than_a_wall():
+    made = scenario(motion=PRESSED, contacts=[WALL], drive={"kind": "hybrid_force"})
+    assert made.motion.friction == 0.0
+    assert made.drive.frequency == 8.0
+
+
+def test_values_by_name_stay_as_they_are():
+    made = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
+    same = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
+    assert hash(made) == hash(same)
+    measured = made.drive.measured
+    for change in (
+        lambda: measured.update(tip=2.0),
+        lambda: measured.pop("tip"),
+        lambda: measured.__setitem__("tip", 2.0),
+    ):
+        with pytest.raises(TypeError, match="a record does not change"):
+            change()
+    assert measured == {"tip": 1.0}
