@@ -108,15 +108,16 @@ def pinocchio(case: Case, segments: int, step: float, truth: str) -> Entry:
     return Entry("Pinocchio", f"{segments} bars a link, RK4 step {step:g} s", truth, prepare)
 
 
-def drake(case: Case, segments: int, accuracy: float, truth: str) -> Entry:
+def drake(case: Case, segments: int, accuracy: float, longest: float, truth: str) -> Entry:
     """Return Drake with rigid bars on springs."""
 
     def prepare() -> Run:
         from peers import drake_arm
 
-        return timed(drake_arm.prepare(case, segments, accuracy))
+        return timed(drake_arm.prepare(case, segments, accuracy, longest))
 
-    return Entry("Drake", f"{segments} bars a link, RK3 accuracy {accuracy:.0e}", truth, prepare)
+    setting = f"{segments} bars a link, RK3 accuracy {accuracy:.0e}, steps to {longest:g} s"
+    return Entry("Drake", setting, truth, prepare)
 
 
 def pyelastica(
@@ -153,9 +154,7 @@ def jax(
     def prepare() -> Run:
         from benchmarks import jax_diffrax
 
-        return timed(
-            jax_diffrax.prepare(case, arm, step, rtol), lambda states: tips(arm, states)
-        )
+        return timed(jax_diffrax.prepare(case, arm, step, rtol), lambda states: tips(arm, states))
 
     setting = f"RK4 step {step:g} s" if step else f"Diffrax Dopri8, rtol {rtol:.0e}"
     return Entry("JAX", setting, truth, prepare)

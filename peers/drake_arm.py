@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
@@ -14,7 +15,6 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.math import RigidTransform
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
@@ -27,22 +27,28 @@ from peers.bars import Bar, angles, bars
 _POINTS = 1001
 
 
-def tip(case: Case, segments: int, accuracy: float) -> np.ndarray:
+def tip(case: Case, segments: int, accuracy: float, longest: float = 0.1) -> np.ndarray:
     """Return the tip's path (samples, 2), m; see ``prepare``."""
-    return prepare(case, segments, accuracy)()
+    return prepare(case, segments, accuracy, longest)()
 
 
-def prepare(case: Case, segments: int, accuracy: float) -> Callable[[], np.ndarray]:
+def prepare(
+    case: Case, segments: int, accuracy: float, longest: float = 0.1
+) -> Callable[[], np.ndarray]:
     """Build the model; return what integrates it and gives the tip's path (samples, 2), m.
 
     Each link is cut into ``segments`` as in ``bars``. Drake's method of Runge and Kutta of order 3
-    chooses its steps by ``accuracy``, a relative tolerance. It calls no Python between two samples.
+    chooses its steps by ``accuracy``, a relative tolerance, up to ``longest`` s: where it is told
+    what is stable it rejects hardly any. It calls no Python between two samples.
     """
     diagram, plant, last = _diagram(case, segments)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(
         SimulatorConfig(
-            integration_scheme="runge_kutta3", accuracy=accuracy, use_error_control=True
+            integration_scheme="runge_kutta3",
+            accuracy=accuracy,
+            max_step_size=longest,
+            use_error_control=True,
         ),
         simulator,
     )
@@ -73,9 +79,7 @@ def _diagram(case: Case, segments: int) -> tuple[Diagram, MultibodyPlant, RigidB
     last = plant.world_body()
     for number, bar in enumerate(bars(case, segments)):
         place = RigidTransform(np.array([bar.offset, 0.0, 0.0]))
-        hinge_frame = plant.AddFrame(
-            FixedOffsetFrame(f"end{number}", last.body_frame(), place)
-        )
+        hinge_frame = plant.AddFrame(FixedOffsetFrame(f"end{number}", last.body_frame(), place))
         last = plant.AddRigidBody(f"bar{number}", _inertia(bar))
         axis = np.array([0.0, 0.0, 1.0])
         hinge = plant.AddJoint(

@@ -44,7 +44,8 @@ def prepare(
     stretch or shear passes an element within one. Those waves, c = sqrt(EA / mass per length), are
     slowed by a rod that is thicker than the links, ``radius`` in m, at the same flexural rigidity
     and mass per length. Its sections resist rotation by radius^2 / 4 of the mass, and the masses at
-    the nodes do by length^2 / 6 of an element: that is what this path errs by. It raises ``RuntimeError`` where the motion became unstable.
+    the nodes do by length^2 / 6 of an element: that is what this path errs by. It raises
+    ``RuntimeError`` where the motion became unstable.
     """
     roots = [int(count) for count in np.cumsum([0, *elements[:-1]])]
     rod = _rod(case, elements, radius)

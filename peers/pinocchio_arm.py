@@ -79,8 +79,6 @@ def _model(case: Case, segments: int) -> tuple[pinocchio.Model, int]:
     return model, model.addFrame(pinocchio.Frame("tip", joint, end, kind))
 
 
-def _place(
-    model: pinocchio.Model, data: pinocchio.Data, q: np.ndarray, frame: int
-) -> np.ndarray:
+def _place(model: pinocchio.Model, data: pinocchio.Data, q: np.ndarray, frame: int) -> np.ndarray:
     pinocchio.forwardKinematics(model, data, q)
     return np.array(pinocchio.updateFramePlacement(model, data, frame).translation[:2])
