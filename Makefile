@@ -47,7 +47,7 @@ format: $(VENV)/.ready-dev ## put the code into the project's format
 bench: $(VENV)/.ready-dev ## measure speed; tables and figures in docs/performance
 	$(BIN)/python -m benchmarks
 
-peers: $(VENV)/.ready-peers ## compare trajectories with Exudyn and MuJoCo, fetched from PyPI (100 MB)
+peers: $(VENV)/.ready-peers ## compare trajectories with Exudyn and MuJoCo; fetches all peers from PyPI (some hundred MB)
 	$(BIN)/python -m peers
 
 gallery: $(VENV)/.ready-dev ## compare with known answers; tables and pictures in docs/gallery

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks import forward_dynamics, long_chain, programs, report, startup, table_one
+from benchmarks import forward_dynamics, long_chain, programs, raw, report, startup, table_one
 from benchmarks.limit import compiler
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "performance"
@@ -25,7 +25,8 @@ def main() -> None:
         comparisons=[forward_dynamics.compare(theory) for theory in ("linear", "second_order")],
         links=forward_dynamics.scaling_in_links(),
         modes=forward_dynamics.scaling_in_modes(),
-        table_one=_announced("Table I arm", table_one.work_precision),
+        table_one=(points := _announced("Table I arm", table_one.work_precision)),
+        raw=_announced("Table I arm, steps alone", lambda: raw.beside_peers(points)),
         chain=_announced("chain of 64 links", long_chain.work_precision),
     )
     report.write(FOLDER, measured)

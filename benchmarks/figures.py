@@ -12,7 +12,7 @@ from benchmarks.work_precision import Point
 
 #: Errors above this are those of a step too long, and of no use to anybody (m).
 USEFUL = 5e-3
-_MARKS = "os^Dv<>pPX*"
+_MARKS = "os^Dv<>pPX*hd"
 
 
 def draw_scaling(path: Path, links: dict[int, float], modes: dict[int, float]) -> None:
@@ -32,23 +32,24 @@ def draw_scaling(path: Path, links: dict[int, float], modes: dict[int, float]) -
 
 
 def draw_work_precision(path: Path, points: Sequence[Point], titles: dict[str, str]) -> None:
-    """Draw error over time, a panel for each truth, flexarm's integrators in colour."""
+    """Draw error over time, a panel for each truth; marks of flexarm are filled."""
     figure = Figure(figsize=(4.4 * len(titles) + 2.4, 4.2), layout="constrained")
     panels = figure.subplots(1, len(titles), squeeze=False, sharey=True)[0]
-    programs = list(dict.fromkeys(label(point) for point in points))
+    names = list(dict.fromkeys(label(point) for point in points))
+    ours = [name for name in names if name.startswith("flexarm")]
+    peers = [name for name in names if name not in ours]
     shown = {}
     for axes, (truth, title) in zip(panels, titles.items(), strict=True):
-        for number, name in enumerate(programs):
+        for number, name in [*enumerate(ours), *enumerate(peers)]:
             own = [p for p in points if label(p) == name and p.truth == truth and p.error < USEFUL]
             if not own:
                 continue
-            ours = own[0].program == "flexarm"
             shown[name] = axes.loglog(
                 [1e3 * point.seconds for point in own],
                 [point.error for point in own],
                 _MARKS[number % len(_MARKS)],
-                color=f"C{number % 10}" if ours else "0.35",
-                markerfacecolor=None if ours else "none",
+                color=f"C{number % 10}",
+                markerfacecolor="none" if name in peers else None,
                 markersize=6,
                 linestyle="none",
             )[0]

@@ -31,7 +31,7 @@ TIGHT = "flexarm at rtol 1e-7"
 RTOL = (1e-3, 1e-4, 1e-5)
 STEPS = (1e-3, 5e-4, 2.5e-4)
 EXUDYN = ((2, 1e-3), (4, 1e-3), (4, 5e-4))
-MUJOCO = ((1, 1e-3), (2, 1e-3))
+BARS = ((1, 1e-3), (2, 1e-3))
 
 
 def short(links: int, duration: float) -> Case:
@@ -60,7 +60,9 @@ def entries(case: Case = CASE) -> Iterator[Entry]:
     if "Exudyn" not in missing:
         yield from (programs.exudyn(case, *setting, TIGHT) for setting in EXUDYN)
     if "MuJoCo" not in missing:
-        yield from (programs.mujoco(case, *setting, TIGHT) for setting in MUJOCO)
+        yield from (programs.mujoco(case, *setting, TIGHT) for setting in BARS)
+    if "Pinocchio" not in missing:
+        yield from (programs.pinocchio(case, *setting, TIGHT) for setting in BARS)
 
 
 def truth(case: Case) -> dict[str, np.ndarray]:

@@ -15,7 +15,15 @@ import flexarm as fa
 from benchmarks.work_precision import Entry, Outcome, Run, timed
 
 #: Module that a program needs, beside what flexarm needs itself.
-PEERS = {"Exudyn": "exudyn", "MuJoCo": "mujoco", "CasADi CVODES": "casadi"}
+PEERS = {
+    "Exudyn": "exudyn",
+    "MuJoCo": "mujoco",
+    "Pinocchio": "pinocchio",
+    "Drake": "pydrake",
+    "PyElastica": "elastica",
+    "CasADi CVODES": "casadi",
+    "JAX": "diffrax",
+}
 
 
 def missing() -> list[str]:
@@ -89,6 +97,44 @@ def mujoco(case: Case, segments: int, step: float, truth: str) -> Entry:
     return Entry("MuJoCo", f"{segments} bars a link, RK4 step {step:g} s", truth, prepare)
 
 
+def pinocchio(case: Case, segments: int, step: float, truth: str) -> Entry:
+    """Return Pinocchio with rigid bars on springs, integrated by a loop in Python."""
+
+    def prepare() -> Run:
+        from peers import pinocchio_arm
+
+        return timed(pinocchio_arm.prepare(case, segments, step))
+
+    return Entry("Pinocchio", f"{segments} bars a link, RK4 step {step:g} s", truth, prepare)
+
+
+def drake(case: Case, segments: int, accuracy: float, longest: float, truth: str) -> Entry:
+    """Return Drake with rigid bars on springs."""
+
+    def prepare() -> Run:
+        from peers import drake_arm
+
+        return timed(drake_arm.prepare(case, segments, accuracy, longest))
+
+    setting = f"{segments} bars a link, RK3 accuracy {accuracy:.0e}, steps to {longest:g} s"
+    return Entry("Drake", setting, truth, prepare)
+
+
+def pyelastica(
+    case: Case, elements: tuple[int, ...], radius: float, step: float, truth: str
+) -> Entry:
+    """Return PyElastica with a Cosserat rod that is thicker than the links."""
+
+    def prepare() -> Run:
+        from peers import elastica_arm
+
+        return timed(elastica_arm.prepare(case, elements, radius, step))
+
+    pieces = "+".join(map(str, elements))
+    setting = f"{pieces} elements, radius {1e3 * radius:g} mm, step {step:g} s"
+    return Entry("PyElastica", setting, truth, prepare)
+
+
 def casadi(case: Case, arm: fa.Arm, rtol: float, truth: str) -> Entry:
     """Return CVODES through CasADi on the equations of ``arm``."""
 
@@ -98,6 +144,20 @@ def casadi(case: Case, arm: fa.Arm, rtol: float, truth: str) -> Entry:
         return timed(casadi_cvodes.prepare(case, arm, rtol), lambda states: tips(arm, states))
 
     return Entry("CasADi CVODES", f"rtol {rtol:.0e}", truth, prepare)
+
+
+def jax(
+    case: Case, arm: fa.Arm, truth: str, step: float | None = None, rtol: float | None = None
+) -> Entry:
+    """Return the equations of ``arm`` in JAX: fixed steps, or Diffrax at a tolerance."""
+
+    def prepare() -> Run:
+        from benchmarks import jax_diffrax
+
+        return timed(jax_diffrax.prepare(case, arm, step, rtol), lambda states: tips(arm, states))
+
+    setting = f"RK4 step {step:g} s" if step else f"Diffrax Dopri8, rtol {rtol:.0e}"
+    return Entry("JAX", setting, truth, prepare)
 
 
 def scipy(case: Case, arm: fa.Arm, method: str, rtol: float, truth: str) -> Entry:

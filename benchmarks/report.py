@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
+from benchmarks import raw
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.forward_dynamics import Comparison
 from benchmarks.long_chain import TIGHT
@@ -17,7 +18,7 @@ from benchmarks.table_one import EXACT, PAPER
 from benchmarks.work_precision import Point, fastest
 
 #: Errors at which programs are compared, m: those that peers reached cheaply.
-LEVELS = {EXACT: (1.3e-4, 3.1e-5, 6e-6), PAPER: (4e-6, 2e-7)}
+LEVELS = {EXACT: (1.3e-4, 3.1e-5, 6e-6, 3.1e-6), PAPER: (4e-6, 2e-7)}
 
 
 class Measured(NamedTuple):
@@ -31,12 +32,14 @@ class Measured(NamedTuple):
     links: dict[int, float]  # microseconds a link
     modes: dict[int, float]  # microseconds
     table_one: list[Point]
+    raw: list[Point]  # the scan of raw.py and the peers beside it
     chain: list[Point]
 
 
 def machine() -> str:
     """Describe where the numbers were measured."""
-    names = ("flexarm", "numba", "numpy", "scipy", "exudyn", "mujoco", "casadi")
+    names = ("flexarm", "numba", "numpy", "scipy", "exudyn", "mujoco", "pin", "drake")
+    names += ("pyelastica", "casadi", "jax", "diffrax")
     versions = ", ".join(f"{name} {found}" for name in names if (found := _version(name)))
     python = platform.python_version()
     # Of the last fifteen minutes: more than about one says that others were at work too.
@@ -88,14 +91,25 @@ Largest distance of the tip, every 10 ms, from solutions that other programs com
 error control: that of geometrically exact beams, and that of the paper's linear theory with 2 +
 1 elements. Integration: the time in each program's own loop. Total: with building the model and
 handing over the result, for flexarm every channel with its labels. Compiling and importing are
-left out everywhere. SciPy's solvers call flexarm's dynamics from Python, CasADi has the same
-equations as symbols with exact Jacobians.
+left out everywhere. MuJoCo, Pinocchio and Drake move rigid bars on springs; Pinocchio has no
+integrators, its loop is in Python. PyElastica's rod is thicker than the links, or its steps would
+be ten times shorter; that is what it errs by. CasADi and JAX have flexarm's own equations, CasADi
+with exact Jacobians; SciPy's solvers call them from Python.
 
 The fastest of each that is at least so accurate:
 
 {_level_table(m.table_one)}
 
 ![Work-precision diagram](work-precision.png)
+
+### Steps alone
+
+What the compiled steps of flexarm take where the compiler knows the sizes, the best of a scan over
+integrators, steps, tolerances and bases, beside the fastest peer, timed in turns with it:
+
+{raw_table(m.raw)}
+
+### All runs
 
 Every run, fastest first; those that err by more than {1e3 * USEFUL:g} mm are left out:
 
@@ -173,6 +187,21 @@ def _level_table(points: list[Point]) -> str:
                     (truth, f"{level:.1e}", name, f"{1e3 * best.seconds:.3g}", total, ratio)
                 )
     header = ("against", "error at most (m)", "fastest", "integration (ms)", "total (ms)", "ratio")
+    return _table(header, rows)
+
+
+def raw_table(points: list[Point]) -> str:
+    """Return the table of what ``raw.beside_peers`` measured."""
+    rows = []
+    for truth, level, goal in raw.LEVELS:
+        own = fastest([p for p in points if p.program == raw.PROGRAM], truth, level)
+        peer = fastest([p for p in points if p.program != raw.PROGRAM], truth, level)
+        ratio = f"{peer.seconds / own.seconds:.3g}" if own and peer else ""
+        cells = [f"{p.setting}: {1e3 * p.seconds:.3g}" if p else "none" for p in (own, peer)]
+        if peer:
+            cells[1] = f"{peer.program}, {cells[1]}"
+        rows.append((truth, f"{level:.1e}", *cells, ratio, f"{goal:g}"))
+    header = ("against", "error at most (m)", "flexarm (ms)", "fastest peer (ms)", "ratio", "goal")
     return _table(header, rows)
 
 

@@ -26,9 +26,13 @@ _FILES = {EXACT: "tableI_exact.csv", PAPER: "tableI_linear_2p1.csv"}
 
 RTOL = (1e-3, 1e-4, 1e-6)
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
-EXUDYN = ((2, 2e-3), (4, 2e-3), (4, 1e-3), (8, 2e-4), (16, 1e-4))
+EXUDYN = ((2, 2e-3), (4, 2e-3), (4, 1e-3), (8, 2e-4), (8, 1e-4), (16, 1e-4))
 MUJOCO = ((4, 1e-3), (8, 2.5e-4), (16, 5e-5))
-CASADI = (1e-4, 1e-6)
+PINOCCHIO = ((4, 1e-3), (8, 2.5e-4))
+DRAKE = ((8, 1e-4, 2e-4), (8, 1e-4, 1e-2))
+PYELASTICA = (((28, 20), 0.05, 5e-5), ((28, 20), 0.025, 2e-5))
+CASADI = (1e-4, 3e-5, 1e-6)
+JAX = ({"step": 5e-4}, {"step": 6.25e-4}, {"step": 1e-3}, {"rtol": 1e-4}, {"rtol": 1e-6})
 SCIPY = (("DOP853", 1e-4), ("LSODA", 1e-4))
 
 
@@ -85,13 +89,21 @@ def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
     case = replace(CASE, duration=duration)
     count = 1 if quick else None
     missing = programs.missing()
-    if "Exudyn" not in missing:
-        yield from (programs.exudyn(case, *setting, EXACT) for setting in EXUDYN[:count])
-    if "MuJoCo" not in missing:
-        yield from (programs.mujoco(case, *setting, EXACT) for setting in MUJOCO[:count])
+    bodies = {
+        "Exudyn": (programs.exudyn, EXUDYN),
+        "MuJoCo": (programs.mujoco, MUJOCO),
+        "Pinocchio": (programs.pinocchio, PINOCCHIO),
+        "Drake": (programs.drake, DRAKE),
+        "PyElastica": (programs.pyelastica, PYELASTICA),
+    }
+    for name, (entry, settings) in bodies.items():
+        if name not in missing:
+            yield from (entry(case, *setting, EXACT) for setting in settings[:count])
     arm = table_one()
     if "CasADi CVODES" not in missing:
         yield from (programs.casadi(case, arm, rtol, PAPER) for rtol in CASADI[:count])
+    if "JAX" not in missing:
+        yield from (programs.jax(case, arm, PAPER, **setting) for setting in JAX[:count])
     yield from (programs.scipy(case, arm, *setting, PAPER) for setting in SCIPY[:count])
 
 

@@ -30,9 +30,13 @@ class Case:
     #: Samples of the tip per second, Hz; every step of every program divides the time between two.
     rate: int = 1000
 
+    def wave(self, t: float) -> float:
+        """Return the share of their amplitude that the torques have at a time."""
+        return math.sin(2.0 * math.pi * t) if t <= TORQUE_ENDS else 0.0
+
     def torque(self, t: float) -> tuple[float, ...]:
         """Return the joint torques at a time, N m."""
-        wave = math.sin(2.0 * math.pi * t) if t <= TORQUE_ENDS else 0.0
+        wave = self.wave(t)
         return tuple(value * wave for value in self.amplitude)
 
     @property

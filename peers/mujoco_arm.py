@@ -10,6 +10,7 @@ import numpy as np
 from mujoco import rollout
 
 from peers.arms import Case, steps_per_sample
+from peers.bars import Bar, angles, bars
 
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
@@ -22,15 +23,13 @@ def tip(case: Case, segments: int, step: float) -> np.ndarray:
 def prepare(case: Case, segments: int, step: float) -> Callable[[], np.ndarray]:
     """Build the model; return what integrates it and gives the tip's path (samples, 2), m.
 
-    A spring in the middle of each of ``segments`` equal pieces of a link stands for that piece's
-    bending: the error falls with the square of the piece's length. Fixed steps of ``step`` seconds,
-    taken by MuJoCo's own loop, which calls no Python. It raises ``RuntimeError`` where the motion
+    Each link is cut into ``segments`` as in ``bars``. Fixed steps of ``step`` seconds, taken by
+    MuJoCo's own loop, which calls no Python. It raises ``RuntimeError`` where the motion
     became unstable: the step is too long for the stiffest spring.
     """
     model = mujoco.MjModel.from_xml_string(_description(case, segments, step))
     data = mujoco.MjData(model)
-    # A link has one joint of its own and one for each spring.
-    data.qpos[np.arange(len(case.lengths)) * (segments + 1)] = case.joint_angles
+    data.qpos[:] = angles(case, segments)
     start = np.empty(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, start, _STATE)
     count = steps_per_sample(case, step)
@@ -69,39 +68,28 @@ def _description(case: Case, segments: int, step: float) -> str:
     option = SubElement(root, "option", timestep=repr(step), integrator="RK4", gravity=gravity)
     SubElement(option, "flag", contact="disable")
     body = SubElement(root, "worldbody")
-    offset = 0.0
     motors = SubElement(root, "actuator")
-    for link, length in enumerate(case.lengths):
-        piece = length / segments
-        spring = case.flexural_rigidity / piece
-        body = _bar(body, offset, piece / 2, case.mass_per_length, 0.0, name=f"joint{link}")
-        SubElement(motors, "motor", joint=f"joint{link}")
-        offset = piece / 2
-        for number in range(segments):
-            bar = piece if number < segments - 1 else piece / 2
-            body = _bar(body, offset, bar, case.mass_per_length, spring)
-            offset = bar
-    SubElement(body, "site", name="tip", pos=f"{offset!r} 0 0")
+    for bar in bars(case, segments):
+        body = _add_bar(body, bar)
+        if bar.link is not None:
+            SubElement(motors, "motor", joint=f"joint{bar.link}")
+    SubElement(body, "site", name="tip", pos=f"{bar.length!r} 0 0")
     SubElement(SubElement(root, "sensor"), "framepos", objtype="site", objname="tip")
     return tostring(root, encoding="unicode")
 
 
-def _bar(
-    parent: Element, offset: float, length: float, density: float, spring: float, name: str = ""
-) -> Element:
-    """Hinge a uniform thin bar to its parent, ``offset`` along the parent's axis."""
-    body = SubElement(parent, "body", pos=f"{offset!r} 0 0")
-    joint = SubElement(body, "joint", type="hinge", axis="0 0 1", stiffness=repr(spring))
-    if name:
-        joint.set("name", name)
-    mass = density * length
-    inertia = mass * length**2 / 12
+def _add_bar(parent: Element, bar: Bar) -> Element:
+    """Hinge a bar to its parent."""
+    body = SubElement(parent, "body", pos=f"{bar.offset!r} 0 0")
+    joint = SubElement(body, "joint", type="hinge", axis="0 0 1", stiffness=repr(bar.spring))
+    if bar.link is not None:
+        joint.set("name", f"joint{bar.link}")
     # MuJoCo wants inertia about the bar's own axis too; nothing turns about it in a plane.
     SubElement(
         body,
         "inertial",
-        pos=f"{length / 2!r} 0 0",
-        mass=repr(mass),
-        diaginertia=f"{inertia!r} {inertia!r} {inertia!r}",
+        pos=f"{bar.length / 2!r} 0 0",
+        mass=repr(bar.mass),
+        diaginertia=" ".join([repr(bar.inertia)] * 3),
     )
     return body

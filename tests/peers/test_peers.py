@@ -35,6 +35,34 @@ def mujoco_arm() -> ModuleType:
     return mujoco_arm
 
 
+@pytest.fixture
+def pinocchio_arm() -> ModuleType:
+    pytest.importorskip("pinocchio", reason=REASON)
+    from peers import pinocchio_arm
+
+    return pinocchio_arm
+
+
+@pytest.fixture
+def drake_arm() -> ModuleType:
+    pytest.importorskip("pydrake", reason=REASON)
+    from peers import drake_arm
+
+    return drake_arm
+
+
+@pytest.fixture
+def elastica_arm() -> ModuleType:
+    pytest.importorskip("elastica", reason=REASON)
+    from peers import elastica_arm
+
+    return elastica_arm
+
+
+#: Half a second is enough to see that programs are told the same.
+SHORT = [dataclasses.replace(case, duration=0.5, rate=100) for case in (TABLE_ONE, PENDULUM)]
+
+
 @cache
 def flexarm_tip(case: Case) -> np.ndarray:
     return tip(case)
@@ -69,6 +97,43 @@ def test_mujoco_tends_to_the_same_path(mujoco_arm: ModuleType, case: Case) -> No
     assert distance(mujoco_arm.limit(coarse, fine), ours) < 2e-5
 
 
+@pytest.mark.parametrize("case", SHORT, ids=["arm", "pendulum"])
+def test_pinocchio_moves_the_same_bars(
+    mujoco_arm: ModuleType, pinocchio_arm: ModuleType, case: Case
+) -> None:
+    theirs = mujoco_arm.tip(case, segments=8, step=1e-4)
+    # Both of order 4 in their steps; MuJoCo holds the torque over each of them.
+    assert distance(pinocchio_arm.tip(case, segments=8, step=2.5e-4), theirs) < 1e-6
+
+
+@pytest.mark.parametrize("case", SHORT, ids=["arm", "pendulum"])
+def test_drake_moves_the_same_bars(
+    mujoco_arm: ModuleType, drake_arm: ModuleType, case: Case
+) -> None:
+    theirs = mujoco_arm.tip(case, segments=8, step=1e-4)
+    # A relative tolerance of 1e-4 a step keeps them so close, on the Table I arm over 2 s as well.
+    assert distance(drake_arm.tip(case, segments=8, accuracy=1e-4), theirs) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("case", "elements"),
+    [pytest.param(SHORT[0], (14, 10), id="arm"), pytest.param(SHORT[1], (10,), id="pendulum")],
+)
+def test_pyelastica_errs_by_its_inertia(
+    elastica_arm: ModuleType, case: Case, elements: tuple[int, ...]
+) -> None:
+    """Sections resist rotation by radius^2 / 4, masses at nodes by length^2 / 6."""
+    ours = flexarm_tip(case)
+    lengths = [h / count for h, count in zip(case.lengths, elements, strict=True)]
+    finer = tuple(2 * count for count in elements)
+    radius = 0.05
+    coarse = distance(elastica_arm.tip(case, elements, radius, 1e-4), ours)
+    fine = distance(elastica_arm.tip(case, finer, radius, 5e-5), ours)
+    inertia = [radius**2 / 4 + (max(lengths) / split) ** 2 / 6 for split in (1, 2)]
+    # Shear and stretch of the thick rod are left, and what is of higher order.
+    assert fine / coarse == pytest.approx(inertia[1] / inertia[0], rel=0.2)
+
+
 def test_an_unstable_peer_is_no_witness(
     mujoco_arm: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,3 +141,18 @@ def test_an_unstable_peer_is_no_witness(
     case = dataclasses.replace(TABLE_ONE, duration=0.5)
     with pytest.raises(RuntimeError, match="MuJoCo became unstable with 16 segments"):
         mujoco_arm.tip(case, segments=16, step=1e-3)
+
+
+def test_an_unstable_loop_of_pinocchio_is_no_witness(pinocchio_arm: ModuleType) -> None:
+    case = dataclasses.replace(TABLE_ONE, duration=0.5)
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(RuntimeError, match="Pinocchio became unstable with 16 segments"),
+    ):
+        pinocchio_arm.tip(case, segments=16, step=1e-3)
+
+
+def test_an_unstable_rod_of_pyelastica_is_no_witness(elastica_arm: ModuleType) -> None:
+    case = dataclasses.replace(TABLE_ONE, duration=0.5, rate=100)
+    with pytest.raises(RuntimeError, match="PyElastica became unstable"):
+        elastica_arm.tip(case, (14, 10), 0.02, 1e-4)

@@ -1,0 +1,116 @@
+"""How fast the compiled steps alone are where the compiler knows the sizes, beside the peers.
+
+The settings are what was left of a scan over steps and tolerances of every integrator on several
+bases: those within a factor of two of the fastest at one of the levels.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+from benchmarks import programs
+from benchmarks.arms import table_one
+from benchmarks.table_one import CASE, EXACT, PAPER, peer_entries, second_order, truths
+from benchmarks.work_precision import Entry, Outcome, Point, Run, fastest, measure
+from flexarm.integrate import INTEGRATORS, Integrator
+
+PROGRAM = "flexarm, steps alone"
+
+
+class Level(NamedTuple):
+    """An error that peers reached cheaply, and how many times faster flexarm is meant to be."""
+
+    truth: str
+    error: float  # m
+    goal: float
+
+
+LEVELS = (
+    Level(EXACT, 1.2e-4, 40.0),
+    Level(EXACT, 3.1e-5, 100.0),
+    Level(EXACT, 3.1e-6, 50.0),
+    Level(PAPER, 3.1e-6, 40.0),
+)
+_BASES = {
+    "2+1 elements": (table_one, PAPER),
+    "3 modes": (partial(second_order, elements=16, modes=3), EXACT),
+    "4 modes": (partial(second_order, elements=16, modes=4), EXACT),
+    # One segment a link errs by 1e-5 m, however many modes: what the second-order theory leaves.
+    "2 segments of 5 modes": (partial(second_order, elements=20, modes=5, segments=2), EXACT),
+}
+#: Steps that divide a sample of 10 ms, and tolerances.
+SCAN: dict[str, dict[str, tuple[float, ...]]] = {
+    "2+1 elements": {
+        "cowell_4": (1e-2 / 20, 1e-2 / 21),
+        "rk4": (1e-2 / 15, 1e-2 / 16),
+        "dormand_prince_8": (3e-3, 1e-3),
+    },
+    "3 modes": {
+        "cowell_4": (1e-2 / 8, 1e-2 / 9, 1e-2 / 10),
+        "kennedy_carpenter_4": (3e-3, 2e-3),
+        "kennedy_carpenter_5": (5e-4, 3e-4),
+    },
+    "4 modes": {
+        "cowell_4": (1e-2 / 14, 1e-2 / 16),
+        "kennedy_carpenter_4": (3e-3, 1e-3),
+        "kennedy_carpenter_5": (1e-3, 3e-4),
+    },
+    "2 segments of 5 modes": {"kennedy_carpenter_5": (2e-5, 1e-5, 5e-6)},
+}
+
+
+def entries(
+    scan: Mapping[str, Mapping[str, tuple[float, ...]]] = SCAN,
+    duration: float = CASE.duration,
+    specialized: bool = True,
+) -> Iterator[Entry]:
+    """Yield the scanned settings. Each integrator compiles a minute or so for each basis, once."""
+    case = replace(CASE, duration=duration)
+    for basis, methods in scan.items():
+        build, truth = _BASES[basis]
+        for name, settings in methods.items():
+            word = "rtol" if INTEGRATORS[name].adaptive else "step"
+            for value in settings:
+                how = {word: value, "specialized": specialized}
+
+                def prepare(name=name, how=how, build=build) -> Run:  # type: ignore[no-untyped-def]
+                    arm = build()
+                    return lambda: _steps_alone(case, arm, name, **how)
+
+                told = f"step {1e3 * value:.3g} ms" if word == "step" else f"rtol {value:.0e}"
+                yield Entry(PROGRAM, f"{name}, {basis}, {told}", truth, prepare)
+
+
+def _steps_alone(case: programs.Case, arm: programs.fa.Arm, name: str, **how: Any) -> Outcome:
+    """Run flexarm; the time is what its compiled steps took, without what is made before them."""
+    step = {"step": how.pop("step")} if "step" in how else {}
+    method = INTEGRATORS[name](**step)
+    spent = _stopwatch(method)
+    return Outcome(programs.simulate(case, arm, integrator=method, **how).path, sum(spent))
+
+
+def _stopwatch(method: Integrator) -> list[float]:
+    """Let an integrator note the seconds of each call of ``advance`` in the list returned."""
+    advance, spent = method.advance, []
+
+    def timed(*given: Any) -> Any:
+        started = time.perf_counter()
+        status = advance(*given)
+        spent.append(time.perf_counter() - started)
+        return status
+
+    object.__setattr__(method, "advance", timed)  # the dataclasses are frozen
+    return spent
+
+
+def beside_peers(points: list[Point], repeats: int = 9) -> tuple[list[Point], list[str]]:
+    """Measure the scan in turns with the peers that were the fastest at a level in ``points``."""
+    others = [point for point in points if point.program != "flexarm"]
+    best = [fastest(others, level.truth, level.error) for level in LEVELS]
+    wanted = {(point.program, point.setting) for point in best if point is not None}
+    peers = [entry for entry in peer_entries() if entry[:2] in wanted]
+    return measure([*entries(), *peers], truths(CASE.duration), repeats)
