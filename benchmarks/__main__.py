@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks import forward_dynamics, long_chain, programs, raw, report, startup, table_one
+from benchmarks import (
+    controllers,
+    forward_dynamics,
+    long_chain,
+    programs,
+    raw,
+    report,
+    startup,
+    table_one,
+)
 from benchmarks.limit import compiler
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "performance"
@@ -28,6 +37,7 @@ def main() -> None:
         table_one=(points := _announced("Table I arm", table_one.work_precision)),
         raw=_announced("Table I arm, steps alone", lambda: raw.beside_peers(points)),
         chain=_announced("chain of 64 links", long_chain.work_precision),
+        controllers=controllers.microseconds(),
     )
     report.write(FOLDER, measured)
     print((FOLDER / "index.md").read_text(encoding="utf-8"))

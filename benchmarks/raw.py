@@ -41,6 +41,7 @@ _BASES = {
     "4 modes": (partial(second_order, elements=16, modes=4), EXACT),
     # One segment a link errs by 1e-5 m, however many modes: what the second-order theory leaves.
     "2 segments of 5 modes": (partial(second_order, elements=20, modes=5, segments=2), EXACT),
+    "3 segments of 4 modes": (partial(second_order, elements=12, modes=4, segments=3), EXACT),
 }
 #: Steps that divide a sample of 10 ms, and tolerances.
 SCAN: dict[str, dict[str, tuple[float, ...]]] = {
@@ -60,6 +61,7 @@ SCAN: dict[str, dict[str, tuple[float, ...]]] = {
         "kennedy_carpenter_5": (1e-3, 3e-4),
     },
     "2 segments of 5 modes": {"kennedy_carpenter_5": (2e-5, 1e-5, 5e-6)},
+    "3 segments of 4 modes": {"kennedy_carpenter_5": (5e-6, 3e-6), "kennedy_carpenter_4": (3e-5,)},
 }
 
 
