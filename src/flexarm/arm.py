@@ -80,6 +80,10 @@ class Arm(Dynamics):
         )
         return Arm(self.spec.model_copy(update={"links": links, "joints": joints}))
 
+    def __reduce__(self) -> tuple[type[Arm], tuple[ArmSpec]]:
+        # Made anew: copied arrays could be written to, which kernels would be compiled for again.
+        return type(self), (self.spec,)
+
     def __repr__(self) -> str:
         theory = self.spec.theory
         return f"<flexarm.Arm: {self.links} links, {self.dof} coordinates, {theory} theory>"

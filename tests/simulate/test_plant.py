@@ -1,5 +1,7 @@
 """An arm stepped from outside, against the loop of ``simulate``."""
 
+import copy
+import pickle
 import warnings
 
 import numpy as np
@@ -12,6 +14,7 @@ from flexarm.simulate.validity import BendingWatch, too_far_bent
 TICK = 2.0**-9
 LINK = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
 START = [0.2, -0.4]
+WALL = fa.Wall((3.0, 0.0), (-1.0, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -178,6 +181,21 @@ def test_memory_does_not_grow(arm):
         ({"loads": [fa.Load(3)]}, "link"),
         ({"base_acceleration": lambda t: [0, 0]}, "duration must be given with loads or a base"),
         ({"loads": [fa.Load(1, factor=np.sin)]}, "duration must be given with loads or a base"),
+        ({"loads": [fa.Load(3)]}, r"^Plant: Load\.link must be the number of a link, 1 to 2"),
+        ({"loads": [fa.Load(True)]}, r"^Plant: Load\.link .* but is True"),
+        ({"contacts": [fa.Contact(WALL, 1e4, link=3)]}, r"^Plant: Contact\.link must be the num"),
+        ({"contacts": [WALL]}, "^Plant: contacts must be a list of Contact objects"),
+        ({"integrator": "euler"}, "^Plant: integrator"),
+        (
+            {"loads": [fa.Load(2, factor=lambda t: "full")], "duration": 1.0},
+            r"^Plant: Load\.factor\(",
+        ),
+        ({"base_acceleration": ([0.0, 1.0], [1.0]), "duration": 1.0}, "^Plant: base_accelera"),
+        ({"base_acceleration": lambda t: [t], "duration": 1.0}, "^Plant: base_acceleration"),
+        (
+            {"hardware": fa.Hardware([fa.Instrument(fa.Sensor("position", 3))])},
+            r"^Hardware: Sensor\.link must be the number of a link, 1 to 2",
+        ),
         (
             {"hardware": fa.Hardware([fa.Instrument("tip", sample_time=0.0003)])},
             "multiple of the controller's sample time",
@@ -272,3 +290,44 @@ def test_a_plant_can_touch(arm, motion):
     np.testing.assert_array_equal(q, result.q.values)
     np.testing.assert_allclose(measurement.contact_force, result.contact_force[-1], atol=1e-9)
     np.testing.assert_array_equal(plant.contact_force, measurement.contact_force)  # the truth
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda plant: pickle.loads(pickle.dumps(plant))])
+@pytest.mark.parametrize(
+    "more",
+    [{}, {"hardware": NOISY, "loads": [GUST]}, {"contacts": True}],
+    ids=["plain", "hardware", "contacts"],
+)
+def test_a_copy_goes_on_where_the_plant_stood(arm, motion, more, again):
+    """To the last bit, noise and delays included, and neither moves the other."""
+    if "contacts" in more:
+        tip = motion.tip(0.06)
+        wall = fa.Wall(tip, -(motion.tip(0.3) - tip))
+        more = {"contacts": [fa.Contact(wall, 1e4, damping=0.3)]}
+    plant = fa.Plant(arm, TICK, **more)
+    plant.reset(arm.rest(START), seed=5)
+    rng = np.random.default_rng(0)
+    torques = [[0.2, 0.1] + 0.05 * rng.standard_normal(2) for _ in range(80)]
+    for torque in torques[:40]:
+        plant.step(torque)
+    twin = again(plant)
+    ahead = [(plant.step(torque), plant.q) for torque in torques[40:]]
+    assert twin.time == 40 * TICK
+    for torque, (measurement, q) in zip(torques[40:], ahead, strict=True):
+        told = twin.step(torque)
+        for name in measurement:
+            np.testing.assert_array_equal(told[name], measurement[name])
+        np.testing.assert_array_equal(twin.q, q)
+    if "contacts" in more:
+        assert abs(twin.contact_force).max() > 0.0
+    np.testing.assert_array_equal(twin.tip, plant.tip)
+    twin.reset()
+    assert plant.time == 80 * TICK
+
+
+def test_a_copied_arm_keeps_what_kernels_were_compiled_for(arm):
+    """Arrays that can be written to are another type, for which all would be compiled again."""
+    for twin in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
+        for own, copied in zip(arm.assembly.constants, twin.assembly.constants, strict=True):
+            np.testing.assert_array_equal(own, copied)
+            assert not copied.flags.writeable

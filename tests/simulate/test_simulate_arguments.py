@@ -89,6 +89,13 @@ def broken(**attributes):
     [
         ({"step": "abc"}, "step must be"),
         ({"step": -1.0}, "step must be greater than 0"),
+        (
+            {"step": 0.01, "integrator": fa.integrate.RungeKutta4(step=1e-3)},
+            (
+                r"step must be left out where the integrator is an object, which has its own, but "
+                r"is 0\.01\. Give it there: RungeKutta4\(step=0\.01\)"
+            ),
+        ),
         ({"integrator": ["rk4"]}, "integrator must be one of"),
         ({"controller": object()}, "controller must have the method reset"),
         ({"controller": broken(sample_time=float("nan"))}, "controller.sample_time must be"),

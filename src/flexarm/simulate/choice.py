@@ -37,8 +37,8 @@ def check_integrator(
     """Refuse what no arm could be integrated with; ``touching``: there are contacts.
 
     Raises:
-        InputError: no integrator has that name, it does not follow contacts and there are some, or
-            the step is not a positive time.
+        InputError: no integrator has that name, it does not follow contacts and there are some, the
+            step is not a positive time, or it is given beside an object, which has its own.
     """
     if step is not None and check_array(where, "step", step, ()) <= 0.0:
         raise InputError(Problem(where, "step", "be greater than 0", shown(step)))
@@ -46,6 +46,10 @@ def check_integrator(
     if not known and not isinstance(asked, Integrator):
         names = ", ".join(repr(name) for name in ("auto", *INTEGRATORS))
         raise InputError(Problem(where, "integrator", f"be one of {names}", shown(asked)))
+    if step is not None and not isinstance(asked, str):
+        rule = "be left out where the integrator is an object, which has its own"
+        hint = f"Give it there: {type(asked).__name__}(step={shown(step)})."
+        raise InputError(Problem(where, "step", rule, shown(step), hint))
     kind = INTEGRATORS.get(asked) if isinstance(asked, str) else asked
     if touching and kind is not None and not kind.follows_contacts:
         followers = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_contacts]
@@ -59,16 +63,18 @@ def choose_integrator(
     arm: Arm,
     tolerance: Tolerance,
     touch: float = 0.0,
+    where: str = "simulate",
 ) -> Choice:
     """Resolve what the user asked for; "auto" looks at the arm's vibrations and the tolerance.
 
     Args:
         touch: frequency (rad/s) of the arm on the stiffest surface that it may touch; 0 for none.
+        where: the call, for messages.
 
     Raises:
         InputError: as ``check_integrator``; a method that does not follow contacts, with some.
     """
-    check_integrator(asked, step, "simulate", touch > 0.0)
+    check_integrator(asked, step, where, touch > 0.0)
     if isinstance(asked, Integrator):
         return Choice(asked, "given by the user")
     if asked == "auto":

@@ -35,10 +35,12 @@ def load_history(
     duration: float,
     relative: float,
     contacts: Contacts | None = None,
+    where: str = "simulate",
 ) -> LoadHistory:
     """Place the loads and follow whatever of them changes with time: tables exactly.
 
-    ``contacts``: already placed, they are only joined to the loads.
+    ``contacts``: already placed, they are only joined to the loads. ``where``: the call, for
+    messages.
 
     Raises:
         InputError: a load is not on the arm, a function returns something else than numbers, or
@@ -46,7 +48,7 @@ def load_history(
     """
     moving = callable(base_acceleration) or is_table(base_acceleration)
     constant: Any = None if moving else base_acceleration
-    placed = place_loads(arm, "simulate", loads, constant)
+    placed = place_loads(arm, where, loads, constant)
     if contacts is not None:
         placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)
@@ -54,17 +56,19 @@ def load_history(
         nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
         return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
-        base = function_torque(base_acceleration, duration, 2, relative, name="base_acceleration")
+        base = function_torque(
+            base_acceleration, duration, 2, relative, name="base_acceleration", where=where
+        )
     elif is_table(base_acceleration):
-        base = linear_history(*check_table("simulate", "base_acceleration", base_acceleration, 2))
+        base = linear_history(*check_table(where, "base_acceleration", base_acceleration, 2))
     else:
         base = constant_torque(placed.base_acceleration)
-    followed = {id(load): _factor(load, duration, relative) for load in loads}
+    followed = {id(load): _factor(load, duration, relative, where) for load in loads}
     columns = [followed[id(load)] for load in owners]
     return LoadHistory(owners, placed, side_by_side([*columns, base]))
 
 
-def _factor(load: Load, duration: float, relative: float) -> TorqueHistory:
+def _factor(load: Load, duration: float, relative: float, where: str) -> TorqueHistory:
     """Follow the factor of a load: one column."""
     factor = load.factor
     if factor is None:
@@ -77,4 +81,4 @@ def _factor(load: Load, duration: float, relative: float) -> TorqueHistory:
         return [factor(t)]
 
     breaks = getattr(factor, "breaks", ())
-    return function_torque(row, duration, 1, relative, breaks, name="Load.factor")
+    return function_torque(row, duration, 1, relative, breaks, "Load.factor", where)

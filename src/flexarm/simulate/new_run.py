@@ -56,10 +56,10 @@ def new_run(
     Raises:
         InputError: something outside does not fit the arm, or there is no such integrator.
     """
-    touching = contacts_of_run(arm, contacts, state)
+    touching = contacts_of_run(arm, contacts, state, where)
     touch = touch_frequency(touching)
     tolerance = tolerance_of(arm, state, atol, rtol)
-    choice = choose_integrator(integrator, step, arm, tolerance, touch)
+    choice = choose_integrator(integrator, step, arm, tolerance, touch, where)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
     run = Run(
         arm=arm,
@@ -76,6 +76,7 @@ def new_run(
             duration,
             max(rtol * TORQUE_SHARE, 1e-12),
             touching,
+            where,
         ),
         meter=meter,
         stations=stations,

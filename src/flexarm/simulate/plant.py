@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +31,7 @@ from flexarm.simulate.load_history import BaseAcceleration
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.new_run import ATOL, RTOL, initial_state, new_run, positive
 from flexarm.simulate.sensing import TipMotion
+from flexarm.simulate.start_of_touch import refuse_deep_start
 from flexarm.simulate.ticks import Ticks
 from flexarm.simulate.validity import BendingWatch
 
@@ -40,7 +42,8 @@ class Plant:
     It stands at a sample time, in the beginning at zero: at rest, links straight, all joint angles
     zero. ``step`` holds a torque until the next sample time and returns what the sensors say there.
     The loop of ``flexarm.simulate`` is made of the same parts, and its digits are the same. Nothing
-    is recorded.
+    is recorded. A copy (``copy.deepcopy``, ``pickle``) stands where the plant stood and goes on by
+    itself; a pickle takes no load or base that is a function without a name.
 
     Args:
         arm: the arm that is simulated.
@@ -113,6 +116,14 @@ class Plant:
         )
         self.reset()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle keeps: what only looks at the arm is made anew of it."""
+        return {k: v for k, v in self.__dict__.items() if k not in ("_bending", "_tip")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bending, self._tip = BendingWatch(self.arm), TipMotion(self.arm)
+
     def reset(
         self,
         initial: ArrayLike | None = None,
@@ -127,7 +138,8 @@ class Plant:
             seed: of the instruments' noise, in place of the hardware's.
 
         Raises:
-            InputError: an argument has the wrong shape or is not finite.
+            InputError: an argument has the wrong shape or is not finite, or it starts deep inside a
+                surface.
         """
         arm, hardware = self.arm, self._hardware
         straight = np.zeros(arm.joints)
@@ -135,6 +147,8 @@ class Plant:
         if hardware is not None and seed is not None:
             hardware = replace(hardware, seed=seed)
         run, _ = self._new_run(state)
+        if initial is not None:
+            refuse_deep_start("Plant.reset", arm, state, run.loads.placed.contacts)
         self._ticks = Ticks(run, self.sample_time, hardware, keep=False)
         self._stopped_at: float | None = None
         self.warning = ""
@@ -145,8 +159,8 @@ class Plant:
         """Hold a torque (joints,) N m for one sample time and return what the sensors say then.
 
         Raises:
-            InputError: the torque has the wrong shape or is not finite, or the plant's duration is
-                over; nothing has moved.
+            InputError: the torque has the wrong shape or is not finite, the plant's duration is
+                over, or it starts deep inside a surface; nothing has moved.
             SimulationError: the arm could not be followed to the next sample time; ``.state`` is
                 the last good one. Only ``reset`` is left to do.
 
@@ -157,6 +171,9 @@ class Plant:
         ticks = self._ticks
         asked = check_array("Plant.step", "torque", torque, (self.arm.joints,))
         self._check_time((ticks.tick + 1) * self.sample_time)
+        if ticks.tick == 0:  # not where it is made: a reset may take it out of a wall first
+            start, contacts = ticks.run.progress.state, ticks.run.loads.placed.contacts
+            refuse_deep_start("Plant.step", self.arm, start, contacts)
         try:
             ticks.hold(asked)
         except SimulationError as error:

@@ -44,6 +44,7 @@ from flexarm.simulate.new_run import (
 from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import add_loop, make_result
 from flexarm.simulate.sections import section_channels
+from flexarm.simulate.start_of_touch import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulate.stepping import Run, run_open_loop
 from flexarm.simulate.torque_history import (
     TorqueHistory,
@@ -116,11 +117,14 @@ def simulate(
             ends the run, with the event as the last sample.
         contacts: surfaces that points of the arm may touch; they stand still relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
-        rate: samples recorded per second, Hz.
+        rate: samples recorded per second, Hz; where the duration is no whole number of them, the
+            last sample lies before its end.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
             force, shear force and bending moment; 0 for none.
-        step: fixed step, or first step of a method with step control, s.
-        rtol, atol: error allowed per step, relative, and absolute in metres at the tip.
+        step: fixed step, or first step of a method with step control, s; not beside an integrator
+            object, which has its own.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
+            fixed step only how closely functions of time are followed.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array.
         specialized: True compiles the hot loop for the sizes of this arm (several seconds, once per
             size and machine; a third faster); None does so in the middle of a long run.
@@ -133,7 +137,8 @@ def simulate(
         "failure" or the name of the event that ended the run.
 
     Raises:
-        InputError: an argument has the wrong shape, is not finite, or contradicts another.
+        InputError: an argument has the wrong shape, is not finite, or contradicts another; a start
+            deep inside a surface, or a reference that presses away from one.
         SimulationError: the run stopped early; ``.result`` holds what was computed until then.
 
     Warns:
@@ -184,6 +189,9 @@ def simulate(
             stations=stations,
             specialized=specialized,
         )
+        placed = run.loads.placed.contacts
+        refuse_deep_start(where, simulated, state, placed)
+        refuse_pressing_outward(where, simulated, contacts, placed, reference, duration)
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
             result = _closed_loop(run, loop, choice)

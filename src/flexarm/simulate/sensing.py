@@ -62,6 +62,13 @@ class ExactSensing:
         ]
         self._none = {} if run.arm.gauges else {"strain": np.zeros(0)}
 
+    def memory(self) -> tuple[Readings, ...]:
+        """Return what is remembered from one sample time to the next: nothing."""
+        return ()
+
+    def recall(self, memory: tuple[Readings, ...]) -> None:
+        """Go on where another one stood that had the memory."""
+
     def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
         """Return the measurement of sample time k, at t (s)."""
         values = {name: read(state, system, t) for name, read in self._readers}
@@ -80,6 +87,15 @@ class InstrumentSensing:
                 hardware.instruments, generator.spawn(len(hardware.instruments)), strict=True
             )
         ]
+
+    def memory(self) -> tuple[Readings, ...]:
+        """Return what is remembered from one sample time to the next."""
+        return tuple(readings for readings, _ in self._pairs)
+
+    def recall(self, memory: tuple[Readings, ...]) -> None:
+        """Go on where another one stood that had the memory."""
+        readers = [read for _, read in self._pairs]
+        self._pairs = list(zip(memory, readers, strict=True))
 
     def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
         """Return the measurement of sample time k, at t (s)."""
@@ -169,7 +185,9 @@ def _torque(arm: Arm, system: System, t: float) -> FloatArray:
 
 def _point(arm: Arm, sensor: Sensor) -> Reader:
     """Read the motion of a point; accelerations are those under the torque up to then."""
-    places = place_loads(arm, "Sensor", [Load(sensor.link, station=sensor.station)])
+    places = place_loads(
+        arm, "Hardware", [Load(sensor.link, station=sensor.station)], what="Sensor"
+    )
     n, shape = arm.assembly.bodies, arm.assembly.constants.S.shape
     torque, stages = np.zeros(n), np.zeros((1, 2, n, 1 + shape[1]))
     slope, motions = Entry(slope_at), Entry(point_motions)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from flexarm.control import Hardware, Measurement
-from flexarm.integrate.base import FloatArray
+from flexarm.integrate.base import FloatArray, System
 from flexarm.simulate.acting import Acting
 from flexarm.simulate.sensing import sensing_of
 from flexarm.simulate.stepping import Run
@@ -25,15 +27,33 @@ class Ticks:
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True
     ) -> None:
-        self.run = run
+        self.run, self._hardware = run, hardware
         self.sample_time = sample_time
         self.tick = 0  # number of the sample time that it stands at
         self._sensing = sensing_of(run, hardware, sample_time)
         self.acting = Acting(hardware, run.arm.joints, keep)
         self._bodies = run.arm.assembly.joint_body
+        self._system = self._new_system()
+
+    def _new_system(self) -> System:
         breaks = np.arange(self.acting.pieces + 1.0)
-        held = np.zeros((self.acting.pieces, 4, run.arm.joints))
-        self._system = run.system(TorqueHistory(breaks, held, np.zeros(0)))
+        held = np.zeros((self.acting.pieces, 4, self.run.arm.joints))
+        return self.run.system(TorqueHistory(breaks, held, np.zeros(0)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle keeps: readers and system are made anew of the run.
+
+        Nothing in the system outlasts a sample time: torque, loads and touches are written into it
+        before they are read.
+        """
+        kept = {name: value for name, value in self.__dict__.items() if name != "_system"}
+        return kept | {"_sensing": self._sensing.memory()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._sensing = sensing_of(self.run, self._hardware, self.sample_time)
+        self._sensing.recall(state["_sensing"])
+        self._system = self._new_system()
 
     @property
     def time(self) -> float:

@@ -135,6 +135,7 @@ def function_torque(
     relative: float,
     breaks: ArrayLike = (),
     name: str = "torque",
+    where: str = "simulate",
 ) -> TorqueHistory:
     """Follow a function ``t -> (joints,)`` by cubics, as closely as the run's tolerance needs.
 
@@ -145,13 +146,13 @@ def function_torque(
 
     Args:
         breaks: times (s) known to be kinks or jumps.
-        name: what the function is, for messages.
+        name: what the function is, for messages; ``where``: the call.
 
     Raises:
         InputError: the function returns something else than ``joints`` finite numbers, or is
             rough everywhere.
     """
-    follower = _Follower(function, duration, joints, name)
+    follower = _Follower(function, duration, joints, name, where)
     known = np.asarray(breaks, dtype=np.float64).ravel()
     known = known[(known > 0.0) & (known < duration)]
     edges = np.unique(np.concatenate([np.linspace(0.0, duration, 65), known]))
@@ -173,7 +174,7 @@ def function_torque(
             rule = "be a function of time that is smooth but for a few jumps"
             value = f"still not followed at steps of {(b - a).min():.2g} s"
             hint = "It must give one answer at one time: pass noise as samples at a rate."
-            raise InputError(Problem("simulate", name, rule, value, hint))
+            raise InputError(Problem(where, name, rule, value, hint))
         middle = 0.5 * (a + b)
         starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])
     times = np.concatenate([start for start, _ in kept])
@@ -205,10 +206,15 @@ class _Follower:
     _TESTS = np.array([0.1, 0.5, 0.9])
 
     def __init__(
-        self, function: Callable[[float], ArrayLike], duration: float, joints: int, name: str
+        self,
+        function: Callable[[float], ArrayLike],
+        duration: float,
+        joints: int,
+        name: str,
+        where: str,
     ) -> None:
         self._function = function
-        self._name = name
+        self._where, self._name = where, name
         self._joints = joints
         self._powers = np.vander(self._TESTS, 4, increasing=True)
         # A point just inside each end: the function may jump exactly on an edge, and either side
@@ -219,11 +225,11 @@ class _Follower:
         """Call the function: once for all times if it says that it can, else for each."""
         if getattr(self._function, "vectorized", False):
             all_at_once: object = self._function(times)  # type: ignore[arg-type]
-            return check_array("simulate", self._name, all_at_once, (times.size, self._joints))
+            return check_array(self._where, self._name, all_at_once, (times.size, self._joints))
         shape = (self._joints,)
         return np.array(
             [
-                check_array("simulate", f"{self._name}({t:g})", self._function(t), shape)
+                check_array(self._where, f"{self._name}({t:g})", self._function(t), shape)
                 for t in times
             ]
         )

@@ -19,13 +19,17 @@ _SPEED = 1.0
 _BENT = 0.5 * np.pi
 
 
-def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) -> Contacts:
+def contacts_of_run(
+    arm: Arm, contacts: Sequence[Contact], state: FloatArray, where: str = "simulate"
+) -> Contacts:
     """Place contacts for a run that starts at ``state`` (2, n, 1 + m), with their mobilities.
+
+    ``where``: the call, for messages.
 
     Raises:
         InputError: as ``place_contacts``.
     """
-    placed = place_contacts(arm, "simulate", contacts)
+    placed = place_contacts(arm, where, contacts)
     if contacts:
         bent = np.full(arm.joints, _BENT)
         postures = [arm.unpadded(state[0]), arm.rest(0.0 * bent), arm.rest(bent)]

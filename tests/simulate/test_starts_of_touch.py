@@ -1,0 +1,114 @@
+"""Runs that contacts refuse: a start deep in a surface, a motion that presses away from it."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+#: A rod of 3 kg and 1 m turning about its end, before it a floor.
+FLOOR = fa.Wall((0.0, -0.1), (0.0, 1.0))
+WEIGHT = 3.0 * 9.81
+
+
+def rod():
+    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
+
+
+def start(depth):
+    return [np.arcsin(-0.1 - depth)]
+
+
+def contact(force, depth, exponent=1.0):
+    """One that pushes so much (N) at a depth (m)."""
+    return fa.Contact(FLOOR, force / depth**exponent, exponent=exponent)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_a_deep_start_is_told_with_depth_force_and_energy(exponent):
+    depth, force = 0.05, 20.0 * WEIGHT
+    energy = force * depth / (exponent + 1.0)  # the integral of the force from 0 to the depth
+    message = (
+        rf"^simulate: initial must not be deep inside the surface of contact 2, but is 0\.05 m "
+        rf"deep, where it pushes with {force:.3g} N and stores {energy:.3g} J\. That is 20 times "
+    )
+    away = fa.Contact(fa.Wall((0.0, -5.0), (0.0, 1.0)), 1e4)
+    touches = [away, contact(force, depth, exponent)]
+    with pytest.raises(fa.InputError, match=message):
+        fa.simulate(rod(), 0.01, initial=start(depth), contacts=touches)
+
+
+@pytest.mark.parametrize(
+    ("depth", "weights"),
+    [(0.009, 1000.0), (0.05, 9.0)],
+    ids=["a blow on a stiff surface", "pressed into a soft one"],
+)
+def test_a_start_is_deep_only_if_it_is_far_in_and_nothing_could_hold_it(depth, weights):
+    touch = contact(weights * WEIGHT, depth)
+    fa.simulate(rod(), 1e-4, initial=start(depth), contacts=[touch], rate=1e4)
+
+
+def test_a_wall_that_faces_the_wrong_way_is_a_deep_start():
+    wall = fa.Contact(fa.Wall((0.0, -0.1), (0.0, -1.0)), 1e4)
+    with pytest.raises(fa.InputError, match="a wall's normal points away from what is solid"):
+        fa.simulate(rod(), 0.01, contacts=[wall])
+
+
+def test_a_plant_refuses_a_deep_start_but_may_be_made_in_a_wall():
+    plant = fa.Plant(rod(), contacts=[fa.Contact(fa.Wall((0.0, 0.1), (0.0, 1.0)), 1e4)])
+    with pytest.raises(fa.InputError, match=r"^Plant\.step: initial must not be deep inside"):
+        plant.step([0.0])
+    with pytest.raises(fa.InputError, match=r"^Plant\.reset: initial must not be deep inside"):
+        plant.reset([0.05])
+    plant.reset([0.2])
+    plant.step([0.0])
+
+
+# Motions that press ------------------------------------------------------------------------------
+
+LINK = {"flexural_rigidity": 60.0, "mass_per_length": 0.6, "elements": 1}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    links = [fa.Link(length=0.8, **LINK), fa.Link(length=0.7, **LINK)]
+    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1)] * 2)
+
+
+def table():
+    x = np.linspace(0.0, 1.2, 9)
+    return fa.SurfaceTable(x, 0.3 + 0.0 * x)
+
+
+@pytest.mark.parametrize(
+    ("surface", "normal"),
+    [
+        (fa.Wall((0.0, 0.3), (0.0, 2.0)), (0.0, 1.0)),
+        (fa.RoundWall((0.9, 10.3), 10.0, inside=True), (0.0, 1.0)),
+        (table(), (0.0, 1.0)),
+        (fa.Wall((0.0, 0.3), (0.0, -1.0)), (0.0, -1.0)),
+    ],
+    ids=["wall", "room", "table", "ceiling"],
+)
+def test_a_motion_that_presses_the_wrong_way_is_refused(arm, surface, normal):
+    """The path lies on the surface; a post stands beside it, which is not what is pressed."""
+    line = fa.line_motion(arm, (0.8, 0.3), (1.0, 0.3), 1.0, start_time=0.5)
+    post = fa.Contact(fa.RoundWall((0.9, 0.8), 0.05), 1e4)
+    touches = [post, fa.Contact(surface, 1e4)]
+    hold = {"controller": fa.JointPD(20.0, 2.0), "contacts": touches}
+    right = fa.pressed_motion(arm, line, 5.0, normal)
+    fa.simulate(arm, 0.01, reference=right, initial=right.initial, **hold)
+    wrong = fa.pressed_motion(arm, line, 5.0, -np.array(normal))
+    message = (
+        r"^simulate: reference\.normal must point away from the surface of contact 2, but is "
+        r"\(0, -?1\) at t = 0 s, into it"
+    )
+    with pytest.raises(fa.InputError, match=message):
+        fa.simulate(arm, 0.01, reference=wrong, initial=wrong.initial, **hold)
+
+
+def test_a_motion_that_comes_to_a_wall_later_is_looked_at_there(arm):
+    line = fa.line_motion(arm, (1.0, 0.6), (1.0, 0.3), 1.0)
+    wrong = fa.pressed_motion(arm, line, lambda t: 5.0 * t, (0.0, -1.0))
+    floor = fa.Contact(fa.Wall((0.0, 0.3), (0.0, 1.0)), 1e4)
+    with pytest.raises(fa.InputError, match=r"is \(0, -1\) at t = 0\.[7-9]\d* s, into it"):
+        fa.simulate(arm, 1.0, controller=fa.JointPD(20.0, 2.0), reference=wrong, contacts=[floor])
