@@ -48,6 +48,14 @@ def few(values: Any, most: int = 4) -> str:
     return f"{first}, ..." if len(values) > most else first
 
 
+def is_count(value: object) -> bool:
+    """Tell whether a value is a whole number, 1 or more; ``True``, one to Python, is none."""
+    import numpy as np
+
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and int(value) >= 1  # type: ignore[call-overload]
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing wrong with an input.

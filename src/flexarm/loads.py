@@ -13,7 +13,7 @@ from flexarm.assemble import FloatArray, Piece
 from flexarm.beams import LinkConstants
 from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.kernels.contact import LEVER, WEIGHT
 from flexarm.kernels.layout import Contacts, Loads, empty_loads
 from flexarm.model.tables import order_fault
@@ -226,7 +226,7 @@ def _contacts_inboard(arm: Coordinates, contacts: Contacts, reach: FloatArray) -
 
 
 def _check_place(arm: Coordinates, where: str, load: Load, what: str) -> None:
-    if not (isinstance(load.link, int | np.integer) and 1 <= load.link <= arm.links):
+    if not (is_count(load.link) and load.link <= arm.links):
         rule = f"be the number of a link, 1 to {arm.links}"
         raise InputError(Problem(where, f"{what}.link", rule, shown(load.link)))
     length = arm.spec.links[load.link - 1].length

@@ -137,6 +137,11 @@ def test_check_says_what_is_in_a_study(path):
         ("[0.7, 1.0]", "[0.7]", "plants.heavy.flexural_rigidity_factor must be a number"),
         ("payload: {mass: 0.1}", "", "plants.heavy.payload_factor must be left out of an arm"),
         ("settling: 0.05", "setting: 0.05", "run.setting must be a known key"),
+        (
+            "settling: 0.05",
+            "settling: 0.6",
+            "run.settling must be less than the duration of 0.6 s, but is 0.6",
+        ),
         ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have one value"),
         (
             "as believed: {}",

@@ -193,6 +193,12 @@ def test_nothing_to_compare_is_refused(arm, motion, wrong, value):
         fa.compare(arm, duration=0.1, **{**given, wrong: value})
 
 
+@pytest.mark.parametrize("settling", [0.1, 3.0, -0.5, np.nan, "long"])
+def test_settling_is_shorter_than_the_run(arm, motion, settling):
+    with pytest.raises(fa.InputError, match=r"^compare: settling must be"):
+        fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, settling=settling)
+
+
 def test_runs_that_an_event_ends_are_not_judged(arm, motion):
     early = fa.joint_event(arm, 1, 0.4, terminal=True)
     table = fa.compare(arm, {"pd": gains()}, 0.5, {"move": motion}, events=[early])

@@ -285,6 +285,16 @@ def test_hardware_needs_a_controller(arm):
         fa.simulate(arm, 0.1, hardware=fa.Hardware())
 
 
+@pytest.mark.parametrize("name", ["contact_force", "contact_gap"])
+def test_a_contact_that_is_not_there_is_told(name):
+    """An arm gives the force to every controller, but only where there are contacts."""
+    measurement = fa.Measurement(joint_angle=np.ones(2))
+    with pytest.raises(AttributeError, match="Without contacts there is none: give simulate cont"):
+        getattr(measurement, name)
+    with pytest.raises(AttributeError, match=r"measured are: joint_angle\. Give simulate a hardw"):
+        _ = measurement.tip
+
+
 def test_a_measurement_can_be_copied_and_kept():
     measurement = fa.Measurement(joint_angle=np.ones(2))
     for again in (copy.copy(measurement), copy.deepcopy(measurement)):

@@ -107,7 +107,7 @@ class Composite(LQG):
             self.damping_ratio = scales(where, "damping_ratio", damping_ratio, arm.joints)
         if acceptable is None:
             acceptable = {"link_tip_deflection": 0.01, "link_tip_deflection_rate": 0.1}
-        self.acceptable = check_names(where, "acceptable", acceptable, BENDING)
+        self.acceptable = check_names(where, "acceptable", acceptable, BENDING, arm)
         super().__init__(arm, posture, sample_time=sample_time, **{**options, "preview": 0.0})
 
     @property

@@ -275,9 +275,9 @@ def _unsolvable(where: str, argument: str) -> Problem:
 
 
 def check_names(
-    where: str, argument: str, given: object, allowed: Sequence[str]
+    where: str, argument: str, given: object, allowed: Sequence[str], arm: Arm
 ) -> Mapping[str, ArrayLike]:
-    """Return a mapping whose keys are all known.
+    """Return a mapping whose keys are all known, and there on the arm.
 
     Raises:
         InputError: it is none, or one is not.
@@ -290,6 +290,9 @@ def check_names(
         raise InputError(
             *(Problem(where, argument, rule, shown(n), nearest(n, allowed)) for n in wrong)
         )
+    if "strain" in given and not arm.gauges:
+        rule = "leave out the strain of an arm without gauges"
+        raise InputError(Problem(where, argument, rule, "'strain'"))
     return given
 
 

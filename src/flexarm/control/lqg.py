@@ -35,6 +35,8 @@ from flexarm.linear.signals import CHANNEL_OUTPUTS
 MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
 #: What can be integrated, and by default how much of it counts as one: rad s, m s.
 INTEGRATED = {"joint_angle": 2e-3, "tip": 1e-3}
+#: What can be acceptable: no contacts are known to a design.
+_ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
 #: Angular acceleration (rad/s^2) that the acceptable torque gives to the rigid arm by default.
 _BRISK = 10.0
 #: Nodes of the preview, and the longest one, s.
@@ -329,16 +331,16 @@ def _wishes(
         integral = {"joint_angle": INTEGRATED["joint_angle"]}
     elif isinstance(integral, str):
         integral = {integral: INTEGRATED.get(integral, np.nan)}
-    checked = check_names(where, "integral", integral, tuple(INTEGRATED))
+    checked = check_names(where, "integral", integral, tuple(INTEGRATED), arm)
     if len(checked) > 1:
         raise InputError(Problem(where, "integral", "name one output", shown(integral)))
-    seen = check_names(where, "measured", measured, MEASURED)
+    seen = check_names(where, "measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
         raise InputError(Problem(where, "measured", "hold the tip to integrate it", shown(seen)))
     return Wishes(
-        check_names(where, "acceptable", acceptable, tuple(CHANNEL_OUTPUTS)),
+        check_names(where, "acceptable", acceptable, _ACCEPTABLE, arm),
         torque,
         seen,
-        check_names(where, "disturbance", disturbance, DISTURBANCES),
+        check_names(where, "disturbance", disturbance, DISTURBANCES, arm),
         checked,
     )

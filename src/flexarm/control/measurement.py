@@ -51,19 +51,25 @@ class Measurement(Mapping[str, FloatArray]):
         return f"Measurement({', '.join(f'{k}={v}' for k, v in self._values.items())})"
 
 
-class _NotMeasured(KeyError):
-    """A name that is not measured; worded when it is shown, since ``get`` asks often."""
-
-    def __str__(self) -> str:
-        name, values = self.args
-        return _not_measured(name, values)
+            given = ", ".join(self._values)
+            raise AttributeError(
+                f"no instrument measures {name!r}; measured are: {given}. {_hint(name)}"
+            ) from None
 
 
-def _not_measured(name: str, values: Mapping[str, FloatArray]) -> str:
-    hint = nearest(name, values)
-    if not hint:
-        hint = "Give simulate a hardware with an Instrument of that signal or name."
-    return f"no instrument measures {name!r}; measured are: {', '.join(values)}. {hint}"
+def _hint(name: str) -> str:
+    """Say where a name would come from."""
+    if name == "contact_force":
+        return (
+            "Without contacts there is none: give simulate contacts and, where it has a hardware, "
+            "an Instrument of that signal."
+        )
+    if name == "contact_gap":
+        return (
+            "Without contacts there is none: give simulate contacts, and a hardware with an "
+            "Instrument of that signal."
+        )
+    return "Give simulate a hardware with an Instrument of that signal or name."
 
 
 def _measurement(values: dict[str, FloatArray]) -> Measurement:

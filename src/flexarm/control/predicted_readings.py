@@ -63,7 +63,7 @@ class PredictedReadings:
         constants = arm.assembly.constants
         n, m = constants.S.shape
         self._stations = place_loads(
-            arm, where, [Load(s.link, station=s.station) for s in self._sensors]
+            arm, where, [Load(s.link, station=s.station) for s in self._sensors], what="Sensor"
         )
         self._sizes, self._loads = run_time_sizes(constants), no_loads(constants)
         self._work = new_workspace(constants, complex)

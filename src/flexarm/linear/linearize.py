@@ -80,6 +80,8 @@ def linearize(
         rule = "be left out where the equilibrium is asked for: the base rests there"
         raise InputError(Problem(_WHERE, "base_acceleration", rule, "given"))
     acting = acting_loads(arm, _WHERE, tip_force, loads)
+    # Here, so that what is not on the arm is told by this call and not by one within.
+    place_outside(arm, _WHERE, acting, None, contacts)
     point = _operating_point(arm, q, qd, torque, acting, contacts)
     if base_acceleration is not None:
         base = check_array(_WHERE, "base_acceleration", base_acceleration, (2,))

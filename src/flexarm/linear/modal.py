@@ -20,7 +20,7 @@ from flexarm.linear.equilibrium import Equilibrium
 from flexarm.linear.held import Held, Joints, hold_joints
 from flexarm.linear.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.tangent import Tangent, tangent
-from flexarm.loads import Load, acting_loads
+from flexarm.loads import Load, acting_loads, place_loads
 
 _WHERE = "modes"
 
@@ -119,6 +119,7 @@ def modes(
     Theory page "small motion", (S.2) to (S.5).
     """
     acting = acting_loads(arm, _WHERE, tip_force, loads)
+    place_loads(arm, _WHERE, acting)  # here, so that what is not on the arm is told by this call
     held = hold_joints(arm, _WHERE, joints)
     rate = float(check_array(_WHERE, "spin", spin, ()))
     place, acting, contacts = _place(arm, joint_angles, q, acting)

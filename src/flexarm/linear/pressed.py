@@ -72,7 +72,8 @@ class PressedMotion:
         self._pressing = _spline(times, [one.pressing for one in held])
 
     def __repr__(self) -> str:
-        return f"<flexarm.PressedMotion: to t = {self._last:g} s along {self.motion!r}>"
+        size = self.motion.joints
+        return f"<flexarm.PressedMotion: {size} joints, up to {self._last:g} s>"
 
     def _inside(self, t: ArrayLike) -> FloatArray:
         return np.clip(np.asarray(t, dtype=np.float64), self._first, self._last)

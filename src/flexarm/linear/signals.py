@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, is_count, shown
 from flexarm.loads import SAME_PLACE, Load
 
 KINDS = ("position", "velocity", "acceleration")
@@ -52,7 +52,7 @@ class Sensor:
         elif self.frame == "link" and self.kind != "acceleration":
             rule = "be 'world' but for accelerations"
             problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
-        if not isinstance(self.link, int | np.integer) or self.link < 1:
+        if not is_count(self.link):
             rule = "be the number of a link, 1 or more"
             problems.append(Problem("Sensor", "link", rule, shown(self.link)))
         if self.station is not None and not _is_length(self.station):

@@ -60,9 +60,15 @@ class StudyRun(Record):
     settling: NonNegative = Field(
         default=0.0,
         description="Time after the end of a motion that settled error and residual vibration "
-        "leave out (s).",
+        "leave out (s); less than the duration.",
     )
     integrator: Word = Field(default="auto", description="Name of the integrator.")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("duration", "settling") and given.settling >= given.duration:
+            rule = f"be less than the duration of {given.duration:g} s"
+            yield Fault(("settling",), rule, shown(given.settling))
 
     def settings(self) -> RunSettings:
         """Return the same for one run."""

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 STAGES = 3
-ORDER = 6
 #: Places of the stages in a step, 0 to 1.
 PLACES: Floats = 0.5 + np.polynomial.legendre.leggauss(STAGES)[0] / 2.0
 

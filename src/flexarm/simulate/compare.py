@@ -10,11 +10,19 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.control import Controller, Hardware, Reference
-from flexarm.errors import InputError, LargeDeflectionWarning, Problem, SimulationError, shown
+from flexarm.errors import (
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
 from flexarm.loads import Load
 from flexarm.model.events import DURATION
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.metrics import METRICS, metrics_of
+from flexarm.simulate.new_run import positive
 from flexarm.simulate.run import simulate
 
 if TYPE_CHECKING:
@@ -48,7 +56,8 @@ def compare(
             pair ``(arm, loads)`` is an arm with loads that act on it alone, beside those of the
             option ``loads``; no controller knows any of them.
         hardware: of every run, with the same seed: the noise is the same in all.
-        settling: s after the end of a motion that the numbers of the time after it leave out.
+        settling: s after the end of a motion that the numbers of the time after it leave out;
+            shorter than the run.
         progress: True or False shows or hides the bar.
         options: further arguments of ``flexarm.simulate``, the same for all runs.
 
@@ -58,7 +67,7 @@ def compare(
 
     Raises:
         InputError: no controllers or references, a plant that is neither an arm nor an arm with
-            loads, or what ``simulate`` refuses.
+            loads, a settling as long as the run, or what ``simulate`` refuses.
     """
     where = "compare"
     plants = {"nominal": arm} if plants is None else plants
@@ -73,6 +82,8 @@ def compare(
         if not isinstance(items, Mapping) or not items:
             rule = "be a dictionary by name, with one entry at least"
             raise InputError(Problem(where, name, rule, shown(items)))
+    duration = positive(where, "duration", duration)
+    check_settling(where, settling, duration)
     loaded = {name: _with_loads(name, plant) for name, plant in plants.items()}
     everywhere = options.pop("loads", ())
 
@@ -90,6 +101,17 @@ def compare(
     table = comparison(arm, names, one, settling, progress)
     table.attrs["duration"] = duration
     return table
+
+
+def check_settling(where: str, settling: object, duration: float) -> None:
+    """Refuse what is no time, or one that leaves nothing of a run of ``duration`` (s) to judge.
+
+    Raises:
+        InputError: so it is.
+    """
+    if not 0.0 <= float(check_array(where, "settling", settling, ())) < duration:
+        rule = f"be at least 0 and less than the duration of {duration:g} s"
+        raise InputError(Problem(where, "settling", rule, shown(settling)))
 
 
 def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load]]:

@@ -180,6 +180,13 @@ WALL = fa.Wall((0.0, 0.0), (0.0, 1.0))
         ({"stiffness": 1.0, "damping": -1.0}, "damping must be at least 0, but is -1"),
         ({"stiffness": 1.0, "friction": np.nan}, "friction must be finite"),
         ({"stiffness": 1.0, "friction_speed": 0}, "friction_speed must be greater than 0"),
+        ({"stiffness": 1.0, "station": -1.0}, "station must be at least 0, but is -1"),
+        (
+            {"stiffness": 1.0, "link": True},
+            "link must be the number of a link, 1 or more, or None for the last, but is True",
+        ),
+        ({"stiffness": 1.0, "link": 0}, "link must be the number of a link"),
+        ({"stiffness": 1.0, "link": 1.5}, "link must be the number of a link"),
         ({"stiffness": "x", "surface": 3}, "surface must be a Wall, a RoundWall or a SurfaceTable"),
     ],
 )

@@ -177,6 +177,7 @@ def test_strain_feedback_damps_vibration_of_a_stiffly_held_joint():
         ({"adaptation": np.nan}, "adaptation"),
         ({"parameters": ["payload.weight"]}, "payload.weight"),
         ({"parameters": ["payload.mass", "payload.mass"]}, "once"),
+        ({"parameters": []}, "parameters must name one at least, but is []"),
         ({"bounds": {"payload.mass": (2.0, 1.0)}}, "lower one first"),
         ({"bounds": {"link_1.mass": (2.0, 3.0)}}, "bounds must be names out of payload.mass"),
         ({"strain_gain": 1.0}, "no gauge"),

@@ -353,6 +353,25 @@ def test_what_is_refused(options, word):
         fa.LQG(arm_with_gauges(), **options)
 
 
+@pytest.mark.parametrize(
+    ("design", "options", "message"),
+    [
+        (fa.LQG, {"measured": {"strain": 1e-6}}, "^LQG: measured must leave out the strain of an"),
+        (fa.LQG, {"acceptable": {"strain": 1e-4}}, "^LQG: acceptable must leave out the strain"),
+        (fa.LQG, {"acceptable": {"contact_force": 1.0}}, "^LQG: acceptable .*'contact_force'"),
+        (fa.MPC, {"measured": {"strain": 1e-6}, "torque_limit": 1.0}, "^MPC: measured must leave"),
+        (fa.Composite, {"measured": {"strain": 1e-6}}, "^Composite: measured must leave out"),
+        (fa.Composite, {"acceptable": {"strain": 1e-4}}, "^Composite: acceptable must leave out"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_what_the_arm_does_not_have_is_told_by_the_controller(design, options, message):
+    bare = [link.model_copy(update={"gauges": ()}) for link in arm_with_gauges().spec.links]
+    arm = fa.Arm(arm_with_gauges().spec.replace(links=tuple(bare)))
+    with pytest.raises(fa.InputError, match=message):
+        design(arm, **options)
+
+
 def test_a_missing_reading_is_named():
     arm = arm_with_gauges()
     hardware = fa.Hardware(instruments=[fa.Instrument("joint_angle")])

@@ -47,6 +47,7 @@ def test_citation_names_the_methods():
         ({"link": "two"}, "Sensor: link must be the number of a link, 1 or more, but is 'two'"),
         ({"link": 1.5}, "Sensor: link must be the number of a link"),
         ({"link": 0}, "Sensor: link must be the number of a link"),
+        ({"link": True}, "Sensor: link must be the number of a link, 1 or more, but is True"),
         ({"station": -0.1}, "Sensor: station must be a distance from the link's root"),
         ({"station": "tip"}, "Sensor: station must be a distance from the link's root"),
         ({"station": np.nan}, "Sensor: station must be a distance from the link's root"),

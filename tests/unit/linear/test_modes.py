@@ -226,3 +226,13 @@ def test_no_steady_spin():
         fa.modes(fixed, spin=1.0)
     with pytest.raises(fa.InputError, match="mass matrix positive definite"):
         fa.modes(two_links(theory="second_order"), [0.0, 1.0], spin=30.0)
+
+
+def test_a_load_that_is_not_on_the_arm_is_told_by_the_call():
+    link = {"length": 1.0, "flexural_rigidity": 20.0, "mass_per_length": 0.5}
+    arm = fa.Arm(links=[fa.Link(**link)])
+    with pytest.raises(fa.InputError, match=r"^modes: Load\.link must be the number of a link"):
+        fa.modes(arm, loads=[fa.Load(2, (1.0, 0.0))])
+    contact = fa.Contact(fa.Wall((2.0, 0.0), (-1.0, 0.0)), 1e4, link=2)
+    with pytest.raises(fa.InputError, match=r"^linearize: Contact\.link must be the number"):
+        fa.linearize(arm, contacts=[contact])
