@@ -30,11 +30,19 @@ def test_tree_of_the_package_is_complete() -> None:
     assert rest, "the tree goes on with the tests"
 
 
+def test_every_kernel_is_named() -> None:
+    """One algorithm a file: the list of files is the list of what is compiled."""
+    text = block_that_begins("src/flexarm/").partition("\n  kernels/")[2].partition("\n  integrate/")
+    named = set(re.findall(r"\w+", text[0]))
+    real = {path.stem for path in (ROOT / "src/flexarm/kernels").glob("*.py")} - {"__init__"}
+    assert real <= named, real - named
+
+
 def test_tree_of_the_tests_is_complete() -> None:
     text = block_that_begins("src/flexarm/").partition("\ntests/")[2].partition("\ndocs/")[0]
     drawn = {n for line in text.splitlines() for n in re.findall(r"(\w+)/", line[:29])}
     real = {p.name for p in (ROOT / "tests").iterdir() if p.is_dir()}
-    assert drawn == real - {"__pycache__", "data"}
+    assert drawn == real - {"__pycache__"}
 
 
 def test_every_file_is_short() -> None:

@@ -96,6 +96,29 @@ def test_restitution(damping, exponent):
     assert -result.joint_rate.values[-1, 0] == pytest.approx(rebound(damping, 1.0), rel=3e-5)
 
 
+@pytest.mark.parametrize(
+    ("restitution", "off"), [(0.95, 3e-3), (0.7, 3e-3), (0.5, 1.3e-2), (0.2, 4e-2), (0.1, 4e-2)]
+)
+def test_damping_made_of_a_restitution(restitution, off):
+    """By the formula of the reference, as far off as it says; and by the equation, exactly."""
+    wall = fa.Wall((1.0, 0.0), (0.0, -1.0))
+    about = 1.5 * (1.0 - restitution) / restitution
+    exact = brentq(
+        lambda c: rebound(c, 1.0) - restitution, 0.3 * about, min(1.5 * about, 1.0 / restitution)
+    )
+    # The how-to solves the same equation for the damping; two searches to 1e-12 lie between.
+    e = restitution
+    assert np.log1p(exact) - np.log1p(-exact * e) == pytest.approx(exact * (1.0 + e), rel=1e-6)
+    for damping, allowed in ((about, off), (exact, 3e-5)):
+        contact = fa.Contact(wall, 1e6, damping=damping)
+        result = fa.simulate(
+            rod(), 0.6, initial=[-0.02], initial_rate=[1.0], contacts=[contact], rtol=1e-9,
+            atol=1e-11,
+        )  # fmt: skip
+        assert result.contact_gap[-1, 0] > 0.0
+        assert -result.joint_rate.values[-1, 0] == pytest.approx(restitution, abs=allowed)
+
+
 @pytest.mark.parametrize("make", [rod, beam])
 def test_bouncing_keeps_its_energy(make):
     """Under gravity on an elastic floor without friction: every bounce gives back what it took."""

@@ -186,6 +186,16 @@ def test_the_last_sample_is_the_last_that_fits(duration, rate, count):
     np.testing.assert_allclose(result.joint_angle[:, 0], np.arange(count) / rate, rtol=1e-12)
 
 
+def test_a_run_goes_on_to_its_end_behind_the_last_sample():
+    """The joint passes a line between the last sample, at 0.1 s, and the end."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=0.3, flexible=False)])
+    events = [fa.joint_event(arm, 1, angle) for angle in (0.10025, 0.10045)]
+    result = fa.simulate(arm, 0.1004, initial_rate=[1.0], events=events)
+    np.testing.assert_array_equal(result.time, np.arange(101) / 1000.0)
+    assert result.attrs["ended_by"] == "duration"
+    np.testing.assert_allclose(result.event_time, [0.10025], rtol=1e-12)
+
+
 def test_recording_more_or_less_does_not_change_the_motion(arm):
     fine = fa.simulate(arm, 0.1, initial_rate=arm.rest([1.0, 0.0, 0.0]), rate=2000.0)
     coarse = fa.simulate(arm, 0.1, initial_rate=arm.rest([1.0, 0.0, 0.0]), rate=10.0)

@@ -51,10 +51,17 @@ class Measurement(Mapping[str, FloatArray]):
         return f"Measurement({', '.join(f'{k}={v}' for k, v in self._values.items())})"
 
 
-            given = ", ".join(self._values)
-            raise AttributeError(
-                f"no instrument measures {name!r}; measured are: {given}. {_hint(name)}"
-            ) from None
+class _NotMeasured(KeyError):
+    """A name that is not measured; worded when it is shown, since ``get`` asks often."""
+
+    def __str__(self) -> str:
+        name, values = self.args
+        return _not_measured(name, values)
+
+
+def _not_measured(name: str, values: Mapping[str, FloatArray]) -> str:
+    hint = nearest(name, values) or _hint(name)
+    return f"no instrument measures {name!r}; measured are: {', '.join(values)}. {hint}"
 
 
 def _hint(name: str) -> str:
