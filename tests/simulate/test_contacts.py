@@ -172,17 +172,18 @@ def test_sliding_friction_is_coulombs():
     contact = fa.Contact(floor, 1e5, damping=5.0, friction=0.4, friction_speed=1e-3)
     links = [fa.Link(length=1.0, mass_per_length=0.5, flexible=False)] * 2
     arm = fa.Arm(links=links, joints=[fa.Joint(), fa.Joint(damping=0.5)])
-    first = 1.0 - 0.15 * np.sin(np.linspace(0.0, 2.0 * np.pi, 9))  # there and back
+    first = 0.7 - 0.15 * np.sin(np.linspace(0.0, 2.0 * np.pi, 9))  # there and back
     drawn = fa.PrescribedAngle.table(np.linspace(0.0, 1.6, 9), first)
     result = fa.simulate(
-        arm, 1.6, initial=arm.rest([1.0, -2.1]), torque=lambda t: [0.0, -5.0], contacts=[contact],
+        arm, 1.6, initial=arm.rest([0.7, -1.5]), torque=lambda t: [0.0, -5.0], contacts=[contact],
         prescribed={1: drawn},
     )  # fmt: skip
     gliding = (abs(result.tip_velocity[:, 0]) > 0.02) & (result.contact_gap[:, 0] < 0.0)
     force = result.contact_force[:, 0].values[gliding.values]
     sense = np.sign(result.tip_velocity.values[gliding.values, 0])
-    assert gliding.sum() > 400
-    assert set(sense) == {-1.0}  # the other way: the example that wipes a wall
+    # Drawn and pushed; steeper, a tip that is pushed would jam and hop.
+    assert np.sum(sense == 1.0) > 400
+    assert np.sum(sense == -1.0) > 400
     assert force[:, 1].min() > 1.0
     # tanh(20) is one to all digits.
     np.testing.assert_allclose(force[:, 0], -0.4 * sense * force[:, 1], rtol=1e-12)

@@ -326,9 +326,14 @@ def test_flexible_arm_with_every_integrator(integrator):
     step = None if INTEGRATORS[integrator].adaptive else 1e-4
     result = run(integrator=integrator, rtol=1e-8, atol=1e-10, step=step, rate=100.0)
     assert result.event_name.values.tolist() == tight.event_name.values.tolist()
-    # Tip errors of 1e-7 m or so at speeds of 1 m/s; of order 2, a hundred times as much.
-    found = 1e-6 if INTEGRATORS[integrator].order > 2 else 1e-4
-    np.testing.assert_allclose(result.event_time, tight.event_time, atol=found, rtol=0.0)
+    # Tip errors of 1e-7 m or so at speeds of 1 m/s.
+    late = np.full(result.sizes["event"], 1e-6)
+    if INTEGRATORS[integrator].order == 2:
+        # A vibration of w rad/s runs late by the part (w h)^2 / 12 of the time; the third, of
+        # 295 rad/s here, is the fastest that counts in the mode, which hardly moves the tip.
+        straight = result.event_name.values == "straight"
+        late[straight] = (295.0 * step) ** 2 / 12.0 * result.event_time.values[straight]
+    assert np.all(abs(result.event_time.values - tight.event_time.values) < late)
 
 
 def test_watching_does_not_change_the_run():

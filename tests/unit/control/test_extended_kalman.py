@@ -212,10 +212,17 @@ def test_finds_the_payload(factor):
     run, torque, readings = record(arm, plant, 0.8, seed=1)
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], 0.02, payload_deviation=0.3)
     found = filters.run(torque, readings)
-    assert found.payload_mass[-1] == pytest.approx(0.2 * factor, abs=0.01)
+    # Links stiff enough that the linear theory holds: they bend by less than a twentieth.
+    assert abs(run.link_tip_deflection.values).max() < 0.05 * 0.8
+    missed = found.payload_mass[-1] - 0.2 * factor
+    if factor == 1.0:  # then it errs as it says: by four of its deviations once in 16000 times
+        assert abs(missed) < 4.0 * np.sqrt(found.covariance[-1][-1, -1])
+    # Begun with another mass, it has weighed first readings by slopes of that one: what is learned
+    # early is not unlearned, a hundredth of the mass believed in.
+    assert abs(missed) < 2e-3
     truth = run.q.values[np.arange(0, 800)]
     late = slice(400, None)
-    assert abs(found.q - truth)[late].max() < 2e-3
+    assert abs(found.q - truth)[late].max() < 1e-3
     assert np.all(found.payload_mass >= 0.0)
 
 
