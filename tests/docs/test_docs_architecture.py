@@ -32,7 +32,9 @@ def test_tree_of_the_package_is_complete() -> None:
 
 def test_every_kernel_is_named() -> None:
     """One algorithm a file: the list of files is the list of what is compiled."""
-    text = block_that_begins("src/flexarm/").partition("\n  kernels/")[2].partition("\n  integrate/")
+    text = (
+        block_that_begins("src/flexarm/").partition("\n  kernels/")[2].partition("\n  integrate/")
+    )
     named = set(re.findall(r"\w+", text[0]))
     real = {path.stem for path in (ROOT / "src/flexarm/kernels").glob("*.py")} - {"__init__"}
     assert real <= named, real - named

@@ -120,11 +120,11 @@ class Progress:
     entry: Entry | None = None  # into the stepper
 
     def enter(self, stepper: Callable[..., int], system: System, *arguments: Any) -> Status:
-        """Call the stepper of the one integrator that this run has.
+        """Call the stepper of the integrator that this run has.
 
         What ``Entry`` is promised holds: the arguments of a run keep their types.
         """
-        if self.entry is None:
+        if self.entry is None or self.entry.kernel is not stepper:
             self.entry = Entry(stepper)
         return Status(self.entry(system, *arguments))
 

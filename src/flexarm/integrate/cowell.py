@@ -58,6 +58,8 @@ _GAMMA = 367.0 / 1440.0
 #: highest one comes from below, so some of that is kept.
 _STABLE = 5.0
 _ITERATIONS = 25
+#: Lengths of a step that are tried before modes are made stiff to be stable.
+_ATTEMPTS = 3
 
 
 @merged
@@ -108,6 +110,7 @@ def _highest(
 def _soften(
     system: System, softened: ArmConstants, tolerance: Tolerance, state: Array, smooth: Array,
     known: Array, force: Array, torque: Array, stiff: Array, added: Array, h: float,
+    may_shorten: bool,
 ) -> float:  # fmt: skip
     """Decide which modes are stiff at steps of h, and add their implicit part to the mass.
 
@@ -128,7 +131,7 @@ def _soften(
         square = h * h * max(here, straight)
         if square > _STABLE:
             longest = h * math.sqrt(_STABLE / square)
-        if longest < 0.5 * h:
+        if longest < 0.5 * h or (longest < h and not may_shorten):
             longest = h
             for i in range(len(system.sizes.bodies)):
                 for j in range(len(system.sizes.modes)):
@@ -324,11 +327,12 @@ def advance_cowell(
             break
         if span[PLACE] >= span[COUNT]:  # a new span begins
             longest = step
-            for _ in range(2):
+            # A shorter step may resolve a mode that was stiff, and so ask for a shorter one again.
+            for attempt in range(_ATTEMPTS):
                 begin_span(system.drive.stops, t, until, longest, span)
                 longest = _soften(
                     system, softened, tolerance, state, smooth, known, force, torque, stiff, added,
-                    span[LENGTH],
+                    span[LENGTH], attempt < _ATTEMPTS - 1,
                 )  # fmt: skip
                 if longest >= span[LENGTH]:
                     break

@@ -115,10 +115,10 @@ class Entry:
     their types, dimensions and memory layout. Nothing checks the promise.
     """
 
-    __slots__ = ("_code", "_first", "_kernel")
+    __slots__ = ("_code", "_first", "kernel")
 
     def __init__(self, kernel: Callable[..., Any]) -> None:
-        self._kernel = kernel
+        self.kernel = kernel
         self._first: Any = self  # no caller's first argument
         self._code: Callable[..., Any] = kernel
 
@@ -129,7 +129,7 @@ class Entry:
         return self._code(*arguments)
 
     def _look(self, arguments: tuple[Any, ...]) -> None:
-        kernel: Any = self._kernel
+        kernel: Any = self.kernel
         if hasattr(kernel, "typeof_pyval"):  # not where Numba is told to compile nothing
             types = tuple(map(kernel.typeof_pyval, arguments))
             kernel.compile(types)
@@ -137,7 +137,7 @@ class Entry:
         self._first = arguments[0]
 
     def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any]]]:
-        return Entry, (self._kernel,)  # a copy finds its machine code anew
+        return Entry, (self.kernel,)  # a copy finds its machine code anew
 
 
 def undecorated(function: Callable[..., Any]) -> Callable[..., Any]:
