@@ -70,7 +70,8 @@ def _page(m: Measured) -> str:
 
 Measured by `make bench`; the numbers below are from one run on one machine: {machine()}. Times
 vary from machine to machine and with what else runs on it; ratios taken in the same run are
-what to compare. All that is compared was timed in turns, and every time is a median.
+what to compare. What is compared was timed in turns. Times
+are medians, but the chain's, timed once, and those of start-up, the least of a few.
 
 ## Forward dynamics, two links of four modes
 

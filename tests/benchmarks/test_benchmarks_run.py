@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -105,10 +106,7 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
     assert "dormand_prince_8, 4 modes, rtol 1e-04" in page
     assert "| `joint_pd` | 5 |" in page
     assert "| 256 |" in page
-    assert (
-        "| exact beams | 1.2e-04 | cowell_4, 3 modes, step 1.25 ms: " in page
-        or "| exact beams | 1.2e-04 | kennedy" in page
-    )
+    assert re.search(r"\| exact beams \| 1.2e-04 \| \w+, [34] modes, (step|rtol) .*: ", page)
     assert "no compiler here" in page
     for figure in ("scaling.png", "work-precision.png", "chain.png"):
         assert (tmp_path / figure).stat().st_size > 10_000, figure

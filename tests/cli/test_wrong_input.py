@@ -151,6 +151,28 @@ def test_modes_and_schema_check_their_places(tmp_path):
     assert list(tmp_path.iterdir()) == [good]
 
 
+DEEP = """
+flexarm: 1
+arm:
+  links:
+    - {length: 1.0, mass_per_length: 1.0, flexible: false}
+motion: {kind: joint, start: [0.0], end: [0.5], duration: 1.0}
+drive: {kind: joint_pd, proportional: 20, derivative: 4}
+contacts:
+  - surface: {kind: wall, point: [0.5, 0.0], normal: [-1, 0]}
+    stiffness: 1.0e+4
+run: {duration: 0.5}
+"""
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_start_deep_in_a_wall_is_found_before_the_run(tmp_path, command):
+    outcome = invoke(command, write(tmp_path / "deep.yaml", DEEP))
+    assert_refused(outcome)
+    assert "deep.yaml" in outcome.stderr
+    assert "deep inside the surface of contact 1, but is 0.5 m deep" in outcome.stderr
+
+
 def test_paper_refuses_a_file_for_a_folder(tmp_path):
     good = write(tmp_path / "good.yaml", GOOD)
     assert_refused(invoke("paper", "--out", good))

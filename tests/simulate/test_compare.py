@@ -185,6 +185,18 @@ def test_a_run_that_fails_is_told_and_the_others_go_on(arm, motion):
     assert np.isfinite(table.tip_error_peak.sel(controller="pd")).all()
 
 
+def test_a_later_run_that_is_refused_does_not_lose_the_others(arm, motion):
+    controllers = {"one": fa.JointPD(*gains()), "other": fa.ComputedTorque(arm, 1.0)}
+    three = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 3)
+    controllers["misfit"] = fa.ComputedTorque(three, 1.0)
+    table = fa.compare(arm, controllers, 0.2, {"line": motion})
+    assert table.failure.values[:2].ravel().tolist() == ["", ""]
+    assert "for one with 3" in table.failure.sel(controller="misfit").item()
+    first = {"misfit": controllers["misfit"], "one": controllers["one"]}
+    with pytest.raises(fa.InputError, match="for one with 3"):
+        fa.compare(arm, first, 0.2, {"line": motion})
+
+
 @pytest.mark.parametrize("wrong", ["controllers", "references", "plants"])
 @pytest.mark.parametrize("value", [{}, [1, 2]])
 def test_nothing_to_compare_is_refused(arm, motion, wrong, value):

@@ -111,3 +111,28 @@ def test_a_sliding_mode_believed_at_the_end_of_its_range_is_not():
         ARM, 10.0, 0.3, {"payload.mass": 0.8}, reaching=[1.0, 0.5], damping=GAIN
     )
     assert times_as_believed(careless)[1] > 2.0 * LIMIT
+
+
+def test_on_the_papers_line_too():
+    """Of the laboratory arm of ``which-controller``, whose links bend six times as easily."""
+    rods = [
+        fa.Link(length=length, elements=count, flexural_rigidity=105.0, mass_per_length=0.61732)
+        for length, count in ((1.4142, 2), (1.0, 1))
+    ]
+    elbow = fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02)
+    joints = [fa.Joint(hub_inertia=0.1), elbow]
+    arm = fa.Arm(links=rods, joints=joints, payload=fa.Payload(mass=0.1))
+    line = fa.line_motion(arm, start=(2.0, 1.0), end=(1.0, 2.0), duration=2.0, start_time=0.5)
+    names = ["payload.mass", "joint_1.viscous", "joint_2.viscous"]
+    gain, wrong = [6.0, 1.5], dict.fromkeys(names, 0.1)
+    controllers = {
+        "adaptive": fa.Adaptive(arm, 3.0, gain, [0.05, 0.2, 0.2], names, leakage=0.02),
+        "sliding mode": fa.SlidingMode(arm, 3.0, 0.3, wrong, reaching=[0.3, 0.1], damping=gain),
+    }
+    both = fa.varied(arm, payload_factor=2.0, flexural_rigidity_factor=0.7)
+    table = fa.compare(arm, controllers, 3.0, {"line": line}, {"nominal": arm, "both": both})
+    assert (table.failure == "").all()
+    errors = table.tip_error_rms.values[:, :, 0]
+    # 1.8 each.
+    assert np.all(errors[:, 1] < LIMIT * errors[:, 0])
+    assert np.all(errors[:, 1] > 1.2 * errors[:, 0])  # the plant does differ

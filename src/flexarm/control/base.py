@@ -71,4 +71,6 @@ def controller_problem(where: str, name: str, value: object) -> Problem | None:
     for method in ("reset", "update"):
         if not callable(getattr(value, method, None)):
             return Problem(where, name, f"have the method {method}", shown(value))
+    if not hasattr(value, "sample_time"):
+        return Problem(where, name, "have a sample_time, s", shown(value))
     return None

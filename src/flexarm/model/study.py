@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import Any, ClassVar
 
 from pydantic import Field, ValidationError
@@ -18,6 +19,7 @@ from flexarm.model.motions import MotionSpec
 from flexarm.model.quantities import (
     Listed,
     Named,
+    Names,
     NonNegative,
     OneOrMany,
     Positive,
@@ -82,7 +84,7 @@ class Study(Record):
     motions: Named[MotionSpec] = Field(description="Motions asked for, by name.")
     drives: Named[Drive] = Field(description="What moves the joints, by name.")
     plants: Named[PlantSpec] = Field(
-        default={"as believed": PlantSpec()}, description="Arms that are simulated, by name."
+        default=Names({"as believed": PlantSpec()}), description="Arms that are simulated, by name."
     )
     hardware: HardwareSpec | None = Field(
         default=None, description="Instruments and motors of every drive that measures."
@@ -117,10 +119,8 @@ class Study(Record):
 
 
 def _pairs(given: Given) -> Iterator[tuple[str, str]]:
-    """Yield each drive and each motion at least once: what is wrong with one shows."""
-    drives, motions = list(given.drives), list(given.motions)
-    for k in range(max(len(drives), len(motions))):
-        yield drives[min(k, len(drives) - 1)], motions[min(k, len(motions) - 1)]
+    """Yield every drive with every motion: some do not go together."""
+    yield from product(given.drives, given.motions)
 
 
 def _of_one(given: Given, drive: str, motion: str) -> Iterator[Fault]:

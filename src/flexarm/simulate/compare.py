@@ -152,7 +152,10 @@ def comparison(
                 with warnings.catch_warnings():  # kept with the numbers
                     warnings.simplefilter("ignore", LargeDeflectionWarning)
                     result, reference = run(*chosen)
-            except SimulationError as error:
+            except (SimulationError, InputError) as error:
+                # What is wrong with the first run is wrong with all; with a later one, only there.
+                if isinstance(error, InputError) and done == 0:
+                    raise
                 failures[index] = str(error)
                 continue
             if result.attrs["ended_by"] != DURATION:  # its numbers would flatter it

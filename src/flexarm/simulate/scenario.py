@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexarm.arm import Arm
+from flexarm.contacts import place_contacts
 from flexarm.errors import InputError, SimulationError
 from flexarm.loads import Load
 from flexarm.model import (
@@ -30,6 +33,7 @@ from flexarm.simulate.motions import Asked, motion_of
 from flexarm.simulate.outside import base_acceleration_of, contacts_of, loads_of
 from flexarm.simulate.run import simulate
 from flexarm.simulate.start import Start, feedforward, start_of
+from flexarm.simulate.start_of_touch import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulate.told import Where, told_as
 from flexarm.simulate.torque_history import constant_torque, sampled_torque
 
@@ -137,7 +141,25 @@ def prepare(
     _check_fit(arm, scenario, place, options)
     with told_as(place, "run"):
         check_integrator(run.integrator, run.step, "scenario", bool(scenario.contacts))
+    if scenario.contacts:
+        _check_touch(arm, place, options, motion)
     return Prepared(arm, motion, options, file_text(scenario), scenario.events)
+
+
+def _check_touch(arm: Arm, place: Where, options: dict[str, Any], motion: Asked | None) -> None:
+    """Refuse what contacts would refuse when the run begins.
+
+    Raises:
+        InputError: the start is deep in a surface, or the motion presses away from one.
+    """
+    contacts = options["contacts"]
+    placed = place_contacts(arm, "scenario", contacts)
+    q = np.asarray(options["initial"])
+    state = arm.padded(np.stack([q, np.zeros_like(q)]))
+    with told_as(place, "initial", {"initial": "joint_angle"}):
+        refuse_deep_start("scenario", arm, state, placed)
+    with told_as(place, "motion", {"reference.normal": "normal"}):
+        refuse_pressing_outward("scenario", arm, contacts, placed, motion, options["duration"])
 
 
 def _check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:

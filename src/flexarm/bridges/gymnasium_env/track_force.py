@@ -42,8 +42,8 @@ _NEAR = 0.01
 class TrackForceEnv(ArmEnv):
     """Slide the tip along a random wall, pressing on it with a force that changes.
 
-    The arm starts at rest, its tip 5 mm before the wall. The force asked for is ``force[0] -
-    force[1] cos(2 pi t / period)`` from the first moment on. From 0.5 s to 2.5 s a point moves
+    The arm starts at rest, its tip at least 5 mm before the wall. The force asked for is
+    ``force[0] - force[1] cos(2 pi t / period)`` from the first moment on. From 0.5 s to 2.5 s a point moves
     along the wall by an eighth of the reach (0.3 m), from rest to rest. The wall stands in a random
     place and faces the base, turned by up to 30 degrees. Only the tip touches it.
 
@@ -100,12 +100,12 @@ class TrackForceEnv(ArmEnv):
         **others: Any,
     ) -> None:
         self.force = _checked_force(force)
-        self.period = _checked_range("period", period, positive=True)[0]
+        self.period = _checked_number("period", period, positive=True)
         self.stiffness = _checked_range("stiffness", stiffness, positive=True)
         self.friction = _checked_range("friction", friction)
-        self.damping = _checked_range("damping", damping)[0]
-        self.exponent = _checked_range("exponent", exponent)[0]
-        self.place = _checked_range("place", place)[0]
+        self.damping = _checked_number("damping", damping)
+        self.exponent = _checked_number("exponent", exponent)
+        self.place = _checked_number("place", place)
         self._wall: Contact | None = None
         super().__init__(arm, plant, **others)
 
@@ -276,6 +276,12 @@ def _checked_force(given: ArrayLike) -> FloatArray:
         rule = f"be a mean and an amplitude no larger, together at most {MOST_FORCE:g}"
         raise InputError(Problem(where, "force", rule, shown(given)))
     return force
+
+
+def _checked_number(name: str, given: ArrayLike, positive: bool = False) -> float:
+    """Return a number that is not negative; with ``positive``, not zero."""
+    number = float(check_array("TrackForceEnv", name, given, ()))
+    return float(_checked_range(name, number, positive)[0])
 
 
 def _checked_range(name: str, given: ArrayLike, positive: bool = False) -> FloatArray:
