@@ -186,7 +186,7 @@ def test_a_run_that_fails_is_told_and_the_others_go_on(arm, motion):
 
 
 def test_a_later_run_that_is_refused_does_not_lose_the_others(arm, motion):
-    controllers = {"one": fa.JointPD(*gains()), "other": fa.ComputedTorque(arm, 1.0)}
+    controllers = {"one": gains(), "other": fa.ComputedTorque(arm, 1.0)}
     three = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 3)
     controllers["misfit"] = fa.ComputedTorque(three, 1.0)
     table = fa.compare(arm, controllers, 0.2, {"line": motion})

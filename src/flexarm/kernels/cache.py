@@ -106,26 +106,35 @@ def merged(function: F) -> F:
     return _decorate(function, forceinline=True)
 
 
+#: Calls after which finding the types once and for all (2 ms) has paid, at 8 us each.
+_OFTEN = 200
+
+
 class Entry:
     """The way into one kernel for a caller that comes again and again with the same types.
 
     At each call of a kernel Numba finds the type of every array in every record anew, which costs
-    ten times what a small kernel does. Here that is done where the first argument is another object
-    than at the call before; as long as it is the same, the caller promises that the others keep
-    their types, dimensions and memory layout. Nothing checks the promise.
+    ten times what a small kernel does. Here that ends after some calls with the same first
+    argument; as long as it is the same, the caller promises that the others keep their types,
+    dimensions and memory layout. Nothing checks the promise.
     """
 
-    __slots__ = ("_code", "_first", "kernel")
+    __slots__ = ("_calls", "_code", "_first", "kernel")
 
     def __init__(self, kernel: Callable[..., Any]) -> None:
         self.kernel = kernel
         self._first: Any = self  # no caller's first argument
         self._code: Callable[..., Any] = kernel
+        self._calls = 0
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel."""
         if arguments[0] is not self._first:
-            self._look(arguments)
+            self._first, self._code, self._calls = arguments[0], self.kernel, 0
+        elif self._calls < _OFTEN:
+            self._calls += 1
+            if self._calls == _OFTEN:
+                self._look(arguments)
         return self._code(*arguments)
 
     def _look(self, arguments: tuple[Any, ...]) -> None:
@@ -134,7 +143,6 @@ class Entry:
             types = tuple(map(kernel.typeof_pyval, arguments))
             kernel.compile(types)
             self._code = kernel.overloads[types].entry_point
-        self._first = arguments[0]
 
     def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any]]]:
         return Entry, (self.kernel,)  # a copy finds its machine code anew

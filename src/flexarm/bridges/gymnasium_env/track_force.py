@@ -43,9 +43,9 @@ class TrackForceEnv(ArmEnv):
     """Slide the tip along a random wall, pressing on it with a force that changes.
 
     The arm starts at rest, its tip at least 5 mm before the wall. The force asked for is
-    ``force[0] - force[1] cos(2 pi t / period)`` from the first moment on. From 0.5 s to 2.5 s a point moves
-    along the wall by an eighth of the reach (0.3 m), from rest to rest. The wall stands in a random
-    place and faces the base, turned by up to 30 degrees. Only the tip touches it.
+    ``force[0] - force[1] cos(2 pi t / period)`` from the first moment on. From 0.5 s to 2.5 s a
+    point moves along the wall by an eighth of the reach (0.3 m), from rest to rest. The wall stands
+    in a random place and faces the base, turned by up to 30 degrees. Only the tip touches it.
 
     The task adds to the observation: ``wanted_tip`` (2,) m and ``wanted_velocity`` (2,) m/s of the
     point now, ``line_end`` (2,) m, ``time_left`` (1,) s until the point is there, ``wall_normal``
