@@ -117,8 +117,13 @@ class TrackForceEnv(ArmEnv):
         return [self._wall]
 
     def _touching(self, wall: Wall, stiffness: float, friction: float) -> Contact:
-        law = {"exponent": self.exponent, "damping": self.damping, "friction": friction}
-        return Contact(wall, stiffness, **law)
+        return Contact(
+            wall,
+            stiffness,
+            exponent=self.exponent,
+            damping=self.damping,
+            friction=friction,
+        )
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""
