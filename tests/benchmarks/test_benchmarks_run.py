@@ -88,7 +88,7 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
     assert max(point.error for point in own) < 1e-4
     measured = report.Measured(
         imports=startup.import_seconds(repeats=1),
-        help=0.1,
+        help=startup.help_seconds(repeats=1),
         runs={name: startup.Wait(1.0, 1.0) for name in ("first", "second", "run")},
         memory=startup.memory_megabytes(seconds=0.01),
         comparisons=[forward_dynamics.Comparison("linear", 0.1, 0.1, 10.0, 50.0, None, None)],

@@ -270,3 +270,17 @@ def test_check_tells_what_is_special_about_a_motion(tmp_path):
         result = call("check", path)
         assert result.exit_code == 0, result.output
         assert words in " ".join(result.output.split())
+
+
+def test_every_drive_is_looked_at_with_every_motion(tmp_path):
+    """The torque of the rigid arm cannot press; only one of the motions asks for that."""
+    path = tmp_path / "study.yaml"
+    moving = "  there: {kind: joint, start: [0.2, -0.4], end: [0.5, 0.0], duration: 0.4}\n"
+    torque = "  torque alone: {kind: rigid_inverse_dynamics}\n"
+    text = PRESSING.replace("motions:\n", f"motions:\n{moving}")
+    path.write_text(text.replace("drives:\n", f"drives:\n{torque}"))
+    outcome = call("check", path)
+    assert outcome.exit_code == 2
+    assert "drives.torque alone.kind must be another along a motion that presses" in outcome.stderr
+    line = 1 + path.read_text().splitlines().index(torque.rstrip())
+    assert f"study.yaml:{line}: " in outcome.stderr
