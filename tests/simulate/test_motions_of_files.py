@@ -151,8 +151,8 @@ def test_the_normal_of_a_circle_follows_the_path(made):
 
 
 def test_where_angles_are_given_it_starts_there(made):
-    found = made(PRESSED + "initial: {joint_angle: [0.9, -1.4]}\n")
-    np.testing.assert_array_equal(found.options["initial"], found.arm.rest([0.9, -1.4]))
+    found = made(PRESSED + "initial: {joint_angle: [1.3, -1.4]}\n")
+    np.testing.assert_array_equal(found.options["initial"], found.arm.rest([1.3, -1.4]))
 
 
 def test_a_path_out_of_reach_is_told_at_its_key(tmp_path):

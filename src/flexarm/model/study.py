@@ -19,7 +19,6 @@ from flexarm.model.motions import MotionSpec
 from flexarm.model.quantities import (
     Listed,
     Named,
-    Names,
     NonNegative,
     OneOrMany,
     Positive,
@@ -84,7 +83,9 @@ class Study(Record):
     motions: Named[MotionSpec] = Field(description="Motions asked for, by name.")
     drives: Named[Drive] = Field(description="What moves the joints, by name.")
     plants: Named[PlantSpec] = Field(
-        default=Names({"as believed": PlantSpec()}), description="Arms that are simulated, by name."
+        default={"as believed": PlantSpec()},
+        validate_default=True,
+        description="Arms that are simulated, by name.",
     )
     hardware: HardwareSpec | None = Field(
         default=None, description="Instruments and motors of every drive that measures."
