@@ -284,3 +284,21 @@ def test_every_drive_is_looked_at_with_every_motion(tmp_path):
     assert "drives.torque alone.kind must be another along a motion that presses" in outcome.stderr
     line = 1 + path.read_text().splitlines().index(torque.rstrip())
     assert f"study.yaml:{line}: " in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("kind: wall,", "kind: plane,", "kind"),
+        ("damping: 0.5}", "dampin: 0.5}", "dampin"),
+        ("run: {", "loads: [{lnk: 1, force: [0, 1]}]\nrun: {", "lnk"),
+        ("run: {", "hardware: {instrument: []}\nrun: {", "instrument"),
+    ],
+)
+def test_what_is_wrong_with_what_all_runs_share(tmp_path, old, new, words):
+    path = tmp_path / "study.yaml"
+    path.write_text(PRESSING.replace(old, new))
+    outcome = call("check", path)
+    assert outcome.exit_code == 2, outcome.output
+    assert words in outcome.stderr
+    assert "Traceback" not in outcome.output + outcome.stderr

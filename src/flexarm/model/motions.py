@@ -136,7 +136,9 @@ def motion_faults(given: Given) -> Iterator[Fault]:
             rule = "be another along a motion that presses"
             yield Fault(("prescribed", k, "kind"), rule, shown(joint.kind))
     if look(motion, "normal") is None and given.has("contacts"):
-        surface = given.contacts[0].surface.kind if given.contacts else None
-        if surface not in ("wall", "round"):
+        if not given.contacts:
+            yield Fault(("motion", "normal"), "be given where there are no contacts", "missing")
+            return
+        if given.contacts[0].surface.kind not in ("wall", "round"):
             rule = "be given where the first contact is no wall and no circle"
             yield Fault(("motion", "normal"), rule, "missing")

@@ -76,6 +76,10 @@ class StudyRun(Record):
         return RunSettings(duration=self.duration, rate=self.rate, integrator=self.integrator)
 
 
+#: What every scenario of a study has, if it is given.
+_SHARED = ("hardware", "loads", "contacts")
+
+
 class Study(Record):
     """Every drive on every plant along every motion, and numbers of each run."""
 
@@ -107,6 +111,8 @@ class Study(Record):
         yield from _unfit_plants(given)
         if not given.has("arm", "motions", "drives", "run"):
             return
+        if not all(given.absent(name) or given.has(name) for name in _SHARED):
+            return  # told by themselves
         told: set[Fault] = set()
         for drive, motion in _pairs(given):
             for fault in _of_one(given, drive, motion):

@@ -153,6 +153,9 @@ def simulate(
         rule = "be left out where a controller acts"
         raise InputError(Problem(where, "prescribed", rule, "given"))
     duration = positive(where, "duration", duration)
+    if step is not None and positive(where, "step", step) > duration:
+        rule = f"be at most the duration of {duration:.6g} s"
+        raise InputError(Problem(where, "step", rule, shown(step)))
     rate = positive(where, "rate", rate)
     rtol = positive(where, "rtol", rtol)
     atol = positive(where, "atol", atol)

@@ -43,6 +43,10 @@ _WORTH_COMPILING, _MOST_BODIES, _MOST_MODES = 60.0, 8, 16
 #: More steps than this to the end of a run or a sample time (days of computing) mean that
 #: something has gone wrong: an unstable loop turns faster and faster.
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
+#: What helps where it is neither step nor gains.
+_HINTS = {
+    Status.PRESSED_THROUGH: "Give the contact more stiffness, or what it touches a larger radius.",
+}
 #: Samples whose reactions are computed in one go: bounds the scratch memory of long runs.
 _CHUNK = 4096
 
@@ -168,7 +172,7 @@ class Run:
             if status == Status.DONE:
                 return system
             if status != Status.PAUSED:
-                raise self._failure(status.sentence)
+                raise self._failure(status.sentence, _HINTS.get(status))
             if time.perf_counter() - started < _CALL_SECONDS:
                 self.max_steps *= 2
             self.meter.update(self.progress.time / self.duration)
@@ -205,8 +209,8 @@ class Run:
         progress.sample = keep + 1
         return True
 
-    def _failure(self, reason: str) -> SimulationError:
-        hint = (
+    def _failure(self, reason: str, hint: str | None = None) -> SimulationError:
+        hint = hint or (
             "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
             "modes=k on the links; check torques, gains and damping signs."
         )
