@@ -119,10 +119,7 @@ def test_who_balances_the_weight(drive, expected):
     [
         (
             {"motion": PRESSED},
-            (
-                "motion.normal must be given where the first contact is no wall and no circle, "
-                "but is missing."
-            ),
+            ("motion.normal must be given where there are no contacts, but is missing."),
         ),
         (
             {"motion": PRESSED, "contacts": [{**WALL, "surface": TABLE}]},
