@@ -118,9 +118,17 @@ class SurfaceTable:
             k = int(np.argmin(lengths)) + 1
             rule = "differ from the point before"
             raise InputError(Problem(where, f"the point [{k}]", rule, shown(points[k].tolist())))
+        if self.closed and abs(_area(points)) <= near * float(lengths.sum()):
+            raise InputError(Problem(where, "x", "enclose an area with y", shown(self.x)))
         ends = "periodic" if self.closed else "natural"
         spline = CubicSpline(np.append(0.0, np.cumsum(lengths)), points, bc_type=ends)
         object.__setattr__(self, "pieces", _cut(spline, self.closed))
+
+
+def _area(points: FloatArray) -> float:
+    """Area inside a polygon (k, 2), m^2, negative clockwise; its last point is its first."""
+    (x, y), (x_next, y_next) = points[:-1].T, points[1:].T
+    return 0.5 * float(np.sum(x * y_next - x_next * y))
 
 
 def _cut(spline: CubicSpline, closed: bool) -> FloatArray:

@@ -112,3 +112,11 @@ def test_a_motion_that_comes_to_a_wall_later_is_looked_at_there(arm):
     floor = fa.Contact(fa.Wall((0.0, 0.3), (0.0, 1.0)), 1e4)
     with pytest.raises(fa.InputError, match=r"is \(0, -1\) at t = 0\.[7-9]\d* s, into it"):
         fa.simulate(arm, 1.0, controller=fa.JointPD(20.0, 2.0), reference=wrong, contacts=[floor])
+
+
+def test_a_start_at_the_centre_of_a_circle_is_refused():
+    """All of the circle is as near: there is no way out."""
+    link = fa.Link(length=1.0, mass_per_length=1.0, flexible=False)
+    contact = fa.Contact(fa.RoundWall((1.0, 0.0), 0.05), 1e4)
+    with pytest.raises(fa.InputError, match="initial must not be at the centre of the surface"):
+        fa.simulate(fa.Arm(links=[link]), 0.1, initial=[0.0], contacts=[contact])

@@ -43,6 +43,9 @@ def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts)
     weight = _GRAVITY * float(constants.mass.sum() + constants.tip_mass.sum())
     seen = contact_values(arm, placed, state[None])[0]
     for k, (law, values) in enumerate(zip(placed.law, seen, strict=True), start=1):
+        if not np.isfinite(values[GAP]):  # the centre of a circle is near to all of it
+            rule = f"not be at the centre of the surface of contact {k}"
+            raise InputError(Problem(where, "initial", rule, "there", "Start outside of it."))
         depth = max(-float(values[GAP]), 0.0)
         force = float(law[STIFFNESS]) * depth ** float(law[EXPONENT])
         if depth > _DEEP * float(arm.lengths.sum()) and force > _UNHELD * weight:

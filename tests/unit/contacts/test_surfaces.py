@@ -179,3 +179,8 @@ def test_round_a_sharp_end_no_place_is_missed(x, y):
     expected[Path(curve).contains_points(points)] *= -1.0
     # The curve's points stand 3e-5 apart: near it the nearest one is half of that away.
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5)
+
+
+def test_a_closed_line_encloses_nothing():
+    with pytest.raises(fa.InputError, match=r"^SurfaceTable: x must enclose an area with y"):
+        fa.SurfaceTable([0.0, 0.5, 1.0], [0.2, 0.3, 0.4], closed=True)
