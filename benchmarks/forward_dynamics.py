@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +13,7 @@ import flexarm as fa
 from benchmarks.arms import chain, moving_state
 from benchmarks.compiled_loop import ForwardDynamics
 from benchmarks.limit import Limit, compiler
-from benchmarks.measure import in_turns, seconds_per_call
+from benchmarks.measure import in_turns
 
 
 class Comparison(NamedTuple):
@@ -78,25 +80,26 @@ def scaling_in_links(
     counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128, 256), repeats: int = 50
 ) -> dict[int, float]:
     """Return microseconds per link of one evaluation, four modes a link."""
-    times = {}
-    for links in counts:
-        arm = chain(links)
-        loop = ForwardDynamics(arm, *moving_state(arm))
-        sizes, calls = loop.run_time_sizes(), max(4000 // links, 20)
-        once = seconds_per_call(lambda: loop(sizes, calls), repeats, 1)  # noqa: B023
-        times[links] = 1e6 * once / calls / links
-    return times
+    calls = {links: max(4000 // links, 20) for links in counts}
+    times = _times_in_turns({links: chain(links) for links in counts}, calls, repeats)
+    return {links: time / links for links, time in times.items()}
 
 
 def scaling_in_modes(
     counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64), repeats: int = 50
 ) -> dict[int, float]:
     """Return microseconds per evaluation of two links against modes a link (linear theory)."""
-    times = {}
-    for modes in counts:
-        arm = chain(2, modes=modes, elements=max(modes // 2, 2))
+    arms = {modes: chain(2, modes=modes, elements=max(modes // 2, 2)) for modes in counts}
+    return _times_in_turns(arms, dict.fromkeys(counts, 2000), repeats)
+
+
+def _times_in_turns(
+    arms: Mapping[int, fa.Arm], calls: Mapping[int, int], repeats: int
+) -> dict[int, float]:
+    """Return microseconds per evaluation of each arm, with so many evaluations a turn."""
+    candidates = {}
+    for count, arm in arms.items():
         loop = ForwardDynamics(arm, *moving_state(arm))
-        sizes, calls = loop.run_time_sizes(), 2000
-        once = seconds_per_call(lambda: loop(sizes, calls), repeats, 1)  # noqa: B023
-        times[modes] = 1e6 * once / calls
-    return times
+        candidates[str(count)] = partial(loop, loop.run_time_sizes(), calls[count])
+    seconds = in_turns(candidates, repeats)
+    return {count: 1e6 * seconds[str(count)] / calls[count] for count in arms}

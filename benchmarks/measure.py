@@ -7,11 +7,6 @@ import time
 from collections.abc import Callable, Mapping
 
 
-def seconds_per_call(call: Callable[[], object], repeats: int, calls: int) -> float:
-    """Median over repeats of the mean time of ``calls`` calls, after one to warm up."""
-    return in_turns({"": call}, repeats, calls)[""]
-
-
 def in_turns(
     candidates: Mapping[str, Callable[[], object]], repeats: int, calls: int = 1
 ) -> dict[str, float]:
