@@ -56,7 +56,7 @@ SCAN: dict[str, dict[str, tuple[float, ...]]] = {
         "kennedy_carpenter_5": (5e-4, 3e-4),
     },
     "4 modes": {
-        "cowell_4": (1e-2 / 14, 1e-2 / 16),
+        "cowell_4": (1e-2 / 15, 1e-2 / 16),
         "kennedy_carpenter_4": (3e-3, 1e-3),
         "kennedy_carpenter_5": (1e-3, 3e-4),
     },

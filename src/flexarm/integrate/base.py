@@ -44,6 +44,7 @@ class Status(IntEnum):
     NOT_CONVERGED = 5
     CONTACT_UNSEEN = 6
     PRESSED_THROUGH = 7
+    NOT_FOLLOWED = 8
 
     @property
     def sentence(self) -> str:
@@ -63,6 +64,8 @@ _SENTENCES = {
     Status.CONTACT_UNSEEN: "the fixed step is too long to follow a touch at this speed.",
     Status.PRESSED_THROUGH: "a point has gone through what it touches: the contact is too soft for "
     "the momentum behind it.",
+    Status.NOT_FOLLOWED: "posture and rates were predicted over each step so badly that the "
+    "accelerations of the joints missed half a percent: the step is too long for this motion.",
 }
 
 

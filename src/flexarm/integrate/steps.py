@@ -14,6 +14,7 @@ from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.layout import Array, Sizes
 
 DONE, PAUSED, STEP_UNDERFLOW, NOT_FINITE, INERTIA_LOST, NOT_CONVERGED = 0, 1, 2, 3, 4, 5
+NOT_FOLLOWED = 8
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 #: Soderlind's filter H211b: how much the last two errors and the last change of the step weigh.

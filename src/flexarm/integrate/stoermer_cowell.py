@@ -20,14 +20,14 @@ class Cowell4(Integrator):
 
     Energy is kept of small vibrations; the predicted velocity products of large ones cost a little.
     It does not follow contacts: the formula looks back over four points of a smooth motion.
-    Bending and damping are implicit, and single modes too fast for the step are carried on by the
-    trapezoidal rule; fine meshes in fast motion are beyond it and end with a status. After every
-    stop, where the torque is not smooth, three steps are made by ``kennedy_carpenter_4``.
+    Bending and damping are implicit, and damped modes too fast for the step are carried on by the
+    trapezoidal rule. After every stop, where the torque is not smooth, three steps are made by
+    ``kennedy_carpenter_4``. A motion too fast for the predictions ends it.
 
     Args:
-        step: longest step (s), shortened to meet every stop, and down to half where the highest
-            frequency of the arm, bent or straight, asks for it; None takes half a radian of the
-            fastest mode.
+        step: longest step (s), shortened to meet every stop, and to what the highest frequency and
+            the fastest damping of the arm, bent or straight, ask for; None takes half a radian of
+            the fastest mode.
     """
 
     step: float | None = None
@@ -54,6 +54,8 @@ class Cowell4(Integrator):
         if not memory:
             memory["clock"] = np.zeros(SOFTENED + 1)
             memory["span"] = np.zeros(SPAN_PLACES)
+            memory["missed"] = np.zeros(2)
+            memory["bounds"] = np.zeros(3)
             memory["counts"] = np.zeros(4, dtype=np.int64)
             memory["past"] = np.zeros((4, 3, *shape[1:]))
             for name in ("smooth", "known"):
@@ -90,6 +92,8 @@ class Cowell4(Integrator):
             memory["stages"],
             clock,
             memory["span"],
+            memory["missed"],
+            memory["bounds"],
             counts,
             step,
             float(until),

@@ -1,0 +1,157 @@
+"""How long the steps of a span of Cowell's method may be, and which modes it does not resolve.
+
+Theory page "integration", below (I.8). ``stiff`` (n, 1 + m) is 1.0 where a mode is carried on by
+the trapezoidal rule, and 0.0 else; ``bounds`` (3,) keeps the largest square frequency (rad^2/s^2)
+and the largest damping rate (1/s) that were found last, and the step (s) they were found for, or
+infinity where no mode was stiff.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexarm.integrate.base import System
+from flexarm.kernels.articulated_body import implicit_dynamics
+from flexarm.kernels.cache import merged
+from flexarm.kernels.implicit_step import add_to_diagonal
+from flexarm.kernels.layout import ArmConstants, Array
+
+#: Weights of the new acceleration in (I.5) and (I.6).
+BETA = 1.0 / 12.0
+GAMMA = 367.0 / 1440.0
+#: Numerov's formula is stable for square frequencies times h^2 of up to 6; the estimate of the
+#: highest one comes from below, so some of that is kept.
+_STABLE = 5.0
+#: The rate (I.6) at the end of a span makes vibrations grow that turn by more than this square
+#: angle (rad^2) in a step, by a third or more: too often where the spans are short.
+_RESTARTED = 1.5
+#: Spans of fewer steps than this are short.
+_LONG = 500.0
+#: Largest h times the damping rate of a coordinate, from the eigenvalues of (I.5) with (I.6).
+_DAMPED = 1.3
+#: Square of twice the damping ratio from which a mode that is not resolved dies out at once.
+_DYING = 0.16
+_ITERATIONS = 25
+#: The posture of a run that goes on changes its frequencies; below this part of what is stable
+#: they are not looked at again.
+_NEAR = 0.5
+
+
+@merged
+def _largest(
+    system: System, stiff: Array, of_damping: bool, state: Array, bent: float, rest: Array,
+    force: Array, direction: Array, unforced: Array, torque: Array,
+) -> float:  # fmt: skip
+    """Largest square frequency, or damping rate, without those of stiff modes; from below.
+
+    In the posture of ``bent`` times the coordinates of the state. Power iteration. Fine meshes need
+    it: the residual inertia of (R.7) is so small that even the stiffness of slow modes makes a fast
+    motion of a joint against its link.
+    """
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        torque[i] = 0.0
+        for j in range(1 + len(system.sizes.modes)):
+            rest[0, i, j] = bent * state[0, i, j]
+            rest[1, i, j] = 0.0
+            force[i, j] = 0.0
+    implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            unforced[i, j] = system.work.acceleration[i, j]
+            direction[i, j] = 1.0
+    square: float = 0.0
+    for _ in range(_ITERATIONS):
+        size: float = 0.0
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                size += direction[i, j] * direction[i, j]
+        square = math.sqrt(size)
+        if square == 0.0:
+            return 0.0
+        for i in range(len(system.sizes.bodies)):
+            pull = c.joint_damping[i] if of_damping else c.joint_stiffness[i]
+            torque[i] = -c.free[i] * pull * direction[i, 0] / square
+            for j in range(len(system.sizes.modes)):
+                pull = c.damping[i, j] if of_damping else c.w2[i, j]
+                pull *= 1.0 - stiff[i, 1 + j]
+                force[i, 1 + j] = -pull * direction[i, 1 + j] / square
+        implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
+        for i in range(len(system.sizes.bodies)):
+            for j in range(1 + len(system.sizes.modes)):
+                direction[i, j] = system.work.acceleration[i, j] - unforced[i, j]
+    return square
+
+
+@merged
+def _longest(square: float, rate: float, stable: float) -> float:
+    """Longest h with h^2 square / stable + h rate / _DAMPED of at most one; zero for no limit."""
+    half = 0.5 * rate / _DAMPED
+    root = math.sqrt(half * half + square / stable)
+    return 1.0 / (half + root) if half + root > 0.0 else 0.0
+
+
+@merged
+def longest_step(
+    system: System, state: Array, smooth: Array, known: Array, force: Array, torque: Array,
+    stiff: Array, bounds: Array, h: float, span: float,
+) -> float:  # fmt: skip
+    """Decide which modes are stiff at steps of h; return h, or what is stable if that is shorter.
+
+    ``span`` (s) is how long the steps go on; the arm may stretch meanwhile, and straight arms
+    vibrate fastest.
+    """
+    c = system.constants
+    found_for = math.inf
+    for i in range(len(system.sizes.bodies)):
+        stiff[i, 0] = 0.0
+        for j in range(len(system.sizes.modes)):
+            dying = c.damping[i, j] * c.damping[i, j] > _DYING * c.w2[i, j]
+            part = h * h * c.w2[i, j] / _STABLE + h * c.damping[i, j] / _DAMPED
+            stiff[i, 1 + j] = 1.0 if dying and part > 1.0 else 0.0
+            if stiff[i, 1 + j] != 0.0:
+                found_for = h
+    part = h * h * bounds[0] / _RESTARTED + h * bounds[1] / _DAMPED
+    if bounds[2] == found_for and part < _NEAR:
+        return h
+    bounds[0] = 0.0
+    bounds[1] = 0.0
+    bounds[2] = found_for
+    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    damping = bool(np.bool_(True))
+    stiffness = bool(np.bool_(False))
+    for k in range(2):
+        bent = float(k)
+        square = _largest(
+            system, stiff, stiffness, state, bent, smooth, force, known[0], known[1], torque
+        )
+        rate = _largest(
+            system, stiff, damping, state, bent, smooth, force, known[0], known[1], torque
+        )
+        bounds[0] = max(bounds[0], square)
+        bounds[1] = max(bounds[1], rate)
+    longest = _longest(bounds[0], bounds[1], _STABLE)
+    if longest == 0.0:
+        return h
+    if span < _LONG * min(h, longest):
+        longest = _longest(bounds[0], bounds[1], _RESTARTED)
+    return min(h, longest)
+
+
+@merged
+def soften(system: System, softened: ArmConstants, stiff: Array, added: Array, h: float) -> None:
+    """Add the implicit parts of springs, bending and damping at steps of h to the mass."""
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            damping = c.joint_damping[i] if j == 0 else c.damping[i, j - 1]
+            stiffness = c.joint_stiffness[i] if j == 0 else c.w2[i, j - 1]
+            beta = BETA
+            gamma = BETA + GAMMA
+            if stiff[i, j] != 0.0:
+                beta = 0.25
+                gamma = 0.5
+            added[i, j] = h * gamma * damping + h * h * beta * stiffness
+    add_to_diagonal(system.sizes, c, added, softened)
