@@ -56,7 +56,7 @@ class DisturbanceObserver(Controller):
         gains.done()
         self._model = RigidParameters("DisturbanceObserver", arm)
         self._estimate = np.zeros(arm.joints)
-        self._last: tuple[FloatArray, FloatArray] | None = None
+        self._last: FloatArray | None = None
         self._asked = np.zeros(arm.joints)
 
     @property
@@ -78,8 +78,8 @@ class DisturbanceObserver(Controller):
         self.inner.reset()
         self._estimate[:] = 0.0
         self._last = None
-        self._forget = np.array(
-            [math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
+        self._taken = np.array(
+            [1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
         )
 
     def needs(self, arm: Arm, reference: Reference | None) -> Needs:
@@ -90,15 +90,15 @@ class DisturbanceObserver(Controller):
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        found = self._model.momentum(measurement.joint_angle, measurement.joint_rate)
-        momentum, flow = found[0].copy(), found[1].copy()
+        now = self._model.momentum(measurement.joint_angle, measurement.joint_rate).copy()
         if self._last is not None:
-            acted = measurement.get("torque", self._asked)
             # Over the sample the torque was constant, and the flow of momentum nearly linear.
-            change = (momentum - self._last[0]) / self.sample_time
-            pushed = change - acted - 0.5 * (flow + self._last[1])
-            self._estimate += (1.0 - self._forget) * (pushed - self._estimate)
-        self._last = momentum, flow
+            pushed = (now[0] - self._last[0]) / self.sample_time
+            pushed -= measurement.get("torque", self._asked)
+            pushed -= 0.5 * (now[1] + self._last[1])
+            pushed -= self._estimate
+            self._estimate += self._taken * pushed
+        self._last = now
         torque = np.asarray(self.inner.update(t, measurement, reference), dtype=np.float64)
         self._asked = torque - self.compensation * self._estimate
         return self._asked.copy()

@@ -8,15 +8,15 @@ from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
 from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernels.newton_euler import inverse_dynamics_many
 from flexarm.kernels.observables import POSE_COLUMNS, poses
 
 
 class FlexibleModel:
     """Forces of a flexible arm whose joints move and whose links are bent but do not swing.
 
-    One call of the kernel gives the torques and what is missing to balance the links, (D.3). Joint
-    angles, rates and accelerations (joints,) in rad, rad/s, rad/s^2. Nothing is checked.
+    Torques and what is missing to balance the links: (D.3). Joint angles, rates and accelerations
+    in rad, rad/s, rad/s^2. Nothing is checked.
 
     Attributes:
         arm: the arm. elastic: (dof - joints,) positions in q of what is not a joint angle.
@@ -32,36 +32,37 @@ class FlexibleModel:
         self._loads = no_loads(self._constants)
         width = 1 + self._constants.S.shape[1]
         self._state = np.zeros((2, assembly.bodies, width))
-        self._acceleration = np.zeros((assembly.bodies, width))
-        # Flat views: one index for a coordinate, wherever it stands in the kernels' arrays.
-        self._q, self._qd = self._state.reshape(2, -1)
-        self._qdd = self._acceleration.reshape(-1)
-        self._force = self._work.force.reshape(-1)
         self._joint_places = assembly.coordinates[arm.joint_index]
         self._elastic_places = assembly.coordinates[self.elastic]
-        self._inverse_dynamics, self._find_poses = Entry(inverse_dynamics), Entry(poses)
+        self._inverse_dynamics, self._find_poses = Entry(inverse_dynamics_many), Entry(poses)
         self._poses, self._tip = np.zeros((assembly.bodies, POSE_COLUMNS)), np.zeros(6)
 
-    def forces(
+    def forces_many(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return torques (joints,) N m and the elastic forces (dof - joints,) that are missing.
+        """Return torques (T, joints) N m and the elastic forces (T, dof - joints) that are missing.
 
-        ``bend`` (dof - joints,): the elastic coordinates; their rates and accelerations are zero.
+        ``bend`` (T, dof - joints): the elastic coordinates; their rates and accelerations are zero.
         """
         joints, elastic = self._joint_places, self._elastic_places
-        self._q[joints] = angle
-        self._qd[joints] = rate
-        self._qdd[joints] = acceleration
-        self._q[elastic] = bend
+        _, bodies, width = self._state.shape
+        states = np.zeros((len(angle), 2, bodies, width))
+        accelerations = np.zeros((len(angle), bodies, width))
+        forces = np.empty_like(accelerations)
+        flat = states.reshape(len(angle), 2, -1)
+        flat[:, 0, joints], flat[:, 1, joints] = angle, rate
+        flat[:, 0, elastic] = bend
+        accelerations.reshape(len(angle), -1)[:, joints] = acceleration
         self._inverse_dynamics(
-            self._sizes, self._constants, self._state, self._acceleration, self._loads, self._work
+            self._sizes, self._constants, states, accelerations, self._loads, self._work, forces
         )
-        return self._force[joints], self._force[elastic]
+        found = forces.reshape(len(angle), -1)
+        return found[:, joints], found[:, elastic]
 
     def tip(self, angle: FloatArray, bend: FloatArray) -> FloatArray:
         """Return x and y (m) of the tip, (2,)."""
-        self._q[self._joint_places] = angle
-        self._q[self._elastic_places] = bend
+        # A flat view: one index for a coordinate, wherever it stands in the kernels' arrays.
+        q = self._state[0].reshape(-1)
+        q[self._joint_places], q[self._elastic_places] = angle, bend
         self._find_poses(self._sizes, self._constants, self._state, self._poses, self._tip)
         return self._tip[:2].copy()

@@ -156,14 +156,29 @@ class LQG(Controller):
         self._stride = max(1, -(-samples // _NODES))
         self._previewed = self._stride * (-(-samples // self._stride))
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
-        self._correct, self._gain, self._predict, self._ahead = self._arrays.arrays[:4]
+        self._link()
         self._motion = self._nominal_motion(where)
         n, p, m = self._states, self._outputs, self.arm.joints
+        self._joints = m
         self._known = np.zeros(n + p)  # the prediction, then what was measured
+        still = np.zeros((1, self.arm.dof))
+        self._places, start = [], n
+        parts = self._shown_parts(still[:, :m], still, still)
+        for name, part in zip(self.wishes.measured, parts, strict=True):
+            self._places.append((name, slice(start, start + part.shape[1])))
+            start += part.shape[1]
         self._whole = np.zeros(n + self._integrals)  # the estimate, then the integrals
         # The estimate, then the torque, then the elastic forces.
         self._pushed = np.zeros(n + m + self._model.elastic.size)
         self.reset()
+
+    def _link(self) -> None:
+        """Name the arrays that follow the posture."""
+        self._correct, self._gain, self._predict, self._ahead = self._arrays.arrays[:4]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._link()  # a copy's arrays are new ones
 
     def _node(self, item: Design) -> list[FloatArray]:
         """Arrays that are interpolated over posture; (C.22) to (C.27)."""
@@ -183,9 +198,11 @@ class LQG(Controller):
 
     def _nominal_motion(self, where: str) -> PreviewedReference | RecordedRun:
         if self.nominal is not None:
-            return RecordedRun(where, self._model, self.nominal, self.sample_time, self._steps)
+            return RecordedRun(
+                where, self._model, self.nominal, self.sample_time, self._steps, self._show
+            )
         sag = Interpolated(self._grid, [[item.sag] for item in self.designs])
-        return PreviewedReference(self._model, sag, self.sample_time, self._steps)
+        return PreviewedReference(self._model, sag, self.sample_time, self._steps, self._show)
 
     def reset(self) -> None:
         """Forget the estimate, the integrals and the nominal motion."""
@@ -206,41 +223,47 @@ class LQG(Controller):
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        n, m = self._states, self.arm.joints
+        n, m = self._states, self._joints
         found = self.posture if self.nominal is not None else np.asarray(measurement.joint_angle)
         nominal = self._motion.at(t, found, reference)
         self._arrays.move(nominal.angle)
-        self._known[n:] = self._deviation(measurement, nominal)
-        self._whole[:n] = self._pushed[:n] = self._correct @ self._known
+        for name, places in self._places:
+            self._known[places] = measurement[name]
+        self._known[n:] -= nominal.shown
+        # ``dot`` takes half the time of ``@``.
+        self._whole[:n] = self._pushed[:n] = self._correct.dot(self._known)
         wanted = nominal.torque + self._feedback()
         torque = self._within_limits(wanted)
         self._pushed[n : n + m] = torque - nominal.torque
         self._pushed[n + m :] = nominal.missing
-        self._known[:n] = self._predict @ self._pushed
+        self._known[:n] = self._predict.dot(self._pushed)
         if self._integrals:
             self._integrate(measurement, nominal, wanted - torque)
         return torque
 
-    def _deviation(self, measurement: Measurement, nominal: Nominal) -> FloatArray:
-        """What is measured less what the nominal motion would show, (p,)."""
+    def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+        """What would be measured (T, p) at so many moments of the nominal motion."""
+        return np.concatenate(self._shown_parts(angle, q, qd), axis=1)
+
+    def _shown_parts(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> list[FloatArray]:
         parts = []
         for name in self.wishes.measured:
-            read = getattr(measurement, name)
             if name == "joint_angle":
-                parts.append(read - nominal.angle)
+                parts.append(angle)
             elif name == "joint_rate":
-                parts.append(read - nominal.qd[self.arm.joint_index])
+                parts.append(qd[:, self.arm.joint_index])
             elif name == "strain":
-                parts.append(read - self._strains @ nominal.q)
+                parts.append(q @ self._strains.T)
             else:
-                bent = nominal.q[self._model.elastic]
-                parts.append(read - self._model.tip(nominal.angle, bent))
-        return np.concatenate(parts)
+                bent = q[:, self._model.elastic]
+                tips = [self._model.tip(a, b) for a, b in zip(angle, bent, strict=True)]
+                parts.append(np.array(tips))
+        return parts
 
     def _feedback(self) -> FloatArray:
         """Torque (joints,) besides the nominal one, N m; (C.24), (C.27)."""
         known = self._motion.missing[:: self._stride].ravel()
-        fed: FloatArray = -(self._gain @ self._whole) - self._ahead @ known
+        fed: FloatArray = -self._gain.dot(self._whole) - self._ahead.dot(known)
         return fed
 
     def _within_limits(self, torque: FloatArray) -> FloatArray:

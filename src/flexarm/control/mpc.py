@@ -57,11 +57,10 @@ class MPC(LQG):
         **options: Any,
     ) -> None:
         try:
-            import osqp
+            import osqp  # noqa: F401
         except ImportError:
             hint = "pip install 'flexarm[mpc]' brings it."
             raise InputError(Problem("MPC", "osqp", "be installed", "not", hint)) from None
-        self._osqp = osqp
         whole = isinstance(horizon, int) and not isinstance(horizon, bool)
         if not (whole and 1 <= horizon <= _MOST_STEPS):
             rule = f"be a whole number from 1 to {_MOST_STEPS}"
@@ -82,9 +81,15 @@ class MPC(LQG):
             else self.sample_time * scales(where, "torque_rate", self.torque_rate, joints)
         )
         super()._prepare(where)
-        self._free, self._by_torque, self._by_force, self._price = self._arrays.arrays[4:]
         self._difference = np.eye(self.horizon * joints) - np.eye(self.horizon * joints, k=-joints)
         self._solver: Any = None
+
+    def _link(self) -> None:
+        super()._link()
+        self._free, self._by_torque, self._by_force, self._price = self._arrays.arrays[4:]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_solver": None}  # of OSQP, which makes no copies
 
     @property
     def _steps(self) -> int:
@@ -191,6 +196,7 @@ class MPC(LQG):
         self, price: FloatArray, rows: FloatArray, low: FloatArray, high: FloatArray
     ) -> None:
         """Make a solver; the same entries of its sparse matrices are written at each sample."""
+        import osqp
         from scipy.sparse import csc_matrix
 
         block = np.kron(np.eye(self.horizon), np.ones_like(self._price))
@@ -200,7 +206,7 @@ class MPC(LQG):
         self._row_places = _columns_first(np.tile(lower, (times, 1)))
         P = csc_matrix((price[self._price_places], self._price_places), shape=price.shape)
         G = csc_matrix((rows[self._row_places], self._row_places), shape=rows.shape)
-        self._solver = self._osqp.OSQP()
+        self._solver = osqp.OSQP()
         self._solver.setup(
             P,
             np.zeros(len(price)),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from itertools import islice
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +14,9 @@ from flexarm.control.measurement import FloatArray
 from flexarm.control.posture_grid import Interpolated
 from flexarm.errors import InputError, Problem, shown
 
+#: Sample times computed in one go.
+_AHEAD = 256
+
 
 class Nominal(NamedTuple):
     """One moment of it.
@@ -22,6 +24,7 @@ class Nominal(NamedTuple):
     Attributes:
         angle: (joints,) rad. q, qd: (dof,). torque: (joints,) N m.
         missing: (dof - joints,) elastic forces that the links would need to stay so.
+        shown: (p,) what would be measured.
     """
 
     angle: FloatArray
@@ -29,84 +32,115 @@ class Nominal(NamedTuple):
     qd: FloatArray
     torque: FloatArray
     missing: FloatArray
+    shown: FloatArray
+
+
+#: What would be measured (T, p) at joint angles (T, joints), q and qd (T, dof).
+Shown = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 
 class PreviewedReference:
     """The reference with links as bent as they rest there, known some samples ahead; (C.20).
 
+    A reference with ``vectorized`` true answers arrays of times, and is asked for many sample times
+    at once.
+
     Args:
         model: of the arm.
         sag: elastic coordinates (dof - joints,) at rest, over posture.
         sample_time: s. steps: samples known, the present one included.
+        show: makes ``shown`` of `Nominal`.
 
     Attributes:
         missing: (steps, dof - joints) of `Nominal`, from the present sample on.
     """
 
     def __init__(
-        self, model: FlexibleModel, sag: Interpolated, sample_time: float, steps: int
+        self,
+        model: FlexibleModel,
+        sag: Interpolated,
+        sample_time: float,
+        steps: int,
+        show: Shown,
     ) -> None:
+        self._show = show
         self._model, self._sag, self._sample_time, self._steps = model, sag, sample_time, steps
-        self._joints, self._elastic, self._dof = model.arm.joint_index, model.elastic, model.arm.dof
-        self._nothing = np.zeros(model.arm.joints)
-        # Samples move through it; when they reach its end they are copied to its beginning.
-        self._buffer = np.zeros((4 * steps, model.elastic.size))
+        arm = model.arm
+        self._joints, self._elastic = arm.joint_index, model.elastic
+        # Samples move through these; when they reach the end they are copied to the beginning.
+        places = 3 * steps + _AHEAD
+        self._angle, self._torque = np.zeros((places, arm.joints)), np.zeros((places, arm.joints))
+        self._q, self._qd = np.zeros((places, arm.dof)), np.zeros((places, arm.dof))
+        self._missing = np.zeros((places, model.elastic.size))
+        shown = show(self._angle[:1], self._q[:1], self._qd[:1])
+        self._shown = np.zeros((places, shown.shape[1]))
+        self._buffers = (
+            self._angle, self._q, self._qd, self._torque, self._missing, self._shown
+        )  # fmt: skip
         self.reset()
 
     def reset(self) -> None:
         """Forget the posture held and what was known ahead."""
-        self._known: deque[Nominal] = deque()
-        self._last: Nominal | None = None
-        self._start = 0
-        self.missing = self._buffer[: self._steps]
+        self._held: FloatArray | None = None
+        self._first_tick = 0
+        self._start = self._end = 0  # places of the present sample, and after the last known one
+        self.missing = self._missing[: self._steps]
 
     def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
         """Return the moment t (s); without a reference the arm stays where it was found."""
-        tick = round(t / self._sample_time)
-        if not self._known:
-            for k in range(self._steps):
-                self._add(k, tick + k, angle_now, reference)
-            return self._known[0]
-        self._known.popleft()
-        self._start += 1
-        if self._start + self._steps > len(self._buffer):
-            kept = self._buffer[self._start : self._start + self._steps - 1].copy()
-            self._buffer[: self._steps - 1] = kept
-            self._start = 0
-        self._add(self._start + self._steps - 1, tick + self._steps - 1, angle_now, reference)
-        self.missing = self._buffer[self._start : self._start + self._steps]
-        return self._known[0]
+        if self._end == 0:
+            self._first_tick = round(t / self._sample_time)
+        else:
+            self._start += 1
+        if self._start + self._steps > self._end:
+            self._go_on(angle_now, reference)
+        k = self._start
+        self.missing = self._missing[k : k + self._steps]
+        return Nominal(*[buffer[k] for buffer in self._buffers])
 
     def torques(self, count: int) -> FloatArray:
         """Return the torques (count, joints) from the present sample on, N m."""
-        return np.array([moment.torque for moment in islice(self._known, count)])
+        return self._torque[self._start : self._start + min(count, self._steps)]
 
-    def _add(
-        self, place: int, tick: int, angle_now: FloatArray, reference: Reference | None
-    ) -> None:
-        t = tick * self._sample_time
-        if self._last is not None:
-            found = self._last
-        elif reference is None:
-            found = self._last = self._moment(angle_now.copy(), self._nothing, self._nothing)
-        else:
-            found = self._moment(
-                reference.joint_angle(t), reference.joint_rate(t), reference.joint_acceleration(t)
-            )
-            # Motions end at rest: from there on nothing needs to be computed anew.
-            if t >= getattr(reference, "end_time", np.inf):
-                self._last = found
-        self._known.append(found)
-        self._buffer[place] = found.missing
+    def _go_on(self, angle_now: FloatArray, reference: Reference | None) -> None:
+        """Know at least as many samples as are asked for."""
+        many = reference is None or bool(getattr(reference, "vectorized", False))
+        count = self._start + self._steps - self._end
+        count = max(count, _AHEAD) if many else count
+        if self._end + count > len(self._angle):
+            known = self._end - self._start
+            for buffer in self._buffers:
+                buffer[:known] = buffer[self._start : self._end].copy()
+            self._first_tick += self._start
+            self._start, self._end = 0, known
+        ticks = self._first_tick + np.arange(self._end, self._end + count)
+        times = np.asarray(ticks * self._sample_time, dtype=np.float64)
+        self._fill(*self._motion(times, angle_now, reference, many))
 
-    def _moment(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Nominal:
-        self._sag.move(angle)
-        bend = self._sag.arrays[0]
-        torque, elastic_force = self._model.forces(angle, rate, acceleration, bend)
-        q, qd = np.zeros((2, self._dof))
-        q[self._joints], q[self._elastic] = angle, bend
-        qd[self._joints] = rate
-        return Nominal(angle, q, qd, torque, -elastic_force)
+    def _motion(
+        self, times: FloatArray, angle_now: FloatArray, reference: Reference | None, many: bool
+    ) -> list[FloatArray]:
+        """Angles, rates and accelerations at times (T,): (T, joints) each."""
+        if reference is None:
+            if self._held is None:
+                self._held = np.array(angle_now, dtype=np.float64)
+            angle = np.tile(self._held, (len(times), 1))
+            return [angle, np.zeros_like(angle), np.zeros_like(angle)]
+        ask: list[Any] = [reference.joint_angle, reference.joint_rate, reference.joint_acceleration]
+        if many:
+            return [np.asarray(one(times), dtype=np.float64) for one in ask]
+        return [np.array([one(t) for t in times.tolist()], dtype=np.float64) for one in ask]
+
+    def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
+        bend = self._sag.first_at(angle)
+        torque, elastic_force = self._model.forces_many(angle, rate, acceleration, bend)
+        new = slice(self._end, self._end + len(angle))
+        self._angle[new] = angle
+        self._q[new, self._joints], self._q[new, self._elastic] = angle, bend
+        self._qd[new, self._joints] = rate
+        self._torque[new], self._missing[new] = torque, -elastic_force
+        self._shown[new] = self._show(self._angle[new], self._q[new], self._qd[new])
+        self._end = new.stop
 
 
 class RecordedRun:
@@ -116,9 +150,15 @@ class RecordedRun:
     """
 
     def __init__(
-        self, where: str, model: FlexibleModel, run: Any, sample_time: float, steps: int
+        self,
+        where: str,
+        model: FlexibleModel,
+        run: Any,
+        sample_time: float,
+        steps: int,
+        show: Shown,
     ) -> None:
-        self._sample_time = sample_time
+        self._sample_time, self._show = sample_time, show
         arm = model.arm
         self._joints = arm.joint_index
         self.missing = np.zeros((steps, model.elastic.size))  # it satisfies the arm's equations
@@ -143,7 +183,9 @@ class RecordedRun:
         self._now = t
         q, qd = self._state(t)
         torque = self._torque_from(t)
-        return Nominal(q[self._joints], q, qd, torque, self.missing[0])
+        angle = q[self._joints]
+        shown = self._show(angle[None], q[None], qd[None])[0]
+        return Nominal(angle, q, qd, torque, self.missing[0], shown)
 
     def torques(self, count: int) -> FloatArray:
         """Return the torques (count, joints) from the present sample on, N m."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,13 +80,26 @@ class Interpolated:
     def __init__(self, grid: PostureGrid, nodes: Sequence[Sequence[FloatArray]]) -> None:
         self._grid = grid
         self._values = np.array([np.concatenate([a.ravel() for a in node]) for node in nodes])
+        self._shapes = [array.shape for array in nodes[0]]
+        self._begin()
+
+    def _begin(self) -> None:
         self._now = self._values[0].copy()
         self._at: list[tuple[int, float]] | None = None
         self.arrays: list[FloatArray] = []
         start = 0
-        for array in nodes[0]:
-            self.arrays.append(self._now[start : start + array.size].reshape(array.shape))
-            start += array.size
+        for shape in self._shapes:
+            size = math.prod(shape)
+            self.arrays.append(self._now[start : start + size].reshape(shape))
+            start += size
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        return self._grid, self._values, self._shapes
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        # Arrays of a copy would no longer be parts of what ``move`` writes.
+        self._grid, self._values, self._shapes = state
+        self._begin()
 
     def move(self, angle: FloatArray) -> bool:
         """Write the arrays of a posture into ``arrays``; tell whether they changed."""
@@ -97,3 +112,13 @@ class Interpolated:
         for node, weight in corners[1:]:
             self._now += weight * self._values[node]
         return True
+
+    def first_at(self, angles: FloatArray) -> FloatArray:
+        """Return the first array at many postures (T, joints): (T, ...)."""
+        if len(self._values) == 1:
+            return np.broadcast_to(self.arrays[0], (len(angles), *self.arrays[0].shape))
+        found = []
+        for angle in angles:
+            self.move(angle)
+            found.append(self.arrays[0].copy())
+        return np.array(found)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
@@ -89,6 +90,17 @@ class RigidParameters:
         The first ``known`` rows add up to what is not a parameter; each other row is the torque by
         one unit of its parameter.
         """
+        rows = self.terms(angle, rate, reference_rate, reference_acceleration)
+        return rows[self._order]
+
+    def terms(
+        self,
+        angle: FloatArray,
+        rate: FloatArray,
+        reference_rate: FloatArray,
+        reference_acceleration: FloatArray,
+    ) -> FloatArray:
+        """Return the rows of ``regressor`` in the order of ``placed``, which takes less time."""
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
@@ -103,7 +115,13 @@ class RigidParameters:
             self._acceleration,
             self._columns,
         )
-        return self._columns if self._order is None else self._columns[self._order]
+        return self._columns
+
+    def placed(self, numbers: FloatArray) -> FloatArray:
+        """Return numbers (known + p,) of the rows of ``regressor`` in the order of ``terms``."""
+        found = np.empty_like(numbers)
+        found[self._order] = numbers
+        return found
 
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return M qd and C' qd - g - losses, the momentum's rate without motors: (2, joints)."""
@@ -184,7 +202,7 @@ def _share(whole: FloatArray, direction: FloatArray) -> float:
     return float(whole[first] / direction[first])
 
 
-def _order(directions: list[FloatArray]) -> FloatArray | None:
+def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
     """Rows of the kernel's columns in the order: both known, then the parameters as named."""
     passive = [bool(d[:, _PASSIVE].any()) for d in directions]
     turning = passive.count(False)
@@ -193,7 +211,7 @@ def _order(directions: list[FloatArray]) -> FloatArray | None:
     for is_passive in passive:
         places.append((2 + turning if is_passive else 1) + seen[is_passive])
         seen[is_passive] += 1
-    return np.array(places)
+    return np.array(places, dtype=np.intp)
 
 
 def _writable(constants: ArmConstants) -> ArmConstants:

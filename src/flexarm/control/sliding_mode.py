@@ -64,8 +64,9 @@ class SlidingMode(Controller):
         errors = [gains.one(f"uncertainty of {k}", v) for k, v in self.uncertainty.items()]
         gains.done()
         # What is believed, and the errors allowed, of each row of the regressor.
-        self._believed = np.concatenate([np.ones(self._model.known), self._model.values])
-        self._errors = np.concatenate([np.zeros(self._model.known), errors])
+        known = self._model.known
+        self._believed = self._model.placed(np.concatenate([np.ones(known), self._model.values]))
+        self._errors = self._model.placed(np.concatenate([np.zeros(known), errors]))
         self._floor = self.disturbance + self.reaching
 
     def reset(self) -> None:
@@ -80,10 +81,14 @@ class SlidingMode(Controller):
         """See ``Controller.update``."""
         now = self._sliding
         now.take(t, measurement, reference)
-        rows = self._model.regressor(
+        rows = self._model.terms(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
-        switching = self._floor + self._errors @ abs(rows)
-        inside = np.minimum(np.maximum(now.s / self.boundary_layer, -1.0), 1.0)
-        torque: FloatArray = self._believed @ rows - self.damping * now.s - switching * inside
+        switching = self._errors.dot(abs(rows))
+        switching += self._floor
+        # Half the time of ``clip``.
+        switching *= np.minimum(np.maximum(now.s / self.boundary_layer, -1.0), 1.0)
+        torque: FloatArray = self._believed.dot(rows)
+        torque -= self.damping * now.s
+        torque -= switching
         return torque

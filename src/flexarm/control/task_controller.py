@@ -39,9 +39,12 @@ class TaskController(Controller):
     ) -> FloatArray:
         """Torque of a motion without a force: computed torque, which no posture stops."""
         w = self._posture_frequency
-        back = w * w * (asked.angle - angle) + 2.0 * w * (asked.rate - rate)
-        torque: FloatArray = state.mass @ (asked.acceleration + back) + state.bias_torque
-        return torque + asked.pressing
+        wanted = asked.acceleration + w * w * (asked.angle - angle)
+        wanted += 2.0 * w * (asked.rate - rate)
+        torque: FloatArray = state.mass.dot(wanted)
+        torque += state.bias_torque
+        torque += asked.pressing
+        return torque
 
     def _posture(self, asked: Asked, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Joint accelerations (joints,) that the tip leaves open: more than two joints' posture."""

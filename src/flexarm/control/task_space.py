@@ -15,7 +15,7 @@ from flexarm.kernels.task_dynamics import task_dynamics, tip_torque
 
 
 class TaskState(NamedTuple):
-    """The rigid twin at one moment; vectors of the tip in world axes."""
+    """The rigid twin at one moment, until the next is asked for; vectors of the tip, world axes."""
 
     motion: FloatArray  # (3, 2): position m, velocity m/s, acceleration at none of the joints m/s^2
     jacobian: FloatArray  # (2, joints) m
@@ -34,7 +34,10 @@ class TaskSpace:
         assembly = arm.rigid().assembly
         constants = assembly.constants
         n, m = constants.S.shape
-        self.joints = arm.joints
+        self.joints = count = arm.joints
+        self._state = TaskState(
+            np.zeros((3, 2)), np.zeros((2, count)), np.zeros((count, count)), np.zeros(count)
+        )
         self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
         self._task_dynamics = Entry(task_dynamics)
         self._arguments = (
@@ -52,16 +55,14 @@ class TaskSpace:
             np.zeros(6, dtype=complex),
             np.zeros((2, n)),
             np.zeros((n, 1 + m, n, 1 + m)),
+            *self._state,
         )
 
     def at(self, angle: FloatArray, rate: FloatArray) -> TaskState:
         """Return the twin at joint angles (rad) and rates (rad/s), (joints,) each."""
-        count = self.joints
-        motion, jacobian = np.empty((3, 2)), np.empty((2, count))
-        mass, bias_torque = np.empty((count, count)), np.empty(count)
         self._angle[:], self._rate[:] = angle, rate
-        self._task_dynamics(*self._arguments, motion, jacobian, mass, bias_torque)
-        return TaskState(motion, jacobian, mass, bias_torque)
+        self._task_dynamics(*self._arguments)
+        return self._state
 
     def torque(
         self,

@@ -63,6 +63,8 @@ class SampledReference:
         return found
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # asked for by copies and pickles, before there is a reference
+            raise AttributeError(name)
         if name in _MORE and hasattr(self._reference, name):
             return lambda t: self._look_up(name, t)
         return getattr(self._reference, name)
