@@ -86,6 +86,18 @@ def exudyn(case: Case, elements: int, step: float, truth: str) -> Entry:
     return Entry("Exudyn", f"{elements} ANCF cables a link, step {step:g} s", truth, prepare)
 
 
+def exudyn_exact(case: Case, elements: int, step: float, truth: str) -> Entry:
+    """Return Exudyn with geometrically exact elements of three nodes."""
+
+    def prepare() -> Run:
+        from peers import exudyn_arm
+
+        return timed(exudyn_arm.prepare(case, elements, step, exact=True))
+
+    setting = f"{elements} exact beam elements a link, step {step:g} s"
+    return Entry("Exudyn", setting, truth, prepare)
+
+
 def mujoco(case: Case, segments: int, step: float, truth: str) -> Entry:
     """Return MuJoCo with rigid bars on springs."""
 

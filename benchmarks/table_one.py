@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from peers.arms import TABLE_ONE
@@ -29,6 +30,7 @@ STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
 #: Of a basis whose own error is a micrometre.
 FINER = {"3 segments of 4 modes": (1e-5, 5e-6)}
 EXUDYN = ((2, 2e-3), (4, 2e-3), (4, 1e-3), (8, 2e-4), (8, 1e-4), (16, 1e-4))
+EXUDYN_EXACT = ((2, 2e-3), (4, 1e-3), (8, 2e-4))
 MUJOCO = ((4, 1e-3), (8, 2.5e-4), (16, 5e-5))
 PINOCCHIO = ((4, 1e-3), (8, 2.5e-4))
 DRAKE = ((8, 1e-4, 2e-4), (8, 1e-4, 1e-2))
@@ -90,14 +92,15 @@ def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
     case = replace(CASE, duration=duration)
     count = 1 if quick else None
     missing = programs.missing()
-    bodies = {
-        "Exudyn": (programs.exudyn, EXUDYN),
-        "MuJoCo": (programs.mujoco, MUJOCO),
-        "Pinocchio": (programs.pinocchio, PINOCCHIO),
-        "Drake": (programs.drake, DRAKE),
-        "PyElastica": (programs.pyelastica, PYELASTICA),
-    }
-    for name, (entry, settings) in bodies.items():
+    bodies: tuple[tuple[str, Any, tuple[Any, ...]], ...] = (
+        ("Exudyn", programs.exudyn, EXUDYN),
+        ("Exudyn", programs.exudyn_exact, EXUDYN_EXACT),
+        ("MuJoCo", programs.mujoco, MUJOCO),
+        ("Pinocchio", programs.pinocchio, PINOCCHIO),
+        ("Drake", programs.drake, DRAKE),
+        ("PyElastica", programs.pyelastica, PYELASTICA),
+    )
+    for name, entry, settings in bodies:
         if name not in missing:
             yield from (entry(case, *setting, EXACT) for setting in settings[:count])
     arm = table_one()

@@ -1,4 +1,4 @@
-"""A case in Exudyn: cable elements in absolute coordinates, joined by constraints."""
+"""A case in Exudyn: beam elements in absolute coordinates, joined by constraints."""
 
 from __future__ import annotations
 
@@ -13,17 +13,23 @@ from exudyn.advancedUtilities import CreateSymbolicUserFunction
 
 from peers.arms import TORQUE_ENDS, Case, steps_per_sample
 
+#: Shear rigidity over axial rigidity: of a solid rod of metal, about.
+_SHEAR = 0.4
 
-def tip(case: Case, elements: int, step: float) -> np.ndarray:
+
+def tip(case: Case, elements: int, step: float, exact: bool = False) -> np.ndarray:
     """Return the tip's path (samples, 2), m; see ``prepare``."""
-    return prepare(case, elements, step)()
+    return prepare(case, elements, step, exact)()
 
 
-def prepare(case: Case, elements: int, step: float) -> Callable[[], np.ndarray]:
+def prepare(
+    case: Case, elements: int, step: float, exact: bool = False
+) -> Callable[[], np.ndarray]:
     """Build the model; return what integrates it, once, and gives the tip's path (samples, 2), m.
 
-    Each link has ``elements`` cable elements of Bernoulli and Euler in absolute nodal coordinates:
-    bending of any size, and a little stretch. Generalised alpha method, fixed steps of ``step`` s.
+    Each link has ``elements`` cable elements of Bernoulli and Euler in absolute nodal coordinates
+    or, with ``exact``, geometrically exact ones of three nodes: bending of any size, and a little
+    stretch and shear. Generalised alpha method, fixed steps of ``step`` s.
     It raises ``RuntimeError`` where Newton's method failed at a step.
     """
     container = exudyn.SystemContainer()
@@ -35,14 +41,15 @@ def prepare(case: Case, elements: int, step: float) -> Callable[[], np.ndarray]:
     position = np.zeros(2)
     for number, (length, angle) in enumerate(zip(case.lengths, case.start, strict=True)):
         axis = np.array([math.cos(angle), math.sin(angle)])
-        nodes, cables = _add_link(system, case, position, length * axis, elements)
+        add_link = _add_exact_link if exact else _add_cables
+        nodes, sections = add_link(system, case, position, length * axis, elements)
         root = system.AddMarker(items.MarkerNodePosition(nodeNumber=nodes[0]))
         system.AddObject(items.ObjectJointRevolute2D(markerNumbers=[inboard, root]))
         inboard = system.AddMarker(items.MarkerNodePosition(nodeNumber=nodes[-1]))
-        _add_torque(system, cables[0], 0.0, case.amplitude[number], kept)
+        _add_torque(system, sections[0], case.amplitude[number], kept)
         if reaction is not None:
-            _add_torque(system, *reaction, -case.amplitude[number], kept)
-        reaction = cables[-1], length / elements
+            _add_torque(system, reaction, -case.amplitude[number], kept)
+        reaction = sections[1]
         position = position + length * axis
     sensor = system.AddSensor(
         items.SensorNode(
@@ -69,10 +76,10 @@ def prepare(case: Case, elements: int, step: float) -> Callable[[], np.ndarray]:
     return run
 
 
-def _add_link(
+def _add_cables(
     system: exudyn.MainSystem, case: Case, root: np.ndarray, vector: np.ndarray, elements: int
 ) -> tuple[list[int], list[int]]:
-    """Add a straight link from ``root`` along ``vector``; return its nodes and its elements."""
+    """Add a straight link from ``root`` along ``vector``; return nodes and markers of its ends."""
     length = float(np.linalg.norm(vector))
     slope = vector / length
     nodes = [
@@ -83,27 +90,65 @@ def _add_link(
     ]
     cables = []
     for pair in pairwise(nodes):
-        cable = system.AddObject(
-            items.ObjectANCFCable2D(
-                length=length / elements,
-                massPerLength=case.mass_per_length,
-                bendingStiffness=case.flexural_rigidity,
-                axialStiffness=case.axial_rigidity,
-                nodeNumbers=list(pair),
-            )
+        cable = items.ObjectANCFCable2D(
+            length=length / elements,
+            massPerLength=case.mass_per_length,
+            bendingStiffness=case.flexural_rigidity,
+            axialStiffness=case.axial_rigidity,
+            nodeNumbers=list(pair),
         )
-        cables.append(cable)
-        mass = system.AddMarker(items.MarkerBodyMass(bodyNumber=cable))
-        system.AddLoad(
-            items.LoadMassProportional(markerNumber=mass, loadVector=[0.0, -case.gravity, 0.0])
+        cables.append(_add_heavy(system, case, cable))
+    ends = (cables[0], 0.0), (cables[-1], length / elements)
+    sections = [
+        system.AddMarker(items.MarkerBodyRigid(bodyNumber=cable, localPosition=[station, 0.0, 0.0]))
+        for cable, station in ends
+    ]
+    return nodes, sections
+
+
+def _add_exact_link(
+    system: exudyn.MainSystem, case: Case, root: np.ndarray, vector: np.ndarray, elements: int
+) -> tuple[list[int], list[int]]:
+    """The same of geometrically exact elements, whose ends and middles are nodes with an angle."""
+    length, angle = float(np.linalg.norm(vector)), math.atan2(vector[1], vector[0])
+    nodes = [
+        system.AddNode(
+            items.NodeRigidBody2D(referenceCoordinates=[*(root + share * vector), angle])
         )
-    return nodes, cables
+        for share in np.arange(2 * elements + 1) / (2 * elements)
+    ]
+    radius_of_gyration = math.sqrt(case.flexural_rigidity / case.axial_rigidity)
+    for k in range(elements):
+        beam = items.ObjectBeamGeometricallyExact2D(
+            nodeNumbers=nodes[2 * k : 2 * k + 3],
+            length=length / elements,
+            massPerLength=case.mass_per_length,
+            # Cross-sections of the others have none; zero would leave rotations without mass.
+            crossSectionInertia=1e-3 * case.mass_per_length * radius_of_gyration**2,
+            bendingStiffness=case.flexural_rigidity,
+            axialStiffness=case.axial_rigidity,
+            shearStiffness=_SHEAR * case.axial_rigidity,
+            includeReferenceRotations=True,
+        )
+        _add_heavy(system, case, beam)
+    ends = nodes[0], nodes[-1]
+    return nodes, [system.AddMarker(items.MarkerNodeRigid(nodeNumber=node)) for node in ends]
+
+
+def _add_heavy(system: exudyn.MainSystem, case: Case, beam: object) -> int:
+    """Add an element with its weight."""
+    number: int = system.AddObject(beam)
+    mass = system.AddMarker(items.MarkerBodyMass(bodyNumber=number))
+    system.AddLoad(
+        items.LoadMassProportional(markerNumber=mass, loadVector=[0.0, -case.gravity, 0.0])
+    )
+    return number
 
 
 def _add_torque(
-    system: exudyn.MainSystem, cable: int, station: float, amplitude: float, kept: list[object]
+    system: exudyn.MainSystem, section: int, amplitude: float, kept: list[object]
 ) -> None:
-    """Let a motor act on the cross-section of an element at a distance from its root.
+    """Let a motor act on a cross-section, given by its marker.
 
     Written in Exudyn's own symbols, which it evaluates without calling Python. ``kept`` receives
     what must live as long as the system.
@@ -116,9 +161,6 @@ def _add_torque(
         wave = amplitude * symbols.sin(2.0 * math.pi * t)
         return [0.0, 0.0, symbols.IfThenElse(t <= TORQUE_ENDS, wave, symbols.Real(0.0))]
 
-    section = system.AddMarker(
-        items.MarkerBodyRigid(bodyNumber=cable, localPosition=[station, 0.0, 0.0])
-    )
     function = CreateSymbolicUserFunction(
         system, torque, "loadVectorUserFunction", itemTypeName="LoadTorqueVector"
     )

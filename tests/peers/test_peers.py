@@ -86,6 +86,12 @@ def test_exudyn_comes_closer(exudyn_arm: ModuleType, case: Case, tolerance: floa
     assert fine < coarse / 2
 
 
+def test_exudyn_with_exact_beams_comes_as_near(exudyn_arm: ModuleType) -> None:
+    """Four elements of order two, 2.4e-5 m from the exact solution: as the cables."""
+    found = exudyn_arm.tip(TABLE_ONE, elements=4, step=1e-3, exact=True)
+    assert distance(found, flexarm_tip(TABLE_ONE)) < 6e-5
+
+
 @pytest.mark.parametrize("case", [TABLE_ONE, PENDULUM], ids=["arm", "pendulum"])
 def test_mujoco_tends_to_the_same_path(mujoco_arm: ModuleType, case: Case) -> None:
     ours = flexarm_tip(case)
