@@ -6,13 +6,16 @@ They stand still in the axes of the arm's base, and move with it where the base 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 #: A piece of a tabulated surface turns by no more than this (rad): its nearest knot is then a good
 #: start for Newton's method.
@@ -103,6 +106,8 @@ class SurfaceTable:
     pieces: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        from scipy.interpolate import CubicSpline
+
         where = "SurfaceTable"
         x = check_array(where, "x", self.x, (-1,))
         points = np.stack([x, check_array(where, "y", self.y, x.shape)], axis=1)

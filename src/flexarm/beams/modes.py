@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from flexarm.beams.assembly import BeamMatrices
 from flexarm.beams.hermite import FloatArray
@@ -82,6 +81,8 @@ def beam_basis(
         R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses",
         AIAA Journal 6(7), 1968, 1313-1319.
     """
+    from scipy.linalg import solve_triangular
+
     # Rotations times the element length keep the mass matrix well conditioned on any mesh.
     units = np.tile([1.0, element_length], len(strain_to_nodal) // 2)
     root_mass = _mass_factor(matrices.mass / np.outer(units, units), where)

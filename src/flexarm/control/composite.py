@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import eigvals
 
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray
@@ -122,6 +121,8 @@ class Composite(LQG):
 
     def _both(self, where: str, item: Design) -> tuple[FastDesign, Design]:
         """Design both parts in a posture, and put them into one gain; (C.34) to (C.37)."""
+        from scipy.linalg import eigvals
+
         arm, joints, elastic = self.arm, self.arm.joint_index, self._model.elastic
         rest = equilibrium(arm, item.posture)
         model = linearize(arm, rest, outputs=tuple(self.acceptable))

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_factor, cho_solve
 
 from flexarm.arm import Arm
 from flexarm.control.gains import Gains
@@ -132,6 +131,8 @@ class ExtendedKalmanFilter:
 
     def correct(self, measurement: Measurement) -> None:
         """Take the readings of this moment."""
+        from scipy.linalg import cho_factor, cho_solve
+
         if not self._begun:
             self._begin(measurement)
         assert self._step is not None

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import LinAlgError, block_diag, expm, solve, solve_discrete_are
 
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
@@ -88,6 +87,8 @@ def sampled(
 
 def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
     """Return A and B over a sample time, inputs held; (C.22)."""
+    from scipy.linalg import expm
+
     n, m = B.shape
     whole = np.zeros((n + m, n + m))
     whole[:n, :n], whole[:n, n:] = A, B
@@ -139,6 +140,8 @@ def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_tim
         InputError: an unknown name, a number that is not positive, or no gains that stabilise.
         EquilibriumError: no rest there.
     """
+    from scipy.linalg import block_diag
+
     names = tuple(dict.fromkeys([*wishes.acceptable, *wishes.measured, *wishes.integrated]))
     inputs = tuple(dict.fromkeys(["torque", *wishes.disturbance]))
     rest = equilibrium(arm, posture)
@@ -201,6 +204,8 @@ def regulator(
     Raises:
         InputError: the weights leave a motion undamped, or cannot be met.
     """
+    from scipy.linalg import solve
+
     P = _riccati(where, "acceptable", A, B, weight, torque_weight)
     gain = solve(torque_weight + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
     _check_stable(where, "acceptable", A - B @ gain)
@@ -212,6 +217,8 @@ def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
 
     Forces are taken at every ``stride``-th sample, and along lines between.
     """
+    from scipy.linalg import solve
+
     n, k = len(item.A), len(item.integrated)
     push = np.vstack([item.B, np.zeros((k, item.B.shape[1]))])
     whole = np.block([[item.A, np.zeros((n, k))], [item.integrated, np.eye(k)]])
@@ -237,6 +244,8 @@ def kalman(
     Raises:
         InputError: what is measured does not tell the state.
     """
+    from scipy.linalg import solve
+
     P = _riccati(where, "measured", A.T, C.T, disturbance, noise)
     seen = C @ P @ C.T + noise
     gain: FloatArray = solve(seen, C @ P, assume_a="pos").T
@@ -247,9 +256,11 @@ def kalman(
 def _riccati(
     where: str, argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
 ) -> FloatArray:
+    from scipy.linalg import solve_discrete_are
+
     try:
         P: FloatArray = solve_discrete_are(A, B, Q, R)
-    except (LinAlgError, ValueError):
+    except (np.linalg.LinAlgError, ValueError):
         raise InputError(_unsolvable(where, argument)) from None
     return (P + P.T) / 2.0
 

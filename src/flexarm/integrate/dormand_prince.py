@@ -1,16 +1,17 @@
 """Dormand and Prince's pairs of order 5(4) and 8(5,3), with step control and dense output.
 
-The coefficients are SciPy's public class attributes, which carry them in full precision.
+The coefficients of order 5 are SciPy's public class attributes, which carry them in full precision.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.integrate import DOP853, RK45
 
+from flexarm.integrate import dop853
 from flexarm.integrate.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.tableau import FloatArray, Tableau
 
@@ -27,7 +28,10 @@ def _square(A: FloatArray, b: FloatArray, extra: FloatArray | None = None) -> Fl
     return joined
 
 
+@cache
 def _order_5() -> Tableau:
+    from scipy.integrate import RK45
+
     return Tableau(
         order=5,
         A=_square(RK45.A, RK45.B),
@@ -62,20 +66,21 @@ def _order_8_dense(b: FloatArray, D: FloatArray) -> FloatArray:
     return dense
 
 
+@cache
 def _order_8() -> Tableau:
+    A = np.zeros((len(dop853.C), len(dop853.C)))
+    for k, row in enumerate(dop853.A):
+        A[k, : len(row)] = row
+    b = np.array(dop853.B)
     return Tableau(
         order=8,
-        A=_square(DOP853.A, DOP853.B, DOP853.A_EXTRA),
-        b=DOP853.B,
-        c=np.concatenate([DOP853.C, [1.0], DOP853.C_EXTRA]),
-        error=DOP853.E5,
-        error_low=DOP853.E3,
-        dense=_order_8_dense(DOP853.B, DOP853.D),
+        A=_square(A, b, np.array(dop853.A_EXTRA)),
+        b=b,
+        c=np.array([*dop853.C, 1.0, *dop853.C_EXTRA]),
+        error=np.array(dop853.E5),
+        error_low=np.array(dop853.E3),
+        dense=_order_8_dense(b, np.array(dop853.D)),
     )
-
-
-_ORDER_5 = _order_5()
-_ORDER_8 = _order_8()
 
 
 @dataclass(frozen=True)
@@ -90,7 +95,7 @@ class DormandPrince5(ExplicitRungeKutta):
     @property
     def tableau(self) -> Tableau:
         """Coefficients of the method."""
-        return _ORDER_5
+        return _order_5()
 
 
 @dataclass(frozen=True)
@@ -105,4 +110,4 @@ class DormandPrince8(ExplicitRungeKutta):
     @property
     def tableau(self) -> Tableau:
         """Coefficients of the method."""
-        return _ORDER_8
+        return _order_8()

@@ -10,7 +10,6 @@ Newton's own (Dauphin et al., Advances in Neural Information Processing Systems 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigh
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -26,9 +25,11 @@ def descent_step(K: FloatArray, M: FloatArray, force: FloatArray) -> tuple[Float
     """Return the step (k,) that the force (k,) makes, downhill, and whether K is stable there.
 
     Raises:
-        LinAlgError: the mass matrix is not positive definite, as the second-order theory's at
-            large bending.
+        LinAlgError: the mass matrix is not positive definite, as the second-order theory's at large
+            bending.
     """
+    from scipy.linalg import eigh
+
     values, vectors = eigh((K + K.T) / 2.0, M)
     pull = vectors.T @ force
     # A free joint moves under its own weight as on a spring of the size of that weight.

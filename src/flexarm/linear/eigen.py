@@ -6,8 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cholesky, eig, eigh
-from scipy.optimize import linear_sum_assignment
 
 from flexarm.assemble import FloatArray
 
@@ -37,6 +35,8 @@ def undamped(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     The stiffest modes of a fine mesh are 1e10 times stiffer than the lowest, whose digits a direct
     solution would lose. Solving ``M x = mu (K + s M) x`` puts the low modes at the accurate end.
     """
+    from scipy.linalg import eigh
+
     if M.size == 0:
         return np.zeros(0), np.zeros((0, 0))
     shift = _positive_shift(M, K)
@@ -51,13 +51,15 @@ def undamped(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _positive_shift(M: FloatArray, K: FloatArray) -> float:
     """Find a shift that makes K + shift M positive definite, near the lowest stiffness."""
+    from scipy.linalg import cholesky
+
     diagonal = np.abs(np.diag(K)) / np.diag(M)
     positive = diagonal[diagonal > 0.0]
     shift = float(positive.min()) if positive.size else 1.0
     while True:
         try:
             cholesky(K + shift * M)
-        except LinAlgError:
+        except np.linalg.LinAlgError:
             shift *= 4.0
         else:
             return shift
@@ -71,6 +73,8 @@ def damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> Da
         coupling: (k, k) part of the stiffness that the undamped modes leave out.
         damping: (k, k), with gyroscopic terms.
     """
+    from scipy.linalg import eig
+
     count = squared.size
     damping = np.where(np.abs(damping) > _NONE * np.max(np.abs(damping), initial=0.0), damping, 0.0)
     if not np.any(coupling) and not np.any(damping - np.diag(np.diag(damping))):
@@ -106,6 +110,8 @@ def _matched(values: ComplexArray, shapes: ComplexArray) -> tuple[NDArray[np.int
     Of the shapes (k, 2k) only the share of each undamped mode counts. Where damping has turned
     pairs into real eigenvalues, each mode that is left takes two of them.
     """
+    from scipy.optimize import linear_sum_assignment
+
     count = len(shapes)
     share = np.abs(shapes) ** 2 / np.maximum(np.sum(np.abs(shapes) ** 2, axis=0), 1e-300)
     above = np.flatnonzero(values.imag > 0.0)

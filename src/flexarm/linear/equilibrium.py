@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import LinAlgError, eigh, solve
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -159,6 +158,8 @@ class _Search:
 
     def newton(self, q: FloatArray, fraction: float) -> FloatArray:
         """Solve at a part of the load, from q; LinAlgError where it does not converge."""
+        from scipy.linalg import solve
+
         arm, loads = self._scaled(fraction)
         free = self.unknown
         if free.size == 0:
@@ -190,7 +191,7 @@ class _Search:
             scale = max(scale, float(np.max(np.abs(K @ q[free]))))
             if shortened == 1.0 and (size < 1e-12 or np.max(np.abs(missing)) <= _RESIDUAL * scale):
                 return q
-        raise LinAlgError("Newton's method does not converge")
+        raise np.linalg.LinAlgError("Newton's method does not converge")
 
     def best(self, q: FloatArray, free: bool) -> Equilibrium:
         """Find a stable equilibrium if there is one near, else an unstable one.
@@ -231,7 +232,7 @@ class _Search:
                     near = self.newton(q, 1.0)
                     if largest_turn(arm, near - q) < LONGEST:
                         return near
-            except (LinAlgError, ValueError):
+            except (np.linalg.LinAlgError, ValueError):
                 reason = "the arm buckles, swings away, or bends more than its mesh allows."
                 raise EquilibriumError(0.0, begin, reason) from None
         raise EquilibriumError(0.0, begin, "going downhill does not come to rest.")
@@ -243,7 +244,7 @@ class _Search:
             wanted = min(1.0, done + step)
             try:
                 q = self.newton(q, wanted)
-            except (LinAlgError, ValueError):
+            except (np.linalg.LinAlgError, ValueError):
                 step *= 0.25
                 if at_once or step < _SMALLEST_STEP:
                     reason = "the arm buckles, swings away, or bends more than its mesh allows."
@@ -254,6 +255,8 @@ class _Search:
 
     def result(self, q: FloatArray) -> Equilibrium:
         """Judge stability and collect the torques."""
+        from scipy.linalg import eigh
+
         arm, free = self.arm, self.unknown
         holding = self._force(arm, q, self.loads)[arm.joint_index]
         lowest = np.inf
@@ -265,7 +268,7 @@ class _Search:
             try:
                 stored = (K + K.T) / 2.0
                 lowest = float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
-            except LinAlgError:
+            except np.linalg.LinAlgError:
                 reason = (
                     "the mass matrix has lost its sign there, as the second-order theory's does "
                     "where links bend more than their mesh allows. Give them segments=2 or more."

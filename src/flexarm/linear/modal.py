@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import LinAlgError, cholesky
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -196,9 +195,11 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> 
 
 
 def _check_mass(M: FloatArray) -> None:
+    from scipy.linalg import cholesky
+
     try:
         cholesky(M)
-    except LinAlgError:
+    except np.linalg.LinAlgError:
         hint = "Links bend further than the second-order theory allows: cut them into segments."
         rule = "leave the mass matrix positive definite"
         raise InputError(Problem(_WHERE, "the state", rule, "too far bent", hint)) from None

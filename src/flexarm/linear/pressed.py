@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, make_interp_spline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -15,6 +14,9 @@ from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.motion import Motion
 from flexarm.motion.kinematics import tip_jacobian
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 #: The tip is brought onto its path this closely (m), within so many corrections.
 _CLOSE, _CORRECTIONS = 1e-9, 60
@@ -121,6 +123,8 @@ class PressedMotion:
 
 
 def _spline(times: FloatArray, values: Sequence[FloatArray]) -> BSpline:
+    from scipy.interpolate import make_interp_spline
+
     return make_interp_spline(times, np.array(values), k=5)
 
 

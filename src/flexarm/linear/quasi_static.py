@@ -8,11 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -23,6 +22,9 @@ from flexarm.motion.chain import RigidChain
 from flexarm.motion.dynamics_along import dynamics_along
 from flexarm.motion.motion import JointState, Motion
 from flexarm.motion.tip_constraint import TipConstraint
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 #: Instants between two breaks at which the links' bending is solved for.
 _INSTANTS = 161
@@ -193,6 +195,8 @@ def quasi_static_reference(
 
 
 def _piece(constraint: TipConstraint, a: float, b: float) -> BSpline:
+    from scipy.interpolate import make_interp_spline
+
     # Gauss-Lobatto's kind of spacing: dense at the ends, where the bending sets in.
     times = a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
     times[0], times[-1] = a, np.nextafter(b, -np.inf)
@@ -200,6 +204,8 @@ def _piece(constraint: TipConstraint, a: float, b: float) -> BSpline:
 
 
 def _rest(constraint: TipConstraint, t: float) -> BSpline:
+    from scipy.interpolate import BSpline
+
     value = _bending(constraint, np.array([t]))
     return BSpline(np.array([t, t + 1.0]), value, 0, extrapolate=True)
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.linalg import eigvals
 
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem
@@ -54,6 +53,8 @@ class LinearModel:
     @property
     def poles(self) -> Any:
         """Eigenvalues of A (2 dof,), complex, 1/s, slowest first."""
+        from scipy.linalg import eigvals
+
         found = eigvals(self.A)
         return found[np.lexsort((found.imag, np.abs(found.imag), np.abs(found)))]
 

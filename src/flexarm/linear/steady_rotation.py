@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -42,6 +41,8 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
         InputError: as ``steady_rates``.
         EquilibriumError: none was found.
     """
+    from scipy.linalg import solve
+
     rates, still = steady_rates(arm, spin), np.zeros(arm.dof)
     bending = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     if spin == 0.0 or bending.size == 0:
@@ -51,7 +52,7 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
         missing = arm.inverse_dynamics(found, rates, still)[bending]
         try:
             step = solve(tangent(arm, found, rates, still).stiffness[part], -missing)
-        except LinAlgError:
+        except np.linalg.LinAlgError:
             break
         found[bending] += step
         # Quadratic convergence: once a step is that small, the next is rounding.

@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -186,6 +185,8 @@ class _Lines:
 
     def match(self, found: Modes) -> tuple[NDArray[np.intp], FloatArray]:
         """Find each line's mode and how much alike they are: (S.6)."""
+        from scipy.optimize import linear_sum_assignment
+
         M = self.arm.mass_matrix(found.q)
         theirs = found.complex_shapes
         products = np.abs(self.shapes.conj() @ M @ theirs.T) ** 2

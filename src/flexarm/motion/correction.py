@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from flexarm.motion.rigid_torques import RigidTorque
 
@@ -62,6 +61,8 @@ class CorrectedTorque:
 
     def __call__(self, t: ArrayLike) -> Floats:
         """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
+        from scipy.interpolate import BSpline
+
         inside = np.clip(np.asarray(t, dtype=np.float64), self.knots[0], self.knots[-1])
         added: Floats = BSpline(self.knots, self.coefficients, DEGREE)(inside)
         return self.rigid(t) + added
@@ -76,6 +77,8 @@ def spline_knots(start: float, end: float, spacing: float) -> Floats:
 
 def spline_values(knots: Floats, t: Floats) -> Floats:
     """Values (T, N + 3) of all B-splines at times (T,)."""
+    from scipy.interpolate import BSpline
+
     inside = np.clip(t, knots[0], knots[-1])
     values: Floats = BSpline.design_matrix(inside, knots, DEGREE).toarray()
     return values

@@ -16,9 +16,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from flexarm.motion.motion import JointState, Motion
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,6 +81,8 @@ class Clock:
 
     @cached_property
     def _rate(self) -> BSpline:
+        from scipy.interpolate import make_interp_spline
+
         still = [(1, 0.0), (2, 0.0)]
         return make_interp_spline(self.times, self.rates, k=5, bc_type=(still, still))
 

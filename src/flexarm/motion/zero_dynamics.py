@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh, eigvals, null_space
 
 from flexarm.errors import InputError, Problem
 from flexarm.motion.dynamics_along import dynamics_along
@@ -66,6 +65,8 @@ def rest_end(constraint: TipConstraint, t: float) -> RestEnd:
     Raises:
         InputError: the arm does not come to rest with its tip there.
     """
+    from scipy.linalg import eigh, null_space
+
     arm = constraint.arm
     elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     q = _rest(constraint, t, elastic)
@@ -89,6 +90,8 @@ def finite_eigenvalues(M: Floats, D: Floats, K: Floats, fastest: float) -> NDArr
     Args:
         fastest: rad/s, highest frequency of the arm with its joints locked.
     """
+    from scipy.linalg import eigvals
+
     # Time in units of the fastest vibration: then the blocks are of one size.
     none, one = np.zeros_like(M), np.eye(len(M))
     stiffness, damping = K / fastest**2, D / fastest

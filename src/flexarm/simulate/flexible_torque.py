@@ -5,11 +5,10 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, make_interp_spline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -18,6 +17,9 @@ from flexarm.linear import modes
 from flexarm.linear.along import check_motion
 from flexarm.motion import Motion
 from flexarm.simulate.run import simulate
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 #: Samples of a radian of the fastest mode: splines of order 6 then miss it by less than 1e-6.
 _SAMPLES = 2.0
@@ -128,5 +130,7 @@ def flexible_torque(
 
 def _spline(times: FloatArray, values: FloatArray, a: float, b: float) -> BSpline:
     """Through the samples between two breaks, none on them: they might belong to either side."""
+    from scipy.interpolate import make_interp_spline
+
     own = (times > a) & (times < b) if a > 0.0 else times < b
     return make_interp_spline(times[own], values[own], k=min(5, np.count_nonzero(own) - 1))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, make_interp_spline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -16,6 +16,9 @@ from flexarm.motion import JointState, Motion
 from flexarm.motion.chain import RigidChain
 from flexarm.motion.correction import CorrectedTorque
 from flexarm.simulate.run import simulate
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 #: Samples in a knot of the torque's spline: a spline of order 6 through them is exact to 1e-6.
 _PER_KNOT = 8.0
@@ -78,6 +81,8 @@ def inversion_reference(
         ends: when the torques depart from those that hold it at rest, s.
         initial, final: (dof,) coordinates at rest before and after.
     """
+    from scipy.interpolate import make_interp_spline
+
     start, end = ends
     spacing = float(np.max(np.diff(torque.knots)))
     count = int(np.ceil(_PER_KNOT * (end - start) / spacing))

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -57,6 +56,8 @@ class PrescribedAngle:
             InputError: wrong shapes, times that do not increase, or unknown ends; later, a run
                 that goes beyond free ends.
         """
+        from scipy.interpolate import CubicSpline
+
         where = "PrescribedAngle.table"
         knots = check_array(where, "times", times, (-1,))
         values = check_array(where, "angles", angles, (knots.size,))

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -179,6 +178,8 @@ def _quasi_static(
     model: Separation, times: FloatArray, until: float
 ) -> tuple[FloatArray, FloatArray]:
     """Deflection by inertia alone, and its rate from splines between the motion's breaks."""
+    from scipy.interpolate import CubicSpline
+
     _, _, K, r = SmoothMatrices(model).at(times)
     dq = model.bent(K, r)
     dqd = np.zeros_like(dq)

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
@@ -224,6 +223,8 @@ class _Search:
 
         The tip alone must be close enough, and all conditions together.
         """
+        from scipy.linalg import solve
+
         damping, steps = _DAMPING, 0
         best = rigid = self._judged(self.torque)
         allowed = [reduction * self.yardstick(error) for error in (rigid.tip, rigid.error)]

@@ -11,7 +11,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from flexarm.errors import InputError, Problem, check_array, shown
 
@@ -101,6 +100,8 @@ def sampled_torque(
 
 
 def _spline(times: FloatArray, samples: FloatArray) -> TorqueHistory:
+    from scipy.interpolate import CubicSpline
+
     kinks = find_kinks(samples)
     edges = np.unique(np.concatenate([[0], kinks, [len(times) - 1]]))
     coefficients = np.zeros((len(times) - 1, 4, samples.shape[1]))

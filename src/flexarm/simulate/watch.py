@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from flexarm.arm import Arm
 from flexarm.errors import InputError, SimulationError, check_array
@@ -135,6 +134,8 @@ class Watch:
 
         allowed = max(_TIME_SHARE * (right.time - left.time), _ROUNDING * right.time)
         if right.time - left.time > allowed:
+            from scipy.optimize import brentq
+
             brentq(value, left.time, right.time, xtol=allowed, rtol=_ROUNDING, maxiter=_MOST_TRIALS)
         return beyond[0], beyond[1].copy()
 
