@@ -1,9 +1,7 @@
 """The numbered rules of ``flexarm.control.base``, for every controller of the registry."""
 
-import copy
 import inspect
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -66,26 +64,6 @@ def test_sample_time_is_positive_and_stays(name, arm):
     assert controller.sample_time == SAMPLE_TIME
     fa.simulate(arm, 0.1, controller=controller, reference=motion(arm))
     assert controller.sample_time == SAMPLE_TIME
-
-
-def copies_answer_alike(controller, arm):
-    run = {"reference": motion(arm), "initial": arm.rest([0.2, -0.4]), "progress": False}
-    first = fa.simulate(arm, 0.1, controller=controller, **run).torque.values
-    for copied in (copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))):
-        again = fa.simulate(arm, 0.1, controller=copied, **run).torque.values
-        np.testing.assert_array_equal(again, first)
-
-
-@every
-def test_a_copy_answers_as_it_does(name, arm):
-    """Studies hand controllers to other processes; what is used twice keeps its own state."""
-    copies_answer_alike(EXAMPLES[name](), arm)
-
-
-@pytest.mark.parametrize("kind", [fa.LQG, fa.MPC, fa.Composite])
-def test_a_copy_follows_the_posture_as_it_does(kind, arm):
-    angles = [[0.2, 0.5, 0.9], [-0.5, 0.0, 0.5]]
-    copies_answer_alike(kind(arm, [0.5, 0.0], schedule=angles, torque_limit=50.0), arm)
 
 
 @every

@@ -278,7 +278,7 @@ def advance_cowell(
                     system, state, smooth, known, force, torque, stiff, bounds, span[LENGTH],
                     span[END] - span[START],
                 )  # fmt: skip
-                if longest >= span[LENGTH]:
+                if not longest < span[LENGTH]:
                     break
             soften(system, softened, stiff, added, span[LENGTH])
             slope_at(system, t, from_right, state, torque, stages, zero)

@@ -133,11 +133,10 @@ def longest_step(
         bounds[0] = max(bounds[0], square)
         bounds[1] = max(bounds[1], rate)
     longest = _longest(bounds[0], bounds[1], _STABLE)
-    if longest == 0.0:
-        return h
     if span < _LONG * min(h, longest):
         longest = _longest(bounds[0], bounds[1], _RESTARTED)
-    return min(h, longest)
+    # Where there is no limit, and where a state that is lost has none that is a number.
+    return min(h, longest) if longest > 0.0 else h
 
 
 @merged
