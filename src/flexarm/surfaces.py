@@ -97,7 +97,8 @@ class SurfaceTable:
             arm is inside of it, clockwise outside.
 
     Raises:
-        InputError: a value is not finite, there are too few points, or two in a row are the same.
+        InputError: a value is not finite, there are too few points, two in a row are the same, or
+            a closed curve crosses itself.
     """
 
     x: ArrayLike
@@ -125,6 +126,10 @@ class SurfaceTable:
             raise InputError(Problem(where, f"the point [{k}]", rule, shown(points[k].tolist())))
         if self.closed and abs(_area(points)) <= near * float(lengths.sum()):
             raise InputError(Problem(where, "x", "enclose an area with y", shown(self.x)))
+        crossing = _crossing(points) if self.closed else None
+        if crossing is not None:
+            rule = f"not cross itself, as after the points [{crossing[0]}] and [{crossing[1]}]"
+            raise InputError(Problem(where, "a closed curve", rule, "of that course"))
         ends = "periodic" if self.closed else "natural"
         spline = CubicSpline(np.append(0.0, np.cumsum(lengths)), points, bc_type=ends)
         object.__setattr__(self, "pieces", _cut(spline, self.closed))
@@ -134,6 +139,23 @@ def _area(points: FloatArray) -> float:
     """Area inside a polygon (k, 2), m^2, negative clockwise; its last point is its first."""
     (x, y), (x_next, y_next) = points[:-1].T, points[1:].T
     return 0.5 * float(np.sum(x * y_next - x_next * y))
+
+
+def _crossing(points: FloatArray) -> tuple[int, int] | None:
+    """Return the first two sides of a polygon (k, 2) that cross; its last point is its first."""
+    start, side = points[:-1], np.diff(points, axis=0)
+    for k in range(len(start) - 2):
+        # Sides next to this one share a point with it; the last is next to the first.
+        others = np.arange(k + 2, len(start) - (k == 0))
+        to, along = start[others] - start[k], side[others]
+        turn = side[k, 0] * along[:, 1] - side[k, 1] * along[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):  # parallel sides do not cross
+            here = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / turn
+            there = (to[:, 0] * side[k, 1] - to[:, 1] * side[k, 0]) / turn
+        found = (here >= 0.0) & (here <= 1.0) & (there >= 0.0) & (there <= 1.0)
+        if found.any():
+            return k, int(others[np.argmax(found)])
+    return None
 
 
 def _cut(spline: CubicSpline, closed: bool) -> FloatArray:

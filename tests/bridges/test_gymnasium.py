@@ -52,6 +52,13 @@ def test_passes_the_checker_without_a_warning(name):
 
 
 @every
+def test_no_step_before_the_first_reset(name):
+    env = gymnasium.make(name).unwrapped
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"reset\(\) before step"):
+        env.step(np.zeros(2, np.float32))
+
+
+@every
 def test_the_same_seed_gives_the_same_episode(name):
     env = gymnasium.make(name, duration=0.3)
     noisy = gymnasium.make(name, duration=0.3, hardware=fa.Hardware(instruments(noise=1e-3)))

@@ -205,6 +205,13 @@ def test_nothing_to_compare_is_refused(arm, motion, wrong, value):
         fa.compare(arm, duration=0.1, **{**given, wrong: value})
 
 
+def test_settling_leaves_something_after_the_motion(arm, motion):
+    rest = 0.1
+    duration = motion.end_time + rest
+    with pytest.raises(fa.InputError, match=r"less than the 0\.1 s that the run goes on after"):
+        fa.compare(arm, {"pd": gains()}, duration, {"move": motion}, settling=0.15)
+
+
 @pytest.mark.parametrize("settling", [0.1, 3.0, -0.5, np.nan, "long"])
 def test_settling_is_shorter_than_the_run(arm, motion, settling):
     with pytest.raises(fa.InputError, match=r"^compare: settling must be"):

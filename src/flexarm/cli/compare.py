@@ -71,16 +71,20 @@ def _printed(table: xr.Dataset, reference: str) -> object:
     presses = bool(np.isfinite(table["force_error_rms"].values).any())
     columns = _PRESSING if presses else _FREE
     shown = [column for column in columns if np.isfinite(table[column[0]].values).any()]
+    marked = any(table[kind].values.astype(bool).any() for kind in ("failure", "warning"))
     rows = []
     for drive in table["controller"].values:
         for k, plant in enumerate(table["plant"].values):
             one = table.sel(controller=drive, plant=plant)
             values = (factor * float(one[name]) for name, _, factor in shown)
             cells = [f"{value:.4g}" if np.isfinite(value) else "-" for value in values]
+            if marked:
+                cells.append("stopped" if one["failure"] else "warned" if one["warning"] else "")
             rows.append([str(drive) if k == 0 else "", str(plant), *cells])
     numbers_are = "of the force" if presses else "its swing after, torque"
     title = f"Along {reference}: error of the tip, {numbers_are}, time per sample"
-    return numbers(title, ["drive", "plant", *(head for _, head, _ in shown)], rows)
+    heads = [head for _, head, _ in shown] + ["see below"] * marked
+    return numbers(title, ["drive", "plant", *heads], rows)
 
 
 def _told(table: xr.Dataset, kind: str) -> list[str]:

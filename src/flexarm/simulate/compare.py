@@ -83,7 +83,7 @@ def compare(
             rule = "be a dictionary by name, with one entry at least"
             raise InputError(Problem(where, name, rule, shown(items)))
     duration = positive(where, "duration", duration)
-    check_settling(where, settling, duration)
+    check_settling(where, settling, duration, references)
     loaded = {name: _with_loads(name, plant) for name, plant in plants.items()}
     everywhere = options.pop("loads", ())
 
@@ -103,8 +103,12 @@ def compare(
     return table
 
 
-def check_settling(where: str, settling: object, duration: float) -> None:
+def check_settling(
+    where: str, settling: object, duration: float, references: Mapping[str, Any]
+) -> None:
     """Refuse what is no time, or one that leaves nothing of a run of ``duration`` (s) to judge.
+
+    A motion that ends with the run leaves nothing either, and its table says nothing of it.
 
     Raises:
         InputError: so it is.
@@ -112,6 +116,11 @@ def check_settling(where: str, settling: object, duration: float) -> None:
     if not 0.0 <= float(check_array(where, "settling", settling, ())) < duration:
         rule = f"be at least 0 and less than the duration of {duration:g} s"
         raise InputError(Problem(where, "settling", rule, shown(settling)))
+    for name, reference in references.items():
+        rest = duration - float(getattr(reference, "end_time", duration))
+        if 0.0 < rest < float(settling):  # type: ignore[arg-type]
+            rule = f"be less than the {rest:g} s that the run goes on after {name!r} has ended"
+            raise InputError(Problem(where, "settling", rule, shown(settling)))
 
 
 def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load]]:

@@ -184,3 +184,16 @@ def test_round_a_sharp_end_no_place_is_missed(x, y):
 def test_a_closed_line_encloses_nothing():
     with pytest.raises(fa.InputError, match=r"^SurfaceTable: x must enclose an area with y"):
         fa.SurfaceTable([0.0, 0.5, 1.0], [0.2, 0.3, 0.4], closed=True)
+
+
+def test_a_closed_line_does_not_cross_itself():
+    """A lemniscate, one loop larger than the other; and a star of five points."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False) + 0.05
+    size = np.where(np.cos(turn) > 0.0, 1.0, 0.5)
+    with pytest.raises(fa.InputError, match=r"a closed curve must not cross itself"):
+        fa.SurfaceTable(size * np.cos(turn), size * np.sin(2.0 * turn), closed=True)
+    star = 2.0 * np.pi * np.arange(5) * 2.0 / 5.0
+    with pytest.raises(fa.InputError, match=r"after the points \[0\] and \[2\]"):
+        fa.SurfaceTable(np.cos(star), np.sin(star), closed=True)
+    around = np.sort(star % (2.0 * np.pi))
+    fa.SurfaceTable(np.cos(around), np.sin(around), closed=True)

@@ -126,7 +126,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": round(1.0 / sample_time)}
         self._picture: Picture | None = None
-        self._tick = 0
+        self._tick, self._begun = 0, False
 
     # What a task says -----------------------------------------------------------------------------
 
@@ -189,7 +189,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             self.plant = self._made(drawn, self.plant.sample_time)
         noise = int(self.np_random.integers(2**31))
         measurement = self.plant.reset(self.plant.arm.rest(start), seed=noise)
-        self._tick = 0
+        self._tick, self._begun = 0, True
         info = self._info(np.zeros(self.arm.joints), "")
         return self._seen(measurement), info
 
@@ -198,7 +198,10 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
         Raises:
             InputError: the action is not finite or has the wrong shape.
+            gymnasium.error.ResetNeeded: ``reset`` was never called.
         """
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("Call reset() before step().")
         where = f"{type(self).__name__}.step"
         part = np.clip(check_array(where, "action", action, (self.arm.joints,)), -1.0, 1.0)
         torque = part * self.torque_limit
