@@ -51,12 +51,12 @@ SCAN: dict[str, dict[str, tuple[float, ...]]] = {
         "dormand_prince_8": (3e-3, 1e-3),
     },
     "3 modes": {
-        "cowell_4": (1e-2 / 8, 1e-2 / 9, 1e-2 / 10),
+        "cowell_4": (1e-2 / 11,),
         "kennedy_carpenter_4": (3e-3, 2e-3),
         "kennedy_carpenter_5": (5e-4, 3e-4),
     },
     "4 modes": {
-        "cowell_4": (1e-2 / 15, 1e-2 / 16),
+        "cowell_4": (1e-2 / 20,),
         "kennedy_carpenter_4": (3e-3, 1e-3),
         "kennedy_carpenter_5": (1e-3, 3e-4),
     },
