@@ -98,7 +98,7 @@ class SurfaceTable:
 
     Raises:
         InputError: a value is not finite, there are too few points, two in a row are the same, or
-            a closed curve crosses itself.
+            the polygon of a closed curve crosses itself.
     """
 
     x: ArrayLike
@@ -128,8 +128,9 @@ class SurfaceTable:
             raise InputError(Problem(where, "x", "enclose an area with y", shown(self.x)))
         crossing = _crossing(points) if self.closed else None
         if crossing is not None:
-            rule = f"not cross itself, as after the points [{crossing[0]}] and [{crossing[1]}]"
-            raise InputError(Problem(where, "a closed curve", rule, "of that course"))
+            rule = "go round with y without crossing itself"
+            found = f"crossed after the points [{crossing[0]}] and [{crossing[1]}]"
+            raise InputError(Problem(where, "x", rule, found))
         ends = "periodic" if self.closed else "natural"
         spline = CubicSpline(np.append(0.0, np.cumsum(lengths)), points, bc_type=ends)
         object.__setattr__(self, "pieces", _cut(spline, self.closed))

@@ -203,7 +203,7 @@ def test_a_run_that_fails_is_told_and_the_table_comes_all_the_same(path):
     path.write_text(STUDY.replace("[20, 8]", "[9000, 8000]"))
     result = call("compare", path)
     assert result.exit_code == 0
-    assert "see below" in result.stdout
+    assert "status" in result.stdout
     assert "stopped" in result.stdout
     assert "PD on heavy along back: stopped at t =" in result.stderr.replace("\n", " ")
 

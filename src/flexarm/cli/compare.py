@@ -83,7 +83,7 @@ def _printed(table: xr.Dataset, reference: str) -> object:
             rows.append([str(drive) if k == 0 else "", str(plant), *cells])
     numbers_are = "of the force" if presses else "its swing after, torque"
     title = f"Along {reference}: error of the tip, {numbers_are}, time per sample"
-    heads = [head for _, head, _ in shown] + ["see below"] * marked
+    heads = [head for _, head, _ in shown] + ["status"] * marked
     return numbers(title, ["drive", "plant", *heads], rows)
 
 

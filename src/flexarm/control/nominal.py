@@ -15,7 +15,7 @@ from flexarm.control.posture_grid import Interpolated
 from flexarm.errors import InputError, Problem, shown
 
 #: Sample times computed in one go.
-_AHEAD = 256
+_AHEAD = 64
 
 
 class Nominal(NamedTuple):
@@ -82,6 +82,7 @@ class PreviewedReference:
     def reset(self) -> None:
         """Forget the posture held and what was known ahead."""
         self._held: FloatArray | None = None
+        self._reference: Reference | None = None
         self._first_tick = 0
         self._start = self._end = 0  # places of the present sample, and after the last known one
         self.missing = self._missing[: self._steps]
@@ -92,6 +93,9 @@ class PreviewedReference:
             self._first_tick = round(t / self._sample_time)
         else:
             self._start += 1
+            if reference is not self._reference:  # what was known ahead stays
+                self._end = min(self._end, self._start + self._steps - 1)
+        self._reference = reference
         if self._start + self._steps > self._end:
             self._go_on(angle_now, reference)
         k = self._start
@@ -126,10 +130,18 @@ class PreviewedReference:
                 self._held = np.array(angle_now, dtype=np.float64)
             angle = np.tile(self._held, (len(times), 1))
             return [angle, np.zeros_like(angle), np.zeros_like(angle)]
+        # Motions end at rest, and need not know what comes after.
+        end = float(getattr(reference, "end_time", np.inf))
+        rests = times > end
+        times = np.minimum(times, end)
         ask: list[Any] = [reference.joint_angle, reference.joint_rate, reference.joint_acceleration]
         if many:
-            return [np.asarray(one(times), dtype=np.float64) for one in ask]
-        return [np.array([one(t) for t in times.tolist()], dtype=np.float64) for one in ask]
+            found = [np.array(one(times), dtype=np.float64) for one in ask]
+        else:
+            found = [np.array([one(t) for t in times.tolist()], dtype=np.float64) for one in ask]
+        for part in found[1:]:
+            part[rests] = 0.0
+        return found
 
     def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
         bend = self._sag.first_at(angle)

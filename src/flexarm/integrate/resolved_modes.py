@@ -86,7 +86,7 @@ def _largest(
 
 
 @merged
-def _longest(square: float, rate: float, stable: float) -> float:
+def _stable_step(square: float, rate: float, stable: float) -> float:
     """Longest h with h^2 square / stable + h rate / _DAMPED of at most one; zero for no limit."""
     half = 0.5 * rate / _DAMPED
     root = math.sqrt(half * half + square / stable)
@@ -132,9 +132,9 @@ def longest_step(
         )
         bounds[0] = max(bounds[0], square)
         bounds[1] = max(bounds[1], rate)
-    longest = _longest(bounds[0], bounds[1], _STABLE)
+    longest = _stable_step(bounds[0], bounds[1], _STABLE)
     if span < _LONG * min(h, longest):
-        longest = _longest(bounds[0], bounds[1], _RESTARTED)
+        longest = _stable_step(bounds[0], bounds[1], _RESTARTED)
     # Where there is no limit, and where a state that is lost has none that is a number.
     return min(h, longest) if longest > 0.0 else h
 

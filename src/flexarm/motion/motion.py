@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -52,6 +52,9 @@ class Motion(ABC):
         duration: time from start to end, s.
         start_time: when it leaves rest, s.
     """
+
+    #: Rule 1, said as every reference says it.
+    vectorized: ClassVar[bool] = True
 
     chain: RigidChain
     duration: float

@@ -20,10 +20,8 @@ import numpy as np
 from flexarm.motion.motion import JointState, Motion
 
 if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
-
-if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.interpolate import BSpline
 
     from flexarm.motion.chain import RigidChain
 

@@ -28,6 +28,8 @@ from flexarm.simulate.run import simulate
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Times that differ by less than this part of the run are one.
+_ROUNDING = 1e-9
 _DIMS = ("controller", "plant", "reference")
 #: An arm that is simulated; with loads that act on it alone.
 ComparedPlant = Arm | tuple[Arm, Sequence[Load]]
@@ -67,7 +69,7 @@ def compare(
 
     Raises:
         InputError: no controllers or references, a plant that is neither an arm nor an arm with
-            loads, a settling as long as the run, or what ``simulate`` refuses.
+            loads, a settling that leaves nothing, or what ``simulate`` refuses.
     """
     where = "compare"
     plants = {"nominal": arm} if plants is None else plants
@@ -108,7 +110,7 @@ def check_settling(
 ) -> None:
     """Refuse what is no time, or one that leaves nothing of a run of ``duration`` (s) to judge.
 
-    A motion that ends with the run leaves nothing either, and its table says nothing of it.
+    A motion that ends with the run or after it is accepted: what is judged after it stays empty.
 
     Raises:
         InputError: so it is.
@@ -118,7 +120,8 @@ def check_settling(
         raise InputError(Problem(where, "settling", rule, shown(settling)))
     for name, reference in references.items():
         rest = duration - float(getattr(reference, "end_time", duration))
-        if 0.0 < rest < float(settling):  # type: ignore[arg-type]
+        least = _ROUNDING * duration
+        if rest > least and float(settling) > rest - least:  # type: ignore[arg-type]
             rule = f"be less than the {rest:g} s that the run goes on after {name!r} has ended"
             raise InputError(Problem(where, "settling", rule, shown(settling)))
 

@@ -45,6 +45,12 @@ class SampledReference:
                     table = np.asarray(getattr(self._reference, name)(self._ticks))
                     self._tables[name] = table
                 return table[k]
+        elif name in self._tables:
+            times = np.asarray(t, dtype=np.float64)
+            places = np.rint(times / self._sample_time).astype(np.intp)
+            inside = (places >= 0) & (places < len(self._ticks))
+            if np.all(inside) and np.all(places * self._sample_time == times):
+                return self._tables[name][places]
         return getattr(self._reference, name)(t)
 
     def joint_angle(self, t: ArrayLike) -> FloatArray:
@@ -74,6 +80,6 @@ def sampled_reference(
     reference: Reference | None, sample_time: float, duration: float
 ) -> Reference | None:
     """Look up at sample times what takes many at once; leave any other reference as it is."""
-    if isinstance(reference, Motion) or getattr(reference, "vectorized", False):
+    if getattr(reference, "vectorized", False):
         return SampledReference(reference, sample_time, duration)
     return reference
