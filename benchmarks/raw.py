@@ -109,10 +109,16 @@ def _stopwatch(method: Integrator) -> list[float]:
     return spent
 
 
-def beside_peers(points: list[Point], repeats: int = 9) -> tuple[list[Point], list[str]]:
+def beside_peers(
+    points: list[Point],
+    repeats: int = 9,
+    duration: float = CASE.duration,
+    specialized: bool = True,
+) -> tuple[list[Point], list[str]]:
     """Measure the scan in turns with the peers that were the fastest at a level in ``points``."""
     others = [point for point in points if point.program != "flexarm"]
     best = [fastest(others, level.truth, level.error) for level in LEVELS]
     wanted = {(point.program, point.setting) for point in best if point is not None}
-    peers = [entry for entry in peer_entries() if entry[:2] in wanted]
-    return measure([*entries(), *peers], truths(CASE.duration), repeats)
+    peers = [entry for entry in peer_entries(duration) if entry[:2] in wanted]
+    own = entries(duration=duration, specialized=specialized)
+    return measure([*own, *peers], truths(duration), repeats)

@@ -43,10 +43,13 @@ class Wait(NamedTuple):
     processor: float
 
 
-def first_runs(repeats: int = 3) -> dict[str, Wait]:
-    """Return what the commands take with an empty kernel cache and with a full one."""
+def first_runs(repeats: int = 3, cache: Path | None = None) -> dict[str, Wait]:
+    """Return what the commands take with an empty kernel cache and with a full one.
+
+    ``cache``: a folder to begin with instead of an empty one, where nothing is to be measured.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "XDG_CACHE_HOME": str(Path(folder, "cache"))}
+        environment = {**os.environ, "XDG_CACHE_HOME": str(cache or Path(folder, "cache"))}
         start = [sys.executable, "-m", "flexarm"]
         paper = [*start, "paper", "--out", str(Path(folder, "out"))]
         scenario = EXAMPLES / "paper.yaml"

@@ -79,12 +79,15 @@ def own_entries(
                 yield programs.flexarm(case, basis, build, truth, integrator=name, **setting)
 
 
-def specialized_entries(rtol: tuple[float, ...] = (1e-3, 1e-4)) -> Iterator[Entry]:
+def specialized_entries(
+    rtol: tuple[float, ...] = (1e-3, 1e-4), duration: float = 2.0, specialized: bool = True
+) -> Iterator[Entry]:
     """Yield ``auto`` compiled for the size of each reduced basis: ten seconds each, once."""
+    case = replace(CASE, duration=duration)
     for basis in ("2+1 elements", "4 modes"):
         build, truth = BASES[basis]
         for value in rtol:
-            yield programs.flexarm(CASE, basis, build, truth, rtol=value, specialized=True)
+            yield programs.flexarm(case, basis, build, truth, rtol=value, specialized=specialized)
 
 
 def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:

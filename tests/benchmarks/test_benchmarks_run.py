@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from pathlib import Path
 
@@ -82,9 +83,9 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
     chain, failed = measure(list(long_chain.entries(case)), long_chain.truth(case), repeats=1)
     assert all("rk4" in sentence for sentence in failed), failed
     # Compiled for its size it would be a minute; that costs time and changes no digit.
-    scan = list(raw.entries(duration=0.1, specialized=False))
-    own, failed = measure(scan, table_one.truths(0.1), repeats=1)
+    beside, failed = raw.beside_peers(points, repeats=1, duration=0.1, specialized=False)
     assert not failed
+    own = [point for point in beside if point.program == raw.PROGRAM]
     assert max(point.error for point in own) < 1e-4
     measured = report.Measured(
         imports=startup.import_seconds(repeats=1),
@@ -110,6 +111,23 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
     assert "no compiler here" in page
     for figure in ("scaling.png", "work-precision.png", "chain.png"):
         assert (tmp_path / figure).stat().st_size > 10_000, figure
+
+
+def test_runs_compiled_for_their_size() -> None:
+    """But for the compiling."""
+    entries = table_one.specialized_entries(rtol=(1e-4,), duration=0.1, specialized=False)
+    found, failed = measure(list(entries), table_one.truths(0.1), repeats=1)
+    assert not failed
+    assert [point.truth for point in found] == [table_one.PAPER, table_one.EXACT]
+    assert max(point.error for point in found) < 1e-4
+
+
+def test_what_a_user_waits_for() -> None:
+    """With the kernels that this machine has compiled already."""
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    waits = startup.first_runs(repeats=1, cache=Path(home))
+    assert len(waits) == 3
+    assert all(0.0 < wait.processor < 600.0 for wait in waits.values())
 
 
 def test_fastest_that_is_accurate_enough() -> None:
