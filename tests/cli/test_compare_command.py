@@ -142,6 +142,14 @@ def test_check_says_what_is_in_a_study(path):
             "settling: 0.6",
             "run.settling must be less than the duration of 0.6 s, but is 0.6",
         ),
+        (
+            "settling: 0.05",
+            "settling: 0.3",
+            (
+                "study.yaml:23: run.settling must be less than the 0.2 s that the run goes on "
+                "after 'there' has ended, but is 0.3"
+            ),
+        ),
         ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have one value"),
         (
             "as believed: {}",

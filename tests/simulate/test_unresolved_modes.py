@@ -40,21 +40,21 @@ def test_a_jump_of_the_torque_leaves_the_momentum_right(turn, damping):
     """The torque sets in at once; the tip moves by 2 cm, and was 1 to 2 cm off.
 
     Where some coordinates have a formula of their own, the start of the two-step method could leave
-    the joints with momentum that no torque gave them. Allowed is five times what was measured.
+    the joints with momentum that no torque gave them. Allowed is about ten times what was measured.
     """
     torque = lambda t: np.array([1.0, 0.5])  # noqa: E731
     arm = hubbed(damping)
     fixed = run(arm, 0.1, torque, integrator="cowell_4", step=turn / HIGHEST)
     tight = run(arm, 0.1, torque, integrator="dormand_prince_8")
     assert float(np.ptp(tight.tip.values, axis=0).max()) > 0.01
-    assert apart(fixed, tight) < (6e-6 if damping == 0.0 else 2e-5)
+    assert apart(fixed, tight) < 1e-5
 
 
 @pytest.mark.parametrize("turn", [1.6, 2.0, 3.0, 6.0])
 def test_vibrations_do_not_grow_from_stop_to_stop(turn):
     """A torque held for 5 ms: sixty stops, each the end of a span and the start of another.
 
-    The rate at the end of a span made vibrations that turn by 2 in a step larger by a third: the
+    The rate at the end of a span makes vibrations that turn by 2 in a step larger by a fifth: the
     tip was off by 20 times what it moves. Allowed is a hundredth of that motion.
     """
     ticks = 0.01 * np.array([[np.sin(3.1 * k), np.cos(2.0 * k)] for k in range(61)])
@@ -67,7 +67,7 @@ def test_vibrations_do_not_grow_from_stop_to_stop(turn):
 
 
 def test_a_step_too_long_for_the_damping_is_shortened():
-    """Damping of 3000 /s on a mode that the step resolves: (I.6) bears 1.3 over that."""
+    """The fastest mode turns by 1.9 in a step of 0.1 ms and is damped at 5700 1/s: too much."""
     damping = fa.ModalDamping(ratio=0.15)
     link = fa.Link(
         length=0.7, flexural_rigidity=1000.0, mass_per_length=0.54, elements=2, damping=damping
@@ -101,9 +101,12 @@ def test_a_motion_too_fast_for_the_step_is_stopped():
 
 @pytest.mark.parametrize("steps", [4, 5, 8, 16, 32])
 def test_it_is_stopped_whatever_the_number_of_steps_between_two_stops(steps):
-    """Held torques end a stretch each time; wrong by 8 to 50 mm where nobody looked."""
+    """Held torques end a stretch each time; wrong by 8 to 50 mm where nobody looked.
+
+    With up to three steps the one-step method makes them all: as good as ``rk4``, and as silent.
+    """
     arm = spun()
-    hold = 4.6e-4 * steps  # of steps of 0.46 ms, what the highest frequency asks for there
+    hold = 4.6e-4 * steps  # what the highest frequency asks for there is 0.47 ms
     times = np.arange(0.0, 0.3 + hold, hold)
     torque = 16.0 * np.cos(20.0 * times[:, None] + np.arange(2))
     settings = {"rate": 1.0 / hold, "torque_interpolation": "hold", "progress": False}

@@ -84,23 +84,14 @@ class RigidParameters:
         rate: FloatArray,
         reference_rate: FloatArray,
         reference_acceleration: FloatArray,
+        ordered: bool = True,
     ) -> FloatArray:
         """Return rows of torque (known + p, joints): M qdd_r + C(q, qd) qd_r + g + losses(qd_r).
 
         The first ``known`` rows add up to what is not a parameter; each other row is the torque by
-        one unit of its parameter.
+        one unit of its parameter. Without ``ordered`` they come in the order of ``placed``, which
+        takes less time.
         """
-        rows = self.terms(angle, rate, reference_rate, reference_acceleration)
-        return rows[self._order]
-
-    def terms(
-        self,
-        angle: FloatArray,
-        rate: FloatArray,
-        reference_rate: FloatArray,
-        reference_acceleration: FloatArray,
-    ) -> FloatArray:
-        """Return the rows of ``regressor`` in the order of ``placed``, which takes less time."""
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
@@ -115,10 +106,10 @@ class RigidParameters:
             self._acceleration,
             self._columns,
         )
-        return self._columns
+        return self._columns[self._order] if ordered else self._columns
 
     def placed(self, numbers: FloatArray) -> FloatArray:
-        """Return numbers (known + p,) of the rows of ``regressor`` in the order of ``terms``."""
+        """Return numbers (known + p,), one for each row of ``regressor``, in its own order."""
         found = np.empty_like(numbers)
         found[self._order] = numbers
         return found

@@ -81,8 +81,8 @@ class SlidingMode(Controller):
         """See ``Controller.update``."""
         now = self._sliding
         now.take(t, measurement, reference)
-        rows = self._model.terms(
-            now.angle, now.rate, now.reference_rate, now.reference_acceleration
+        rows = self._model.regressor(
+            now.angle, now.rate, now.reference_rate, now.reference_acceleration, ordered=False
         )
         switching = self._errors.dot(abs(rows))
         switching += self._floor

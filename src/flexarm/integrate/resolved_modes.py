@@ -1,9 +1,9 @@
 """How long the steps of a span of Cowell's method may be, and which modes it does not resolve.
 
 Theory page "integration", below (I.8). ``stiff`` (n, 1 + m) is 1.0 where a mode is carried on by
-the trapezoidal rule, and 0.0 else; ``bounds`` (3,) keeps the largest square frequency (rad^2/s^2)
-and the largest damping rate (1/s) that were found last, and the step (s) they were found for, or
-infinity where no mode was stiff.
+the trapezoidal rule, and 0.0 else; ``bounds`` (5,) keeps the largest square frequency (rad^2/s^2)
+and the largest damping rate (1/s) that were found last, the step (s) they were found for, or
+infinity where no mode was stiff, and the first two of the straight posture alone.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ GAMMA = 367.0 / 1440.0
 #: Numerov's formula is stable for square frequencies times h^2 of up to 6; the estimate of the
 #: highest one comes from below, so some of that is kept.
 _STABLE = 5.0
-#: The rate (I.6) at the end of a span makes vibrations grow that turn by more than this square
-#: angle (rad^2) in a step, by a third or more: too often where the spans are short.
+#: The same where spans are short and restarts many: the rate (I.6) at the end of a span, taken up
+#: by the next one, makes vibrations grow, by 2 per cent at most at this square angle (rad^2) of a
+#: step, by a fifth to a half where it is about 4.
 _RESTARTED = 1.5
 #: Spans of fewer steps than this are short.
 _LONG = 500.0
@@ -105,33 +106,42 @@ def longest_step(
     """
     c = system.constants
     found_for = math.inf
+    damped = 0.0
     for i in range(len(system.sizes.bodies)):
         stiff[i, 0] = 0.0
+        damped = max(damped, c.joint_damping[i])
         for j in range(len(system.sizes.modes)):
             dying = c.damping[i, j] * c.damping[i, j] > _DYING * c.w2[i, j]
             part = h * h * c.w2[i, j] / _STABLE + h * c.damping[i, j] / _DAMPED
             stiff[i, 1 + j] = 1.0 if dying and part > 1.0 else 0.0
             if stiff[i, 1 + j] != 0.0:
                 found_for = h
+            else:
+                damped = max(damped, c.damping[i, j])
     part = h * h * bounds[0] / _RESTARTED + h * bounds[1] / _DAMPED
     if bounds[2] == found_for and part < _NEAR:
         return h
-    bounds[0] = 0.0
-    bounds[1] = 0.0
-    bounds[2] = found_for
     # Typed constants: literals would make the compiler build a copy of each callee for each value.
     damping = bool(np.bool_(True))
     stiffness = bool(np.bool_(False))
+    straight_too = bounds[2] != found_for  # else known from the span before
+    bounds[2] = found_for
     for k in range(2):
-        bent = float(k)
-        square = _largest(
-            system, stiff, stiffness, state, bent, smooth, force, known[0], known[1], torque
+        if k == 0 and not straight_too:
+            continue
+        bounds[0] = _largest(
+            system, stiff, stiffness, state, float(k), smooth, force, known[0], known[1], torque
         )
-        rate = _largest(
-            system, stiff, damping, state, bent, smooth, force, known[0], known[1], torque
-        )
-        bounds[0] = max(bounds[0], square)
-        bounds[1] = max(bounds[1], rate)
+        bounds[1] = 0.0
+        if damped > 0.0:
+            bounds[1] = _largest(
+                system, stiff, damping, state, float(k), smooth, force, known[0], known[1], torque
+            )
+        if k == 0:
+            bounds[3] = bounds[0]
+            bounds[4] = bounds[1]
+    bounds[0] = max(bounds[0], bounds[3])
+    bounds[1] = max(bounds[1], bounds[4])
     longest = _stable_step(bounds[0], bounds[1], _STABLE)
     if span < _LONG * min(h, longest):
         longest = _stable_step(bounds[0], bounds[1], _RESTARTED)

@@ -55,7 +55,7 @@ class Cowell4(Integrator):
             memory["clock"] = np.zeros(SOFTENED + 1)
             memory["span"] = np.zeros(SPAN_PLACES)
             memory["missed"] = np.zeros(3)
-            memory["bounds"] = np.zeros(3)
+            memory["bounds"] = np.zeros(5)
             memory["counts"] = np.zeros(4, dtype=np.int64)
             memory["past"] = np.zeros((4, 3, *shape[1:]))
             for name in ("smooth", "known"):

@@ -47,10 +47,10 @@ class SampledReference:
                 return table[k]
         elif name in self._tables:
             times = np.asarray(t, dtype=np.float64)
-            places = np.rint(times / self._sample_time).astype(np.intp)
-            inside = (places >= 0) & (places < len(self._ticks))
-            if np.all(inside) and np.all(places * self._sample_time == times):
-                return self._tables[name][places]
+            ticks = np.rint(times / self._sample_time)
+            inside = (ticks >= 0.0) & (ticks < len(self._ticks))
+            if np.all(inside & (ticks * self._sample_time == times)):
+                return self._tables[name][ticks.astype(np.intp)]
         return getattr(self._reference, name)(t)
 
     def joint_angle(self, t: ArrayLike) -> FloatArray:

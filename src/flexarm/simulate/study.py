@@ -15,11 +15,11 @@ from flexarm.errors import InputError
 from flexarm.model import Study, locate_study
 from flexarm.model.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
-from flexarm.simulate.compare import comparison
+from flexarm.simulate.compare import check_settling, comparison
 from flexarm.simulate.motions import Asked
 from flexarm.simulate.outside import loads_of
 from flexarm.simulate.scenario import Prepared, prepare
-from flexarm.simulate.told import Where
+from flexarm.simulate.told import Where, told_as
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,7 +33,8 @@ class PreparedStudy:
         where: where in its file a key path stands, for messages.
 
     Raises:
-        InputError: a motion leaves the arm's reach, or a drive does not fit.
+        InputError: a motion leaves the arm's reach, a drive does not fit, or ``settling`` leaves
+            nothing after a motion.
     """
 
     def __init__(self, study: Study, where: Where | None = None) -> None:
@@ -53,6 +54,8 @@ class PreparedStudy:
                     prepared = prepare(scenario, place, made.get(motion))
                 self._prepared[drive, motion] = prepared
                 made[motion] = prepared.motion
+        with told_as(where or (lambda path: "study"), "run"):
+            check_settling("run", study.run.settling, study.run.duration, made)
 
     def run(self, progress: bool | None = None) -> xr.Dataset:
         """Run it and return the table of ``flexarm.compare``: drives are its controllers."""

@@ -2,6 +2,8 @@
 
 import errno
 import os
+import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -55,13 +57,27 @@ def test_a_pipe_is_refused(tmp_path):
     assert refused(tmp_path / "pipe.nc").rule == "name an ordinary file"
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write all")
-def test_a_folder_without_permission_is_refused(tmp_path):
-    tmp_path.chmod(0o500)
+@contextmanager
+def as_nobody():
+    """Root may write all: what it starts goes on as somebody else for a while."""
+    root = os.geteuid() == 0
+    if root:
+        os.seteuid(65534)
     try:
-        assert "Permission denied" in refused(tmp_path / "run.nc").hint
+        yield
     finally:
-        tmp_path.chmod(0o700)
+        if root:
+            os.seteuid(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users on this system")
+def test_a_folder_without_permission_is_refused():
+    # Not below pytest's own folder, which nobody else may enter.
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o555)
+        with as_nobody():
+            assert "Permission denied" in refused(Path(folder, "run.nc")).hint
+        os.chmod(folder, 0o700)
 
 
 def test_a_file_is_no_folder(tmp_path):
