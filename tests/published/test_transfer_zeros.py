@@ -33,8 +33,9 @@ def lowest(values, count):
 def test_from_torque_to_encoder(case):
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=12)
     arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=case["hub"])])
-    system = fa.linearize(arm).to_control()
-    zeros, poles = lowest(system.zeros(), 3), lowest(system.poles(), 3)
+    model = fa.linearize(arm, outputs="joint_angle")
+    zeros = lowest(model.zeros("torque[1]", "joint_angle[1]"), 3)
+    poles = lowest(model.poles, 3)
     # Of the mesh: (beta h)^4 / 1440, 1.3e-4 in the third.
     np.testing.assert_allclose(zeros, CLAMPED[:3], rtol=2e-4)
     np.testing.assert_allclose(poles, np.square(case["beta_L"][:3]), rtol=2e-4)
@@ -54,8 +55,7 @@ def uniform(elements):
 def real_zeros(arm, station):
     """Zeros on the positive real axis from the torque to the deflection of a point, ascending."""
     sensor = fa.Sensor("position", 1, station, name="point")
-    system = fa.linearize(arm, outputs=sensor).to_control()["point[y]", "torque[1]"]
-    zeros = system.zeros()
+    zeros = fa.linearize(arm, outputs=sensor).zeros("torque[1]", "point[y]")
     return np.sort(zeros.real[(zeros.real > 1e-3) & (np.abs(zeros.imag) < 1e-3 * np.abs(zeros))])
 
 
@@ -119,12 +119,12 @@ def test_from_torque_to_tip(elements, close):
     np.testing.assert_allclose(found[:3], wanted, rtol=close)
     np.testing.assert_allclose(found[0], wanted[0], rtol=close / 100.0)
     hub = fa.Arm(links=arm.spec.links, joints=[fa.Joint(hub_inertia=0.5)])
-    # Zeros of state space beside poles at 1e5 lose digits: 4e-6 on the finest mesh.
-    np.testing.assert_allclose(real_zeros(hub, None)[:3], found[:3], rtol=2e-5)
+    # Zeros of state space beside poles at 1e5 lose digits: 3e-8 on the finest mesh.
+    np.testing.assert_allclose(real_zeros(hub, None)[:3], found[:3], rtol=1e-6)
     motion = fa.joint_motion(arm, [0.0], [0.1], 20.0, start_time=100.0)
     inverted = rest_end(TipConstraint(arm, motion), 0.0).zeros
     growing = np.sort(inverted.real[inverted.real > 1e-3])
-    np.testing.assert_allclose(growing[:3], found[:3], rtol=2e-5)
+    np.testing.assert_allclose(growing[:3], found[:3], rtol=1e-6)
 
 
 @pytest.mark.parametrize("station", [0.4, 0.5, 0.7])

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.linear.transfer import frequency_response, transmission_zeros
 
 if TYPE_CHECKING:
     import control
@@ -57,6 +59,45 @@ class LinearModel:
 
         found = eigvals(self.A)
         return found[np.lexsort((found.imag, np.abs(found.imag), np.abs(found)))]
+
+    def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
+        """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
+
+        Output unit per input unit; NaN at the frequency of an undamped pole, where no steady
+        response exists.
+
+        Args:
+            omega: (frequencies,) rad/s.
+
+        Raises:
+            InputError: if ``omega`` is not an array of finite numbers.
+        """
+        omega = check_array("LinearModel.frequency_response", "omega", omega, (-1,))
+        return frequency_response(self.A, self.B, self.C, self.D, omega)
+
+    def zeros(self, input: str | None = None, output: str | None = None) -> Any:
+        """Return the transmission zeros from one input to one output (zeros,), complex, 1/s.
+
+        Slowest first. On a fine mesh they have more digits than those that python-control computes
+        from the same matrices, because states are scaled and zeros at infinity removed beforehand.
+
+        Args:
+            input, output: names; may be left out where the model has only one.
+
+        Raises:
+            InputError: if the model has no such input or output, or more than one and no name.
+        """
+        k, j = self._place("output", output), self._place("input", input)
+        return transmission_zeros(self.A, self.B[:, j], self.C[k], float(self.D[k, j]))
+
+    def _place(self, kind: str, name: str | None) -> int:
+        names: tuple[str, ...] = getattr(self, f"{kind}s")
+        if name is None and len(names) == 1:
+            return 0
+        if name not in names:
+            rule = f"be one of the {kind}s of the model: {', '.join(names)}"
+            raise InputError(Problem("LinearModel.zeros", kind, rule, shown(name)))
+        return names.index(name)
 
     def to_control(self) -> control.StateSpace:
         """Return a system of python-control with the same names.

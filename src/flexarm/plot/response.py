@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from flexarm.linear import LinearModel
 from flexarm.plot.style import SERIES, Sheet, legend_above, margins, place_labels, styled
 
-_WIDTH, _ROW, _EDGES = 8.27, 1.9, 0.85  # inches
+_WIDTH, _GAIN, _PHASE, _EDGES = 8.27, 1.7, 1.0, 0.85  # inches
 _MOST = 6
 _POINTS = 1200
+#: Degrees. Phases of undamped models are multiples of 90: a cut between two of them keeps rounding
+#: from throwing a line from one end of the axis to the other.
+_HIGHEST_PHASE = 135.0
+#: Distance from an undamped resonance, as a part of its frequency, at which the line ends.
+_BESIDE = 1e-4
+#: A vibration with a smaller damping ratio has no finite response at its frequency.
+_UNDAMPED = 1e-9
 
 
 def response_figure(model: LinearModel, omega: NDArray[np.float64] | None = None) -> Sheet:
-    """Draw the gain from every input to every output over frequency, the first six of each.
+    """Draw gain and phase from every input to every output over frequency, the first six of each.
+
+    The lines are interrupted at undamped resonances, where the gain has no bound.
 
     Args:
         model: the linear model.
@@ -23,42 +34,65 @@ def response_figure(model: LinearModel, omega: NDArray[np.float64] | None = None
     """
     inputs, outputs = model.inputs[:_MOST], model.outputs[:_MOST]
     omega = _range(model) if omega is None else omega
-    hertz, gains = omega / (2.0 * np.pi), _gains(model, omega)
+    response = model.frequency_response(omega)
     rows = max(1, len(outputs))
-    sheet = Sheet(_WIDTH, _EDGES + _ROW * rows)
+    sheet = Sheet(_WIDTH, _EDGES + (_GAIN + _PHASE) * rows)
     with styled():
         grid = sheet.add_gridspec(rows, 1)
-        margins(sheet, left=0.75, bottom=0.45, right=0.2, top=0.4, hspace=0.35)
+        margins(sheet, left=0.85, bottom=0.45, right=0.2, top=0.4, hspace=0.2)
         for row, output in enumerate(outputs):
-            axes = sheet.add_subplot(grid[row])
+            pair = grid[row].subgridspec(2, 1, height_ratios=(_GAIN, _PHASE), hspace=0.12)
+            gain, phase = sheet.add_subplot(pair[0]), sheet.add_subplot(pair[1])
             for column, name in enumerate(inputs):
-                color = SERIES[column]
-                axes.loglog(hertz, gains[:, row, column], color=color, linewidth=1.0, label=name)
-            axes.set(ylabel=f"{output} [{model.units[output]}]")
+                values = response[:, row, column]
+                _draw(gain, phase, omega, values, color=SERIES[column], label=name)
+            gain.set(ylabel=f"{output}\n[{_gain_unit(model, output)}]")
+            gain.tick_params(labelbottom=False)
+            phase.set(ylabel="phase [°]")
             if row == 0:
-                legend_above(axes)
+                legend_above(gain)
             if row == len(outputs) - 1:
-                axes.set(xlabel="frequency [Hz]")
-            place_labels(axes)
+                phase.set(xlabel="frequency [Hz]")
+            place_labels(gain)
+            place_labels(phase)
     return sheet
 
 
-def _gains(model: LinearModel, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Gains (frequencies, outputs, inputs).
+def _draw(
+    gain: Axes,
+    phase: Axes,
+    omega: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    **look: str,
+) -> None:
+    """Draw one response; no line where it is zero or has no bound."""
+    size = np.abs(values)
+    hertz = omega / (2.0 * np.pi)
+    size = np.where(size > 0.0, size, np.nan)
+    degrees = np.where(np.isnan(size), np.nan, np.degrees(np.angle(values)))
+    degrees = np.where(degrees > _HIGHEST_PHASE, degrees - 360.0, degrees)
+    gain.loglog(hertz, size, linewidth=1.0, **look)
+    phase.semilogx(hertz, degrees, linewidth=1.0, **look)
+    phase.set_ylim(_HIGHEST_PHASE - 360.0, _HIGHEST_PHASE)
+    phase.yaxis.set_major_locator(MultipleLocator(90.0))
 
-    Solved at each frequency: by way of transfer functions, as ``scipy.signal.freqresp`` goes, the
-    coefficients of twenty states have lost all digits.
-    """
-    dynamic = 1j * omega[:, None, None] * np.eye(len(model.A)) - model.A
-    states = np.linalg.solve(dynamic, np.broadcast_to(model.B, (omega.size, *model.B.shape)))
-    gain: NDArray[np.float64] = np.abs(model.C @ states + model.D)
-    return np.where(gain > 0.0, gain, np.nan)
+
+def _gain_unit(model: LinearModel, output: str) -> str:
+    """Unit of an output over that of the inputs, each in its own where they differ."""
+    unit = model.units[output]
+    inputs = {model.units[name] for name in model.inputs[:_MOST]}
+    return f"{unit} / ({inputs.pop()})" if len(inputs) == 1 else f"{unit} / input"
 
 
 def _range(model: LinearModel) -> NDArray[np.float64]:
-    speed = np.sort(np.abs(model.poles.imag))[::2]
-    speed = speed[speed > 1e-2]
+    """Frequencies that resolve every vibration of the range, rad/s."""
+    slowest_first = np.argsort(np.abs(model.poles.imag))[::2]
+    poles = model.poles[slowest_first]
+    poles = poles[np.abs(poles.imag) > 1e-2]
+    speed = np.abs(poles.imag)
     low, high = (0.1, 100.0) if speed.size == 0 else (0.1 * speed[0], 3.0 * speed[:5][-1])
-    # The resonances themselves too: their peaks lie between the points of a grid.
-    grid = np.geomspace(low, high, _POINTS)
-    return np.unique(np.concatenate([grid, speed[speed < high]]))
+    # Peaks lie between the points of a grid: add them, or the points beside where they have no end.
+    undamped = np.abs(poles.real) < _UNDAMPED * np.abs(poles)
+    own = [speed[~undamped], *(speed[undamped] * (1.0 + k * _BESIDE) for k in (-1, 0, 1))]
+    own = np.concatenate(own)
+    return np.unique(np.concatenate([np.geomspace(low, high, _POINTS), own[own < high]]))

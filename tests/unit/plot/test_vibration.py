@@ -47,9 +47,29 @@ def test_responses():
     model = fa.linearize(ARM, fa.equilibrium(ARM, [0.2, 0.5]), outputs=["tip", "joint_angle"])
     omega = np.array([1.0, 30.0])
     figure = response_figure(model, omega)
-    gain = figure.axes[1].get_lines()[0].get_ydata()
+    gain, phase = figure.axes[2:4]
     system = model.to_control()
-    expected = [abs(system["tip[y]", "torque[1]"](1j * w)) for w in omega]
-    assert gain == pytest.approx(expected, rel=1e-9)
-    assert figure.axes[1].get_ylabel() == "tip[y] [m]"
-    assert len(response_figure(model).axes) == 4
+    expected = [system["tip[y]", "torque[1]"](1j * w) for w in omega]
+    assert gain.get_lines()[0].get_ydata() == pytest.approx(np.abs(expected), rel=1e-9)
+    turned = phase.get_lines()[0].get_ydata() - np.degrees(np.angle(expected))
+    assert turned / 360.0 == pytest.approx(np.round(turned / 360.0), abs=1e-9)
+    assert gain.get_ylabel() == "tip[y]\n[m / (N m)]"
+    assert phase.get_ylabel() == "phase [°]"
+    assert phase.get_xlabel() == ""
+    assert len(response_figure(model).axes) == 8
+
+
+def test_responses_are_interrupted_at_undamped_resonances():
+    """One grid point is the resonance itself, where the gain has no bound."""
+    bare = LINK.replace(damping=None)
+    model = fa.linearize(fa.Arm(links=[bare]), outputs="joint_angle")
+    gain, phase = response_figure(model).axes
+    values = gain.get_lines()[0].get_ydata()
+    assert 1 <= np.isnan(values).sum() <= model.poles.size // 2
+    assert np.array_equal(np.isnan(values), np.isnan(phase.get_lines()[0].get_ydata()))
+    # Undamped: in phase or opposed, and beside a resonance once each.
+    degrees = phase.get_lines()[0].get_ydata()
+    assert set(np.round(degrees[np.isfinite(degrees)])) == {-180.0, 0.0}
+    at_rest = response_figure(model, np.array([0.0, 1.0])).axes[0].get_lines()[0].get_ydata()
+    assert np.isnan(at_rest[0])  # a free joint under a constant torque turns without end
+    assert np.isfinite(at_rest[1])
