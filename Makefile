@@ -1,16 +1,22 @@
 # The chores of the project: the same names for people and for CI. `make` lists them.
 PYTHON ?= python3
-VENV := .venv
+VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
+# Options of pip: constraints, for instance.
+PIP_OPTIONS ?=
+# Seed of the random examples; without one they are the same in every run.
+SEED ?=
+# Interpreters of `make test-pythons`: those on the path that start.
+PYTHONS ?= $(foreach v,3.11 3.12 3.13 3.14,$(shell python$(v) -c "import sys; print(sys.executable)" 2>/dev/null))
 # Numerical libraries that start a thread per core slow each other down beside parallel tests.
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format types imports bench peers gallery clean
+.PHONY: help demo test suite test-pythons lint format bench peers gallery clean
 
 help: ## list the chores
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
 
 # One environment for users' and developers' chores; rebuilt when the dependencies change.
 $(VENV)/.ready-demo: pyproject.toml
@@ -20,7 +26,7 @@ $(VENV)/.ready-demo: pyproject.toml
 
 $(VENV)/.ready-dev: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --editable ".[dev]"
 	touch $@
 
 # The programs that `make peers` compares with; their tests then run in `make test` too.
@@ -31,8 +37,21 @@ $(VENV)/.ready-peers: $(VENV)/.ready-dev
 demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper
 	$(BIN)/flexarm paper --out out/paper
 
-test: lint $(VENV)/.ready-dev ## check everything: lint, then the whole test suite
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+test: lint suite ## check everything: lint, then the whole test suite
+
+suite: $(VENV)/.ready-dev ## the whole test suite alone; SEED=7 draws other random examples
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
+		$(if $(SEED),--hypothesis-profile=random --hypothesis-seed=$(SEED))
+
+test-pythons: ## the suite with every Python at hand, and with the lowest versions of all dependencies
+	@test -n "$(strip $(PYTHONS))" || { echo "no python3.11 to python3.14 on the path; name some: PYTHONS=..."; exit 1; }
+	for python in $(PYTHONS); do \
+		$(MAKE) suite PYTHON=$$python VENV=.venv-$$(basename $$python) || exit 1; \
+	done
+	mkdir -p .venv-lowest
+	$(firstword $(PYTHONS)) tests/lowest_versions.py > .venv-lowest/constraints.txt
+	$(MAKE) suite PYTHON=$(firstword $(PYTHONS)) VENV=.venv-lowest \
+		PIP_OPTIONS="--constraint .venv-lowest/constraints.txt"
 
 lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 	$(BIN)/ruff format --check .
@@ -54,4 +73,4 @@ gallery: $(VENV)/.ready-dev ## compare with known answers; tables and pictures i
 	$(BIN)/python -m gallery
 
 clean: ## forget the environment and everything made
-	rm -rf $(VENV) out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-* out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

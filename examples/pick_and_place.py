@@ -12,8 +12,6 @@ import sys
 import numpy as np
 
 import flexarm as fa
-from flexarm.output import write_figure
-from flexarm.plot.signals import signals_figure
 
 start, target, duration = (0.8, 0.2), (0.2, 0.8), 0.6
 
@@ -37,4 +35,4 @@ error = np.linalg.norm(result["tip"].values[-1] - target)
 print(f"tip error 0.5 s after arrival: {1e3 * error:.2f} mm")
 
 if len(sys.argv) > 1:
-    write_figure(signals_figure(result), sys.argv[1])
+    fa.plot.signals_figure(result).savefig(sys.argv[1])

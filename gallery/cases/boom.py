@@ -215,8 +215,8 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Left: the boom on its way up; dashed, a rigid boom at the same joint angles; vermilion, "
-    "the path of the tip. Right: the work of the motors is the energy gained.",
+    caption="Left: the boom on its way up; dashed, a rigid boom at the same joint angles; "
+    "vermilion, the path of the tip. Right: the work of the motors is the energy gained.",
     module="gallery/cases/boom.py",
     size=(6.6, 3.2),
 )

@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexarm import plot as plot
     from flexarm.arm import Arm as Arm
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
     from flexarm.errors import ModelError as ModelError
     from flexarm.errors import SimulationError as SimulationError
+    from flexarm.integrate import GeneralizedAlpha as GeneralizedAlpha
     from flexarm.linear import Equilibrium as Equilibrium
     from flexarm.linear import EquilibriumError as EquilibriumError
     from flexarm.linear import LinearModel as LinearModel
@@ -127,6 +129,7 @@ _HOME = {
     "FlexarmError": "errors",
     "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
+    "GeneralizedAlpha": "integrate",
     "Gauge": "model",
     "Hardware": "control",
     "HybridForce": "control",
@@ -214,6 +217,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("flexarm")
+    if name == "plot":
+        return import_module("flexarm.plot")
     if name not in _HOME:
         raise AttributeError(f"module 'flexarm' has no attribute {name!r}")
     value = getattr(import_module(f"flexarm.{_HOME[name]}"), name)
@@ -222,7 +227,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*__all__, "__version__", "plot"]
 
 
 class _Package(ModuleType):

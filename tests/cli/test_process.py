@@ -9,10 +9,14 @@ from scenarios import GOOD, WRONG
 COMMAND = [sys.executable, "-c", "from flexarm.cli.main import main; main()"]
 
 
+# Seconds: stops a test that hangs. Compiling on a machine with other work takes minutes.
+HANGS = 1800
+
+
 def run(*arguments, code=None):
     command = [sys.executable, "-c", code] if code else COMMAND
     return subprocess.run(
-        [*command, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False
+        [*command, *map(str, arguments)], capture_output=True, text=True, timeout=HANGS, check=False
     )
 
 

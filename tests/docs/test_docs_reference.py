@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import typer
-from docs_pages import ROOT, blocks, text_of
+from docs_pages import ROOT, blocks, pages, text_of
 from reference_tables import generated, part_pattern
 
 import flexarm as fa
@@ -66,6 +66,21 @@ def test_member_of_arm_is_documented(name: str) -> None:
     member = inspect.getattr_static(fa.Arm, name)
     if callable(member) or isinstance(member, property):
         assert inspect.getdoc(member), f"Arm.{name} has no docstring"
+
+
+@pytest.mark.parametrize("name", fa.plot.__all__)
+def test_public_figure_is_documented(name: str) -> None:
+    assert inspect.getdoc(getattr(fa.plot, name)), f"plot.{name} has no docstring"
+    assert f"`fa.plot.{name}(" in text_of(PYTHON), f"{PYTHON} does not mention fa.plot.{name}"
+
+
+def test_pages_and_examples_import_public_modules_only() -> None:
+    """A reader may copy every line: what `flexarm` itself does not name may change."""
+    pages_and_examples = [text_of(page) for page in pages()]
+    pages_and_examples += [path.read_text() for path in (ROOT / "examples").glob("*.py")]
+    for text in pages_and_examples:
+        found = re.findall(r"^(?:from|import) (flexarm\.[\w.]+)", text, flags=re.MULTILINE)
+        assert set(found) <= {"flexarm.bridges.gymnasium_env"}
 
 
 FUNCTIONS = [n for n in fa.__all__ if inspect.isfunction(getattr(fa, n)) and n != "simulate"]

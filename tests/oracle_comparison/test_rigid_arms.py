@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from oracles.rigid_double_pendulum import RigidDoublePendulum
+from strategies import between
 
-positive = st.floats(0.1, 3.0)
-maybe = st.one_of(st.just(0.0), st.floats(0.001, 2.0))
-rate = st.floats(-5.0, 5.0)
+positive = between(0.1, 3.0)
+maybe = st.one_of(st.just(0.0), between(0.001, 2.0))
+rate = between(-5.0, 5.0)
 
 
 @settings(max_examples=60)
@@ -19,8 +20,8 @@ rate = st.floats(-5.0, 5.0)
     masses=st.tuples(positive, positive),
     hubs=st.tuples(maybe, maybe),
     lumps=st.tuples(maybe, maybe, maybe, maybe),
-    gravity=st.tuples(st.floats(-10, 10), st.floats(-10, 10)),
-    state=st.tuples(st.floats(-3, 3), st.floats(-3, 3), rate, rate, rate, rate),
+    gravity=st.tuples(between(-10, 10), between(-10, 10)),
+    state=st.tuples(between(-3, 3), between(-3, 3), rate, rate, rate, rate),
     theory=st.sampled_from(["linear", "second_order"]),
 )
 def test_double_pendulum(lengths, masses, hubs, lumps, gravity, state, theory):

@@ -13,6 +13,7 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
+from strategies import between
 
 
 def unit_link():
@@ -99,7 +100,7 @@ def test_few_samples(count, interpolation):
 
 
 @settings(max_examples=60)
-@given(st.integers(3, 96), st.integers(3, 96), st.floats(0.5, 20.0), st.floats(-30, 30))
+@given(st.integers(3, 96), st.integers(3, 96), between(0.5, 20.0), between(-30, 30))
 def test_kinks_are_found_where_they_are_and_not_elsewhere(first, second, frequency, slope):
     """Smooth samples with a bend at two of them, twenty times as sharp as the curvature."""
     times = np.arange(100) / 1000.0
@@ -171,8 +172,8 @@ def test_a_run_under_samples_is_the_integral_of_them(interpolation):
 
 @settings(max_examples=30)
 @given(
-    st.lists(st.floats(0.001, 0.999), min_size=1, max_size=4),
-    st.lists(st.floats(-5.0, 5.0), min_size=5, max_size=5),
+    st.lists(between(0.001, 0.999), min_size=1, max_size=4),
+    st.lists(between(-5.0, 5.0), min_size=5, max_size=5),
     st.booleans(),
 )
 def test_jumps_at_awkward_times(places, values, closed):
@@ -231,7 +232,7 @@ class Sine:
 
 
 @settings(max_examples=20)
-@given(st.floats(1.0, 300.0), st.floats(-3.0, 3.0))
+@given(between(1.0, 300.0), between(-3.0, 3.0))
 def test_smooth_functions_are_followed_to_the_runs_tolerance(frequency, phase):
     torque = Sine(frequency, phase)
     history = function_torque(torque, 1.0, 1, 1e-9)

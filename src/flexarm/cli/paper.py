@@ -23,6 +23,9 @@ _ROWS = {
     "theory": "linear less second order",
 }
 _NOTES = """\
+The arm and its mesh are the paper's. Path, timing and torques are our choice,
+because the paper shows them only as pictures: compare shapes, not values.
+
 peak deflection: of the link's tip from its root tangent, during the motion
 residual vibration: amplitude of that deflection after the torques have ended
 linear less second order: largest difference of the deflection between the

@@ -25,7 +25,7 @@ def frequency_response(
 
     A, (scale, _) = matrix_balance(A, permute=False, separate=True)
     B, C = B / scale[:, None], C * scale
-    dynamic = 1j * omega[:, None, None] * np.eye(len(A)) - A
+    dynamic = np.asarray(1j * omega[:, None, None] * np.eye(len(A)) - A, dtype=np.complex128)
     states = _solved(dynamic, B)
     growth = np.linalg.norm(dynamic, axis=(1, 2)) * np.linalg.norm(states, axis=(1, 2))
     states[~(growth < _SINGULAR * np.linalg.norm(B))] = np.nan
@@ -59,7 +59,7 @@ def transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) ->
     """
     from scipy.linalg import eigvals, matrix_balance, null_space
 
-    if not (np.any(b) and np.any(c) or d != 0.0):
+    if not ((np.any(b) and np.any(c)) or d != 0.0):
         return np.zeros(0, dtype=complex)  # no effect at any frequency
     A, (scale, _) = matrix_balance(A, permute=False, separate=True)
     b, c = b / scale, c * scale
@@ -73,6 +73,8 @@ def transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) ->
         allowed, equations = null_space(constraints), null_space(orthogonal)
         # The direct effect of a torque on a far point fades with each element: on a fine mesh
         # a zero may lie beyond all numbers.
+        if allowed.shape[1] == 0:
+            return np.zeros(0, dtype=complex)
         found = eigvals(equations.T @ A @ allowed, equations.T @ allowed)
         found = found[np.isfinite(found)]
     return found[np.lexsort((found.imag, np.abs(found.imag), np.abs(found)))]

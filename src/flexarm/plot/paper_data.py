@@ -32,15 +32,21 @@ _CHANNELS = (
 
 
 class Panel(NamedTuple):
-    """A time history of the paper: one channel of one link."""
+    """A time history of the paper: one channel of one link.
+
+    Channels of the link's tip are relative to the tangent at its root.
+    """
 
     figure: int
-    title: str
+    title: str  # after "Fig. N"
     channel: str
     link: int  # from 0
     label: str
     scale: float  # from SI to the unit of the label
 
+
+#: What the channels of a link's tip are measured from; said once on a page of many plots.
+TIP_FRAME = "relative to root tangent"
 
 #: Figures 5 to 16, in the paper's order.
 PANELS = (

@@ -7,12 +7,14 @@ from functools import partial
 
 from matplotlib.axes import Axes
 
-from flexarm.plot.paper_data import HISTORY_NAMES, PANELS, Histories, Panel
+from flexarm.plot.paper_data import HISTORY_NAMES, PANELS, TIP_FRAME, Histories, Panel
 from flexarm.plot.paper_panels import (
     draw_difference,
+    draw_from_rigid,
     draw_history,
     draw_path,
     draw_theories,
+    draw_tip_distance,
     draw_torques,
 )
 from flexarm.plot.style import Sheet, legend_above, margins, place_labels, styled
@@ -20,25 +22,51 @@ from flexarm.plot.style import Sheet, legend_above, margins, place_labels, style
 Draw = Callable[..., None]
 
 _COLUMN = 4.0  # width of one column of print, inches
+_ABOVE_LEGEND = 19.0  # points between a title and its axes, with a row of legend between them
 
 
-def _single(draw: Draw, case: Histories, *, height: float = 2.4) -> Sheet:
+def _single(draw: Draw, case: Histories, *, figure: int, height: float = 2.6) -> Sheet:
     sheet = Sheet(_COLUMN, height)
     with styled():
         axes = sheet.subplots()
         draw(axes, case=case)
-        margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28)
+        _finish(sheet, axes, figure)
         place_labels(axes)
-        legend_above(axes)
     return sheet
 
 
+def _finish(sheet: Sheet, axes: Axes, figure: int) -> None:
+    """Set the margins, the number of the figure in its title, and the legend in a row below it."""
+    margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.48, hspace=0.14)
+    axes.set_title(f"Fig. {figure}   {axes.get_title(loc='left')}", pad=_ABOVE_LEGEND)
+    legend_above(axes)
+
+
 def _path(case: Histories) -> Sheet:
-    return _single(draw_path, case, height=3.95)
+    """Draw figure 3, with an inset: the distance between the tips is too small for the path."""
+    sheet = _single(draw_path, case, figure=3, height=4.15)
+    with styled():
+        inset = sheet.axes[0].inset_axes((0.56, 0.16, 0.4, 0.22))
+        draw_tip_distance(inset, case)
+    return sheet
 
 
 def _history(panel: Panel, case: Histories) -> Sheet:
-    return _single(partial(draw_history, panel=panel), case)
+    """Draw one history; below an angle its difference from the rigid arm's, which is a thousandth
+    of it."""
+    if panel.channel != "link_angle":
+        draw = partial(draw_history, panel=panel, frame=True)
+        return _single(draw, case, figure=panel.figure)
+    sheet = Sheet(_COLUMN, 3.5)
+    with styled():
+        above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
+        draw_history(above, panel, case)
+        draw_from_rigid(below, panel, case)
+        above.set(xlabel="")
+        _finish(sheet, above, panel.figure)
+        place_labels(above)
+        place_labels(below)
+    return sheet
 
 
 def overview(case: Histories) -> Sheet:
@@ -48,7 +76,7 @@ def overview(case: Histories) -> Sheet:
     """
     sheet = Sheet(11.69, 8.27)
     with styled():
-        margins(sheet, left=0.65, bottom=0.45, right=0.3, top=0.85)
+        margins(sheet, left=0.65, bottom=0.45, right=0.3, top=1.0)
         rows = sheet.add_gridspec(2, 1, height_ratios=(1.0, 1.75), hspace=0.22)
         top = rows[0].subgridspec(1, 2, width_ratios=(1.0, 2.6), wspace=0.13)
         path, torques = sheet.add_subplot(top[0]), sheet.add_subplot(top[1])
@@ -76,9 +104,11 @@ def _head(sheet: Sheet, example: Axes, case: Histories) -> None:
     level = 1.0 - 0.4 / height
     title = f"Two flexible links, tip sent along a line in {case.duration:g} s"
     sheet.text(0.65 / width, level, title, fontsize=11.0)
+    note = f"Path, timing and torques: our choice. Figs. 9 to 16: tip of each link {TIP_FRAME}."
+    sheet.text(0.65 / width, level - 0.19 / height, note, fontsize=9.0)
     handles, labels = example.get_legend_handles_labels()
     corner = (1.0 - 0.3 / width, level - 0.07 / height)
-    sheet.legend(handles, labels, loc="lower right", bbox_to_anchor=corner, ncols=2)
+    sheet.legend(handles, labels, loc="lower right", bbox_to_anchor=corner, ncols=3)
 
 
 def theories(case: Histories) -> Sheet:
@@ -99,7 +129,7 @@ def theories(case: Histories) -> Sheet:
 #: Every figure by the name of its file; "theories" needs the second-order run too.
 FIGURES: dict[str, Callable[[Histories], Sheet]] = {
     "fig03_path": _path,
-    "fig04_torques": partial(_single, draw_torques),
+    "fig04_torques": partial(_single, draw_torques, figure=4),
     **{name: partial(_history, panel) for name, panel in HISTORY_NAMES.items()},
     "overview": overview,
     "theories": theories,

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.ticker import MultipleLocator
 
-from flexarm.plot.paper_data import FloatArray, Histories, Panel
+from flexarm.plot.paper_data import TIP_FRAME, FloatArray, Histories, Panel
 from flexarm.plot.style import (
     BLUE,
     FLEXIBLE,
@@ -21,16 +21,46 @@ from flexarm.plot.style import (
 )
 
 _TIME = "time [s]"
+_END_OF_TORQUES: dict[str, Any] = {
+    "color": GREY,
+    "linewidth": 0.6,
+    "linestyle": ":",
+    "zorder": 0.5,
+}
 #: Early postures light, late ones dark.
 _AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 
 
-def draw_history(axes: Axes, panel: Panel, case: Histories) -> None:
-    """Draw a time history: the flexible arm, and the rigid one dashed."""
+def draw_history(axes: Axes, panel: Panel, case: Histories, frame: bool = False) -> None:
+    """Draw a time history: the flexible arm, and the rigid one dashed.
+
+    Args:
+        axes: where to. panel, case: of which link and channel.
+        frame: whether the title says what the channels of the tip are measured from.
+    """
     for model, look in (("flexible", FLEXIBLE), ("rigid", RIGID)):
-        values = case.runs[model][panel.channel][:, panel.link]
-        axes.plot(case.time, panel.scale * values, **look)
-    _label_history(axes, panel.title, panel.label, case)
+        axes.plot(case.time, _values(panel, case, model), **look)
+    of_tip = panel.channel.startswith("link_tip")
+    title = f"{panel.title} {TIP_FRAME}" if frame and of_tip else panel.title
+    _label_history(axes, title, panel.label, case)
+
+
+def draw_from_rigid(axes: Axes, panel: Panel, case: Histories) -> None:
+    """Draw by how much a link's angle differs from that of the rigid arm."""
+    difference = _values(panel, case, "flexible") - _values(panel, case, "rigid")
+    axes.plot(case.time, 1e3 * difference, color=INK, linewidth=1.0)
+    _label_history(axes, "", "difference [mrad]", case)
+
+
+def draw_tip_distance(axes: Axes, case: Histories) -> None:
+    """Draw how far the flexible arm's tip is from the rigid arm's."""
+    away = case.runs["flexible"]["tip"] - case.runs["rigid"]["tip"]
+    axes.plot(case.time, 1e3 * np.linalg.norm(away, axis=1), color=INK, linewidth=1.0)
+    _label_history(axes, "Between the tips [mm]", "", case)
+
+
+def _values(panel: Panel, case: Histories, model: str) -> FloatArray:
+    return panel.scale * case.runs[model][panel.channel][:, panel.link]
 
 
 def draw_torques(axes: Axes, case: Histories) -> None:
@@ -96,7 +126,7 @@ def _first_deflection(case: Histories, model: str) -> FloatArray:
 
 
 def _label_history(axes: Axes, title: str, label: str, case: Histories) -> None:
-    axes.axvline(case.duration, color=GREY, linewidth=0.6, linestyle=":", zorder=0.5)
+    axes.axvline(case.duration, label="end of torques", **_END_OF_TORQUES)
     axes.set(xlabel=_TIME, ylabel=label, title=title, xlim=(0.0, case.time[-1]))
     axes.locator_params(axis="x", nbins=4)
     axes.locator_params(axis="y", nbins=5)

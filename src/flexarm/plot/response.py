@@ -93,6 +93,6 @@ def _range(model: LinearModel) -> NDArray[np.float64]:
     low, high = (0.1, 100.0) if speed.size == 0 else (0.1 * speed[0], 3.0 * speed[:5][-1])
     # Peaks lie between the points of a grid: add them, or the points beside where they have no end.
     undamped = np.abs(poles.real) < _UNDAMPED * np.abs(poles)
-    own = [speed[~undamped], *(speed[undamped] * (1.0 + k * _BESIDE) for k in (-1, 0, 1))]
-    own = np.concatenate(own)
+    around = speed[undamped, None] * (1.0 + _BESIDE * np.array([-1.0, 0.0, 1.0]))
+    own = np.concatenate([speed[~undamped], around.ravel()])
     return np.unique(np.concatenate([np.geomspace(low, high, _POINTS), own[own < high]]))

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 import flexarm as fa
+from strategies import between
 
 FRICTION = fa.Friction(coulomb=2.0, static=3.5, stribeck_rate=0.2, smoothing_rate=0.01)
 STOPS = fa.JointLimits(lower=-0.5, upper=1.0, stiffness=400.0, damping=0.3)
-rates = st.floats(-50.0, 50.0)
+rates = between(-50.0, 50.0)
 
 
 def arm(**joint):
@@ -79,7 +79,7 @@ def test_friction_never_drives(rate):
     assert power >= -3.5 * abs(rate)
 
 
-@given(st.floats(-3.0, 3.0), rates)
+@given(between(-3.0, 3.0), rates)
 def test_stops_push_back_and_never_pull(angle, rate):
     of = arm(limits=STOPS)
     given_torque = torque(of, angle, rate)

@@ -56,9 +56,9 @@ def test_a_rigid_pendulum():
 
 
 def test_names_are_checked():
-    with pytest.raises(fa.InputError, match=r"LinearModel.zeros: output .*joint_angle\[1\]"):
+    with pytest.raises(fa.InputError, match=r"LinearModel\.zeros: output .*joint_angle\[1\]"):
         MODEL.zeros("torque[1]", "elbow")
-    with pytest.raises(fa.InputError, match="LinearModel.zeros: input"):
+    with pytest.raises(fa.InputError, match=r"LinearModel\.zeros: input"):
         MODEL.zeros(output="tip[x]")
     with pytest.raises(fa.InputError, match="omega"):
         MODEL.frequency_response([np.nan])

@@ -12,13 +12,14 @@ from flexarm.motion.inverse_kinematics import (
     reach_limits,
 )
 from flexarm.motion.kinematics import tip_jacobian, tip_position
+from strategies import between
 
 # Rounding of a tip position, of the angles that made it and of their sum, per metre of reach.
 ROUNDING = 1e-13
 
-length = st.floats(0.05, 3.0)
-direction = st.floats(-np.pi, np.pi)
-share = st.floats(0.0, 1.0)
+length = between(0.05, 3.0)
+direction = between(-np.pi, np.pi)
+share = between(0.0, 1.0)
 
 
 def chains(smallest: int, largest: int):
@@ -63,7 +64,7 @@ def test_longer_arms_reach_every_point_without_a_posture(lengths, ratio, angle, 
 
 
 @settings(deadline=None)
-@given(chains(3, 6), st.floats(0.05, 0.95), direction)
+@given(chains(3, 6), between(0.05, 0.95), direction)
 def test_the_built_posture_is_not_singular(lengths, ratio, angle):
     angles = inverse_kinematics(lengths, point_within(lengths, ratio, angle))
     inner, outer = reach_limits(lengths)
@@ -78,7 +79,7 @@ def test_the_built_posture_keeps_off_the_limits_of_its_triangles():
 
 
 @settings(deadline=None, max_examples=50)
-@given(chains(3, 6), st.floats(0.3, 0.9), direction, st.integers(0, 10**6))
+@given(chains(3, 6), between(0.3, 0.9), direction, st.integers(0, 10**6))
 def test_damped_least_squares_reaches_from_a_posture(lengths, ratio, angle, seed):
     # No hole: at its rim lie folded postures that hold the search fast.
     lengths = np.minimum(lengths, 0.99 * (np.sum(lengths) - np.max(lengths)))

@@ -47,7 +47,7 @@ def test_there_is_every_figure_of_the_paper_from_3_to_16():
 @pytest.mark.parametrize("name", HISTORY_NAMES)
 def test_a_history_shows_the_flexible_arm_and_the_rigid_arm_dashed(name, case, slow):
     panel = HISTORY_NAMES[name]
-    (axes,) = FIGURES[name](slow).axes
+    axes = FIGURES[name](slow).axes[0]
     flexible, rigid = lines(axes)
     for line, result in ((flexible, case.flexible), (rigid, case.rigid)):
         assert np.array_equal(line.get_xdata(), result["time"])
@@ -57,7 +57,28 @@ def test_a_history_shows_the_flexible_arm_and_the_rigid_arm_dashed(name, case, s
     assert not flexible.is_dashed()
     assert flexible.get_color() != rigid.get_color()
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert labels == ["flexible", "rigid"]
+    assert labels == ["flexible", "rigid", "end of torques"]
+    title = axes.get_title(loc="left")
+    assert title.startswith(f"Fig. {panel.figure}   {panel.title}")
+    assert title.endswith("relative to root tangent") == panel.channel.startswith("link_tip")
+
+
+@pytest.mark.parametrize("name", ["fig05_link1_angle", "fig07_link2_angle"])
+def test_an_angle_has_its_difference_from_the_rigid_arm_below(name, case, slow):
+    _, below = FIGURES[name](slow).axes
+    (line,) = lines(below)
+    angle = [
+        result["link_angle"][:, HISTORY_NAMES[name].link] for result in (case.flexible, case.rigid)
+    ]
+    np.testing.assert_allclose(line.get_ydata(), 1e3 * (angle[0] - angle[1]), rtol=0, atol=1e-12)
+    assert below.get_ylabel() == "difference [mrad]"
+
+
+def test_figure_3_has_the_distance_between_the_tips_as_an_inset(case, slow):
+    (inset,) = FIGURES["fig03_path"](slow).axes[0].child_axes
+    (line,) = lines(inset)
+    away = np.linalg.norm((case.flexible["tip"] - case.rigid["tip"]).values, axis=1)
+    np.testing.assert_allclose(line.get_ydata(), 1e3 * away, rtol=1e-12)
 
 
 def test_the_rigid_arm_is_the_zero_line_of_deflections(slow):
@@ -70,9 +91,10 @@ def test_the_rigid_arm_is_the_zero_line_of_deflections(slow):
 @pytest.mark.parametrize("name", HISTORY_NAMES)
 def test_the_unit_of_an_axis_fits_its_scale(name, slow):
     panel = HISTORY_NAMES[name]
-    (axes,) = FIGURES[name](slow).axes
+    axes = FIGURES[name](slow).axes[-1]
     unit = axes.get_ylabel().split("[")[1].rstrip("]")
-    assert unit.startswith("m") == (panel.scale == 1e3)
+    scale = panel.scale if panel.channel != "link_angle" else 1e3  # the difference, in mrad
+    assert unit.startswith("m") == (scale == 1e3)
     assert axes.get_xlabel() == "time [s]"
 
 
@@ -131,7 +153,7 @@ def test_the_same_figure_is_the_same_file(form, slow):
 def test_bitmaps_are_sharp_enough_for_print(slow):
     data = saved(FIGURES["fig09_link1_tip_deflection"](slow), "png")
     width, height = (int.from_bytes(data[k : k + 4], "big") for k in (16, 20))
-    assert (width, height) == (800, 480)  # 4 by 2.4 inches at 200 dots per inch
+    assert (width, height) == (800, 520)  # 4 by 2.6 inches at 200 dots per inch
 
 
 def test_settings_of_the_user_stay(slow):
