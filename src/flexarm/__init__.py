@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from flexarm.control import SlidingMode as SlidingMode
     from flexarm.control import StrainFeedback as StrainFeedback
     from flexarm.control import shaped as shaped
+    from flexarm.errors import AccuracyWarning as AccuracyWarning
     from flexarm.errors import FlexarmError as FlexarmError
     from flexarm.errors import InputError as InputError
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
@@ -111,6 +112,7 @@ if TYPE_CHECKING:
 
 #: Every public name, and the module that holds it.
 _HOME = {
+    "AccuracyWarning": "errors",
     "Adaptive": "control",
     "Admittance": "control",
     "Arm": "arm",

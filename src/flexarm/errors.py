@@ -126,6 +126,10 @@ class SimulationError(FlexarmError, RuntimeError):
         return f"{text} {self.hint}" if self.hint else text
 
 
+class AccuracyWarning(UserWarning):
+    """A result may err by more than the default settings promise."""
+
+
 class LargeDeflectionWarning(UserWarning):
     """Links in a run of the linear theory have bent by more than it holds for."""
 

@@ -112,3 +112,57 @@ def test_a_damped_arm_comes_to_rest_leaning_on_its_stop():
     rest = fa.equilibrium(of, [-0.5], torque=[0.0]).q[0]
     assert result.joint_angle.values[-1, 0] == pytest.approx(rest, abs=1e-6)
     assert rest < -0.5
+
+
+def bouncing(friction=None):
+    """A soft light rod that is pushed against its stop: six impacts in 2 s."""
+    limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=1e4, damping=0.1)
+    link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.05, elements=1, modes=1)
+    joint = fa.Joint(hub_inertia=0.1, limits=limits, friction=friction)
+    return fa.Arm(links=[link], joints=[joint])
+
+
+def pushed(of, **settings):
+    return fa.simulate(of, 2.0, torque=lambda t: [1.0], rate=500.0, **settings)
+
+
+def test_default_settings_keep_their_promise_over_six_impacts():
+    """1e-6 of the reach; each impact amplifies errors, altogether by 5e5. Once it was 9 mm."""
+    exact = pushed(bouncing(), rtol=1e-13, atol=1e-15)
+    inside = np.diff((np.abs(exact.joint_angle.values[:, 0]) > 0.5).astype(int)) > 0
+    assert inside.sum() == 6
+    result = pushed(bouncing())
+    assert np.linalg.norm((result.tip - exact.tip).values, axis=1).max() < 1e-6
+    assert result.rtol == 1e-11
+    assert result.warning == ""
+
+
+@pytest.mark.parametrize("name", ["dormand_prince_5", "dormand_prince_8", "kennedy_carpenter_5"])
+def test_steps_end_at_the_corner_of_a_stop(name):
+    """A rigid arm, thrown without loss: nothing amplifies, so the tolerance is what is left."""
+    for rtol in (1e-6, 1e-8):
+        result = fa.simulate(
+            arm(), 0.4, initial_rate=[3.0], rate=1000, integrator=name, rtol=rtol, atol=rtol / 100
+        )
+        # A few steps follow the impact; without their ends at the corner it is 20 times as much.
+        assert result.joint_rate.values[-1, 0] == pytest.approx(-3.0, rel=10.0 * rtol)
+
+
+def test_a_motion_that_no_tolerance_determines_gets_a_warning():
+    """Friction and impacts: runs at rtol = 1e-7 and 1e-11 end 2 cm apart."""
+    with pytest.warns(fa.AccuracyWarning, match="Do not rely on this result after that time"):
+        result = pushed(bouncing(fa.Friction(coulomb=0.3)))
+    assert "impacts on joint stops amplify errors" in result.warning
+    tight = pushed(bouncing(fa.Friction(coulomb=0.3)), rtol=1e-9, atol=1e-11)  # given: no check
+    assert tight.warning == ""
+
+
+def test_a_second_run_finds_its_events_once():
+    stop = fa.joint_event(bouncing(), 1, "upper", direction=1)
+    end = fa.joint_event(bouncing(), 1, -0.2, direction=-1, terminal=True, name="back")
+    result = pushed(bouncing(), events=[stop, end])
+    exact = pushed(bouncing(), events=[stop, end], rtol=1e-13, atol=1e-15)
+    assert result.event_name.values.tolist() == exact.event_name.values.tolist()
+    assert result.ended_by == exact.ended_by
+    np.testing.assert_allclose(result.event_time, exact.event_time, rtol=0, atol=1e-6)
+    assert result.sizes["time"] == exact.sizes["time"]

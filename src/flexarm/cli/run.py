@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.cli.failures import say, warn
 from flexarm.cli.tables import console, facts
-from flexarm.errors import InputError, LargeDeflectionWarning, SimulationError
+from flexarm.errors import AccuracyWarning, InputError, LargeDeflectionWarning, SimulationError
 from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
 from flexarm.simulate import prepare
@@ -38,6 +38,7 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
     try:
         with warnings.catch_warnings():  # told below, in one line
             warnings.simplefilter("ignore", LargeDeflectionWarning)
+            warnings.simplefilter("ignore", AccuracyWarning)
             result = prepared.run()
     except SimulationError as error:
         if out is not None and error.result is not None:

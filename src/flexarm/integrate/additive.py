@@ -22,20 +22,21 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.joint_stops import step_to_stop
 from flexarm.integrate.nearness import PRESSED_THROUGH, step_allowed, step_on
 from flexarm.integrate.steps import (
     CLOCK_PLACES,
     DONE,
+    IMPACTS,
     INERTIA_LOST,
     PAUSED,
-    REFUSED,
-    STEP,
     accept_step,
     between_ends,
     combine,
     error_norm,
     inertia_left,
     next_stop,
+    refuse_beyond,
     refuse_step,
 )
 from flexarm.integrate.torque import drive_at, slope_at
@@ -166,6 +167,11 @@ def advance_additive(
             clock,
         )  # fmt: skip
         counts[3] += s - 1
+        reached = step_to_stop(system, t, state, new, h)
+        if reached < h:
+            refuse_beyond(clock, counts, reached)
+            clock[IMPACTS] += 1.0
+            continue
         norm = error_norm(system, tolerance, state, new, stages, error, error_low, h)
         if not norm <= 1.0:
             counts[2] += 1
@@ -180,9 +186,7 @@ def advance_additive(
             if allowed == 0.0:
                 return PRESSED_THROUGH
             if allowed < h:
-                counts[2] += 1
-                clock[STEP] = allowed
-                clock[REFUSED] = 1.0
+                refuse_beyond(clock, counts, allowed)
                 continue
             step_on(contacts)
         if not inertia_left(system):

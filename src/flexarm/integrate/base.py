@@ -12,7 +12,9 @@ keeps (``tests/conformance/test_every_integrator.py`` checks each for every entr
 5. It keeps the last good state when it gives up, and says why with a status, never with NaN.
 6. Its observed order is the order it claims.
 7. It never calls Python, and it allocates nothing per step.
-8. Where it follows contacts, no step passes a surface unseen (``integrate.nearness``), and a fixed
+8. An adaptive method ends a step where a joint meets or leaves a stop (``integrate.joint_stops``);
+   a method of fixed steps ends a run that diverges with a status (``steps.followed``).
+9. Where it follows contacts, no step passes a surface unseen (``integrate.nearness``), and a fixed
    step that is too long for a touch ends with a status.
 """
 
@@ -45,6 +47,7 @@ class Status(IntEnum):
     CONTACT_UNSEEN = 6
     PRESSED_THROUGH = 7
     NOT_FOLLOWED = 8
+    DIVERGED = 9
 
     @property
     def sentence(self) -> str:
@@ -66,6 +69,8 @@ _SENTENCES = {
     "the momentum behind it.",
     Status.NOT_FOLLOWED: "posture and rates were predicted over each step so badly that the "
     "accelerations of the joints missed half a percent: the step is too long for this motion.",
+    Status.DIVERGED: "a joint turns by more than half a turn in one fixed step, or a link bends by "
+    "100 times the reach of the arm: the step is too long, or the arm is unstable.",
 }
 
 
@@ -119,6 +124,7 @@ class Progress:
     steps: int = 0
     rejected: int = 0
     evaluations: int = 0
+    impacts: int = 0  # steps that an adaptive method has shortened to meet or leave a joint stop
     memory: dict[str, FloatArray] = field(default_factory=dict)  # an integrator's own arrays
     entry: Entry | None = None  # into the stepper
 

@@ -41,6 +41,7 @@ from flexarm.integrate.steps import (
     between_ends,
     combine,
     error_norm,
+    followed,
     inertia_left,
 )
 from flexarm.integrate.torque import drive_at, slope_at
@@ -220,6 +221,9 @@ def advance_collocation(
         if not inertia_left(system):
             return INERTIA_LOST
         _new_point(system, b, bA, h, state, stages, lost, new)
+        status = followed(system, tolerance, new, h)
+        if status != DONE:
+            return status
 
         between = False
         while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t_new:

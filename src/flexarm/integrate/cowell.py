@@ -18,8 +18,6 @@ symbol         meaning
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from flexarm.integrate.additive import additive_step
@@ -31,17 +29,16 @@ from flexarm.integrate.steps import (
     END,
     INERTIA_LOST,
     LENGTH,
-    NOT_FINITE,
     NOT_FOLLOWED,
     PAUSED,
     PLACE,
     SHORT,
     START,
     TIME,
-    all_finite,
     begin_span,
     combine,
     coordinate_between,
+    followed,
     inertia_left,
     rate_between,
 )
@@ -128,15 +125,13 @@ def _predict(
 @merged
 def _correct(
     system: System, stiff: Array, past: Array, rise: Array, k: int, h: float, known: Array
-) -> float:  # fmt: skip
-    """Make point k + 1 from its accelerations; return their sum, which is finite if they are."""
+) -> None:  # fmt: skip
+    """Make point k + 1 from its accelerations."""
     old = k & 3
     new = (k + 1) & 3
-    total: float = 0.0
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             x = system.work.acceleration[i, j]
-            total += x
             beta = BETA
             gamma = BETA + GAMMA
             if stiff[i, j] != 0.0:
@@ -147,7 +142,6 @@ def _correct(
             past[new, 0, i, j] = past[old, 0, i, j] + step
             past[new, 1, i, j] = known[1, i, j] + h * gamma * x
             past[new, 2, i, j] = x
-    return total
 
 
 @merged
@@ -303,8 +297,9 @@ def advance_cowell(
                 system, starter, AE, AI, c, t, h, state, smooth, known, added, force, torque,
                 stages, clock,
             )  # fmt: skip
-            if not all_finite(system, smooth):
-                return NOT_FINITE
+            status = followed(system, tolerance, smooth, h)
+            if status != DONE:
+                return status
             slope_at(system, t_new, from_left, smooth, torque, stages, zero)
             combine(system.sizes, smooth, stages, AE, zero, zero, 0.0, state)
             _remember(system, stiff, past, rise, k + 1, h, state, stages[0])
@@ -319,9 +314,11 @@ def advance_cowell(
                 system.sizes, softened, smooth, force, torque, system.drive.loads, system.work
             )
             counts[3] += 1
-            if not math.isfinite(_correct(system, stiff, past, rise, k, h, known)):
+            _correct(system, stiff, past, rise, k, h, known)
+            status = followed(system, tolerance, past[(k + 1) & 3], h)
+            if status != DONE:
                 _restore(system, past, k, state)
-                return NOT_FINITE
+                return status
         if not inertia_left(system):
             _restore(system, past, k, state)
             return INERTIA_LOST

@@ -15,22 +15,22 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.joint_stops import step_to_stop
 from flexarm.integrate.nearness import PRESSED_THROUGH, UNSEEN, step_allowed, step_on
 from flexarm.integrate.steps import (
     DONE,
+    IMPACTS,
     INERTIA_LOST,
     LONGEST,
-    NOT_FINITE,
     PAUSED,
-    REFUSED,
-    STEP,
     accept_step,
-    all_finite,
     combine,
     dense_weights,
     error_norm,
+    followed,
     inertia_left,
     next_stop,
+    refuse_beyond,
     refuse_step,
 )
 from flexarm.integrate.torque import rates_of, slope_at
@@ -103,6 +103,11 @@ def advance_explicit(
         counts[3] += last - 1
         norm = 0.0
         if adaptive:
+            reached = step_to_stop(system, t, state, new, h)
+            if reached < h:
+                refuse_beyond(clock, counts, reached)
+                clock[IMPACTS] += 1.0
+                continue
             norm = error_norm(system, tolerance, state, new, stages, error, error_low, h)
             if not norm <= 1.0:
                 counts[2] += 1
@@ -110,8 +115,10 @@ def advance_explicit(
                 if status != DONE:
                     return status
                 continue
-        elif not all_finite(system, new):
-            return NOT_FINITE
+        else:
+            status = followed(system, tolerance, new, h)
+            if status != DONE:
+                return status
         if last == s:
             slope_at(system, t_new, from_left, new, torque, stages, s)
             counts[3] += 1
@@ -123,9 +130,7 @@ def advance_explicit(
             if allowed < h:
                 if not adaptive:
                     return UNSEEN
-                counts[2] += 1
-                clock[STEP] = allowed
-                clock[REFUSED] = 1.0
+                refuse_beyond(clock, counts, allowed)
                 continue
             step_on(contacts)
 

@@ -63,7 +63,7 @@ class Gauss6(Integrator):
 
     Args:
         step: fixed step (s), shortened to meet every stop; None takes half a radian of the fastest
-            mode.
+            mode, which ``simulate`` halves until the motion agrees.
     """
 
     step: float | None = None

@@ -26,7 +26,7 @@ class GeneralizedAlpha(Integrator):
 
     Args:
         step: fixed step (s), shortened to meet every stop; None takes half a radian of the fastest
-            mode.
+            mode, which ``simulate`` halves until the motion agrees.
         spectral_radius: factor per step on a vibration far too fast for the step: 1 keeps it, 0
             removes it at once.
 

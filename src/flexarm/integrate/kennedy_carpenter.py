@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm.integrate.additive import SOFTENED, advance_additive
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
-from flexarm.integrate.steps import STEP, TIME
+from flexarm.integrate.steps import IMPACTS, STEP, TIME
 from flexarm.kernels.implicit_step import constants_to_soften
 from flexarm.kernels.layout import ArmConstants
 
@@ -269,6 +269,7 @@ class Additive(Integrator):
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), float(clock[STEP])
+        progress.impacts = int(clock[IMPACTS])
         progress.take(counts)
         return status
 

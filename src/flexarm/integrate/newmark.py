@@ -40,6 +40,7 @@ from flexarm.integrate.steps import (
     between_ends,
     combine,
     error_norm,
+    followed,
     inertia_left,
 )
 from flexarm.integrate.torque import drive_at, slope_at
@@ -197,6 +198,9 @@ def advance_newmark(
                 break
         if not (solved or norm == 0.0):
             return NOT_CONVERGED
+        status = followed(system, tolerance, new, h)
+        if status != DONE:
+            return status
         if not inertia_left(system):
             return INERTIA_LOST
         for i in range(len(system.sizes.bodies)):

@@ -34,8 +34,7 @@ _TABLEAU = Tableau(
 class RungeKutta4(ExplicitRungeKutta):
     """Classical method of order 4, fixed step, cubic Hermite dense output.
 
-    It goes unstable where step times highest frequency exceeds 2.8. The default step is half a
-    radian of the fastest mode.
+    It goes unstable where step times highest frequency exceeds 2.8.
     """
 
     name = "rk4"

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
 from flexarm.integrate.explicit import advance_explicit
-from flexarm.integrate.steps import CLOCK_PLACES, STEP, TIME
+from flexarm.integrate.steps import CLOCK_PLACES, IMPACTS, STEP, TIME
 from flexarm.integrate.tableau import Tableau
 
 
@@ -19,8 +19,9 @@ class ExplicitRungeKutta(Integrator):
     """Common part of the explicit methods.
 
     Args:
-        step: fixed step (s) of a method without step control, or the first step to try; None
-            chooses it from the arm's highest frequency.
+        step: fixed step (s) of a method without step control, or the first step to try; None takes
+            half a radian of the fastest mode, and ``simulate`` halves a fixed one until the motion
+            agrees (``flexarm.simulate.default_step``).
     """
 
     step: float | None = None
@@ -82,5 +83,6 @@ class ExplicitRungeKutta(Integrator):
             max_steps,
         )
         progress.time, progress.step = float(clock[TIME]), float(clock[STEP])
+        progress.impacts = int(clock[IMPACTS])
         progress.take(counts)
         return status

@@ -14,7 +14,7 @@ from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.layout import Array, Sizes
 
 DONE, PAUSED, STEP_UNDERFLOW, NOT_FINITE, INERTIA_LOST, NOT_CONVERGED = 0, 1, 2, 3, 4, 5
-NOT_FOLLOWED = 8
+NOT_FOLLOWED, DIVERGED = 8, 9
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 #: Soderlind's filter H211b: how much the last two errors and the last change of the step weigh.
@@ -25,9 +25,10 @@ _TINY = 1e-12
 _SMALLEST = 1e-14
 
 #: Places in the array ``clock``: time and next step, s; 1.0 where the last step was refused; error
-#: over the allowed and length of the last step that stood, zero if there is none.
-TIME, STEP, REFUSED, LAST_NORM, LAST_STEP = 0, 1, 2, 3, 4
-CLOCK_PLACES = 5
+#: over the allowed and length of the last step that stood, zero if there is none; how often a step
+#: was shortened to meet or leave a joint stop.
+TIME, STEP, REFUSED, LAST_NORM, LAST_STEP, IMPACTS = 0, 1, 2, 3, 4, 5
+CLOCK_PLACES = 6
 
 #: Places in the array ``span`` of a method of fixed steps: start and end of the present span
 #: between two stops, s; length of its equal steps, s; how many they are, and how many are done.
@@ -44,6 +45,11 @@ LONGEST = 7.0
 RESOLVED = 1.6
 
 
+#: No step that turns a joint by more than half a turn (rad) samples its motion, and no link bends
+#: by more than this many times the reach of the arm.
+_MOST_TURNED, _ABSURD = math.pi, 100.0
+
+
 @merged
 def refuse_step(tolerance: Tolerance, clock: Array, h: float, norm: float, order: int) -> int:
     """Shorten the step after an error above what is allowed; not ``DONE`` where none is left."""
@@ -55,6 +61,14 @@ def refuse_step(tolerance: Tolerance, clock: Array, h: float, norm: float, order
     if clock[STEP] < _SMALLEST * max(abs(clock[TIME]), tolerance.fastest**-1):
         return STEP_UNDERFLOW if math.isfinite(norm) else NOT_FINITE
     return DONE
+
+
+@merged
+def refuse_beyond(clock: Array, counts: Array, reached: float) -> None:
+    """Repeat the step only as far as ``reached`` (s), where the forces have a corner."""
+    counts[2] += 1
+    clock[STEP] = reached
+    clock[REFUSED] = 1.0
 
 
 @merged
@@ -145,13 +159,21 @@ def error_norm(
 
 
 @merged
-def all_finite(system: System, state: Array) -> bool:
-    for level in range(2):
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
-                if not math.isfinite(state[level, i, j]):
-                    return False
-    return True
+def followed(system: System, tolerance: Tolerance, new: Array, h: float) -> int:
+    """Judge the end (2, n, 1 + m) of a fixed step of length h: not ``DONE`` if it cannot be right.
+
+    A fixed step has no error estimate, so without this a run that diverges goes on to overflow.
+    """
+    furthest = _ABSURD / tolerance.unit[0, 0, 0]
+    for i in range(len(system.sizes.bodies)):
+        for j in range(1 + len(system.sizes.modes)):
+            if not (math.isfinite(new[0, i, j]) and math.isfinite(new[1, i, j])):
+                return NOT_FINITE
+            if j > 0 and abs(new[0, i, j]) > furthest * tolerance.unit[0, i, j]:
+                return DIVERGED
+        if h * abs(new[1, i, 0]) > _MOST_TURNED:
+            return DIVERGED
+    return DONE
 
 
 @merged

@@ -14,7 +14,10 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
 from flexarm.simulate.choice import Choice, choose_integrator
+from flexarm.simulate.default_step import default_step
 from flexarm.simulate.events import EventLog
+from flexarm.simulate.impacts import ATOL as ATOL
+from flexarm.simulate.impacts import RTOL as RTOL
 from flexarm.simulate.load_history import BaseAcceleration, load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.stepping import Run
@@ -22,9 +25,6 @@ from flexarm.simulate.tolerance import tolerance_of
 from flexarm.simulate.touching import contacts_of_run, touch_frequency
 from flexarm.simulate.watch import Watch
 
-#: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
-RTOL = 1e-7
-ATOL = 1e-9
 #: How much closer than the integrator's tolerance a torque function is followed.
 TORQUE_SHARE = 1e-2
 
@@ -82,6 +82,7 @@ def new_run(
         stations=stations,
         specialized=specialized,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
+        default_step=default_step(choice.integrator, tolerance),
     )
     return run, choice
 

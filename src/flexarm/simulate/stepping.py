@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many
-from flexarm.kernels.cache import compile_seconds
 from flexarm.kernels.layout import (
     ArmConstants,
     compile_time_sizes,
@@ -28,6 +27,7 @@ from flexarm.kernels.layout import (
     run_time_sizes,
 )
 from flexarm.observe import absolute_angles
+from flexarm.simulate.default_step import DefaultStep
 from flexarm.simulate.load_history import LoadHistory
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.sections import cut_systems, fill_sections
@@ -38,8 +38,11 @@ from flexarm.simulate.watch import Watch
 #: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
 _CALL_SECONDS = 0.1
 #: Compiling for one model size takes about ten seconds and saves a third of each step: worth it
-#: where more than this is still ahead (s). Large sizes gain little: their loops are long anyway.
-_WORTH_COMPILING, _MOST_BODIES, _MOST_MODES = 60.0, 8, 16
+#: where this much work is still ahead, which takes a minute on an idle machine. Work is counted in
+#: evaluations of the dynamics times coordinates. What is ahead is judged by what is done, once that
+#: is this much, which takes seconds: the beginning of a run may be its most difficult part. Large
+#: sizes gain little: their loops are long anyway.
+_WORTH_COMPILING, _TRIED, _MOST_BODIES, _MOST_MODES = 5e8, 5e7, 8, 16
 #: More steps than this to the end of a run or a sample time (days of computing) mean that
 #: something has gone wrong: an unstable loop turns faster and faster.
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
@@ -66,11 +69,13 @@ class Run:
     meter: Meter
     prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is given
     stations: int = 0  # on each link, for section forces
-    specialized: bool | None = None  # compile for this model size; None decides by the time ahead
+    specialized: bool | None = None  # compile for this model size; None decides by the work ahead
     watch: Watch | None = None  # looks for events
+    history: TorqueHistory | None = None  # of a run without a controller
+    discarded: int = 0  # evaluations that are not part of the result
+    doubt: str = ""  # why the result may be less accurate than the defaults promise
+    default_step: DefaultStep | None = None  # finds the step of a fixed-step method without one
     max_steps: int = 64
-    started: float = field(default_factory=time.perf_counter)
-    compiled_before: float = field(default_factory=compile_seconds)
 
     def system(self, history: TorqueHistory) -> System:
         """Join the arm with a torque history (its joints placed at the bodies)."""
@@ -139,60 +144,74 @@ class Run:
         """Which of the joints that turn follow a given motion, (joints,)."""
         return np.isin(self.arm.joint_numbers, self.prescribed)
 
-    def _specialize(self, system: System) -> System:
+    def _specialize(self, system: System, progress: Progress) -> System:
         """Switch a long run over to code for its own model size; the state does not change."""
         n, m = system.constants.S.shape
         if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
             return system
-        done = self.progress.time / self.duration
-        # Time spent compiling says nothing about how long the steps take.
-        running = time.perf_counter() - self.started - (compile_seconds() - self.compiled_before)
-        ahead = running * (1.0 / max(done, 1e-9) - 1.0)
-        if ahead < _WORTH_COMPILING or running < 1.0:
+        # Counted work and not time, which on a busy machine says nothing about the run.
+        work = progress.evaluations * n * (1 + m)
+        ahead = work * (self.duration / max(progress.time, 1e-9 * self.duration) - 1.0)
+        if work < _TRIED or ahead < _WORTH_COMPILING:
             return system
         self.specialized = True
         return system._replace(sizes=compile_time_sizes(system.constants))
 
     def carry_to(self, system: System, until: float) -> System:
         """Advance to a time, or raise ``SimulationError``; return the system to go on with."""
-        span = until - self.progress.time
+        if self.default_step is not None:
+            return self.default_step.carry(self, system, until)
         while True:
-            started = time.perf_counter()
-            status = self.integrator.advance(
-                system,
-                self.tolerance,
-                self.progress,
-                until,
-                self.sample_times,
-                self.samples,
-                self.max_steps,
-            )
-            if self.watch is not None and self._ended_by_event(self.watch, system, status):
-                return system
-            if status == Status.DONE:
+            progress = self.progress
+            system, status = self.advance(system, progress, until, self.sample_times, self.samples)
+            if self.ended_by_event(system, status) or status == Status.DONE:
                 return system
             if status != Status.PAUSED:
-                raise self._failure(status.sentence, _HINTS.get(status))
-            if time.perf_counter() - started < _CALL_SECONDS:
-                self.max_steps *= 2
-            self.meter.update(self.progress.time / self.duration)
-            ahead = (until - self.progress.time) / self.progress.step
-            if ahead > max(_MOST_STEPS * span / self.duration, _MOST_STEPS_A_TICK):
-                raise self._failure(
-                    f"the step has shrunk to {self.progress.step:.2g} s, and t = {until:.6g} s is "
-                    f"{ahead:.1g} such steps away: the motion grows without bound."
-                )
-            system = self._specialize(system)
+                raise self.failure(status)
 
-    def _ended_by_event(self, watch: Watch, system: System, status: Status) -> bool:
+    def advance(
+        self,
+        system: System,
+        progress: Progress,
+        until: float,
+        sample_times: FloatArray,
+        samples: FloatArray,
+    ) -> tuple[System, Status]:
+        """Make some steps towards a time; return the system to go on with, and how they ended.
+
+        Raises:
+            SimulationError: the steps have shrunk so much that the time will not be reached.
+        """
+        started = time.perf_counter()
+        status = self.integrator.advance(
+            system, self.tolerance, progress, until, sample_times, samples, self.max_steps
+        )
+        if status != Status.PAUSED:
+            return system, status
+        if time.perf_counter() - started < _CALL_SECONDS:
+            self.max_steps *= 2
+        self.meter.update(progress.time / self.duration)
+        ahead = (until - progress.time) / progress.step
+        share = max(until - progress.time, 0.0) / self.duration
+        if ahead > max(_MOST_STEPS * share, _MOST_STEPS_A_TICK):
+            reason = (
+                f"the step has shrunk to {progress.step:.2g} s, and t = {until:.6g} s is "
+                f"{ahead:.1g} such steps away: the motion grows without bound."
+            )
+            raise self.failure(status, reason)
+        return self._specialize(system, progress), status
+
+    def ended_by_event(self, system: System, status: Status) -> bool:
         """Look for events in what was computed; one may end the run, as its last sample.
 
         Raises:
             SimulationError: an event function failed; samples after that are dropped.
         """
+        if self.watch is None:
+            return False
         progress = self.progress
         try:
-            event = watch.look(system, progress, self.sample_times, self.samples, status)
+            event = self.watch.look(system, progress, self.sample_times, self.samples, status)
         except SimulationError as error:
             done = self.sample_times[: progress.sample]
             progress.sample = int(np.searchsorted(done, error.time, side="right"))
@@ -209,10 +228,16 @@ class Run:
         progress.sample = keep + 1
         return True
 
-    def _failure(self, reason: str, hint: str | None = None) -> SimulationError:
-        hint = hint or (
-            "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
-            "modes=k on the links; check torques, gains and damping signs."
+    def failure(self, status: Status, reason: str = "", hint: str = "") -> SimulationError:
+        """Return the error for a run that ended with a status, or for another reason."""
+        reason = reason or status.sentence
+        hint = (
+            hint
+            or _HINTS.get(status)
+            or (
+                "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
+                "modes=k on the links; check torques, gains and damping signs."
+            )
         )
         link = weakest_joint(self.arm, self.progress.state)
         if link is not None:
@@ -231,4 +256,5 @@ class Run:
 
 def run_open_loop(run: Run, history: TorqueHistory) -> None:
     """Simulate under a given torque history."""
+    run.history = history
     run.carry_to(run.system(history), run.duration)

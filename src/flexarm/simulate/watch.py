@@ -34,6 +34,14 @@ class _Point(NamedTuple):
     values: FloatArray  # (events,)
 
 
+class Mark(NamedTuple):
+    """Where a search stands: samples looked at, the last of them, and events found."""
+
+    seen: int
+    last: _Point | None
+    found: int
+
+
 @dataclass(eq=False)
 class Watch:
     """Looks at the samples of a run as they come, and keeps a log of events.
@@ -49,6 +57,15 @@ class Watch:
     log: EventLog
     _seen: int = 0  # samples looked at
     _last: _Point | None = field(default=None, repr=False)
+
+    def mark(self) -> Mark:
+        """Return where the search stands, for ``restore``."""
+        return Mark(self._seen, self._last, len(self.log.found))
+
+    def restore(self, mark: Mark) -> None:
+        """Go back to an earlier place, and forget the events found since then."""
+        self._seen, self._last = mark.seen, mark.last
+        del self.log.found[mark.found :]
 
     def look(
         self,
