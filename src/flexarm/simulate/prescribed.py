@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -40,7 +41,8 @@ class PrescribedAngle:
     def hold(cls, angle: float) -> PrescribedAngle:
         """Lock the joint at an angle (rad)."""
         still = float(check_array("PrescribedAngle.hold", "angle", angle, ()))
-        return cls(lambda t: still, lambda t: 0.0, lambda t: 0.0)
+        nothing = partial(constant, 0.0)
+        return cls(partial(constant, still), nothing, nothing)
 
     @classmethod
     def table(cls, times: ArrayLike, angles: ArrayLike, ends: str = "rest") -> PrescribedAngle:
@@ -70,6 +72,11 @@ class PrescribedAngle:
         spline = CubicSpline(knots, values, bc_type=ENDS[ends])
         angle, rate, acceleration = (_SplinePart(spline, k, ends == "rest") for k in range(3))
         return cls(angle, rate, acceleration, tuple(knots.tolist()))
+
+
+def constant(value: Any, t: float) -> Any:
+    """Return the same value at every time; a function in a module has a name for pickles."""
+    return value
 
 
 @dataclass(frozen=True, eq=False)
