@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -179,33 +180,35 @@ def pressed_motion(
 def _force(where: str, given: float | Callable[[float], float]) -> Callable[[float], float]:
     """Make the force a function of time that refuses what is no force."""
 
-    def checked(t: float) -> float:
-        told = given(t) if callable(given) else given
-        name = f"force at t = {t:g} s" if callable(given) else "force"
-        value = float(check_array(where, name, told, ()))
-        if value < 0.0:
-            raise InputError(Problem(where, name, "be at least 0", shown(told)))
-        return value
+    return partial(_checked_force, where, given)
 
-    return checked
+
+def _checked_force(where: str, given: float | Callable[[float], float], t: float) -> float:
+    told = given(t) if callable(given) else given
+    name = f"force at t = {t:g} s" if callable(given) else "force"
+    value = float(check_array(where, name, told, ()))
+    if value < 0.0:
+        raise InputError(Problem(where, name, "be at least 0", shown(told)))
+    return value
 
 
 def _normal(
     where: str, given: ArrayLike | Callable[[float], ArrayLike]
 ) -> Callable[[float], FloatArray]:
     """Make the normal a function of time of length one."""
+    return partial(_unit_normal, where, given)
 
-    def unit(name: str, told: ArrayLike) -> FloatArray:
-        outward = check_array(where, name, told, (2,))
-        length = float(np.hypot(*outward))
-        if not length > 0.0:
-            raise InputError(Problem(where, name, "have a direction", shown(told)))
-        return np.asarray(outward / length)
 
-    if callable(given):
-        return lambda t: unit(f"normal at t = {t:g} s", given(t))
-    constant = unit("normal", given)
-    return lambda t: constant
+def _unit_normal(
+    where: str, given: ArrayLike | Callable[[float], ArrayLike], t: float
+) -> FloatArray:
+    told = given(t) if callable(given) else given
+    name = f"normal at t = {t:g} s" if callable(given) else "normal"
+    outward = check_array(where, name, told, (2,))
+    length = float(np.hypot(*outward))
+    if not length > 0.0:
+        raise InputError(Problem(where, name, "have a direction", shown(told)))
+    return np.asarray(outward / length)
 
 
 class _Search:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
@@ -71,6 +73,19 @@ def locate_study(path: AnyPath) -> tuple[Study, Callable[[Path], str]]:
     return _located(Study, path)
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Pause the garbage collector: it would visit the nodes of a long table again and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+@_uncollected()
 def _located(kind: type[R], path: AnyPath) -> tuple[R, Callable[[Path], str]]:
     document = _read(FilePath(path))
     _refuse_other_kind(document, kind)

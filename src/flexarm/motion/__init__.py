@@ -3,6 +3,7 @@
 from flexarm.motion.lines import LineMotion, line_motion
 from flexarm.motion.motion import JointMotion, JointState, Motion, joint_motion
 from flexarm.motion.rigid_torques import RigidTorque, rigid_torque
+from flexarm.motion.sampled import SampledMotion
 from flexarm.motion.shaping import ShapedMotion
 from flexarm.motion.smoothing import SmoothedMotion, smoothed
 from flexarm.motion.timing import TIMING_LAWS, TimingLaw, quintic, trapezoidal
@@ -14,6 +15,7 @@ __all__ = [
     "LineMotion",
     "Motion",
     "RigidTorque",
+    "SampledMotion",
     "ShapedMotion",
     "SmoothedMotion",
     "TimingLaw",

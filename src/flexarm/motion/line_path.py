@@ -22,6 +22,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,7 @@ from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate, tip_posit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.integrate import OdeSolution
 
     Floats = NDArray[np.float64]
     Posture = Callable[[Floats], Floats]
@@ -70,16 +72,15 @@ def two_link_path(lengths: Floats, start: Floats, way: Floats, elbow: str) -> Po
     The direction of the tip is measured from that of the start, and a line that misses the base
     turns it by less than pi; so no angle ever jumps by a turn.
     """
-    first_direction = np.arctan2(start[1], start[0])
+    return partial(_two_link_posture, lengths, start, way, elbow)
 
-    def posture(s: Floats) -> Floats:
-        point = start + s[:, None] * way
-        across = start[0] * point[:, 1] - start[1] * point[:, 0]
-        turn = np.arctan2(across, point @ start)
-        bend = elbow_angle(lengths, np.hypot(point[:, 0], point[:, 1]), elbow)
-        return np.stack([first_direction + turn - shoulder_offset(lengths, bend), bend], axis=-1)
 
-    return posture
+def _two_link_posture(lengths: Floats, start: Floats, way: Floats, elbow: str, s: Floats) -> Floats:
+    point = start + s[:, None] * way
+    across = start[0] * point[:, 1] - start[1] * point[:, 0]
+    turn = np.arctan2(start[1], start[0]) + np.arctan2(across, point @ start)
+    bend = elbow_angle(lengths, np.hypot(point[:, 0], point[:, 1]), elbow)
+    return np.stack([turn - shoulder_offset(lengths, bend), bend], axis=-1)
 
 
 def least_norm_path(lengths: Floats, start: Floats, way: Floats, first: Floats) -> Posture:
@@ -117,24 +118,30 @@ def least_norm_path(lengths: Floats, start: Floats, way: Floats, first: Floats) 
     if solution.status != 0:
         raise SingularPathError(float(solution.t[-1]), solution.y[:, -1])
 
-    def posture(s: Floats) -> Floats:
-        point = start + s[:, None] * way
-        angles: Floats = solution.sol(s).T
-        for _ in range(2):  # quadratic: 1e-11 becomes 1e-22 before rounding, twice for safety
-            inverse = _pseudo_inverse(tip_jacobian(lengths, angles))
-            angles = angles + _times(inverse, point - tip_position(lengths, angles))
-        return angles
+    return partial(_least_norm_posture, lengths, start, way, solution.sol)
 
-    return posture
+
+def _least_norm_posture(
+    lengths: Floats, start: Floats, way: Floats, near: OdeSolution, s: Floats
+) -> Floats:
+    """Pull the solution of the differential equation onto the line."""
+    point = start + s[:, None] * way
+    angles: Floats = near(s).T
+    for _ in range(2):  # quadratic: 1e-11 becomes 1e-22 before rounding, twice for safety
+        inverse = _pseudo_inverse(tip_jacobian(lengths, angles))
+        angles = angles + _times(inverse, point - tip_position(lengths, angles))
+    return angles
 
 
 def _pseudo_inverse(matrices: Floats) -> Floats:
+    if matrices.shape[-1] == matrices.shape[-2]:  # far from singular: lines keep a margin
+        return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
     return np.asarray(np.linalg.pinv(matrices), dtype=np.float64)
 
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:
     """Multiply matrices (T, a, b) with vectors (T, b)."""
-    product: Floats = np.einsum("tab,tb->ta", matrices, vectors)
+    product: Floats = np.matmul(matrices, vectors[:, :, None])[:, :, 0]
     return product
 
 

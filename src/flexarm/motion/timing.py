@@ -6,6 +6,7 @@ check its own algebra and knows exactly where it is not smooth.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
@@ -90,15 +91,15 @@ class TimingLaw:
         Returns:
             s, s' and s'', each of that shape.
         """
-        rows = self._table[piece]
         resting = (piece < 0) | (piece >= len(self.coefficients))
         local = np.where(resting, 0.0, local)  # infinite times are allowed there
-        s = ds = dds = np.zeros_like(local)
-        for power in reversed(range(rows.shape[-1])):  # Horner, differentiated along the way
-            dds = dds * local + 2.0 * ds
-            ds = ds * local + s
-            s = s * local + rows[..., power]
-        return Progress(s, ds, dds)
+        rows = self._table[piece]
+        if local.size == 1:  # plain numbers: one time in a control loop costs a third
+            number = local.item()
+            parts = _differentiated(rows.ravel()[::-1].tolist(), number, 0.0)
+            return Progress(*(np.full(local.shape, part) for part in parts))
+        falling = (rows[..., power] for power in reversed(range(rows.shape[-1])))
+        return _differentiated(falling, local, np.zeros_like(local))
 
     @cached_property
     def _table(self) -> Floats:
@@ -131,6 +132,16 @@ class TimingLaw:
             problems.append(Problem(self._where, "s'(u)", "never be negative", f"{slowest:.6g}"))
         if problems:
             raise InputError(*problems)
+
+
+def _differentiated(falling: Iterable[Any], x: Any, zero: Any) -> Progress:
+    """Horner's scheme for a polynomial and two derivatives; ``falling``: highest power first."""
+    s = ds = dds = zero
+    for coefficient in falling:
+        dds = dds * x + 2.0 * ds
+        ds = ds * x + s
+        s = s * x + coefficient
+    return Progress(s, ds, dds)
 
 
 def quintic() -> TimingLaw:

@@ -13,7 +13,12 @@ from flexarm.arm import Arm
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
 from flexarm.simulate.piecewise import linear_history, side_by_side
-from flexarm.simulate.torque_history import TorqueHistory, constant_torque, function_torque
+from flexarm.simulate.torque_history import (
+    Row,
+    TorqueHistory,
+    constant_torque,
+    function_torque,
+)
 
 BaseAcceleration = ArrayLike | Callable[[float], ArrayLike] | Table
 
@@ -36,11 +41,13 @@ def load_history(
     relative: float,
     contacts: Contacts | None = None,
     where: str = "simulate",
+    breaks: ArrayLike = (),
+    spacing: float | None = None,
 ) -> LoadHistory:
     """Place the loads and follow whatever of them changes with time: tables exactly.
 
     ``contacts``: already placed, they are only joined to the loads. ``where``: the call, for
-    messages.
+    messages. ``breaks``, ``spacing``: of functions of time, as in ``function_torque``.
 
     Raises:
         InputError: a load is not on the arm, a function returns something else than numbers, or
@@ -56,29 +63,24 @@ def load_history(
         nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
         return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
+        name = "base_acceleration"
         base = function_torque(
-            base_acceleration, duration, 2, relative, name="base_acceleration", where=where
+            base_acceleration, duration, 2, relative, breaks, name, where, spacing
         )
     elif is_table(base_acceleration):
         base = linear_history(*check_table(where, "base_acceleration", base_acceleration, 2))
     else:
         base = constant_torque(placed.base_acceleration)
-    followed = {id(load): _factor(load, duration, relative, where) for load in loads}
+
+    def factor(load: Load) -> TorqueHistory:
+        """Follow the factor of a load: one column."""
+        if load.factor is None:
+            return constant_torque(np.ones(1))
+        if not callable(load.factor):
+            return linear_history(*check_table("Load", "factor", load.factor, 1))
+        row, name = Row(load.factor), "Load.factor"
+        return function_torque(row, duration, 1, relative, breaks, name, where, spacing)
+
+    followed = {id(load): factor(load) for load in loads}
     columns = [followed[id(load)] for load in owners]
     return LoadHistory(owners, placed, side_by_side([*columns, base]))
-
-
-def _factor(load: Load, duration: float, relative: float, where: str) -> TorqueHistory:
-    """Follow the factor of a load: one column."""
-    factor = load.factor
-    if factor is None:
-        return constant_torque(np.ones(1))
-    if not callable(factor):
-        times, values = check_table("Load", "factor", factor, 1)
-        return linear_history(times, values)
-
-    def row(t: float) -> ArrayLike:
-        return [factor(t)]
-
-    breaks = getattr(factor, "breaks", ())
-    return function_torque(row, duration, 1, relative, breaks, "Load.factor", where)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from flexarm.linear.pressed import PressedMotion, pressed_motion
 from flexarm.model import LineMotionSpec, Scenario
 from flexarm.model.contacts import RoundWallSpec, SurfaceSpec, WallSpec
 from flexarm.model.motions import ForceTable, JointMotionSpec, PressedMotionSpec
-from flexarm.motion import Motion, joint_motion, line_motion, quintic, smoothed
+from flexarm.motion import Motion, TimingLaw, joint_motion, line_motion, quintic, smoothed
 from flexarm.simulate.told import told_inside
 
 #: What a scenario may ask for.
@@ -73,16 +74,15 @@ def _over_time(table: ForceTable) -> Callable[[float], float]:
 
     The arm bends with the force: where that had a kink, the motion of the joints would jump.
     """
-    times, values, law = np.array(table.times), np.array(table.values), quintic()
+    return partial(_eased, np.array(table.times), np.array(table.values), quintic())
+
+
+def _eased(times: FloatArray, values: FloatArray, law: TimingLaw, t: float) -> float:
     if len(times) == 1:
-        return lambda t: float(values[0])
-
-    def force(t: float) -> float:
-        k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2))
-        part = float(law((t - times[k]) / (times[k + 1] - times[k])).s)
-        return float(values[k] + part * (values[k + 1] - values[k]))
-
-    return force
+        return float(values[0])
+    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2))
+    part = float(law((t - times[k]) / (times[k + 1] - times[k])).s)
+    return float(values[k] + part * (values[k + 1] - values[k]))
 
 
 def _normal(surface: SurfaceSpec | None, path: Motion) -> Any:
@@ -90,10 +90,9 @@ def _normal(surface: SurfaceSpec | None, path: Motion) -> Any:
     if isinstance(surface, WallSpec):
         return surface.normal
     assert isinstance(surface, RoundWallSpec)  # the record lets nothing else through
-    center, sign = np.array(surface.center), -1.0 if surface.inside else 1.0
+    return partial(_away_from, np.array(surface.center), -1.0 if surface.inside else 1.0, path)
 
-    def outward(t: float) -> FloatArray:
-        away: FloatArray = sign * (path.tip(t) - center)
-        return away
 
-    return outward
+def _away_from(center: FloatArray, sign: float, path: Motion, t: float) -> FloatArray:
+    away: FloatArray = sign * (path.tip(t) - center)
+    return away

@@ -39,6 +39,8 @@ def new_run(
     tip_force: ArrayLike | None,
     loads: Sequence[Load],
     base_acceleration: BaseAcceleration | None,
+    breaks: ArrayLike,
+    spacing: float,
     contacts: Sequence[Contact] = (),
     log: EventLog | None = None,
     integrator: str | Integrator,
@@ -51,7 +53,8 @@ def new_run(
 ) -> tuple[Run, Choice]:
     """Make a run that stands at its beginning, ``state`` (2, n, 1 + m).
 
-    Arguments as of ``simulate``, already checked but for those that say what is outside the arm.
+    Arguments as of ``simulate``, already checked but for those that say what is outside the arm;
+    ``spacing``: s between instants at which functions of time are compared with their cubics.
 
     Raises:
         InputError: something outside does not fit the arm, or there is no such integrator.
@@ -77,6 +80,8 @@ def new_run(
             max(rtol * TORQUE_SHARE, 1e-12),
             touching,
             where,
+            breaks,
+            spacing,
         ),
         meter=meter,
         stations=stations,

@@ -37,7 +37,8 @@ def side_by_side(histories: Sequence[TorqueHistory]) -> TorqueHistory:
     breaks = np.unique(np.concatenate([history.breaks for history in histories]))
     coefficients = np.concatenate([cut(history, breaks) for history in histories], axis=2)
     stops = np.unique(np.concatenate([history.stops for history in histories]))
-    return TorqueHistory(breaks, coefficients, stops)
+    shortest = max(history.shortest_feature for history in histories)
+    return TorqueHistory(breaks, coefficients, stops, shortest)
 
 
 def cut(history: TorqueHistory, breaks: FloatArray) -> FloatArray:

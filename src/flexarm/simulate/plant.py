@@ -52,6 +52,7 @@ class Plant:
             and strain, and motors that give what they are asked for.
         tip_force, loads, base_acceleration, contacts: what acts from outside, see
             ``flexarm.simulate``.
+        breaks: times (s) at which loads or a base that are functions of time jump or bend.
         integrator, step, rtol, atol: how closely it is followed, see ``flexarm.simulate``.
         duration: s, the latest that it may be stepped to; None for ever, which loads or a base that
             are functions of time do not allow: they are looked at beforehand.
@@ -77,6 +78,7 @@ class Plant:
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: BaseAcceleration | None = None,
+        breaks: ArrayLike = (),
         contacts: Sequence[Contact] = (),
         integrator: str | Integrator = "auto",
         step: float | None = None,
@@ -106,6 +108,8 @@ class Plant:
             tip_force=tip_force,
             loads=loads,
             base_acceleration=base_acceleration,
+            breaks=breaks,
+            spacing=self.sample_time,
             contacts=contacts,
             integrator=integrator,
             step=step,

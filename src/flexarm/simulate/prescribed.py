@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 from flexarm.simulate.piecewise import cut
-from flexarm.simulate.torque_history import TorqueHistory, function_torque
+from flexarm.simulate.torque_history import Row, TorqueHistory, function_torque
 
 #: What a table of angles does at its ends, and how SciPy calls it.
 ENDS = {"rest": "clamped", "free": "not-a-knot"}
@@ -40,7 +41,8 @@ class PrescribedAngle:
     def hold(cls, angle: float) -> PrescribedAngle:
         """Lock the joint at an angle (rad)."""
         still = float(check_array("PrescribedAngle.hold", "angle", angle, ()))
-        return cls(lambda t: still, lambda t: 0.0, lambda t: 0.0)
+        nothing = partial(constant, 0.0)
+        return cls(partial(constant, still), nothing, nothing)
 
     @classmethod
     def table(cls, times: ArrayLike, angles: ArrayLike, ends: str = "rest") -> PrescribedAngle:
@@ -70,6 +72,11 @@ class PrescribedAngle:
         spline = CubicSpline(knots, values, bc_type=ENDS[ends])
         angle, rate, acceleration = (_SplinePart(spline, k, ends == "rest") for k in range(3))
         return cls(angle, rate, acceleration, tuple(knots.tolist()))
+
+
+def constant(value: Any, t: float) -> Any:
+    """Return the same value at every time; a function in a module has a name for pickles."""
+    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +113,8 @@ def prescribe(
     history: TorqueHistory,
     duration: float,
     relative: float,
+    breaks: ArrayLike = (),
+    spacing: float | None = None,
 ) -> TorqueHistory:
     """Put accelerations in place of torques, and the start of the motion into ``state``.
 
@@ -114,6 +123,7 @@ def prescribe(
             which this joint's part is taken.
         state: (2, n, 1 + m), changed in place.
         history: of the other joints' torques.
+        breaks, spacing: of functions of time, as in ``function_torque``.
 
     Raises:
         InputError: no such joint.
@@ -133,22 +143,11 @@ def prescribe(
         state[0, body, 0], state[1, body, 0] = own.angle(0.0), own.rate(0.0)
 
         name = f"prescribed[{joint}].acceleration"
-        column = function_torque(
-            _row(motion, own, index), duration, 1, relative, own.breaks, name=name
-        )
+        known = np.concatenate([own.breaks, check_array("simulate", "breaks", breaks, (-1,))])
+        row = _row(motion, own, index)
+        column = function_torque(row, duration, 1, relative, known, name, spacing=spacing)
         history = _replaced(history, index, column)
     return history
-
-
-class _Row:
-    """A number over time as a row of one."""
-
-    def __init__(self, function: Callable[[Any], Any]) -> None:
-        self._function = function
-        self.vectorized = getattr(function, "vectorized", False)
-
-    def __call__(self, t: Any) -> FloatArray:
-        return np.asarray(self._function(t))[..., None]
 
 
 def _row(
@@ -156,7 +155,7 @@ def _row(
 ) -> Callable[[float], ArrayLike]:
     """The joint's acceleration as a function to (1,), for many times at once where it can be."""
     if isinstance(motion, PrescribedAngle):
-        return _Row(own.acceleration)
+        return Row(own.acceleration)
 
     def rows(t: ArrayLike) -> FloatArray:
         return motion.joint_acceleration(t)[..., index : index + 1]
@@ -217,4 +216,5 @@ def _replaced(history: TorqueHistory, index: int, column: TorqueHistory) -> Torq
     coefficients = cut(history, breaks)
     coefficients[:, :, index] = cut(column, breaks)[:, :, 0]
     stops = np.unique(np.concatenate([history.stops, column.stops]))
-    return TorqueHistory(breaks, coefficients, stops)
+    shortest = max(history.shortest_feature, column.shortest_feature)
+    return TorqueHistory(breaks, coefficients, stops, shortest)

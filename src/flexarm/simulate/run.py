@@ -87,6 +87,7 @@ def simulate(
     rtol: float = RTOL,
     atol: float = ATOL,
     torque_interpolation: str = "cubic",
+    breaks: ArrayLike = (),
     specialized: bool | None = None,
     progress: bool | None = None,
 ) -> xr.Dataset:
@@ -96,8 +97,9 @@ def simulate(
         arm: the arm; with ``plant`` given, what the controller believes it to be.
         duration: s, positive.
         torque: joint torques, zero by default. An array (samples, joints) at ``rate``, N m, from
-            time zero; or a function of time that returns (joints,), followed closely enough to be
-            exact to the run's tolerance.
+            time zero, its last row held to the end of the run; or a function of time that returns
+            (joints,), followed closely enough to be exact to the run's tolerance, except for
+            features shorter than ``1 / rate`` that ``breaks`` does not name.
         controller: called at its sample time, the torque held between (see
             ``flexarm.Controller``); instead of ``torque``.
         reference: motion for the controller; the arm starts at its beginning.
@@ -129,7 +131,11 @@ def simulate(
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
             fixed step only how closely functions of time are followed. At the defaults a run in
             which joints meet their stops is made again at 1e-4 of them.
-        torque_interpolation: "cubic", "linear" or "hold", for a torque array.
+        torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
+            samples that jump; the other two never exceed them.
+        breaks: times (s) at which a function of time given here (torque, factor of a load, base
+            acceleration, prescribed motion) jumps or bends, besides ``breaks`` of its own. Needed
+            for features shorter than the result's attribute ``shortest_feature``.
         specialized: True compiles the hot loop for the sizes of this arm (several seconds, once per
             size and machine; a third faster); None does so in the middle of a long run.
         progress: True or False shows or hides the bar that long runs get on a terminal.
@@ -187,6 +193,8 @@ def simulate(
             tip_force=tip_force,
             loads=loads,
             base_acceleration=base_acceleration,
+            breaks=breaks,
+            spacing=1.0 / rate,
             contacts=contacts,
             log=log,
             integrator=integrator,
@@ -206,13 +214,15 @@ def simulate(
         else:
 
             def history_of(relative: float) -> TorqueHistory:
+                share = max(relative * TORQUE_SHARE, 1e-12)
                 history = _history(
-                    where, torque, duration, rate, arm.joints, relative, torque_interpolation
+                    torque, duration, rate, arm.joints, share, torque_interpolation, breaks
                 )
                 if not prescribed:
                     return history
-                share = max(relative * TORQUE_SHARE, 1e-12)
-                return prescribe(simulated, prescribed, state, history, duration, share)
+                return prescribe(
+                    simulated, prescribed, state, history, duration, share, breaks, 1.0 / rate
+                )
 
             run.prescribed = tuple(prescribed or ())
             result = _open_loop(run, history_of, choice)
@@ -234,7 +244,7 @@ def _open_loop(
     except SimulationError as error:
         failure = error
     assert run.history is not None
-    result = _result(run, run.history.at, choice, started, str(failure or ""))
+    result = _result(run, run.history, choice, started, str(failure or ""))
     if failure is not None:
         failure.result = result
         raise failure
@@ -247,15 +257,15 @@ def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice) -> xr.Dataset:
         loop.execute()
     except SimulationError as error:
         if loop.ticks:
-            result = _result(run, loop.torque_at, choice, started, str(error))
+            result = _result(run, loop, choice, started, str(error))
             error.result = add_loop(result, loop)
         raise
-    return add_loop(_result(run, loop.torque_at, choice, started), loop)
+    return add_loop(_result(run, loop, choice, started), loop)
 
 
 def _result(
     run: Run,
-    torque_at: Callable[[FloatArray], FloatArray],
+    drive: TorqueHistory | ClosedLoop,
     choice: Choice,
     started: float,
     failure: str = "",
@@ -276,13 +286,17 @@ def _result(
         "steps": progress.steps,
         "rejected_steps": progress.rejected,
         "evaluations": progress.evaluations + run.discarded,
+        "shortest_feature": max(
+            run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
+        ),
         "wall_seconds": time.perf_counter() - started,
         "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
         "ended_by": ended_by,
         "warning": too_far_bent(run.arm, run.samples[:count]),
     }
-    motor, force, moment, inside = run.reactions(times, torque_at(times))
+    given = drive.at(times) if isinstance(drive, TorqueHistory) else drive.torque_at(times)
+    motor, force, moment, inside = run.reactions(times, given)
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
     forces |= section_channels(inside)
     forces |= contact_channels(run.arm, run.loads.placed.contacts, run.samples[:count])
@@ -343,20 +357,18 @@ def _initial_state(
 
 
 def _history(
-    where: str,
     torque: Torque | None,
     duration: float,
     rate: float,
     joints: int,
-    rtol: float,
+    relative: float,
     interpolation: str,
+    breaks: ArrayLike,
 ) -> TorqueHistory:
     if torque is None:
         return constant_torque(np.zeros(joints))
     if isinstance(torque, TorqueHistory):
-        return torque
+        return torque.held_to(duration)
     if callable(torque):
-        share = max(rtol * TORQUE_SHARE, 1e-12)
-        breaks = getattr(torque, "breaks", ())
-        return function_torque(torque, duration, joints, share, breaks)
+        return function_torque(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
     return sampled_torque(torque, rate, duration, joints, interpolation)

@@ -27,13 +27,15 @@ from flexarm.linear.along import Separation, linearize_along
 from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
 from flexarm.linear.smooth import SmoothMatrices
 from flexarm.motion import Motion, gauss, rigid_torque
+from flexarm.simulate.new_run import RTOL as CLOSE
+from flexarm.simulate.new_run import TORQUE_SHARE
 from flexarm.simulate.result import make_result
+from flexarm.simulate.torque_history import TorqueHistory, function_torque
 from flexarm.simulate.validity import too_far_deviated
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Input = Callable[[FloatArray], FloatArray]
 METHODS = ("dynamic", "quasi_static")
 #: Two runs, one of half the step, must agree to this part of the largest deviation. Linearising
 #: costs more than that where deflections are worth speaking of.
@@ -52,6 +54,7 @@ def simulate_separated(
     added_torque: Callable[[float], ArrayLike] | None = None,
     initial_deviation: ArrayLike | None = None,
     initial_deviation_rate: ArrayLike | None = None,
+    breaks: ArrayLike = (),
     rate: float = 1000.0,
     rtol: float = RTOL,
 ) -> xr.Dataset:
@@ -67,6 +70,7 @@ def simulate_separated(
         added_torque: function of time: (joints,) N m beside the rigid torque.
         initial_deviation, initial_deviation_rate: (dof,) from the reference at time zero; zero by
             default.
+        breaks: times (s) at which ``added_torque`` jumps or bends, as in ``simulate``.
         rate: samples recorded per second, Hz.
         rtol: steps are halved until two runs agree to this part of the largest deviation.
 
@@ -102,7 +106,14 @@ def simulate_separated(
     ]
     allowed = _positive(where, "rtol", rtol)
     attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
-    added = None if added_torque is None else _many(where, added_torque, arm.joints)
+    added = None
+    if added_torque is not None:
+        # It is recorded besides: as closely as ``simulate`` does by default.
+        share, name = min(allowed, CLOSE) * TORQUE_SHARE, "added_torque"
+        added = function_torque(
+            added_torque, until, arm.joints, share, breaks, name, where, 1.0 / frequency
+        )
+        attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":
         given = {
             "added_torque": added_torque,
@@ -124,7 +135,7 @@ def simulate_separated(
     }
     torque = rigid_torque(arm, motion)(times)
     if added is not None and joints == "free":
-        torque += added(times)
+        torque += added.at(times)
     if joints == "locked":
         torque += _taken(model.at(times), dq, dqd)
     q, qd = np.zeros((2, times.size, arm.dof))
@@ -141,7 +152,11 @@ def simulate_separated(
 
 
 def _converged(
-    model: Separation, until: float, start: list[FloatArray], added: Input | None, rtol: float
+    model: Separation,
+    until: float,
+    start: list[FloatArray],
+    added: TorqueHistory | None,
+    rtol: float,
 ) -> DeviationPath:
     """Halve the steps until two runs agree to ``rtol`` of the largest deviation."""
     frequency = modes(model.arm, model.motion.joint_angle(0.0)).frequency_hz
@@ -149,14 +164,17 @@ def _converged(
     if frequency.size and frequency[0] > 0.0:
         longest = min(longest, 0.5 / float(frequency[0]))
     matrices = SmoothMatrices(model)
+    kinks = break_times(model.motion, until)
+    if added is not None:
+        kinks = np.union1d(kinks, added.stops)
 
     def run(longest: float) -> DeviationPath:
-        edges = gauss.step_edges(break_times(model.motion, until), longest)
+        edges = gauss.step_edges(kinks, longest)
         force = None
         if added is not None and model.joints == "free":
             times = gauss.stage_times(edges)
             force = np.zeros((*times.shape, model.kept.size))
-            torque = added(times.ravel()).reshape(*times.shape, -1)
+            torque = added.at(times.ravel()).reshape(*times.shape, -1)
             force[..., model.arm.joint_index] = torque
         return solve_deviations(matrices, edges, start[0], start[1], force)
 
@@ -208,19 +226,6 @@ def _taken(sampled: Separation, dq: FloatArray, dqd: FloatArray) -> FloatArray:
 
 def _start(where: str, name: str, value: ArrayLike | None, arm: Arm) -> FloatArray:
     return np.zeros(arm.dof) if value is None else check_array(where, name, value, (arm.dof,))
-
-
-def _many(where: str, function: Callable[[float], ArrayLike], joints: int) -> Input:
-    """Make of a function of one time one of many."""
-
-    def values(times: FloatArray) -> FloatArray:
-        if getattr(function, "vectorized", False):
-            answer: Any = function(times)  # type: ignore[arg-type]
-            return check_array(where, "added_torque", answer, (times.size, joints))
-        rows = [check_array(where, f"added_torque({t:g})", function(t), (joints,)) for t in times]
-        return np.array(rows)
-
-    return values
 
 
 def _positive(where: str, name: str, value: object) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from flexarm.linear.pressed import PressedMotion
 from flexarm.model import HeldJoint, Scenario, TabulatedJoint
 from flexarm.motion import Motion, RigidTorque, rigid_torque
 from flexarm.simulate.outside import base_acceleration_at_start, contacts_of, loads_at_start
-from flexarm.simulate.prescribed import PrescribedAngle
+from flexarm.simulate.prescribed import PrescribedAngle, constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,7 @@ def feedforward(arm: Arm, motion: Motion | None, start: Start) -> Callable[[Any]
     """
     holding = start.holding
     if motion is None:
-        return None if holding is None else lambda t: holding
+        return None if holding is None else partial(constant, holding)
     rigid = rigid_torque(arm, motion)
     if holding is None:
         return rigid

@@ -6,8 +6,9 @@ The kernels read one form only; everything a user may give is turned into it her
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,10 @@ INTERPOLATIONS = ("cubic", "linear", "hold")
 _KINK = 10.0
 #: Pieces being halved at once. Few jumps keep few pieces open; noise keeps all of them.
 _MOST_PIECES = 50_000
+#: Pieces that a function of time is first cut into.
+_FIRST_PIECES = 64
+#: Instants at which a function of time is examined besides: a fraction of a second of calls.
+_MOST_INSTANTS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +37,14 @@ class TorqueHistory:
         breaks: (pieces + 1,) s, ascending.
         coefficients: (pieces, 4, joints): ``sum_p coefficients[k, p] (t - breaks[k])^p`` N m.
         stops: (stops,) s: times where a value or a slope jumps.
+        shortest_feature: longest interval (s) between two instants at which a function of time
+            was evaluated to make this history; 0 for samples and tables, which are exact.
     """
 
     breaks: FloatArray
     coefficients: FloatArray
     stops: FloatArray
+    shortest_feature: float = 0.0
 
     def at(self, times: FloatArray) -> FloatArray:
         """Evaluate at times (T,): (T, joints) N m; on a break from the right."""
@@ -51,7 +59,23 @@ class TorqueHistory:
         """Add a constant torque (joints,)."""
         coefficients = self.coefficients.copy()
         coefficients[:, 0] += torque
-        return TorqueHistory(self.breaks, coefficients, self.stops)
+        return replace(self, coefficients=coefficients)
+
+    def held_to(self, time: float) -> TorqueHistory:
+        """Hold the last value up to a time (s) and beyond, instead of extending the last cubic."""
+        end = self.breaks[-1]
+        # A constant last piece goes on by itself.
+        if time <= end or not np.any(self.coefficients[-1, 1:]):
+            return self
+        held = np.zeros((1, *self.coefficients.shape[1:]))
+        powers = (end - self.breaks[-2]) ** np.arange(4.0)
+        held[0, 0] = powers @ self.coefficients[-1]
+        return replace(
+            self,
+            breaks=np.append(self.breaks, time),
+            coefficients=np.concatenate([self.coefficients, held]),
+            stops=np.append(self.stops, end),
+        )
 
 
 def constant_torque(torque: FloatArray) -> TorqueHistory:
@@ -67,9 +91,11 @@ def sampled_torque(
     """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero.
 
     Args:
-        values: N m; they must reach to the end of the run, less one sample at most.
+        values: N m; duration times rate of them at least. From the last sample to the end of the
+            run its value is held, whatever the interpolation: nothing is extrapolated.
         interpolation: "hold" keeps each sample until the next; "linear" joins them; "cubic" is
-            the spline with continuous curvature, parted where the samples show a kink.
+            the spline with continuous curvature, parted where the samples show a kink. Between
+            samples that change sign from one to the next it overshoots them.
 
     Raises:
         InputError: too few samples, wrong shape, NaN, or an unknown interpolation.
@@ -95,8 +121,10 @@ def sampled_torque(
         coefficients[:, 0] = samples[:-1]
         coefficients[:, 1] = np.diff(samples, axis=0) * rate
         bends = np.any(np.diff(samples, n=2, axis=0) != 0.0, axis=1)
-        return TorqueHistory(times, coefficients, times[1:-1][bends])
-    return _spline(times, samples)
+        history = TorqueHistory(times, coefficients, times[1:-1][bends])
+    else:
+        history = _spline(times, samples)
+    return history.held_to(duration)
 
 
 def _spline(times: FloatArray, samples: FloatArray) -> TorqueHistory:
@@ -129,6 +157,18 @@ def find_kinks(samples: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(stands_out) + 2
 
 
+class Row:
+    """A function of time that returns a number, as one that returns a row of one number."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self._function = function
+        self.vectorized = getattr(function, "vectorized", False)
+        self.breaks = getattr(function, "breaks", ())
+
+    def __call__(self, t: Any) -> FloatArray:
+        return np.asarray(self._function(t))[..., None]
+
+
 def function_torque(
     function: Callable[[float], ArrayLike],
     duration: float,
@@ -137,54 +177,52 @@ def function_torque(
     breaks: ArrayLike = (),
     name: str = "torque",
     where: str = "simulate",
+    spacing: float | None = None,
 ) -> TorqueHistory:
     """Follow a function ``t -> (joints,)`` by cubics, as closely as the run's tolerance needs.
 
     Each piece is halved until the cubic through four of its points meets three more to
     ``relative`` of the largest torque; where halving no longer helps, the function jumps or bends,
-    and the integrator is made to stop there. Two features closer together than a 64th of the run
-    and invisible at the first points may be missed: give ``breaks`` there.
+    and the integrator is made to stop there. Then the function is compared with the cubics every
+    ``spacing``, and followed anew around each instant where they differ. A feature that is
+    shorter than ``shortest_feature`` of the result, and away from ``breaks``, may be missed.
 
     Args:
-        breaks: times (s) known to be kinks or jumps.
+        breaks: times (s) known to be kinks or jumps, besides ``function.breaks`` if it has any.
         name: what the function is, for messages; ``where``: the call.
+        spacing: s between the instants of the comparison, lengthened where they would be more
+            than 20 000; None for no comparison.
 
     Raises:
         InputError: the function returns something else than ``joints`` finite numbers, or is
-            rough everywhere.
+            rough everywhere; the breaks are not a list of numbers.
     """
-    follower = _Follower(function, duration, joints, name, where)
-    known = np.asarray(breaks, dtype=np.float64).ravel()
+    follower = _Follower(function, duration, joints, relative, name, where)
+    given = breaks, getattr(function, "breaks", ())
+    known = np.concatenate([check_array(where, "breaks", part, (-1,)) for part in given])
     known = known[(known > 0.0) & (known < duration)]
-    edges = np.unique(np.concatenate([np.linspace(0.0, duration, 65), known]))
-    starts, ends = edges[:-1], edges[1:]
-    shortest = duration * 2.0**-40
-    scale = 0.0
-    stops = [known]
-    kept: list[tuple[FloatArray, FloatArray]] = []
-    while starts.size:
-        coefficients, errors, largest = follower.cubics(starts, ends)
-        scale = max(scale, largest)
-        good = errors <= relative * scale
-        hopeless = ~good & (ends - starts <= shortest)
-        stops += [starts[hopeless], ends[hopeless]]
-        done = good | hopeless
-        kept.append((starts[done], coefficients[done]))
-        a, b = starts[~done], ends[~done]
-        if a.size > _MOST_PIECES:
-            rule = "be a function of time that is smooth but for a few jumps"
-            value = f"still not followed at steps of {(b - a).min():.2g} s"
-            hint = "It must give one answer at one time: pass noise as samples at a rate."
-            raise InputError(Problem(where, name, rule, value, hint))
-        middle = 0.5 * (a + b)
-        starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])
-    times = np.concatenate([start for start, _ in kept])
-    order = np.argsort(times)
-    pieces = np.concatenate([piece for _, piece in kept])[order]
-    times = np.append(times[order], duration)
-    stops.append(_jumps(times, pieces, relative * scale))
-    inner = np.unique(np.concatenate(stops))
-    return TorqueHistory(times, pieces, inner[(inner > 0.0) & (inner < duration)])
+    edges = np.union1d(np.linspace(0.0, duration, _FIRST_PIECES + 1), known)
+    starts, pieces, stops = follower.follow(edges[:-1], edges[1:])
+    instants = np.zeros(0)
+    if spacing is not None:
+        count = min(int(np.ceil(duration / spacing)), _MOST_INSTANTS)
+        instants = duration * np.arange(1, count) / count
+        ends = np.append(starts, duration)
+        missed = follower.missed(TorqueHistory(ends, pieces, stops), instants)
+        anew = np.unique(np.searchsorted(starts, missed, side="right") - 1)
+        cuts = np.unique(np.concatenate([starts[anew], missed]))
+        ends = ends[np.searchsorted(ends, cuts, side="right")]
+        more = follower.follow(cuts, np.minimum(ends, np.append(cuts[1:], duration)))
+        starts = np.concatenate([np.delete(starts, anew), more[0]])
+        order = np.argsort(starts)
+        pieces = np.concatenate([np.delete(pieces, anew, axis=0), more[1]])[order]
+        starts, stops = starts[order], np.concatenate([stops, more[2]])
+    times = np.append(starts, duration)
+    stops = np.unique(np.concatenate([known, stops, _jumps(times, pieces, follower.allowed)]))
+    inner = stops[(stops > 0.0) & (stops < duration)]
+    points = starts[:, None] + np.diff(times)[:, None] * follower.points
+    gap = float(np.max(np.diff(np.union1d(points, instants))))
+    return TorqueHistory(times, pieces, inner, gap)
 
 
 def _jumps(breaks: FloatArray, coefficients: FloatArray, allowed: float) -> FloatArray:
@@ -205,22 +243,77 @@ class _Follower:
     #: Four points that the cubic goes through (ends shared), and three that test it.
     _NODES = np.array([0.0, 0.25, 0.75, 1.0])
     _TESTS = np.array([0.1, 0.5, 0.9])
+    #: All of them, as fractions of a piece.
+    points = np.union1d(_NODES, _TESTS)
 
     def __init__(
         self,
         function: Callable[[float], ArrayLike],
         duration: float,
         joints: int,
+        relative: float,
         name: str,
         where: str,
     ) -> None:
         self._function = function
         self._where, self._name = where, name
-        self._joints = joints
+        self._joints, self._relative = joints, relative
         self._powers = np.vander(self._TESTS, 4, increasing=True)
         # A point just inside each end: the function may jump exactly on an edge, and either side
         # must be followed from within.
         self._inside = 1e-12 * duration
+        self._shortest = duration * 2.0**-40
+        self._scale = 0.0  # largest value so far
+
+    @property
+    def allowed(self) -> float:
+        """Error that a cubic may have."""
+        return self._relative * self._scale
+
+    def follow(
+        self, starts: FloatArray, ends: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Halve pieces, given by their starts and ends, until cubics follow the function.
+
+        Returns:
+            Starts of the pieces (k,) and coefficients (k, 4, joints), in order; both ends of
+            those where halving no longer helped.
+
+        Raises:
+            InputError: the function is rough everywhere.
+        """
+        stops = [np.zeros(0)]
+        kept = [(np.zeros(0), np.zeros((0, 4, self._joints)))]
+        while starts.size:
+            coefficients, errors = self._cubics(starts, ends)
+            good = errors <= self.allowed
+            hopeless = ~good & (ends - starts <= self._shortest)
+            stops += [starts[hopeless], ends[hopeless]]
+            done = good | hopeless
+            kept.append((starts[done], coefficients[done]))
+            a, b = starts[~done], ends[~done]
+            if a.size > _MOST_PIECES:
+                rule = "be a function of time that is smooth but for a few jumps"
+                value = f"still not followed at steps of {(b - a).min():.2g} s"
+                hint = "It must give one answer at one time: pass noise as samples at a rate."
+                raise InputError(Problem(self._where, self._name, rule, value, hint))
+            middle = 0.5 * (a + b)
+            starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])
+        times = np.concatenate([start for start, _ in kept])
+        order = np.argsort(times)
+        pieces = np.concatenate([piece for _, piece in kept])[order]
+        return times[order], pieces, np.concatenate(stops)
+
+    def missed(self, history: TorqueHistory, times: FloatArray) -> FloatArray:
+        """Return those of the times at which the function is not where its cubics are."""
+        values = self._values(times)
+        self._grow(values)
+        # Cubics err more between their points than at them, but never by this much.
+        far = np.any(np.abs(values - history.at(times)) > 100.0 * self.allowed, axis=1)
+        times = times[far]
+        # Within the shortest pieces it jumps, which is known.
+        piece = np.searchsorted(history.breaks, times, side="right") - 1
+        return times[np.diff(history.breaks)[piece] > self._shortest]
 
     def _values(self, times: FloatArray) -> FloatArray:
         """Call the function: once for all times if it says that it can, else for each."""
@@ -228,15 +321,17 @@ class _Follower:
             all_at_once: object = self._function(times)  # type: ignore[arg-type]
             return check_array(self._where, self._name, all_at_once, (times.size, self._joints))
         shape = (self._joints,)
-        return np.array(
-            [
-                check_array(self._where, f"{self._name}({t:g})", self._function(t), shape)
-                for t in times
-            ]
-        )
+        rows = [
+            check_array(self._where, f"{self._name}({t:g})", self._function(t), shape)
+            for t in times
+        ]
+        return np.array(rows).reshape(-1, self._joints)
 
-    def cubics(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """Fit pieces from a (k,) to b: coefficients (k, 4, joints), errors (k,), largest value."""
+    def _grow(self, values: FloatArray) -> None:
+        self._scale = max(self._scale, float(np.max(np.abs(values), initial=0.0)))
+
+    def _cubics(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Fit pieces from a (k,) to b: coefficients (k, 4, joints) and errors (k,)."""
         width = (b - a)[:, None]
         inside = np.minimum(self._inside / width, 1e-3)
         nodes = np.tile(self._NODES, (a.size, 1))
@@ -245,9 +340,8 @@ class _Follower:
         tests = np.tile(self._TESTS, (a.size, 1))
         times = a[:, None] + np.concatenate([nodes, tests], axis=1) * width
         values = self._values(times.ravel()).reshape(*times.shape, self._joints)
+        self._grow(values)
         powers = nodes[:, :, None] ** np.arange(4.0)
         scaled = np.linalg.solve(powers, values[:, :4])
-        missed = self._powers @ scaled - values[:, 4:]
-        errors = np.max(np.abs(missed), axis=(1, 2))
-        coefficients = scaled / width[:, :, None] ** np.arange(4.0)[:, None]
-        return coefficients, errors, float(np.max(np.abs(values)))
+        errors = np.max(np.abs(self._powers @ scaled - values[:, 4:]), axis=(1, 2))
+        return scaled / width[:, :, None] ** np.arange(4.0)[:, None], errors

@@ -28,7 +28,9 @@ class TorqueDrive(Record):
         json_schema_extra={"minItems": 1},
     )
     interpolation: Literal["cubic", "linear", "hold"] = Field(
-        default="cubic", description="What happens between samples."
+        default="cubic",
+        description="What happens between samples; the cubic overshoots samples that jump. The "
+        "last sample is held to the end of the run.",
     )
 
     @classmethod

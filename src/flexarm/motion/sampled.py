@@ -1,0 +1,153 @@
+"""A motion as a table of polynomials: one evaluation costs microseconds, for control loops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.motion.motion import JointState, Motion
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.interpolate import PPoly
+
+    from flexarm.motion.chain import RigidChain
+
+    Floats = NDArray[np.float64]
+
+#: Samples of one table: 2 joints of so many take 100 MB.
+_MOST_SAMPLES = 10**6
+#: Where, as fractions of an interval, the error of the table is largest: that of the acceleration
+#: at the first and the last, that of the rate at the second, that of the angle in the middle.
+_TESTS = np.array([0.14, 0.28, 0.5, 0.86])
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMotion(Motion):
+    """A motion tabulated at a rate: polynomials of degree 5 through angle, rate and acceleration.
+
+    Rates and accelerations are the derivatives of the tabulated angles, and all three are those of
+    the original at the samples. Breaks and the rests before and after it are kept. ``tip`` is that
+    of the original.
+
+    Attributes:
+        motion: the original.
+        rate: samples per second, Hz.
+        error: largest differences from the original, at four instants between any two samples:
+            angle (rad), rate (rad/s) and acceleration (rad/s^2) of each joint, (n,) each.
+    """
+
+    motion: Motion
+    rate: float
+    error: JointState
+    _table: PPoly = field(repr=False)
+    chain: RigidChain = field(init=False, repr=False)
+    duration: float = field(init=False)
+    start_time: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chain", self.motion.chain)
+        object.__setattr__(self, "duration", self.motion.duration)
+        object.__setattr__(self, "start_time", self.motion.start_time)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Those of the original, s."""
+        return self.motion.breaks
+
+    @property
+    def end_time(self) -> float:
+        """When it is at rest again, s."""
+        return self.motion.end_time
+
+    def tip(self, t: ArrayLike) -> Floats:
+        """Return the tip (2,) or (T, 2) of the original, world axes, m; as slow as that."""
+        return self.motion.tip(t)
+
+    def joint_angle(self, t: ArrayLike) -> Floats:
+        """Return the relative joint angles (n,) or (T, n), rad."""
+        return self._derivative(t, 0)
+
+    def joint_rate(self, t: ArrayLike) -> Floats:
+        """Return the joint rates (n,) or (T, n), rad/s."""
+        return self._derivative(t, 1)
+
+    def joint_acceleration(self, t: ArrayLike) -> Floats:
+        """Return the joint accelerations (n,) or (T, n), rad/s^2."""
+        return self._derivative(t, 2)
+
+    def at(self, times: Floats) -> JointState:
+        """See `Motion.at`."""
+        return JointState(*(self._derivative(times, order) for order in range(3)))
+
+    def _derivative(self, t: ArrayLike, order: int) -> Floats:
+        # The first and the last polynomial are the rests: constants, which need no more than that.
+        ends = self._table.x[0], self._table.x[-1]
+        found: Floats = self._table(np.minimum(np.maximum(self._times(t), ends[0]), ends[1]), order)
+        return found
+
+
+def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
+    """Tabulate a motion at a rate (Hz); see ``Motion.sampled``.
+
+    Raises:
+        InputError: if the rate is not positive, or makes more than a million samples.
+    """
+    from scipy.interpolate import PPoly
+
+    where = "sampled"
+    frequency = float(check_array(where, "rate", rate, ()))
+    most = _MOST_SAMPLES / motion.duration
+    if not 0.0 < frequency <= most:
+        rule = f"be greater than 0 and at most {most:.6g} for a motion of {motion.duration:.6g} s"
+        raise InputError(Problem(where, "rate", rule, shown(rate)))
+    pieces = [_nodes(a, b, frequency) for a, b in pairwise(motion.breaks)]
+    starts = np.concatenate([nodes[:-1] for nodes in pieces])
+    ends = np.concatenate([nodes[1:] for nodes in pieces])
+    # At a break the acceleration belongs to what follows: ask for the other side.
+    before = [np.append(nodes[1:-1], np.nextafter(nodes[-1], -np.inf)) for nodes in pieces]
+    width = ends - starts
+    inner = _quintic(motion.state(starts), motion.state(np.concatenate(before)), width)
+    rests = np.zeros((2, 6, motion.joints))
+    rests[:, 5] = motion.joint_angle([motion.start_time - 1.0, motion.end_time])
+    coefficients = np.concatenate([rests[:1], inner, rests[1:]]).transpose(1, 0, 2)
+    edges = np.concatenate([[starts[0] - 1.0], starts, [ends[-1], ends[-1] + 1.0]])
+    table = PPoly(np.ascontiguousarray(coefficients), edges)
+    times = (starts[:, None] + width[:, None] * _TESTS).reshape(-1)
+    exact = motion.state(times)
+    error = (np.abs(table(times, order) - part).max(axis=0) for order, part in enumerate(exact))
+    return SampledMotion(motion, frequency, JointState(*error), table)
+
+
+def _nodes(start: float, end: float, rate: float) -> Floats:
+    """Return evenly spaced times from start to end, no farther apart than the rate asks for."""
+    count = max(int(np.ceil((end - start) * rate * (1.0 - 1e-9))), 1)
+    return np.linspace(start, end, count + 1)
+
+
+def _quintic(first: JointState, last: JointState, width: Floats) -> Floats:
+    """Hermite's polynomials: coefficients (k, 6, n) of falling powers of the time from the start.
+
+    Args:
+        first, last: (k, n) at the starts and at the ends of the intervals.
+        width: (k,) s.
+    """
+    h = width[:, None]
+    q, v, a = first.angle, h * first.rate, 0.5 * h**2 * first.acceleration
+    # What the end has beyond the parabola that the start gives.
+    angle = last.angle - (q + v + a)
+    rate = h * last.rate - (v + 2.0 * a)
+    bend = 0.5 * h**2 * last.acceleration - a
+    rows = [
+        (6.0 * angle - 3.0 * rate + bend) / h**5,
+        (-15.0 * angle + 7.0 * rate - 2.0 * bend) / h**4,
+        (10.0 * angle - 4.0 * rate + bend) / h**3,
+        0.5 * first.acceleration,
+        first.rate,
+        q,
+    ]
+    return np.stack(rows, axis=1)

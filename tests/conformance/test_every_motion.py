@@ -1,0 +1,198 @@
+"""Every kind of motion, and every torque along one: its copies, pickles and tables."""
+
+import copy
+import pickle
+from functools import cache
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.model import Scenario
+from flexarm.motion import Motion
+from flexarm.simulate.motions import motion_of
+from flexarm.simulate.scenario import prepare
+
+ROD = {"flexural_rigidity": 60.0, "mass_per_length": 0.5}
+
+
+@cache
+def two_links():
+    return fa.Arm(links=[fa.Link(length=1.0, elements=1, **ROD)] * 2)
+
+
+@cache
+def line():
+    return fa.line_motion(two_links(), (1.2, 0.8), (0.8, 1.2), 1.0, start_time=2.0)
+
+
+@cache
+def long_line():
+    three = fa.Arm(links=[fa.Link(length=0.7, elements=1, **ROD)] * 3)
+    return fa.line_motion(three, (1.2, 0.8), (0.8, 1.2), 1.0, profile="trapezoidal")
+
+
+def joints(profile):
+    return fa.joint_motion(two_links(), [0.2, -0.4], [0.9, 0.5], 0.8, profile, start_time=0.1)
+
+
+@cache
+def inversion():
+    return fa.tip_inversion(two_links(), line(), reduction=0.5)
+
+
+def scenario(**parts):
+    """A scenario of two links that runs for a second; other parts as files have them."""
+    arm = two_links().spec
+    return Scenario(arm=arm, run={"duration": 1.0}, **parts)
+
+
+def motion_of_file(**parts):
+    return motion_of(two_links(), scenario(**parts))
+
+
+PATH = {"kind": "joint", "start": [0.3, 0.5], "end": [0.5, 0.8], "duration": 1.0}
+CIRCLE = {"kind": "round", "center": [0.0, 0.0], "radius": 3.0, "inside": True}
+FORCE = {"times": [0.0, 0.5, 1.0], "values": [0.0, 2.0, 1.0]}
+
+MOTIONS = {
+    "joint": lambda: joints("quintic"),
+    "joint, trapezoidal": lambda: joints("trapezoidal"),
+    "line": line,
+    "line of three links": long_line,
+    "smoothed": lambda: fa.smoothed(long_line(), 0.2),
+    "shaped": lambda: fa.shaped(line(), two_links()),
+    "quasi-static": lambda: fa.quasi_static_reference(two_links(), line()),
+    "inversion": lambda: inversion().reference,
+    "sampled": lambda: joints("trapezoidal").sampled(300.0),
+    "of a file": lambda: motion_of_file(motion={**PATH, "smoothing": {"duration": 0.1}}),
+}
+PRESSED = {
+    "pressed": lambda: fa.pressed_motion(two_links(), line(), 2.0, (1.0, 1.0), interval=0.5),
+    "pressed, of a file": lambda: motion_of_file(
+        motion={"kind": "pressed", "path": PATH, "force": FORCE, "interval": 0.2},
+        contacts=[{"surface": CIRCLE, "stiffness": 1e4}],
+    ),
+}
+FUNCTIONS = {
+    "rigid torque": lambda: fa.rigid_torque(two_links(), line()),
+    "corrected torque": lambda: inversion().torque,
+    "quasi-static torque": lambda: fa.quasi_static_reference(two_links(), line()).torque,
+    "flexible torque": lambda: fa.flexible_torque(two_links(), joints("quintic")),
+    "balanced torque of a file": lambda: prepare(
+        scenario(
+            motion=PATH,
+            drive={"kind": "rigid_inverse_dynamics"},
+            loads=[{"link": 2, "force": [0.0, -1.0]}],
+            initial={"equilibrium": True, "balance": True},
+        )
+    ).options["torque"],
+}
+PRESCRIBED = {
+    "hold": lambda: fa.PrescribedAngle.hold(0.3),
+    "table": lambda: fa.PrescribedAngle.table([0.0, 0.5, 1.0], [0.0, 0.3, 0.1]),
+}
+
+TIMES = [-1.0, 0.0, 0.1, 0.3, 0.97, 2.0, 2.5, 9.0]
+OF_THE_JOINTS = ("joint_angle", "joint_rate", "joint_acceleration", "tip")
+OF_THE_FORCE = ("contact_force", "normal", "holding_torque", "pressing_torque")
+
+
+def answers(value):
+    """Everything that a motion or a function of time says at a few times, in one row."""
+    if isinstance(value, fa.PrescribedAngle):
+        functions = [value.angle, value.rate, value.acceleration]
+    elif callable(value):
+        functions = [value]
+    else:
+        names = [*OF_THE_JOINTS, *OF_THE_FORCE]
+        functions = [getattr(value, name) for name in names if hasattr(value, name)]
+    return np.concatenate([np.ravel(function(t)) for function in functions for t in TIMES])
+
+
+def kinds(base):
+    """All classes of motions that can be made, the base's own subclasses and theirs."""
+    for kind in base.__subclasses__():
+        if not kind.__abstractmethods__:
+            yield kind
+        yield from kinds(kind)
+
+
+def test_every_kind_of_motion_is_here():
+    here = {type(make()) for make in MOTIONS.values()}
+    missing = {
+        kind.__name__ for kind in kinds(Motion) if kind.__module__.startswith("flexarm.")
+    } - {kind.__name__ for kind in here}
+    assert not missing
+
+
+EVERY = MOTIONS | PRESSED | FUNCTIONS | PRESCRIBED
+
+
+@pytest.mark.parametrize("make", EVERY.values(), ids=EVERY)
+def test_copies_and_pickles_answer_alike(make):
+    """Studies hand them to other processes. A function without a name stopped the pickle."""
+    value = make()
+    expected = answers(value)
+    for copied in (copy.copy(value), copy.deepcopy(value), pickle.loads(pickle.dumps(value))):
+        np.testing.assert_array_equal(answers(copied), expected)
+        assert type(copied) is type(value)
+
+
+@pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
+def test_a_table_is_the_motion_within_its_stated_error(make):
+    motion = make()
+    table = motion.sampled(500.0)
+    assert (table.breaks, table.start_time, table.end_time, table.joints) == (
+        motion.breaks,
+        motion.start_time,
+        motion.end_time,
+        motion.joints,
+    )
+    beside = np.nextafter(motion.breaks, -np.inf)
+    ends = [-np.inf, motion.start_time - 1.0, motion.end_time + 1.0, np.inf]
+    spread = np.linspace(motion.start_time, motion.end_time, 1777)
+    times = np.concatenate([spread, motion.breaks, beside, ends])
+    found, exact = table.state(times), motion.state(times)
+    for part, (got, want) in enumerate(zip(found, exact, strict=True)):
+        # Rounding of a spline of the interval h: a few bits of the angle, over h once or twice.
+        rounding = 1e-14 * 500.0**part
+        # Four instants of each interval find the largest error of a smooth motion; that of the
+        # inversion is a spline with knots of its own.
+        largest = 1.25 * table.error[part] + rounding
+        np.testing.assert_array_less(np.max(abs(got - want), axis=0), largest)
+    resting = (times < motion.start_time) | (times >= motion.end_time)
+    assert not np.any(found.rate[resting])
+    assert not np.any(found.acceleration[resting])
+    for name, part in zip(OF_THE_JOINTS, found, strict=False):
+        np.testing.assert_array_equal(getattr(table, name)(times), part)
+        np.testing.assert_array_equal(getattr(table, name)(float(times[70])), part[70])
+    np.testing.assert_array_equal(table.tip(spread), motion.tip(spread))
+
+
+def test_the_error_of_a_table_falls_with_the_sixth_power_of_the_interval():
+    """Its angles; rates with the fifth, accelerations with the fourth."""
+    motion = line()
+    coarse, fine = motion.sampled(20.0), motion.sampled(40.0)
+    for power, more, less in zip((6, 5, 4), coarse.error, fine.error, strict=True):
+        assert np.all(more / less > 0.7 * 2.0**power)
+    assert np.all(fine.error.angle < 1e-5)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.inf, np.nan, "fast", 1e7])
+def test_rates_of_tables_that_are_refused(rate):
+    with pytest.raises(fa.InputError, match="sampled: rate"):
+        line().sampled(rate)
+
+
+def test_a_table_refuses_what_a_motion_refuses():
+    with pytest.raises(fa.InputError, match="SampledMotion: t must be a time"):
+        line().sampled(100.0).joint_angle(np.nan)
+
+
+def test_a_run_follows_a_table():
+    arm, motion = two_links().rigid(), joints("trapezoidal")
+    run = {"controller": fa.JointPD([10.0, 4.0], [2.0, 0.5]), "progress": False}
+    exact = fa.simulate(arm, 1.0, reference=motion, **run)
+    table = fa.simulate(arm, 1.0, reference=motion.sampled(1000.0), **run)
+    np.testing.assert_allclose(table.tip, exact.tip, rtol=0, atol=1e-9)

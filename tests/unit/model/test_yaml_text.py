@@ -1,0 +1,97 @@
+"""YAML read with libyaml and without: the same values, lines and messages, however deep or long."""
+
+from pathlib import Path
+
+import pytest
+
+import flexarm as fa
+from flexarm.model import yaml_text
+from flexarm.model.yaml_text import parse, to_yaml
+
+FILE = Path("file.yaml")
+
+RIGHT = [
+    "a: 1\nb: [1, 2.5, 1e5, .5, -3., .inf, 0x1F, 0o17, 010]\n",
+    "text: [yes, on, 1:30, 2024-01-02, 'quoted', \"tab\\t\", null, ~, true]\n",
+    "base: &base {x: 1, y: 2}\nmore:\n  <<: *base\n  y: 3\nlist: [*base, *base]\n",
+    "long: |\n  two\n  lines\nfolded: >-\n  one\n  line\n# a comment\nlast: end\n",
+    "- [1, 2]\n- [3, 4]\n-\n  - 5\n  - 6\n",
+    "twice: 1\ntwice: 2\nnested: {same: 1, same: 2}\n",
+    "! tagged: !!set {a, b}\n",
+    "\u00e4\u00f6: \u2113\n---\n"[:-4],
+    "{a: 1, b: [2, {c: 3}], : 4}\n",
+    "",
+]
+WRONG = [
+    "a: [1, 2\nb: 3\n",
+    "a: 1\n\tb: 2\n",
+    "a: *nothing\n",
+    "a: 'open\n",
+    "a: 1\n---\nb: 2\n",
+    "a: b: c\n",
+    "a: \x00\n",
+    "%YAML 3.0\n---\na\n",
+]
+
+
+def told(text):
+    """Value, problems and lines of a text, or the message that refuses it."""
+    try:
+        found = parse(FILE, text)
+    except fa.InputError as error:
+        return str(error)
+    keys = list(found.value) if isinstance(found.value, dict) else range(len(found.value))
+    lines = [found.where((key,)) for key in keys]
+    return repr(found.value), [str(problem) for problem in found.problems], lines
+
+
+@pytest.mark.parametrize("text", [*RIGHT, *WRONG])
+def test_the_parser_makes_no_difference(text, monkeypatch):
+    fast = told(text)
+    monkeypatch.setattr(yaml_text, "CParser", None)
+    assert told(text) == fast
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_what_is_no_yaml_is_refused_with_its_line(text):
+    assert told(text).startswith("file.yaml:")
+
+
+@pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ("{a: ", "}"), ("- ", "")])
+def test_deep_nesting_is_refused_and_does_not_crash(opening, closing):
+    """The composer of libyaml overflows the stack here, which ends the process."""
+    text = opening * 300_000 + closing * 300_000
+    assert "nested too deeply" in told(text)
+
+
+def test_lines_in_a_long_table(tmp_path):
+    rows = [f"    - [{k}, 0.5]" for k in range(3000)]
+    rows[1234] = "    - [soon, 0.5]"
+    rows[2345] = "    - [1.0, 2.0, 3.0]"
+    head = [
+        "flexarm: 1",
+        "arm: {links: [{length: 1, flexural_rigidity: 9, mass_per_length: 1}]}",
+        "run: {duration: 1}",
+        "drive:",
+        "  kind: torque",
+        "  rate: 1000",
+        "  values:",
+    ]
+    file = tmp_path / "long.yaml"
+    file.write_text("\n".join([*head, *rows]) + "\n")
+    with pytest.raises(fa.ModelError) as caught:
+        fa.load_scenario(file)
+    lines = {int(problem.where.rpartition(":")[2]) for problem in caught.value.problems}
+    assert len(head) + 1 + 1234 in lines
+    assert len(head) + 1 + 2345 in lines
+
+
+def test_a_table_is_written_and_read_back():
+    content = {
+        "values": [[k / 7.0, -1e-9 * k] for k in range(500)],
+        "name": "\u00e4: b",
+        "on": True,
+    }
+    text = to_yaml(content)
+    assert parse(FILE, text).value == content
+    assert text.startswith("values:\n- [0.0, -0.0]\n")
