@@ -121,7 +121,8 @@ def main(count: int) -> None:
     """Print one line for each method."""
     found: dict[str, list[float | None]] = {name: [] for name in METHODS}
     cost: dict[str, list[float]] = {name: [] for name in METHODS}
-    for case in cases(count):
+    for number, case in enumerate(cases(count), start=1):
+        print(f"arm {number} of {count}", file=sys.stderr)
         for name in METHODS:
             error, evaluations = measure(case, name)
             found[name].append(error)
