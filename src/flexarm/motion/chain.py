@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.arguments import check_kind
 from flexarm.errors import InputError, Problem
 from flexarm.motion.kinematics import tip_position
 
@@ -49,7 +50,9 @@ def rigid_chain(where: str, arm: Arm) -> RigidChain:
     Raises:
         InputError: no joint turns, or two that do lie in one place.
     """
-    if arm.joints == 0:
+    from flexarm.arm import Arm
+
+    if check_kind(where, "arm", arm, Arm).joints == 0:
         rule = "have a joint that turns"
         raise InputError(Problem(where, "arm", rule, "one whose joints are all fixed"))
     turning = [seat.link for seat in arm.assembly.seats]

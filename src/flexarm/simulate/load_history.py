@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_function
 from flexarm.arm import Arm
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
@@ -56,6 +57,7 @@ def load_history(
         nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
         return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
+        check_function(where, "base_acceleration", base_acceleration)
         base = function_torque(
             base_acceleration, duration, 2, relative, name="base_acceleration", where=where
         )
