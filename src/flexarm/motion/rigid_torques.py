@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from flexarm.arguments import check_kind
+from flexarm.motion.chain import check_arm
 from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:
@@ -67,7 +67,5 @@ def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
     Raises:
         InputError: the numbers of joints differ.
     """
-    from flexarm.arm import Arm
-
-    arm = check_kind("rigid_torque", "arm", arm, Arm)
+    arm = check_arm("rigid_torque", arm)
     return RigidTorque(arm.rigid(), check_motion("rigid_torque", motion, arm))
