@@ -149,14 +149,14 @@ def check_path(where: str, name: str, value: object) -> Path:
     """Return the path of a file, from text or a path object.
 
     Raises:
-        InputError: if the value is neither, names no file, or holds a null character.
+        InputError: if the value is neither, names no file, is too long, or holds a null character.
     """
     given = value if isinstance(value, str | PathLike) else None
     try:
         text = fspath(given) if given is not None else None
     except Exception:  # a path object of someone else's making
         text = None
-    if isinstance(text, str) and "\0" not in text and Path(text).name:
+    if isinstance(text, str) and len(text) < 4096 and "\0" not in text and Path(text).name:
         return Path(text)
     raise InputError(Problem(where, name, "be the path of a file", shown(value)))
 
