@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_last_axes, check_path
 from flexarm.assemble import FloatArray
 from flexarm.contacts import Contact, place_outside
 from flexarm.dynamics import Dynamics
@@ -61,7 +62,7 @@ class Arm(Dynamics):
     """
 
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
-        spec = ArmSpec(**fields) if spec is None else spec
+        spec = ArmSpec(**fields) if spec is None else check_kind("Arm", "spec", spec, ArmSpec)
         super().__init__(spec)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
@@ -143,10 +144,16 @@ class Arm(Dynamics):
     def strain(self, q: ArrayLike) -> FloatArray:
         """Return the strain at each declared gauge, (gauges,): -distance * v''."""
         values: FloatArray = self.strains(self._state("Arm.strain", q, None)[None])[0]
-        return values
+        return check_result("Arm.strain", values, q)
 
-    def strains(self, states: FloatArray) -> FloatArray:
-        """Return the strains (samples, gauges) of kernel states (samples, 2, n, 1 + m)."""
+    def strains(self, states: ArrayLike) -> FloatArray:
+        """Return the strains (samples, gauges) of kernel states (samples, 2, n, 1 + m).
+
+        Raises:
+            InputError: if the states do not have that shape.
+        """
+        shape = (2, self.assembly.bodies, 1 + self.assembly.modes)
+        states = check_last_axes("Arm.strains", "states", states, shape, axes=4)
         strains = np.zeros((len(states), len(self.gauges)), dtype=states.dtype)
         gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
@@ -204,7 +211,7 @@ def varied(
     """
     return Arm(
         varied_spec(
-            arm.spec,
+            check_kind("varied", "arm", arm, Arm).spec,
             payload_factor=payload_factor,
             payload_mass=payload_mass,
             flexural_rigidity_factor=flexural_rigidity_factor,
@@ -220,9 +227,10 @@ def load_arm(path: str | PathLike[str]) -> Arm:
     Raises:
         ModelError: the file cannot be read as an arm; every problem with its line.
     """
-    return Arm(load_arm_spec(path))
+    return Arm(load_arm_spec(check_path("load_arm", "path", path)))
 
 
 def save_arm(arm: Arm, path: str | PathLike[str]) -> None:
     """Write an arm to a YAML file that ``load_arm`` reads back equal; never half a file."""
-    save_arm_spec(arm.spec, path)
+    spec = check_kind("save_arm", "arm", arm, Arm).spec
+    save_arm_spec(spec, check_path("save_arm", "path", path))

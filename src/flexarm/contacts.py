@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_list_of
 from flexarm.coordinates import Coordinates
 from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.kernels.contact import (
@@ -90,6 +91,7 @@ class Contact:
 
     def place(self, arm: Coordinates) -> Load:
         """Return the place on an arm, as a load without a value."""
+        arm = check_kind("Contact.place", "arm", arm, Coordinates, "an Arm")
         return Load(arm.links if self.link is None else self.link, station=self.station)
 
 
@@ -109,10 +111,7 @@ def place_contacts(arm: Coordinates, where: str, contacts: Sequence[Contact]) ->
     Raises:
         InputError: ``contacts`` is no list of `Contact`s, or a point is not on the arm.
     """
-    if not isinstance(contacts, list | tuple) or not all(isinstance(c, Contact) for c in contacts):
-        raise InputError(
-            Problem(where, "contacts", "be a list of Contact objects", shown(contacts))
-        )
+    contacts = check_list_of(where, "contacts", contacts, Contact)
     points = place_loads(arm, where, [contact.place(arm) for contact in contacts], what="Contact")
     tables = [c.surface.pieces for c in contacts if isinstance(c.surface, SurfaceTable)]
     pieces = sum(len(table) for table in tables)

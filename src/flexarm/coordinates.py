@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import as_list, check_last_axes
 from flexarm.assemble import Assembly, FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.model import ArmSpec
@@ -77,11 +78,12 @@ class Coordinates:
                 shape in the mean square weighted by mass.
         """
         q = self.rest(joint_angles)
-        if len(nodal) != self.links:
-            rule = f"hold one array for each of the {self.links} links"
-            raise InputError(Problem("Arm.from_nodal", "nodal", rule, shown(len(nodal))))
+        items = list(nodal) if isinstance(nodal, np.ndarray) and nodal.ndim else as_list(nodal)
+        if items is None or len(items) != self.links:
+            rule = f"be a list of one array for each of the {self.links} links"
+            raise InputError(Problem("Arm.from_nodal", "nodal", rule, shown(nodal)))
         values = {
-            i: check_array("Arm.from_nodal", f"nodal[{i}]", nodal[i], (link.elements, 2))
+            i: check_array("Arm.from_nodal", f"nodal[{i}]", items[i], (link.elements, 2))
             for i, link in enumerate(self.spec.links)
             if link.flexible
         }
@@ -103,21 +105,38 @@ class Coordinates:
                 shapes[piece.link][piece.rows] = bent.reshape(-1, 2)
         return shapes
 
-    def padded(self, vector: FloatArray) -> FloatArray:
-        """Place a vector (dof,) or vectors (..., dof) in the kernels' array (..., n, 1 + m)."""
+    def padded(self, vector: ArrayLike) -> FloatArray:
+        """Place a vector (dof,) or vectors (..., dof) in the kernels' array (..., n, 1 + m).
+
+        Raises:
+            InputError: if the last axis does not have dof numbers.
+        """
         a = self.assembly
+        vector = check_last_axes("Arm.padded", "vector", vector, a.coordinates.shape)
         array = np.zeros((*vector.shape[:-1], a.bodies * (1 + a.modes)), dtype=vector.dtype)
         array[..., a.coordinates] = vector
         return array.reshape(*vector.shape[:-1], a.bodies, 1 + a.modes)
 
-    def unpadded(self, array: FloatArray) -> FloatArray:
-        """Take the coordinates (..., dof) out of the kernels' array (..., n, 1 + m)."""
-        flat = array.reshape(*array.shape[:-2], -1)
-        taken: FloatArray = flat[..., self.assembly.coordinates]
+    def unpadded(self, array: ArrayLike) -> FloatArray:
+        """Take the coordinates (..., dof) out of the kernels' array (..., n, 1 + m).
+
+        Raises:
+            InputError: if the last axes do not have the shape (n, 1 + m).
+        """
+        a = self.assembly
+        array = check_last_axes("Arm.unpadded", "array", array, (a.bodies, 1 + a.modes))
+        flat = array.reshape(*array.shape[:-2], a.bodies * (1 + a.modes))
+        taken: FloatArray = flat[..., a.coordinates]
         return taken
 
-    def padded_torque(self, torque: FloatArray) -> FloatArray:
-        """Place joint torques (..., joints) at the bodies (..., n)."""
-        array = np.zeros((*torque.shape[:-1], self.assembly.bodies), dtype=torque.dtype)
-        array[..., self.assembly.joint_body] = torque
+    def padded_torque(self, torque: ArrayLike) -> FloatArray:
+        """Place joint torques (..., joints) at the bodies (..., n).
+
+        Raises:
+            InputError: if the last axis does not have one number for each joint.
+        """
+        a = self.assembly
+        torque = check_last_axes("Arm.padded_torque", "torque", torque, a.joint_body.shape)
+        array = np.zeros((*torque.shape[:-1], a.bodies), dtype=torque.dtype)
+        array[..., a.joint_body] = torque
         return array

@@ -195,11 +195,12 @@ class Dynamics(Coordinates):
         n, width = self.assembly.bodies, 1 + self.assembly.modes
         constants = self.assembly.constants
         acting = acting_loads(self, where, tip_force, loads)
-        if np.any(constants.gravity) or constants.joint_laws.size or acting or contacts:
+        placed = place_outside(self, where, acting, None, contacts)
+        touching = placed.contacts.body.size
+        if np.any(constants.gravity) or constants.joint_laws.size or acting or touching:
             K = np.zeros((n, width, n, width))
             work = self._work(complex)
             at_rest = np.zeros((n, width))
-            placed = place_outside(self, where, acting, None, contacts)
             potential_hessian(
                 self._sizes, constants, state.astype(complex), at_rest, placed, work, K
             )

@@ -38,7 +38,10 @@ def shown(value: object) -> str:
     """
     if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
         value = value.item()  # type: ignore[attr-defined]
-    text = "nothing" if value is None else _SHORT.repr(value)
+    try:
+        text = "nothing" if value is None else _SHORT.repr(value)
+    except Exception:  # an integer of more digits than Python prints, a repr that fails
+        text = f"an object of type {type(value).__name__}"
     return " ".join(text.split())
 
 
@@ -152,8 +155,11 @@ def check_array(
 
     try:
         raw = np.asarray(value)
-    except ValueError:  # rows of different lengths
+    except Exception:  # rows of different lengths, objects that fail to make an array of themselves
         raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value))) from None
+    if isinstance(value, np.ma.MaskedArray):
+        hint = "Fill or remove the masked elements first."
+        raise InputError(Problem(where, name, "not be a masked array", shown(value), hint))
     if raw.dtype.kind not in "iuf":
         raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value)))
     if raw.ndim != len(shape) or any(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_function, check_list_of, check_nonnegative
 from flexarm.assemble import FloatArray, Piece
 from flexarm.beams import LinkConstants
 from flexarm.beams.shortening import shortening_matrices
@@ -61,7 +62,7 @@ class Load:
         check_array("Load", "force", self.force, (2,))
         check_array("Load", "moment", self.moment, ())
         problems = []
-        if self.frame not in FRAMES:
+        if not isinstance(self.frame, str) or self.frame not in FRAMES:
             rule = "be one of " + ", ".join(map(repr, FRAMES))
             problems.append(Problem("Load", "frame", rule, shown(self.frame)))
         if self.spread is not None:
@@ -72,11 +73,13 @@ class Load:
             if self.station is not None or self.moment != 0.0:
                 rule = "be left out of a load that has a station or a moment"
                 problems.append(Problem("Load", "spread", rule, shown(self.spread)))
-        if self.station is not None and not float(self.station) >= 0.0:
-            problems.append(Problem("Load", "station", "be at least 0", shown(self.station)))
+        if self.station is not None:
+            check_nonnegative("Load", "station", self.station)
         if problems:
             raise InputError(*problems)
-        if self.factor is not None and not callable(self.factor):
+        if callable(self.factor):
+            check_function("Load", "factor", self.factor)
+        elif self.factor is not None:
             check_table("Load", "factor", self.factor, 1)
 
     @property
@@ -87,7 +90,9 @@ class Load:
 
 def is_table(value: Any) -> bool:
     """Tell whether a value is meant as a table: a pair whose first part is a list."""
-    return isinstance(value, tuple | list) and len(value) == 2 and np.ndim(value[0]) > 0
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        return False
+    return isinstance(value[0], tuple | list) or getattr(value[0], "ndim", 0) > 0
 
 
 def check_table(where: str, name: str, table: object, columns: int) -> tuple[FloatArray, ...]:
@@ -115,8 +120,9 @@ def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[
     """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a load; none for None."""
     if tip_force is None:
         return []
-    size = 2 if np.shape(tip_force) == (2,) else 3
-    force = check_array(where, "tip_force", tip_force, (size,))
+    force = check_array(where, "tip_force", tip_force, (-1,))
+    size = force.size if force.size in (2, 3) else 3
+    force = check_array(where, "tip_force", force, (size,))
     moment = float(force[2]) if size == 3 else 0.0
     return [Load(link=arm.links, force=force[:2], moment=moment)]
 
@@ -129,9 +135,7 @@ def acting_loads(
     Raises:
         InputError: ``loads`` is no list of `Load`s.
     """
-    if not isinstance(loads, list | tuple) or not all(isinstance(load, Load) for load in loads):
-        raise InputError(Problem(where, "loads", "be a list of Load objects", shown(loads)))
-    return [*tip_load(arm, where, tip_force), *loads]
+    return [*tip_load(arm, where, tip_force), *check_list_of(where, "loads", loads, Load)]
 
 
 def place_loads(

@@ -144,13 +144,17 @@ def citation(result: xr.Dataset | Cited) -> str:
     Raises:
         InputError: something else was given.
     """
-    if hasattr(result, "attrs"):
-        used, made_by = result.attrs.get("references", ""), result.attrs.get("flexarm_version", "")
-    elif hasattr(result, "references"):
-        used, made_by = result.references, version("flexarm")
+    attributes = getattr(result, "attrs", None)
+    if isinstance(attributes, dict):
+        used, made_by = attributes.get("references", ""), attributes.get("flexarm_version", "")
+    elif isinstance(getattr(result, "references", None), str):
+        used, made_by = getattr(result, "references", ""), version("flexarm")
     else:
         raise InputError(Problem("citation", "result", "be a result of simulate", shown(result)))
     keys = ["flexarm", *str(used).split()]
     entries = dict(_ENTRIES)
     entries["flexarm"] = _ENTRIES["flexarm"] % made_by
+    unknown = [key for key in keys if key not in entries]
+    if unknown:
+        raise InputError(Problem("citation", "result", "cite known methods", shown(unknown)))
     return "\n\n".join(entries[key] for key in keys)

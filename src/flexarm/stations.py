@@ -94,7 +94,11 @@ def place_gauges(
         bodies[k] = piece.body
         if piece.shapes.w2.size:
             curvature = piece.shapes.curvature([station - piece.start])[0]
-            rows[k, : curvature.size] = -distance * curvature
+            with np.errstate(over="ignore"):
+                rows[k, : curvature.size] = -distance * curvature
+            if not np.isfinite(rows[k]).all():
+                rule = "be small enough to compute strains with"
+                raise InputError(Problem("Arm", "gauges.distance", rule, shown(distance)))
     return rows, bodies
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_flag, check_positive
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
 
@@ -42,7 +43,8 @@ class Wall:
 
     def __post_init__(self) -> None:
         check_array("Wall", "point", self.point, (2,))
-        if not np.any(check_array("Wall", "normal", self.normal, (2,))):
+        normal = check_array("Wall", "normal", self.normal, (2,))
+        if not np.any(normal):
             rule = "have a length greater than 0"
             raise InputError(Problem("Wall", "normal", rule, shown(self.normal)))
 
@@ -50,6 +52,7 @@ class Wall:
     def arc(self) -> tuple[float, FloatArray, FloatArray]:
         """Curvature 0 (1/m), a point (2,) m and the unit normal (2,) there."""
         normal = np.asarray(self.normal, dtype=np.float64)
+        normal = normal / np.max(np.abs(normal))  # squares of the components cannot overflow then
         return 0.0, np.asarray(self.point, dtype=np.float64), normal / np.linalg.norm(normal)
 
 
@@ -62,7 +65,8 @@ class RoundWall:
         inside: whether the arm is inside of it.
 
     Raises:
-        InputError: a value is not finite, or the radius not positive.
+        InputError: if a value is not finite, the radius is not positive, or ``inside`` is not a
+            truth value.
     """
 
     center: ArrayLike
@@ -71,9 +75,8 @@ class RoundWall:
 
     def __post_init__(self) -> None:
         check_array("RoundWall", "center", self.center, (2,))
-        if not check_array("RoundWall", "radius", self.radius, ()) > 0.0:
-            rule = "be greater than 0"
-            raise InputError(Problem("RoundWall", "radius", rule, shown(self.radius)))
+        check_positive("RoundWall", "radius", self.radius)
+        check_flag("RoundWall", "inside", self.inside)
 
     @property
     def arc(self) -> tuple[float, FloatArray, FloatArray]:
@@ -110,6 +113,7 @@ class SurfaceTable:
         from scipy.interpolate import CubicSpline
 
         where = "SurfaceTable"
+        check_flag(where, "closed", self.closed)
         x = check_array(where, "x", self.x, (-1,))
         points = np.stack([x, check_array(where, "y", self.y, x.shape)], axis=1)
         near = _SAME_PLACE * float(np.ptp(points, axis=0).max(initial=0.0))

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.gains import Gains
@@ -61,7 +62,8 @@ class Adaptive(Controller):
         washout: float = 0.5,
         sample_time: float = 1e-3,
     ) -> None:
-        self.arm, self.parameters = arm, _listed(arm, parameters)
+        self.arm = check_kind("Adaptive", "arm", arm, Arm)
+        self.parameters = _listed(arm, parameters)
         self._model = RigidParameters("Adaptive", arm, self.parameters)
         gains = Gains("Adaptive")
         self._sliding = SlidingVariable(gains, arm, bandwidth, strain_gain, washout)
@@ -75,10 +77,11 @@ class Adaptive(Controller):
         self.leakage = gains.one("leakage", leakage)
         self.dead_zone = gains.one("dead_zone", dead_zone)
         self.sample_time = gains.one("sample_time", sample_time, positive=True)
-        gains.known("bounds", bounds or (), self.parameters)
-        gains.known("initial", initial or (), self.parameters)
+        self.bounds = gains.mapping("bounds", bounds)
+        self.initial = gains.mapping("initial", initial)
+        gains.known("bounds", self.bounds, self.parameters)
+        gains.known("initial", self.initial, self.parameters)
         gains.done()
-        self.bounds, self.initial = dict(bounds or {}), dict(initial or {})
         self._start, self._lower, self._upper = self._limits(gains)
         gains.done()
         self._estimate = self._start.copy()
@@ -90,12 +93,7 @@ class Adaptive(Controller):
         for k, name in enumerate(self.parameters):
             start[k] = gains.one(f"initial of {name}", self.initial.get(name, start[k]))
             if name in self.bounds:
-                room = self.bounds[name]
-                pair = np.asarray(room)
-                if pair.shape != (2,) or pair.dtype.kind not in "iuf" or not pair[0] <= pair[1]:
-                    gains.refuse(f"bounds of {name}", "be two numbers, the lower one first", room)
-                else:
-                    lower[k], upper[k] = pair
+                lower[k], upper[k] = gains.range(f"bounds of {name}", self.bounds[name])
             start[k] = np.clip(start[k], lower[k], upper[k])
         return start, lower, upper
 
@@ -144,5 +142,6 @@ def _listed(arm: Arm, parameters: str | Sequence[str]) -> tuple[str, ...]:
         "links": tuple(n for n in parameter_names(arm) if n.startswith("link_")),
         "friction": tuple(n for n in parameter_names(arm) if n.startswith("joint_")),
     }
-    asked = (parameters,) if isinstance(parameters, str) else tuple(parameters)
-    return tuple(name for item in asked for name in groups.get(item, (item,)))
+    asked = [parameters] if isinstance(parameters, str) else parameters
+    listed = check_list_of("Adaptive", "parameters", asked, str)
+    return tuple(name for item in listed for name in groups.get(item, (item,)))

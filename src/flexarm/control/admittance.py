@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control.gains import Gains
@@ -46,7 +47,7 @@ class Admittance(TaskController):
         most_speed: float = 0.1,
         sample_time: float = 1e-3,
     ) -> None:
-        gains = Gains("Admittance")
+        arm, gains = check_kind("Admittance", "arm", arm, Arm), Gains("Admittance")
         self.damping = gains.one("damping", damping, positive=True)
         self.stiffness = gains.one("stiffness", stiffness)
         self.frequency = gains.one("frequency", frequency, positive=True)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, Protocol
+from weakref import WeakSet
 
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray, Measurement
 from flexarm.control.needs import Needs
-from flexarm.errors import Problem, shown
+from flexarm.errors import InputError, Problem, check_array, shown
 
 __all__ = ["Controller", "FloatArray", "Measurement", "Needs", "Reference"]
 
@@ -43,6 +47,14 @@ class Controller(ABC):
 
     sample_time: float
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Check the arguments of a built-in controller's methods before they are computed with."""
+        super().__init_subclass__(**options)
+        if cls.__module__.startswith("flexarm."):
+            for name, checked in (("update", _checked_update), ("needs", _checked_needs)):
+                if name in vars(cls):
+                    setattr(cls, name, checked(vars(cls)[name]))
+
     def reset(self) -> None:  # noqa: B027  (most controllers keep nothing between samples)
         """Forget everything kept from a run before."""
 
@@ -53,6 +65,74 @@ class Controller(ABC):
     def needs(self, arm: Arm, reference: Reference | None) -> Needs:
         """Return what it relies on to control ``arm`` along ``reference``; here, nothing."""
         return Needs()
+
+
+def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArray]:
+    @wraps(update)
+    def checked(
+        self: Controller, t: float, measurement: Measurement, reference: Reference | None
+    ) -> FloatArray:
+        # Cheap tests, as this runs at every sample time; NaN fails the comparison.
+        if type(t) is not float or not -_LATEST < t < _LATEST:
+            t = _time(f"{type(self).__name__}.update", t)
+        if not isinstance(measurement, Measurement):
+            where = f"{type(self).__name__}.update"
+            check_kind(where, "measurement", measurement, Measurement)
+        if reference is not None:
+            check_reference(f"{type(self).__name__}.update", reference)
+        return update(self, t, measurement, reference)
+
+    return checked
+
+
+def _checked_needs(needs: Callable[..., Needs]) -> Callable[..., Needs]:
+    @wraps(needs)
+    def checked(self: Controller, arm: Arm, reference: Reference | None) -> Needs:
+        where = f"{type(self).__name__}.needs"
+        if reference is not None:
+            check_reference(where, reference)
+        return needs(self, check_kind(where, "arm", arm, Arm), reference)
+
+    return checked
+
+
+#: Times beyond this (s) are mistakes: sample times are counted in integers.
+_LATEST = 1e12
+
+
+def _time(where: str, t: object) -> float:
+    number = float(check_array(where, "t", t, ()))
+    if abs(number) >= _LATEST:
+        raise InputError(Problem(where, "t", f"be a time within {_LATEST:g} s", shown(t)))
+    return number
+
+
+_REFERENCE = ("joint_angle", "joint_rate", "joint_acceleration")
+
+
+def check_reference(where: str, reference: object) -> None:
+    """Refuse an object without joint angles, rates and accelerations over time.
+
+    Raises:
+        InputError: if a method is missing.
+    """
+    kind = type(reference)
+    if kind in _KNOWN:
+        return
+    missing = [name for name in _REFERENCE if not callable(getattr(reference, name, None))]
+    hint = "line_motion and joint_motion make references."
+    if isinstance(reference, type):
+        given = f"the class {reference.__name__}"
+        raise InputError(Problem(where, "reference", "be a reference", given, hint))
+    if missing:
+        rule = f"have the method{'s' * (len(missing) > 1)} {', '.join(missing)}"
+        raise InputError(Problem(where, "reference", rule, shown(reference), hint))
+    if all(callable(getattr(kind, name, None)) for name in _REFERENCE):
+        _KNOWN.add(kind)
+
+
+#: Classes whose objects are references: looked at once, as controllers ask at every sample time.
+_KNOWN: WeakSet[type] = WeakSet()
 
 
 def needs_of(controller: object, arm: Arm, reference: Reference | None) -> Needs:

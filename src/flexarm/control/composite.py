@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray
 from flexarm.control.linear_design import (
@@ -96,14 +97,13 @@ class Composite(LQG):
     ) -> None:
         where = "Composite"
         for unknown in ("integral", "preview", "nominal"):
-            if options.get(unknown):
+            if options.get(unknown) is not None and options[unknown] is not False:
                 problem = Problem(where, unknown, "be left out", "given", "LQG has it.")
                 raise InputError(problem)
-        if isinstance(arm, Arm):
-            if arm.dof == arm.joints:
-                raise InputError(Problem(where, "arm", "have links that bend", "rigid"))
-            self.bandwidth = scales(where, "bandwidth", bandwidth, arm.joints)
-            self.damping_ratio = scales(where, "damping_ratio", damping_ratio, arm.joints)
+        if check_kind(where, "arm", arm, Arm).dof == arm.joints:
+            raise InputError(Problem(where, "arm", "have links that bend", "rigid"))
+        self.bandwidth = scales(where, "bandwidth", bandwidth, arm.joints)
+        self.damping_ratio = scales(where, "damping_ratio", damping_ratio, arm.joints)
         if acceptable is None:
             acceptable = {"link_tip_deflection": 0.01, "link_tip_deflection_rate": 0.1}
         self.acceptable = check_names(where, "acceptable", acceptable, BENDING, arm)

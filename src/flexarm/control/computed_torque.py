@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
-from flexarm.control.gains import check_gains, check_joints, check_positive, check_sample_time
+from flexarm.control.gains import check_gains, check_joints, check_limits, check_sample_time
 from flexarm.control.needs import JOINTS
 from flexarm.control.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, shown
@@ -50,10 +51,8 @@ class ComputedTorque(JointFollower):
     ) -> None:
         super().__init__()
         where = "ComputedTorque"
-        if not isinstance(arm, Arm):
-            raise InputError(Problem(where, "arm", "be an Arm", shown(arm)))
-        self.arm = arm
-        self.frequency_hz = check_positive(where, "frequency_hz", frequency_hz)
+        self.arm = check_kind(where, "arm", arm, Arm)
+        self.frequency_hz = check_limits(where, "frequency_hz", frequency_hz)
         if not np.all(np.isfinite(self.frequency_hz)):
             raise InputError(Problem(where, "frequency_hz", "be finite", shown(frequency_hz)))
         self.damping_ratio = check_gains(where, "damping_ratio", damping_ratio)

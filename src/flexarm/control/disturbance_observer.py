@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
@@ -46,7 +47,10 @@ class DisturbanceObserver(Controller):
     def __init__(
         self, arm: Arm, inner: Controller, cutoff: ArrayLike = 5.0, compensation: float = 1.0
     ) -> None:
-        gains = Gains("DisturbanceObserver")
+        arm, gains = (
+            check_kind("DisturbanceObserver", "arm", arm, Arm),
+            Gains("DisturbanceObserver"),
+        )
         gains.controller("inner", inner)
         self.arm, self.inner = arm, inner
         self.cutoff = gains.each("cutoff", cutoff, arm.joints, positive=True)

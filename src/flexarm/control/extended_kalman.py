@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_list_of, check_mapping, check_times
 from flexarm.arm import Arm
 from flexarm.control.gains import Gains
 from flexarm.control.instruments import Instrument
 from flexarm.control.measurement import FloatArray, Measurement
 from flexarm.control.predicted_readings import PredictedReadings
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.sampled_step import SampledStep
 
@@ -68,6 +69,8 @@ class ExtendedKalmanFilter:
         sample_time: float = 1e-3,
     ) -> None:
         where, gains = "ExtendedKalmanFilter", Gains("ExtendedKalmanFilter")
+        arm = check_kind(where, "arm", arm, Arm)
+        instruments = check_list_of(where, "instruments", instruments, Instrument)
         self.torque_noise = gains.each("torque_noise", torque_noise, arm.joints)
         self.payload_deviation = gains.one("payload_deviation", payload_deviation)
         self.payload_drift = gains.one("payload_drift", payload_drift)
@@ -130,7 +133,12 @@ class ExtendedKalmanFilter:
         self._begun = True
 
     def correct(self, measurement: Measurement) -> None:
-        """Take the readings of this moment."""
+        """Take the readings of this moment.
+
+        Raises:
+            InputError: if it is not a `Measurement`.
+        """
+        check_kind("ExtendedKalmanFilter.correct", "measurement", measurement, Measurement)
         from scipy.linalg import cho_factor, cho_solve
 
         if not self._begun:
@@ -154,9 +162,14 @@ class ExtendedKalmanFilter:
         self._moved = np.zeros_like(self._moved)
 
     def predict(self, torque: ArrayLike) -> None:
-        """Go on to the next sample time under a torque (joints,) N m, held."""
+        """Go on to the next sample time under a torque (joints,) N m, held.
+
+        Raises:
+            InputError: if the torque does not have shape (joints,), or is not finite.
+        """
+        where, shape = "ExtendedKalmanFilter.predict", self._torque.shape
         assert self._step is not None
-        self._torque = np.asarray(torque, dtype=np.float64)
+        self._torque = check_array(where, "torque", torque, shape)
         step = self._step.take(self._x[:-1], self._torque, self._change)
         size = step.after.size
         F = np.eye(size + 1)
@@ -180,12 +193,14 @@ class ExtendedKalmanFilter:
         """
         where = "ExtendedKalmanFilter.run"
         held = check_array(where, "torque", torque, (-1, self.arm.joints))
+        given_by_name = check_mapping(where, "readings", readings, "names and readings")
         arrays = {}
         for item in self.instruments:
-            given = np.asarray(readings.get(item.label, ()), dtype=np.float64)
-            if len(given) != len(held):
+            name, rule = f"readings[{item.label!r}]", "be an array of numbers"
+            given = check_times(where, name, given_by_name.get(item.label, ()), rule)
+            if given.ndim == 0 or len(given) != len(held):
                 rule = f"hold {item.label!r} with one row for each of the {len(held)} torques"
-                raise InputError(Problem(where, "readings", rule, shown(f"{len(given)} rows")))
+                raise InputError(Problem(where, "readings", rule, f"of shape {given.shape}"))
             arrays[item.label] = given
         self.reset()
         kept = []

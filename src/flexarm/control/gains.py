@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_each, check_flag, check_mapping, check_positive, check_times
 from flexarm.control.base import controller_problem
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -22,7 +24,29 @@ class Gains:
 
     def one(self, name: str, value: object, *, positive: bool = False) -> float:
         """Return a finite number, at least 0 or greater."""
-        return float(self._numbers(name, value, (), positive))
+        try:
+            number = check_array(self._where, name, value, ())
+        except InputError as error:
+            self._problems += error.problems
+            return 0.0
+        return float(number) if self._in_range(name, value, number, positive) else 1.0
+
+    def flag(self, name: str, value: object) -> bool:
+        """Return a truth value."""
+        try:
+            return check_flag(self._where, name, value)
+        except InputError as error:
+            self._problems += error.problems
+            return False
+
+    def mapping(self, name: str, value: object) -> dict[str, Any]:
+        """Return values by name; nothing for None."""
+        try:
+            words = "names and values"
+            return {} if value is None else dict(check_mapping(self._where, name, value, words))
+        except InputError as error:
+            self._problems += error.problems
+            return {}
 
     def each(
         self,
@@ -31,32 +55,43 @@ class Gains:
         count: int,
         *,
         positive: bool = False,
+        negative: bool = False,
         what: str = "joint",
     ) -> FloatArray:
-        """Return (count,) numbers, from one for all or a list with one for each."""
-        shape = () if np.ndim(value) == 0 else (count,)
+        """Return (count,) numbers, from one for all or a list with one for each.
+
+        They are at least 0, or where ``positive`` greater, or where ``negative`` any.
+        """
         try:
-            numbers = self._numbers(name, value, shape, positive)
-        except InputError:
-            rule = f"be one number, or one for each {what}: {count}"
-            self._problems.append(Problem(self._where, name, rule, shown(value)))
+            numbers = check_each(self._where, name, value, count)
+        except InputError as error:
+            problems = error.problems
+            if "finite" not in problems[0].rule:
+                rule = f"be one number, or one for each {what}: {count}"
+                problems = (Problem(self._where, name, rule, shown(value)),)
+            self._problems += problems
             return np.zeros(count)
+        if not negative:
+            self._in_range(name, value, numbers, positive)
         return np.array(np.broadcast_to(numbers, (count,)))
 
-    def _numbers(
-        self, name: str, value: object, shape: tuple[int, ...], positive: bool
-    ) -> FloatArray:
-        try:
-            numbers = check_array(self._where, name, value, shape)
-        except InputError as error:
-            if shape:
-                raise
-            self._problems += error.problems
-            return np.zeros(())
+    def _in_range(self, name: str, value: object, numbers: FloatArray, positive: bool) -> bool:
         if np.any(numbers < 0.0) or (positive and np.any(numbers == 0.0)):
             rule = "be greater than 0" if positive else "be at least 0"
             self._problems.append(Problem(self._where, name, rule, shown(value)))
-        return numbers
+            return False
+        return True
+
+    def range(self, name: str, value: object) -> tuple[float, float]:
+        """Return a lower and an upper bound; infinite ones are allowed."""
+        try:
+            pair = check_times(self._where, name, value)
+        except InputError:
+            pair = np.zeros(0)
+        if pair.shape != (2,) or not pair[0] <= pair[1]:
+            self.refuse(name, "be two numbers, the lower one first", value)
+            return -np.inf, np.inf
+        return float(pair[0]), float(pair[1])
 
     def refuse(self, name: str, rule: str, value: object) -> None:
         """Note one more problem."""
@@ -65,7 +100,7 @@ class Gains:
     def known(self, name: str, given: Iterable[str], choices: Iterable[str]) -> None:
         """Refuse names that are not among the choices."""
         for item in given:
-            if item not in choices:
+            if not isinstance(item, str) or item not in choices:
                 rule, hint = f"be names out of {', '.join(choices)}", nearest(item, choices)
                 self._problems.append(Problem(self._where, name, rule, shown(item), hint))
 
@@ -91,23 +126,23 @@ def check_gains(where: str, name: str, value: ArrayLike) -> FloatArray:
     Raises:
         InputError: one is negative or not finite, or they are no numbers.
     """
-    gains = check_array(where, name, value, np.shape(value)[:1])
+    gains = check_each(where, name, value)
     if np.any(gains < 0.0):
         raise InputError(Problem(where, name, "hold finite gains >= 0", shown(value)))
     return gains
 
 
-def check_positive(where: str, name: str, value: ArrayLike) -> FloatArray:
+def check_limits(where: str, name: str, value: ArrayLike) -> FloatArray:
     """Return numbers, one or one per joint, all positive; infinity is one.
 
     Raises:
         InputError: one is zero, negative or NaN, or they are no numbers.
     """
-    numbers = np.asarray(value)
-    if numbers.dtype.kind not in "iuf" or numbers.ndim > 1 or not np.all(numbers > 0.0):
-        rule = "be a number greater than 0, or one for each joint"
+    rule = "be a number greater than 0, or one for each joint"
+    numbers = check_times(where, name, value, rule)
+    if numbers.ndim > 1 or not np.all(numbers > 0.0):
         raise InputError(Problem(where, name, rule, shown(value)))
-    return numbers.astype(np.float64)
+    return numbers
 
 
 def check_sample_time(where: str, value: float) -> float:
@@ -116,13 +151,12 @@ def check_sample_time(where: str, value: float) -> float:
     Raises:
         InputError: it is not a positive finite time.
     """
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float | np.number)
-        or not (np.isfinite(value) and value > 0)
-    ):
-        raise InputError(Problem(where, "sample_time", "be a positive time", shown(value)))
-    return float(value)
+    try:
+        return check_positive(where, "sample_time", value)
+    except InputError:
+        raise InputError(
+            Problem(where, "sample_time", "be a positive time", shown(value))
+        ) from None
 
 
 def check_joints(where: str, joints: int, **given: FloatArray) -> None:

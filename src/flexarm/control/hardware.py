@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_count, check_kind, check_list_of, check_nonnegative, check_times
+from flexarm.control.gains import check_limits
 from flexarm.control.instruments import Instrument
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem
 
 FloatArray = NDArray[np.float64]
 
@@ -49,19 +51,17 @@ class Motors:
     resistance: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        problems = []
+        problems: list[Problem] = []
         for name in ("delay", "time_constant"):
-            value = getattr(self, name)
-            if float(check_array("Motors", name, value, ())) < 0.0:
-                problems.append(Problem("Motors", name, "be at least 0", shown(value)))
+            check_nonnegative("Motors", name, getattr(self, name))
         for name in _POSITIVE:
             value = getattr(self, name)
             if value is None:
                 continue
-            numbers = np.asarray(value)
-            if numbers.dtype.kind not in "iuf" or numbers.ndim > 1 or not np.all(numbers > 0.0):
-                rule = "be a number greater than 0, or one for each joint"
-                problems.append(Problem("Motors", name, rule, shown(value)))
+            try:
+                check_limits("Motors", name, value)
+            except InputError as error:
+                problems += error.problems
         if problems:
             raise InputError(*problems)
         limited = np.isfinite(_numbers(self.voltage_limit)).any()
@@ -80,6 +80,7 @@ class Motors:
         Raises:
             InputError: a list is longer or shorter.
         """
+        check_count("Motors.check_joints", "joints", joints, least=0)
         problems = []
         for name in _POSITIVE:
             value = getattr(self, name)
@@ -92,6 +93,10 @@ class Motors:
 
     def allowed(self, torque: FloatArray, rate: FloatArray) -> FloatArray:
         """Return what of a torque (joints,) the motors can give at these joint rates (joints,)."""
+        if getattr(torque, "dtype", None) != np.float64:
+            torque = check_times("Motors.allowed", "torque", torque, "be torques")
+        if getattr(rate, "dtype", None) != np.float64:
+            rate = check_times("Motors.allowed", "rate", rate, "be joint rates")
         limit = _numbers(self.torque_limit)
         if self.torque_constant is not None:
             constant = _numbers(self.torque_constant)
@@ -128,26 +133,16 @@ class Hardware:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        listed = self.instruments is None or isinstance(self.instruments, list | tuple)
-        wrong = (
-            [x for x in self.instruments or () if not isinstance(x, Instrument)] if listed else []
-        )
-        if not listed or wrong:
-            rule = "be a list of Instrument objects"
-            value = shown(wrong[0] if wrong else self.instruments)
-            raise InputError(Problem("Hardware", "instruments", rule, value))
-        if self.motors is not None and not isinstance(self.motors, Motors):
-            raise InputError(
-                Problem("Hardware", "motors", "be a Motors object", shown(self.motors))
-            )
+        if self.instruments is not None:
+            check_list_of("Hardware", "instruments", self.instruments, Instrument)
+        if self.motors is not None:
+            check_kind("Hardware", "motors", self.motors, Motors, "a Motors object")
         names = [label for item in self.instruments or () for label in item.labels]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             rule = "have different names"
             raise InputError(Problem("Hardware", "instruments", rule, ", ".join(twice)))
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            rule = "be a whole number, at least 0"
-            raise InputError(Problem("Hardware", "seed", rule, shown(self.seed)))
+        check_count("Hardware", "seed", self.seed, least=0, most=2**63 - 1)
 
 
 def _missing(name: str, why: str) -> Problem:

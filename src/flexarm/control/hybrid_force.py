@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control.gains import Gains
@@ -60,7 +61,7 @@ class HybridForce(TaskController):
         touch_force: float = 0.2,
         sample_time: float = 1e-3,
     ) -> None:
-        gains = Gains("HybridForce")
+        arm, gains = check_kind("HybridForce", "arm", arm, Arm), Gains("HybridForce")
         self.frequency = gains.one("frequency", frequency, positive=True)
         self.damping_ratio = gains.one("damping_ratio", damping_ratio)
         self.path_integral = gains.one("path_integral", path_integral)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control.gains import Gains
@@ -52,7 +53,7 @@ class Impedance(TaskController):
         posture_frequency: float = 5.0,
         sample_time: float = 1e-3,
     ) -> None:
-        gains = Gains("Impedance")
+        arm, gains = check_kind("Impedance", "arm", arm, Arm), Gains("Impedance")
         self.tangent_stiffness = gains.one("tangent_stiffness", tangent_stiffness)
         self.tangent_damping = gains.one("tangent_damping", tangent_damping)
         self.normal_stiffness = gains.one("normal_stiffness", normal_stiffness)

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import as_list, check_each
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.linear.held import Joints
 from flexarm.linear.tracking import track_modes
-from flexarm.motion.motion import Motion
+from flexarm.motion.motion import Motion, check_motion
 from flexarm.motion.shaping import SHAPERS, Clock, ShapedMotion, impulses
-from flexarm.motion.smoothing import check_is_motion
 
 FloatArray = NDArray[np.float64]
 
@@ -61,13 +61,13 @@ def shaped(
     are shaped one after the other.
     """
     where = "shaped"
-    check_is_motion(where, motion)
+    motion = check_motion(where, motion)
     _check(where, motion, arm, method, tolerance, frequency_hz)
     if frequency_hz is None:
         assert arm is not None
         return _by_modes(where, motion, arm, method, modes, joints, damping_ratio, tolerance)
-    given = np.atleast_1d(check_numbers(where, "frequency_hz", frequency_hz))
-    if np.any(given <= 0.0):
+    given = np.atleast_1d(check_each(where, "frequency_hz", frequency_hz))
+    if given.size == 0 or np.any(given <= 0.0):
         raise InputError(Problem(where, "frequency_hz", "be above 0", shown(frequency_hz)))
     ratios = _ratios(where, 0.0 if damping_ratio is None else damping_ratio, len(given))
     for hertz, ratio in zip(given, ratios, strict=True):
@@ -138,11 +138,12 @@ def _check(
 def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
     """Return positions from 0 of the modes to shape for."""
     if isinstance(modes, int) and not isinstance(modes, bool):
-        numbers = np.arange(1, modes + 1)
+        numbers = np.arange(1, min(modes, arm.dof + 1) + 1)
     else:
-        numbers = np.asarray(modes)
+        listed = as_list(modes) or []
+        numbers = np.array(listed if all(map(is_count, listed)) else [], dtype=np.intp)
     most = arm.dof - arm.joints
-    if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or numbers.size == 0:
+    if numbers.size == 0:
         rule = "be a number of modes, or their numbers counted from 1"
         raise InputError(Problem(where, "modes", rule, shown(modes)))
     if numbers.min() < 1 or numbers.max() > most or len(set(numbers.tolist())) < numbers.size:
@@ -153,7 +154,7 @@ def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp
 
 
 def _ratios(where: str, given: ArrayLike, count: int) -> FloatArray:
-    ratios = check_numbers(where, "damping_ratio", given)
+    ratios = check_each(where, "damping_ratio", given)
     if np.any((ratios < 0.0) | (ratios >= 1.0)):
         rule = "be at least 0 and below 1"
         raise InputError(Problem(where, "damping_ratio", rule, shown(given)))
@@ -161,12 +162,3 @@ def _ratios(where: str, given: ArrayLike, count: int) -> FloatArray:
         rule = f"be one number, or one for each of the {count} modes"
         raise InputError(Problem(where, "damping_ratio", rule, f"{ratios.size} long"))
     return np.broadcast_to(ratios, (count,))
-
-
-def check_numbers(where: str, name: str, value: ArrayLike) -> FloatArray:
-    """Return a number () or a list of numbers (k,), all finite.
-
-    Raises:
-        InputError: it is something else.
-    """
-    return check_array(where, name, value, (-1,) if np.ndim(value) else ())

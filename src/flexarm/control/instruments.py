@@ -62,7 +62,8 @@ class Instrument:
 
     def __post_init__(self) -> None:
         problems = []
-        if not isinstance(self.signal, Sensor) and self.signal not in SIGNALS:
+        word = isinstance(self.signal, str) and self.signal in SIGNALS
+        if not word and not isinstance(self.signal, Sensor):
             rule = "be a Sensor or one of " + ", ".join(map(repr, SIGNALS))
             hint = nearest(self.signal, SIGNALS)
             problems.append(Problem("Instrument", "signal", rule, shown(self.signal), hint))
@@ -75,7 +76,7 @@ class Instrument:
             value = getattr(self, field.name)
             if field.name in ("signal", "name", "rate_name") or value is None:
                 continue
-            if field.name == "limit" and value == math.inf:
+            if field.name == "limit" and isinstance(value, float) and value == math.inf:
                 continue
             number = float(check_array("Instrument", field.name, value, ()))
             if field.name in ("limit", "sample_time", "rate_cutoff") and number <= 0.0:

@@ -8,14 +8,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
-from flexarm.control.gains import check_gains, check_joints, check_positive, check_sample_time
+from flexarm.control.gains import check_gains, check_joints, check_limits, check_sample_time
 from flexarm.control.needs import JOINTS, joints_of
 from flexarm.control.rigid_model import RigidModel
 from flexarm.control.weight import SaggingArm
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem
 
 
 class JointPID(JointFollower):
@@ -59,16 +60,15 @@ class JointPID(JointFollower):
         self.proportional = check_gains(where, "proportional", proportional)
         self.derivative = check_gains(where, "derivative", derivative)
         self.integral = check_gains(where, "integral", integral)
-        self.torque_limit = check_positive(where, "torque_limit", torque_limit)
+        self.torque_limit = check_limits(where, "torque_limit", torque_limit)
         self._limited = bool(np.any(np.isfinite(self.torque_limit)))
         self.sample_time = check_sample_time(where, sample_time)
         check_feedforward(where, feedforward)
         self.feedforward = feedforward
-        self.arm, self.sag = arm, sag
+        self.arm, self.sag = arm, check_flag(where, "sag", sag)
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
-            if not isinstance(arm, Arm):
-                raise InputError(Problem(where, "arm", "be an Arm", shown(arm)))
+            check_kind(where, "arm", arm, Arm)
             gains = {"proportional": self.proportional, "derivative": self.derivative}
             limits = {"integral": self.integral, "torque_limit": self.torque_limit}
             check_joints(where, arm.joints, **gains, **limits)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_each
 from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.linearize import linearize
 from flexarm.linear.signals import INPUTS
@@ -114,8 +115,7 @@ def scales(where: str, argument: str, given: ArrayLike, count: int) -> FloatArra
     Raises:
         InputError: they are not.
     """
-    shape = () if np.ndim(given) == 0 else (count,)
-    found = check_array(where, argument, given, shape)
+    found = check_each(where, argument, given, count)
     if np.any(found <= 0.0):
         raise InputError(Problem(where, argument, "be greater than 0", shown(given)))
     return np.broadcast_to(found, (count,)).astype(np.float64)
@@ -296,7 +296,7 @@ def check_names(
     rule = "be a mapping from " + ", ".join(map(repr, allowed)) + " to numbers"
     if not isinstance(given, Mapping):
         raise InputError(Problem(where, argument, rule, shown(given)))
-    wrong = [name for name in given if name not in allowed]
+    wrong = [name for name in given if not isinstance(name, str) or name not in allowed]
     if wrong:
         raise InputError(
             *(Problem(where, argument, rule, shown(n), nearest(n, allowed)) for n in wrong)
@@ -305,18 +305,6 @@ def check_names(
         rule = "leave out the strain of an arm without gauges"
         raise InputError(Problem(where, argument, rule, "'strain'"))
     return given
-
-
-def positive_time(where: str, sample_time: object) -> float:
-    """Return a sample time, s.
-
-    Raises:
-        InputError: it is not a positive time.
-    """
-    number = isinstance(sample_time, int | float | np.floating | np.integer)
-    if not (number and np.isfinite(sample_time) and sample_time > 0):  # type: ignore[call-overload,operator]
-        raise InputError(Problem(where, "sample_time", "be a positive time", shown(sample_time)))
-    return float(sample_time)  # type: ignore[arg-type]
 
 
 #: Inputs that may act unseen.

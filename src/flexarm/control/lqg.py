@@ -8,16 +8,17 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.flexible_model import FlexibleModel
+from flexarm.control.gains import check_sample_time
 from flexarm.control.linear_design import (
     DISTURBANCES,
     Design,
     Wishes,
     check_names,
     design,
-    positive_time,
     preview_gain,
     rows_of,
     sampled,
@@ -101,9 +102,7 @@ class LQG(Controller):
         sample_time: float = 1e-3,
     ) -> None:
         where = type(self).__name__
-        if not isinstance(arm, Arm):
-            raise InputError(Problem(where, "arm", "be an Arm", shown(arm)))
-        self.arm = arm
+        self.arm = check_kind(where, "arm", arm, Arm)
         given = np.zeros(arm.joints) if posture is None else posture
         self.posture = check_array(where, "posture", given, (arm.joints,))
         self.schedule = schedule
@@ -133,7 +132,7 @@ class LQG(Controller):
     @sample_time.setter
     def sample_time(self, value: float) -> None:
         where = type(self).__name__
-        self._sample_time = positive_time(where, value)
+        self._sample_time = check_sample_time(where, value)
         self.designs = self._design_all(where)
         self._prepare(where)
 
@@ -300,8 +299,11 @@ class LQG(Controller):
         Real parts below zero decay. Poles are ``log(z) / sample_time``: faster vibrations than half
         the sampling rate show up below it.
         """
-        arm = self.arm if plant is None else plant
         where = f"{type(self).__name__}.loop_poles"
+        arm = self.arm if plant is None else check_kind(where, "plant", plant, Arm)
+        if arm.joints != self.arm.joints:
+            rule = f"have the {self.arm.joints} joints of the arm"
+            raise InputError(Problem(where, "plant", rule, f"one of {arm.joints} joint(s)"))
         at = check_array(
             where, "posture", self.posture if posture is None else posture, (self.arm.joints,)
         )

@@ -45,7 +45,7 @@ class Measurement(Mapping[str, FloatArray]):
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return a reading, or ``default`` where nobody measures it."""
-        return self._values.get(name, default)
+        return self._values.get(name, default) if isinstance(name, str) else default
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)

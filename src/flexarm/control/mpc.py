@@ -8,11 +8,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_count
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control.linear_design import Design, scales
 from flexarm.control.lqg import LQG
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem
 
 _MOST_STEPS = 500
 #: Of torques, in parts of the limits: polishing then solves for the active ones to rounding.
@@ -61,11 +62,7 @@ class MPC(LQG):
         except ImportError:
             hint = "pip install 'flexarm[mpc]' brings it."
             raise InputError(Problem("MPC", "osqp", "be installed", "not", hint)) from None
-        whole = isinstance(horizon, int) and not isinstance(horizon, bool)
-        if not (whole and 1 <= horizon <= _MOST_STEPS):
-            rule = f"be a whole number from 1 to {_MOST_STEPS}"
-            raise InputError(Problem("MPC", "horizon", rule, shown(horizon)))
-        self.horizon = horizon
+        self.horizon = check_count("MPC", "horizon", horizon, most=_MOST_STEPS)
         self.torque_rate = torque_rate
         super().__init__(
             arm, posture, torque_limit=torque_limit, sample_time=sample_time, **options

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import as_list
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
 
@@ -34,8 +35,9 @@ class PostureGrid:
         self, where: str, posture: FloatArray, schedule: Sequence[ArrayLike | None] | None
     ) -> None:
         joints = len(posture)
-        axes = list(schedule) if schedule is not None else [None] * joints
-        if len(axes) != joints:
+        listed = [None] * joints if schedule is None else as_list(schedule)
+        axes = listed or []
+        if listed is None or len(axes) != joints:
             rule = f"have one entry for each of the {joints} joints"
             raise InputError(Problem(where, "schedule", rule, shown(schedule)))
         values: list[list[float]] = []

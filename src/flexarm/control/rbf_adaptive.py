@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.gains import Gains
 from flexarm.control.rigid_parameters import RigidParameters
 from flexarm.control.sliding import SlidingVariable
+from flexarm.errors import is_count
 from flexarm.kernels.adaptation import network_torque
 
 #: More Gaussians than this take longer than a sample time.
@@ -62,9 +66,9 @@ class RBFAdaptive(Controller):
         washout: float = 0.5,
         sample_time: float = 1e-3,
     ) -> None:
-        gains = Gains("RBFAdaptive")
+        arm, gains = check_kind("RBFAdaptive", "arm", arm, Arm), Gains("RBFAdaptive")
         joints = arm.joints
-        self.arm, self.prior = arm, bool(prior)
+        self.arm, self.prior = arm, gains.flag("prior", prior)
         self._sliding = SlidingVariable(gains, arm, bandwidth, strain_gain, washout)
         self.bandwidth, self.strain_gain = self._sliding.bandwidth, self._sliding.strain_gain
         self.washout = self._sliding.washout
@@ -139,22 +143,16 @@ def _box(
 ) -> tuple[FloatArray, FloatArray]:
     ends = []
     for name, value in (("lower", lower), ("upper", upper)):
-        array = np.asarray(value)
-        if array.dtype.kind not in "iuf" or array.shape not in ((), (joints,)):
-            gains.refuse(name, f"be one number, or one for each joint: {joints}", value)
-            array = np.zeros(joints)
-        elif not np.all(np.isfinite(array)):
-            gains.refuse(name, "be finite", value)
-        ends.append(np.array(np.broadcast_to(array, (joints,)), dtype=np.float64))
+        ends.append(gains.each(name, value, joints, negative=True))
     if np.any(ends[1] < ends[0]):
         gains.refuse("upper", "be at least lower", upper)
     return ends[0], ends[1]
 
 
 def _counts(gains: Gains, centres: int | Sequence[int], joints: int) -> tuple[int, ...]:
-    counts = list(centres) if isinstance(centres, Sequence) else [centres] * joints
-    whole = all(isinstance(k, (int, np.integer)) and k >= 1 for k in counts)
-    if not whole or len(counts) != joints or np.prod(counts) > _MOST_CENTRES:
+    counts: list[Any] = list(centres) if isinstance(centres, list | tuple) else [centres] * joints
+    whole = all(map(is_count, counts))
+    if not whole or len(counts) != joints or math.prod(counts) > _MOST_CENTRES:
         rule = f"be one whole number, or one for each joint: {joints}, at least 1, "
         gains.refuse("centres", rule + f"{_MOST_CENTRES} Gaussians in all at most", centres)
         return (1,) * joints

@@ -137,7 +137,7 @@ def _directions(where: str, rigid: Arm, names: Sequence[str]) -> list[FloatArray
     known = parameter_names(rigid)
     problems = []
     for i, name in enumerate(names):
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             rule = f"be names out of {', '.join(known)}"
             hint = nearest(name, known)
             problems.append(Problem(where, "parameters", rule, shown(name), hint))

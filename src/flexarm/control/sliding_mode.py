@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.gains import Gains
@@ -49,9 +50,10 @@ class SlidingMode(Controller):
         washout: float = 0.5,
         sample_time: float = 1e-3,
     ) -> None:
-        self.arm, self.uncertainty = arm, dict(uncertainty or {})
+        self.arm, gains = check_kind("SlidingMode", "arm", arm, Arm), Gains("SlidingMode")
+        self.uncertainty = gains.mapping("uncertainty", uncertainty)
+        gains.done()
         self._model = RigidParameters("SlidingMode", arm, tuple(self.uncertainty))
-        gains = Gains("SlidingMode")
         self._sliding = SlidingVariable(gains, arm, bandwidth, strain_gain, washout)
         self.bandwidth, self.strain_gain = self._sliding.bandwidth, self._sliding.strain_gain
         self.washout = self._sliding.washout

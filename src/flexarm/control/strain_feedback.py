@@ -8,10 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_each, check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
-from flexarm.control.gains import check_gains, check_positive, check_sample_time
+from flexarm.control.gains import check_gains, check_sample_time
 from flexarm.control.needs import JOINTS, joints_of
 from flexarm.errors import InputError, Problem, check_array
 
@@ -65,7 +66,7 @@ class StrainFeedback(JointFollower):
         self.derivative = check_gains(where, "derivative", derivative)
         self.strain = _of_gauges(where, "strain", strain)
         self.strain_rate = _of_gauges(where, "strain_rate", strain_rate)
-        self.rate_cutoff = float(check_positive(where, "rate_cutoff", rate_cutoff))
+        self.rate_cutoff = check_positive(where, "rate_cutoff", rate_cutoff)
         self.sample_time = check_sample_time(where, sample_time)
         check_feedforward(where, feedforward)
         self.feedforward = feedforward
@@ -126,4 +127,8 @@ def _at_joints(gains: FloatArray, name: str, of_gauges: FloatArray, joints: int)
 
 
 def _of_gauges(where: str, name: str, value: ArrayLike) -> FloatArray:
-    return check_array(where, name, value, (-1,) * min(np.ndim(value), 2))
+    if isinstance(value, list | tuple) and any(isinstance(row, list | tuple) for row in value):
+        return check_array(where, name, value, (-1, -1))
+    if isinstance(value, np.ndarray) and value.ndim >= 2:
+        return check_array(where, name, value, (-1, -1))
+    return check_each(where, name, value)

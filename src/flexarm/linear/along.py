@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_choice, check_kind, check_path, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.model.scenario import sample_fault
 from flexarm.motion import Motion
 from flexarm.motion.dynamics_along import dynamics_along
+from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -126,8 +128,7 @@ class Separation:
     def at(self, t: ArrayLike) -> Separation:
         """Return the same with samples at other times (T,), s: at any time, exact."""
         where = "Separation.at"
-        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
-        times = check_array(where, "t", times, (-1,))
+        times = check_array(where, "t", np.atleast_1d(check_times(where, "t", t)), (-1,))
         parts = [
             _sample(self.arm, self.motion, self.kept, times[k : k + _CHUNK])
             for k in range(0, max(times.size, 1), _CHUNK)
@@ -148,7 +149,14 @@ class Separation:
         return self.bent(self.deviation.K, self.deviation.r)
 
     def bent(self, K: FloatArray, r: FloatArray) -> FloatArray:
-        """Return the links' static deflection dq (T, k) by forces r (T, k); (D.7)."""
+        """Return the links' static deflection dq (T, k) by forces r (T, k); (D.7).
+
+        Raises:
+            InputError: if K does not have shape (T, k, k), or r not (T, k).
+        """
+        where, k = "Separation.bent", self.kept.size
+        r = check_array(where, "r", r, (-1, k))
+        K = check_array(where, "K", K, (len(r), k, k))
         elastic = np.flatnonzero(~np.isin(self.kept, self.arm.joint_index))
         dq = np.zeros_like(r)
         if elastic.size:
@@ -198,12 +206,13 @@ class Separation:
         Raises:
             InputError: the name does not end in ``.npz``, or the file cannot be written.
         """
-        if not str(path).endswith(".npz"):
+        path = check_path("Separation.save", "path", path)
+        if path.suffix != ".npz":
             raise InputError(Problem("Separation.save", "path", "end in .npz", shown(str(path))))
         dataset = self.to_dataset()
         arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
         try:
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             np.savez_compressed(path, **arrays)
         except OSError as error:
             reason = f"not: {error.strerror or error}"
@@ -238,14 +247,14 @@ def linearize_along(
     links, (D.3). Where an acceleration jumps, a sample belongs to what follows.
     """
     where = "linearize_along"
-    check_motion(where, arm, motion)
-    if joints not in JOINTS:
-        rule = "be one of " + ", ".join(map(repr, JOINTS))
-        raise InputError(Problem(where, "joints", rule, shown(joints)))
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    joints = check_choice(where, "joints", joints, JOINTS)
     if times is None:
-        frequency = float(check_array(where, "rate", rate, ()))
-        if frequency <= 0.0:
-            raise InputError(Problem(where, "rate", "be greater than 0", shown(rate)))
+        frequency = check_positive(where, "rate", rate)
+        fault = sample_fault(motion.duration, frequency)
+        if fault is not None:
+            raise InputError(fault.problem(where))
         count = max(int(np.ceil(motion.duration * frequency)), 1)
         times = np.linspace(motion.start_time, motion.end_time, count + 1)
     kept = np.arange(arm.dof)
@@ -256,19 +265,6 @@ def linearize_along(
     none = np.zeros(0)
     empty = Separation(arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5))
     return empty.at(times)
-
-
-def check_motion(where: str, arm: Arm, motion: Motion) -> None:
-    """Refuse a motion of another number of joints.
-
-    Raises:
-        InputError: so it is.
-    """
-    if not isinstance(motion, Motion):
-        raise InputError(Problem(where, "motion", "be a motion", shown(motion)))
-    if motion.joints != arm.joints:
-        rule = f"have the arm's {arm.joints} joint(s)"
-        raise InputError(Problem(where, "motion", rule, f"a motion of {motion.joints} joint(s)"))
 
 
 def _sample(

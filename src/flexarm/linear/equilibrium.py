@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.contacts import Contact, place_outside
@@ -106,6 +107,7 @@ def equilibrium(
     nothing here.
     """
     where = "equilibrium"
+    arm = check_kind(where, "arm", arm, Arm)
     if base_acceleration is not None:
         felt = arm.spec.gravity - check_array(where, "base_acceleration", base_acceleration, (2,))
         arm = Arm(arm.spec.replace(gravity=felt))

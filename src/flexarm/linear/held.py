@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import as_list
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -46,6 +47,8 @@ def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
     stiffness, damping = np.zeros(arm.dof), np.zeros(arm.dof)
     index = arm.joint_index
     moving = np.ones(arm.dof, dtype=bool)
+    if isinstance(joints, type):
+        raise _unknown(where, "joints", joints)
     if hasattr(joints, "proportional") and hasattr(joints, "derivative"):
         count = (arm.joints,)
         stiffness[index] = check_array(where, "joints.proportional", joints.proportional, count)
@@ -56,8 +59,9 @@ def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
         if joints not in JOINTS:  # also of an arm without joints
             raise _unknown(where, "joints", joints)
     else:
-        each = list(joints)
-        if len(each) != arm.joints:
+        listed = as_list(joints)
+        each = listed or []
+        if listed is None or len(each) != arm.joints:
             rule = f"be one of 'locked', 'free', or one of them or gains for each of {arm.joints}"
             raise InputError(Problem(where, "joints", rule + " joints", shown(joints)))
     for place, item in zip(index, each, strict=True):

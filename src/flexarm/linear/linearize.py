@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.contacts import Contact, place_outside
+from flexarm.contacts import Contact, place_contacts, place_outside
 from flexarm.errors import InputError, Problem, check_array
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.layout import Loads, new_workspace, run_time_sizes
@@ -75,6 +76,8 @@ def linearize(
             own, a base that accelerates while the arm is to rest.
         EquilibriumError: an equilibrium was asked for, and there is none.
     """
+    arm = check_kind(_WHERE, "arm", arm, Arm)
+    place_contacts(arm, _WHERE, contacts)
     wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, _count(q, contacts))
     if q is None and base_acceleration is not None:
         rule = "be left out where the equilibrium is asked for: the base rests there"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.contacts import Contact
@@ -20,6 +21,7 @@ from flexarm.linear.held import Held, Joints, hold_joints
 from flexarm.linear.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.tangent import Tangent, tangent
 from flexarm.loads import Load, acting_loads, place_loads
+from flexarm.stations import check_stations
 
 _WHERE = "modes"
 
@@ -68,18 +70,25 @@ class Modes:
 
         World axes. ``damped`` gives those of ``complex_shapes``: multiply by exp(i phase).
         """
-        shapes = self.complex_shapes if damped else self.shapes
-        return displacements(self.arm, self.q, shapes, stations)
+        where = "Modes.displacements"
+        shapes = self.complex_shapes if check_flag(where, "damped", damped) else self.shapes
+        return displacements(self.arm, self.q, shapes, check_stations(where, stations))
 
     def curves(self, stations: int = 50, amplitude: float | None = None) -> FloatArray:
         """Return the mode shapes as curves in the world, (k, links, stations, 2) m.
 
         The arm as it rests plus displacements, the largest of each mode being ``amplitude`` (m); a
         tenth of the arm's length by default.
+
+        Raises:
+            InputError: if ``amplitude`` is not a finite number, or there are fewer than two
+                stations.
         """
-        moved = self.displacements(stations)
+        size = 0.1 * self.arm.lengths.sum()
+        if amplitude is not None:
+            size = float(check_array("Modes.curves", "amplitude", amplitude, ()))
+        moved = self.displacements(check_stations("Modes.curves", stations))
         largest = np.linalg.norm(moved, axis=-1).max(axis=(1, 2), initial=0.0)
-        size = 0.1 * self.arm.lengths.sum() if amplitude is None else amplitude
         factor = size / np.where(largest > 0.0, largest, 1.0)
         drawn: FloatArray = self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved
         return drawn
@@ -117,6 +126,7 @@ def modes(
     The stiffness is that of small motion about the state, held there if it is no equilibrium.
     Theory page "small motion", (S.2) to (S.5).
     """
+    arm = check_kind(_WHERE, "arm", arm, Arm)
     acting = acting_loads(arm, _WHERE, tip_force, loads)
     place_loads(arm, _WHERE, acting)  # here, so that what is not on the arm is told by this call
     held = hold_joints(arm, _WHERE, joints)

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_nonnegative, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.motion import Motion
 from flexarm.motion.kinematics import tip_jacobian
+from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -79,11 +81,11 @@ class PressedMotion:
         return f"<flexarm.PressedMotion: {size} joints, up to {self._last:g} s>"
 
     def _inside(self, t: ArrayLike) -> FloatArray:
-        return np.clip(np.asarray(t, dtype=np.float64), self._first, self._last)
+        return np.clip(check_times("PressedMotion", "t", t), self._first, self._last)
 
     def _moving(self, t: ArrayLike) -> FloatArray:
         """Return 1 within the sampled times and 0 outside of them, (..., 1)."""
-        times = np.asarray(t, dtype=np.float64)
+        times = check_times("PressedMotion", "t", t)
         return np.asarray((times >= self._first) & (times <= self._last), float)[..., None]
 
     def joint_angle(self, t: ArrayLike) -> FloatArray:
@@ -157,18 +159,11 @@ def pressed_motion(
             that is negative, a motion of another arm, or an arm that cannot follow.
     """
     where = "pressed_motion"
-    if not isinstance(motion, Motion) or motion.joints != arm.joints:
-        rule = f"be a motion of an arm with {arm.joints} joints"
-        raise InputError(Problem(where, "motion", rule, shown(motion)))
-    if float(check_array(where, "friction", friction, ())) < 0.0:
-        raise InputError(Problem(where, "friction", "be at least 0", shown(friction)))
-    if not float(check_array(where, "interval", interval, ())) > 0.0:
-        raise InputError(Problem(where, "interval", "be greater than 0", shown(interval)))
-    end = motion.end_time
-    if duration is not None:
-        end = float(check_array(where, "duration", duration, ()))
-    if not end > 0.0:
-        raise InputError(Problem(where, "duration", "be greater than 0", shown(end)))
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    friction = check_nonnegative(where, "friction", friction)
+    interval = check_positive(where, "interval", interval)
+    end = check_positive(where, "duration", motion.end_time if duration is None else duration)
     count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
     times = np.linspace(0.0, end, count)
     pressing, outward = _force(where, force), _normal(where, normal)
@@ -186,10 +181,7 @@ def _force(where: str, given: float | Callable[[float], float]) -> Callable[[flo
 def _checked_force(where: str, given: float | Callable[[float], float], t: float) -> float:
     told = given(t) if callable(given) else given
     name = f"force at t = {t:g} s" if callable(given) else "force"
-    value = float(check_array(where, name, told, ()))
-    if value < 0.0:
-        raise InputError(Problem(where, name, "be at least 0", shown(told)))
-    return value
+    return check_nonnegative(where, name, told)
 
 
 def _normal(

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
-from flexarm.linear.along import check_motion
+from flexarm.errors import InputError, Problem, SimulationError
 from flexarm.linear.modal import modes
 from flexarm.motion.chain import RigidChain
 from flexarm.motion.dynamics_along import dynamics_along
-from flexarm.motion.motion import JointState, Motion
+from flexarm.motion.motion import JointState, Motion, check_motion
 from flexarm.motion.tip_constraint import TipConstraint
 
 if TYPE_CHECKING:
@@ -89,6 +89,7 @@ class QuasiStaticReference(Motion):
 
     def coordinates(self, times: FloatArray) -> list[FloatArray]:
         """Return q, qd and qdd of the bent arm, (T, dof) each, at times (T,)."""
+        times = check_times("QuasiStaticReference", "times", times).reshape(-1)
         parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
         if not parts:
             return [np.zeros((0, self.arm.dof))] * 3
@@ -148,7 +149,7 @@ class QuasiStaticTorque:
 
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
-        times = np.asarray(t, dtype=np.float64)
+        times = check_times("QuasiStaticTorque", "t", t)
         arm = self.motion.arm
         force = arm.inverse_dynamics_many(*self.motion.coordinates(times.reshape(-1)))
         return force[:, arm.joint_index].reshape(*times.shape, self.joints)
@@ -177,7 +178,8 @@ def quasi_static_reference(
     its cost.
     """
     where = "quasi_static_reference"
-    check_motion(where, arm, motion)
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
     if arm.dof == arm.joints:
         raise InputError(Problem(where, "arm", "have a link that bends", "rigid"))
     constraint = TipConstraint(arm, motion)
@@ -186,9 +188,7 @@ def quasi_static_reference(
         slowest = modes(arm, motion.joint_angle(motion.start_time)).frequency_hz
         window = _SHARE / float(slowest[slowest > 0.0].min())
     else:
-        window = float(check_array(where, "smoothing", smoothing, ()))
-        if window <= 0.0:
-            raise InputError(Problem(where, "smoothing", "be greater than 0 s", shown(smoothing)))
+        window = check_positive(where, "smoothing", smoothing, "s")
     pieces = [_piece(constraint, a, b) for a, b in pairwise(motion.breaks)]
     rests = [_rest(constraint, t) for t in (motion.start_time - 1.0, motion.end_time + 1.0)]
     return QuasiStaticReference(arm, motion, window, (rests[0], *pieces, rests[1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, is_count, shown
+from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.loads import SAME_PLACE, Load
 
 KINDS = ("position", "velocity", "acceleration")
@@ -43,10 +43,10 @@ class Sensor:
 
     def __post_init__(self) -> None:
         problems = []
-        if self.kind not in KINDS:
+        if not isinstance(self.kind, str) or self.kind not in KINDS:
             rule = "be one of " + ", ".join(map(repr, KINDS))
             problems.append(Problem("Sensor", "kind", rule, shown(self.kind)))
-        if self.frame not in ("world", "link"):
+        if not isinstance(self.frame, str) or self.frame not in ("world", "link"):
             rule = "be one of 'world', 'link'"
             problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
         elif self.frame == "link" and self.kind != "acceleration":
@@ -58,6 +58,8 @@ class Sensor:
         if self.station is not None and not _is_length(self.station):
             rule = "be a distance from the link's root in m, or None for its tip"
             problems.append(Problem("Sensor", "station", rule, shown(self.station)))
+        if self.name is not None and not (isinstance(self.name, str) and self.name):
+            problems.append(Problem("Sensor", "name", "be text", shown(self.name)))
         if problems:
             raise InputError(*problems)
 
@@ -192,7 +194,7 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
             _check_place(arm, item)
             found.append(Output(tuple(item.labels()), item.unit, sensor=item))
             continue
-        if item not in CHANNEL_OUTPUTS:
+        if not isinstance(item, str) or item not in CHANNEL_OUTPUTS:
             rule = "be a Sensor or one of " + ", ".join(map(repr, CHANNEL_OUTPUTS))
             raise InputError(Problem("linearize", "outputs", rule, shown(item)))
         if item == "strain" and not arm.gauges:
@@ -225,7 +227,10 @@ def _check_place(arm: Arm, sensor: Sensor) -> None:
 
 def _is_length(value: object) -> bool:
     """Tell whether a value is a finite number, zero or more."""
-    return isinstance(value, int | float | np.number) and 0.0 <= float(value) < np.inf
+    try:
+        return float(check_array("Sensor", "station", value, ())) >= 0.0
+    except InputError:
+        return False
 
 
 def _listed(wanted: object) -> list[object]:
@@ -233,7 +238,7 @@ def _listed(wanted: object) -> list[object]:
     pair = isinstance(wanted, tuple) and len(wanted) == 2 and isinstance(wanted[1], Load)
     if isinstance(wanted, (str, Load, Sensor)) or pair:
         return [wanted]
-    if not isinstance(wanted, Iterable):
+    if not isinstance(wanted, list | tuple):
         rule = "be names, Loads or Sensors"
         raise InputError(Problem("linearize", "inputs and outputs", rule, shown(wanted)))
     return list(wanted)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_list_of, check_positive
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import check_array
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.sensitivity import STEP
 from flexarm.linear.complex_step import stepper_of
@@ -70,9 +71,9 @@ def step_jacobian(
     perturbation of the same kernels that step; (D.15).
     """
     where = "step_jacobian"
-    h = float(check_array(where, "step", step, ()))
-    if h <= 0.0:
-        raise InputError(Problem(where, "step", "be greater than 0", shown(step)))
+    arm = check_kind(where, "arm", arm, Arm)
+    h = check_positive(where, "step", step)
+    parameters = check_list_of(where, "parameters", parameters, str)
     state = [check_array(where, n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
     held = check_array(where, "torque", torque, (arm.joints,))
     stepper = stepper_of(where, arm, method, h)

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_count, check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, few, shown
@@ -97,10 +98,17 @@ def track_modes(
     and are followed as the curves that they are.
     """
     where = "track_modes"
+    arm = check_kind(where, "arm", arm, Arm)
+    count = check_count(where, "count", count)
+    samples = check_count(where, "samples", samples, least=2)
+    sag = check_flag(where, "sag", sag)
     motion: Any = along
+    if isinstance(along, type):
+        raise InputError(Problem(where, "along", "be a motion or joint angles", shown(along)))
     if hasattr(motion, "joint_angle"):
-        parameter = np.linspace(motion.start_time, motion.end_time, max(int(samples), 2))
-        postures = np.asarray(motion.joint_angle(parameter))
+        parameter = np.linspace(motion.start_time, motion.end_time, samples)
+        angles = np.asarray(motion.joint_angle(parameter))
+        postures = check_array(where, "along", angles, (-1, arm.joints))
         name, unit = "time", "s"
     else:
         postures = check_array(where, "along", along, (-1, arm.joints))
@@ -134,7 +142,9 @@ def campbell(
         InputError: gravity, a fixed first joint, fewer than one mode.
         EquilibriumError: no steady shape at some spin.
     """
+    arm = check_kind("campbell", "arm", arm, Arm)
     rates = check_array("campbell", "spin", spin, (-1,))
+    count = check_count("campbell", "count", count)
 
     def solve(at: float) -> Modes:
         return modes(arm, joint_angles, joints, spin=at)
@@ -154,9 +164,8 @@ def _follow(
         raise InputError(Problem(where, named[0], "ascend, one at least", shown(parameter)))
     first = solve(float(parameter[0]))
     vibrating = np.flatnonzero(first.frequency_hz > 0.0)
-    if count < 1 or vibrating.size == 0:
-        rule = "be at least 1, and the arm must vibrate"
-        raise InputError(Problem(where, "count", rule, shown(count)))
+    if vibrating.size == 0:
+        raise InputError(Problem(where, "arm", "have a mode that vibrates", "without one"))
     chosen = vibrating[:count]
     lines = _Lines(arm, first.complex_shapes[chosen])
     rows = [_row(first, chosen, np.ones(chosen.size))]

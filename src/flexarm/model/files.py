@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from flexarm.arguments import check_path
 from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.checks import Record, faults_of
 from flexarm.model.scenario import Scenario
@@ -53,7 +54,7 @@ def load_scenario(path: AnyPath) -> Scenario:
     Raises:
         ModelError: the file or the arm file it names is wrong; lists every problem with its line.
     """
-    return locate_scenario(path)[0]
+    return locate_scenario(check_path("load_scenario", "path", path))[0]
 
 
 def locate_scenario(path: AnyPath) -> tuple[Scenario, Callable[[Path], str]]:

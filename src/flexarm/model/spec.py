@@ -39,6 +39,12 @@ class ArmSpec(Record):
         description="Whether bending shortens a link: linear, no; second_order, yes.",
     )
 
+    @field_validator("payload", mode="before")
+    @classmethod
+    def _no_payload(cls, value: Any) -> Any:
+        """Read None as an arm without a payload."""
+        return Payload() if value is None else value
+
     _hints: ClassVar[dict[str, str]] = {
         "gravity": "Gravity that pulls down is [0, -9.81].",
     }

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
 from flexarm.errors import InputError, Problem, shown
 from flexarm.model.joints import Friction, Joint
 from flexarm.model.links import Link
+from flexarm.model.quantities import plain
 from flexarm.model.spec import ArmSpec
 
 _WHERE = "varied"
@@ -32,11 +34,11 @@ def varied_spec(
     mass = _each(problems, "mass_factor", mass_factor, spec.links)
     payload = _each(problems, "payload_factor", payload_factor, (None,), zero=True)[0]
     if payload_mass is not None:
-        _each(problems, "payload_mass", payload_mass, (None,), zero=True)
-        if payload_factor != 1.0:
+        payload_mass = _each(problems, "payload_mass", payload_mass, (None,), zero=True)[0]
+        if payload != 1.0:
             rule = "be left out where payload_factor is given"
             problems.append(Problem(_WHERE, "payload_mass", rule, shown(payload_mass)))
-    elif payload_factor != 1.0 and spec.payload.mass == 0.0:
+    elif payload != 1.0 and spec.payload.mass == 0.0:
         rule = "be left out of an arm without payload"
         hint = "Give payload_mass, in kg."
         problems.append(Problem(_WHERE, "payload_factor", rule, shown(payload_factor), hint))
@@ -45,7 +47,7 @@ def varied_spec(
         raise InputError(*problems)
     carried = {"mass": spec.payload.mass * payload, "inertia": spec.payload.inertia * payload}
     if payload_mass is not None:
-        carried = {"mass": float(payload_mass), "inertia": spec.payload.inertia}
+        carried = {"mass": payload_mass, "inertia": spec.payload.inertia}
     links = [_link(*item) for item in zip(spec.links, rigidity, mass, strict=True)]
     joints = [
         joint if rubs is None else joint.replace(friction=rubs)
@@ -58,12 +60,12 @@ def _each(
     problems: list[Problem], name: str, value: Any, of: Sequence[Any], zero: bool = False
 ) -> list[float]:
     """One factor for each of ``of``; 1 where something is wrong."""
-    single = not isinstance(value, Sequence) or isinstance(value, str)
-    values = [value] * len(of) if single else list(value)
+    value = plain(value)
+    values = list(value) if isinstance(value, list | tuple) else [value] * len(of)
     good = all(
         isinstance(v, (int, float))
         and not isinstance(v, bool)
-        and (0.0 < v < float("inf") or (zero and v == 0.0))
+        and (0.0 < v <= sys.float_info.max or (zero and v == 0.0))
         for v in values
     )
     if not good or len(values) != len(of):

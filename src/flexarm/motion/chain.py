@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem
+from flexarm.errors import InputError, Problem, shown
 from flexarm.motion.kinematics import tip_position
 
 if TYPE_CHECKING:
@@ -43,13 +43,26 @@ class RigidChain:
         return self.base + tip_position(self.lengths, joint_angles + self.offset)
 
 
+def check_arm(where: str, arm: Arm) -> Arm:
+    """Return an object with the joints and links of an arm, which are all that a motion needs.
+
+    Raises:
+        InputError: if it has none.
+    """
+    parts = ("joints", "links", "lengths", "spec", "assembly")
+    if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
+        given = f"the class {arm.__name__}" if isinstance(arm, type) else shown(arm)
+        raise InputError(Problem(where, "arm", "be an Arm", given))
+    return arm
+
+
 def rigid_chain(where: str, arm: Arm) -> RigidChain:
     """Return the bars between the joints of an arm that turn.
 
     Raises:
         InputError: no joint turns, or two that do lie in one place.
     """
-    if arm.joints == 0:
+    if check_arm(where, arm).joints == 0:
         rule = "have a joint that turns"
         raise InputError(Problem(where, "arm", rule, "one whose joints are all fixed"))
     turning = [seat.link for seat in arm.assembly.seats]

@@ -79,7 +79,7 @@ def inverse_kinematics(
 
 def check_elbow(where: str, elbow: str) -> None:
     """Refuse an elbow that is neither up nor down."""
-    if elbow not in ELBOWS:
+    if not isinstance(elbow, str) or elbow not in ELBOWS:
         raise InputError(Problem(where, "elbow", "be 'up' or 'down'", shown(elbow)))
 
 

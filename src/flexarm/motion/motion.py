@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from flexarm.arguments import check_positive, check_times
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.motion.chain import RigidChain, rigid_chain
 from flexarm.motion.timing import TimingLaw, timing_law
@@ -83,15 +84,9 @@ class Motion(ABC):
 
     def state(self, t: ArrayLike) -> JointState:
         """Return angles, rates and accelerations at `t` together: cheaper than one by one."""
-        times = self._times(t)
+        times = check_times(type(self).__name__, "t", t)
         shape = (*times.shape, self.joints)
         return JointState(*(part.reshape(shape) for part in self.at(times.reshape(-1))))
-
-    def _times(self, t: ArrayLike) -> Floats:
-        times = np.asarray(t, dtype=np.float64)
-        if np.isnan(times).any():
-            raise InputError(Problem(type(self).__name__, "t", "be a time", "nan"))
-        return times
 
     def joint_angle(self, t: ArrayLike) -> Floats:
         """Return the relative joint angles (n,) or (T, n), rad."""
@@ -211,9 +206,10 @@ def joint_motion(
     where = "joint_motion"
     duration, start_time = checked_times(where, duration, start_time)
     law = timing_law(where, profile)
+    chain = rigid_chain(where, arm)
     shape = (arm.joints,)
     return JointMotion(
-        chain=rigid_chain(where, arm),
+        chain=chain,
         start=check_array(where, "start", start, shape),
         end=check_array(where, "end", end, shape),
         duration=duration,
@@ -222,11 +218,24 @@ def joint_motion(
     )
 
 
+def check_motion(where: str, motion: object, arm: Arm | None = None) -> Motion:
+    """Return a motion; where an arm is given, one of as many joints.
+
+    Raises:
+        InputError: if it is not a `Motion`, or was made for another number of joints.
+    """
+    if not isinstance(motion, Motion):
+        hint = "fa.line_motion and fa.joint_motion make motions."
+        raise InputError(Problem(where, "motion", "be a motion", shown(motion), hint))
+    if arm is not None and motion.joints != arm.joints:
+        rule = f"have the arm's {arm.joints} joint(s)"
+        raise InputError(Problem(where, "motion", rule, f"a motion of {motion.joints} joint(s)"))
+    return motion
+
+
 def checked_times(where: str, duration: float, start_time: float) -> tuple[float, float]:
     """Return both as floats, refusing a duration that is not positive or is lost in rounding."""
-    length = float(check_array(where, "duration", duration, ()))
-    if length <= 0.0:
-        raise InputError(Problem(where, "duration", "be greater than 0 s", shown(length)))
+    length = check_positive(where, "duration", duration, "s")
     begin = float(check_array(where, "start_time", start_time, ()))
     if begin + 1e-6 * length == begin:
         rule = f"be small enough to resolve a motion of {length:.6g} s"

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem
+from flexarm.motion.chain import check_arm
+from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -66,8 +67,5 @@ def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
     Raises:
         InputError: the numbers of joints differ.
     """
-    if motion.joints != arm.joints:
-        rule = f"have the arm's {arm.joints} joint(s)"
-        value = f"a motion of {motion.joints} joint(s)"
-        raise InputError(Problem("rigid_torque", "motion", rule, value))
-    return RigidTorque(arm.rigid(), motion)
+    arm = check_arm("rigid_torque", arm)
+    return RigidTorque(arm.rigid(), check_motion("rigid_torque", motion, arm))

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.motion.motion import JointState, Motion
+from flexarm.arguments import check_choice, check_positive
+from flexarm.motion.motion import JointState, Motion, check_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -111,22 +111,6 @@ def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> 
     average) or 2, 3, ... (raised cosine); (C.10).
     """
     where = "smoothed"
-    check_is_motion(where, motion)
-    if not isinstance(window, str) or window not in WINDOWS:
-        rule = "be one of " + ", ".join(map(repr, WINDOWS))
-        raise InputError(Problem(where, "window", rule, shown(window)))
-    span = float(check_array(where, "duration", duration, ()))
-    if span <= 0.0:
-        raise InputError(Problem(where, "duration", "be greater than 0 s", shown(duration)))
-    return SmoothedMotion(motion, window, span)
-
-
-def check_is_motion(where: str, motion: object) -> None:
-    """Refuse what is no motion.
-
-    Raises:
-        InputError: so it is.
-    """
-    if not isinstance(motion, Motion):
-        hint = "fa.line_motion and fa.joint_motion make motions."
-        raise InputError(Problem(where, "motion", "be a motion", shown(motion), hint))
+    motion = check_motion(where, motion)
+    window = check_choice(where, "window", window, WINDOWS)
+    return SmoothedMotion(motion, window, check_positive(where, "duration", duration, "s"))

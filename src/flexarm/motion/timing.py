@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from flexarm.arguments import check_times
 from flexarm.errors import InputError, Problem, check_array, shown
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class TimingLaw:
             s, s' and s'', each of the shape of `u`. At a break s'' belongs to the piece that
             starts there, and at u = 1 to the rest that follows.
         """
-        u = np.asarray(u, dtype=np.float64)
+        u = check_times(self._where, "u", u)
         piece = np.searchsorted(self.breaks, u, side="right") - 1
         starts = np.concatenate([self.breaks, [0.0]])
         return self.on_pieces(piece, u - starts[piece])
@@ -189,6 +190,6 @@ def timing_law(where: str, profile: str | TimingLaw) -> TimingLaw:
     if isinstance(profile, str) and profile in TIMING_LAWS:
         return TIMING_LAWS[profile]
     rule = f"be a TimingLaw or one of {', '.join(map(repr, TIMING_LAWS))}"
-    near = get_close_matches(str(profile), TIMING_LAWS, n=1)
+    near = get_close_matches(profile, TIMING_LAWS, n=1) if isinstance(profile, str) else []
     hint = f"Did you mean {near[0]!r}?" if near else ""
     raise InputError(Problem(where, "profile", rule, shown(profile), hint))

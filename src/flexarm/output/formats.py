@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm.arguments import check_dataset, check_path
 from flexarm.errors import InputError, Problem, shown
 from flexarm.output.base import Format
 from flexarm.output.csv_table import CSV
@@ -25,6 +26,7 @@ def write_result(result: xr.Dataset, path: AnyPath) -> None:
     Raises:
         InputError: unknown suffix, or a path that cannot be written.
     """
+    result = check_dataset("write_result", "result", result)
     place = check_place("write_result", "path", path, FORMATS)
     form = FORMATS[place.suffix.lower()]
     write_whole(place, lambda beside: form.write(result, beside))
@@ -36,7 +38,8 @@ def read_result(path: AnyPath) -> xr.Dataset:
     Raises:
         InputError: no such file, or not a result.
     """
-    suffix = str(path)[str(path).rfind(".") :].lower()
+    path = check_path("read_result", "path", path)
+    suffix = path.suffix.lower()
     form = FORMATS.get(suffix)
     if form is None or form.read is None:
         readable = " or ".join(name for name, known in FORMATS.items() if known.read)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 from difflib import get_close_matches
 from pathlib import Path
 
+from flexarm.arguments import check_path
 from flexarm.errors import InputError, Problem, shown
 
 AnyPath = str | os.PathLike[str]
@@ -26,7 +27,7 @@ def check_place(where: str, name: str, path: AnyPath, suffixes: Collection[str])
         InputError: unknown suffix, a folder or device of that name, no folder to be had, no
             permission.
     """
-    place = Path(path)
+    place = check_path(where, name, path)
     problem = _suffix_problem(where, name, place, suffixes) or _place_problem(where, name, place)
     if problem:
         raise InputError(problem)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.errors import (
@@ -22,7 +23,6 @@ from flexarm.loads import Load
 from flexarm.model.events import DURATION
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.metrics import METRICS, metrics_of
-from flexarm.simulate.new_run import positive
 from flexarm.simulate.run import simulate
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ def compare(
             loads, a settling that leaves nothing, or what ``simulate`` refuses.
     """
     where = "compare"
+    arm = check_kind(where, "arm", arm, Arm)
     plants = {"nominal": arm} if plants is None else plants
     given = {"controllers": controllers, "plants": plants, "references": references}
     for name in ("plant", "reference", "controller", "progress", "torque"):
@@ -81,10 +82,10 @@ def compare(
             )
             raise InputError(Problem(where, name, rule, "given"))
     for name, items in given.items():
-        if not isinstance(items, Mapping) or not items:
+        if not isinstance(items, Mapping) or not items or not all(map(_is_word, items)):
             rule = "be a dictionary by name, with one entry at least"
             raise InputError(Problem(where, name, rule, shown(items)))
-    duration = positive(where, "duration", duration)
+    duration = check_positive(where, "duration", duration)
     check_settling(where, settling, duration, references)
     loaded = {name: _with_loads(name, plant) for name, plant in plants.items()}
     everywhere = options.pop("loads", ())
@@ -105,6 +106,10 @@ def compare(
     return table
 
 
+def _is_word(name: object) -> bool:
+    return isinstance(name, str)
+
+
 def check_settling(
     where: str, settling: object, duration: float, references: Mapping[str, Any]
 ) -> None:
@@ -115,13 +120,17 @@ def check_settling(
     Raises:
         InputError: so it is.
     """
-    if not 0.0 <= float(check_array(where, "settling", settling, ())) < duration:
+    left_out = float(check_array(where, "settling", settling, ()))
+    if not 0.0 <= left_out < duration:
         rule = f"be at least 0 and less than the duration of {duration:g} s"
         raise InputError(Problem(where, "settling", rule, shown(settling)))
     for name, reference in references.items():
-        rest = duration - float(getattr(reference, "end_time", duration))
+        end = check_array(
+            where, f"end_time of {name!r}", getattr(reference, "end_time", duration), ()
+        )
+        rest = duration - float(end)
         least = _ROUNDING * duration
-        if rest > least and float(settling) > rest - least:  # type: ignore[arg-type]
+        if rest > least and left_out > rest - least:
             rule = f"be less than the {rest:g} s that the run goes on after {name!r} has ended"
             raise InputError(Problem(where, "settling", rule, shown(settling)))
 

@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.contacts import Contact, place_contacts
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.contact import GAP
 from flexarm.kernels.layout import Contacts
@@ -57,7 +58,7 @@ class Event:
         elif self.name in (DURATION, FAILURE):
             rule = "not be a word for other ends of a run"
             problems.append(Problem("Event", "name", rule, shown(self.name)))
-        if isinstance(self.direction, bool) or self.direction not in (-1, 0, 1):
+        if type(self.direction) is not int or self.direction not in (-1, 0, 1):
             problems.append(Problem("Event", "direction", "be -1, 0 or 1", shown(self.direction)))
         if not isinstance(self.terminal, bool):
             problems.append(Problem("Event", "terminal", "be a bool", shown(self.terminal)))
@@ -86,8 +87,8 @@ def joint_event(
         InputError: no such joint, a joint without limits, an angle that is no number.
     """
     where = "joint_event"
-    numbers = arm.joint_numbers.tolist()
-    if joint not in numbers:
+    numbers = check_kind(where, "arm", arm, Arm).joint_numbers.tolist()
+    if not is_count(joint) or joint not in numbers:
         rule = f"be the number of a joint that turns: {', '.join(map(str, numbers)) or 'none does'}"
         raise InputError(Problem(where, "joint", rule, shown(joint)))
     if isinstance(angle, str):
@@ -127,6 +128,7 @@ def tip_event(
         InputError: a value that is no pair of numbers, or a normal of no length.
     """
     where = "tip_event"
+    arm = check_kind(where, "arm", arm, Arm)
     place = check_array(where, "point", point, (2,))
     across = check_array(where, "normal", normal, (2,))
     length = float(np.hypot(*across))
@@ -153,9 +155,10 @@ def contact_event(
     Raises:
         InputError: no contact, or one whose point is not on the arm.
     """
-    return Event(
-        _Gap(arm, place_contacts(arm, "contact_event", [contact])), name, direction, terminal
-    )
+    where = "contact_event"
+    arm = check_kind(where, "arm", arm, Arm)
+    placed = place_contacts(arm, where, [check_kind(where, "contact", contact, Contact)])
+    return Event(_Gap(arm, placed), name, direction, terminal)
 
 
 def events_of(specs: Sequence[EventSpec], arm: Arm) -> list[Event]:
@@ -248,8 +251,7 @@ def event_log(where: str, arm: Arm, events: Sequence[Event]) -> EventLog | None:
     Raises:
         InputError: no list of events, two of one name, or one made for another arm.
     """
-    if not isinstance(events, list | tuple) or not all(isinstance(e, Event) for e in events):
-        raise InputError(Problem(where, "events", "be a list of Event objects", shown(events)))
+    events = check_list_of(where, "events", events, Event)
     names = [event.name or f"event_{k}" for k, event in enumerate(events, start=1)]
     problems = []
     for k, event in enumerate(events):

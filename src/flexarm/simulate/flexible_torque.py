@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, LargeDeflectionWarning, Problem, check_array, shown
+from flexarm.errors import LargeDeflectionWarning
 from flexarm.linear import modes
-from flexarm.linear.along import check_motion
 from flexarm.motion import Motion
+from flexarm.motion.motion import check_motion
 from flexarm.simulate.run import simulate
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class FlexibleTorque:
 
         At a break it belongs to what follows.
         """
-        times = np.asarray(t, dtype=np.float64)
+        times = check_times("FlexibleTorque", "t", t)
         flat = np.clip(times.reshape(-1), 0.0, self.end)
         torque = np.empty((flat.size, self.joints))
         last = len(self._splines) - 1
@@ -100,12 +101,10 @@ def flexible_torque(
     The joints being given, the links' own equations are integrated forward in time; (D.8).
     """
     where = "flexible_torque"
-    check_motion(where, arm, motion)
-    until = (
-        motion.end_time if duration is None else float(check_array(where, "duration", duration, ()))
-    )
-    if until <= 0.0:
-        raise InputError(Problem(where, "duration", "be greater than 0", shown(until)))
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    until = check_positive(where, "duration", motion.end_time if duration is None else duration)
+    rtol = check_positive(where, "rtol", rtol)
     locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_function
 from flexarm.arm import Arm
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
@@ -64,6 +65,7 @@ def load_history(
         return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
         name = "base_acceleration"
+        check_function(where, name, base_acceleration)
         base = function_torque(
             base_acceleration, duration, 2, relative, breaks, name, where, spacing
         )

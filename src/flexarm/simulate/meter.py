@@ -7,6 +7,8 @@ import time
 from types import TracebackType
 from typing import Any
 
+from flexarm.arguments import check_flag
+
 #: Runs shorter than this need no bar (s).
 PATIENCE = 1.0
 
@@ -21,6 +23,8 @@ class Meter:
     """
 
     def __init__(self, label: str, shown: bool | None = None) -> None:
+        if shown is not None:
+            check_flag(label, "progress", shown)
         self._label = label
         self._forced = shown is True
         self._wanted = sys.stderr.isatty() if shown is None else shown

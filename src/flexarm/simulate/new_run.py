@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.contacts import Contact
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
@@ -92,18 +92,6 @@ def new_run(
     return run, choice
 
 
-def positive(where: str, name: str, value: object) -> float:
-    """Return a number greater than zero.
-
-    Raises:
-        InputError: it is none.
-    """
-    number = float(check_array(where, name, value, ()))
-    if number <= 0.0:
-        raise InputError(Problem(where, name, "be greater than 0", shown(value)))
-    return number
-
-
 def initial_state(
     where: str, arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
 ) -> FloatArray:
@@ -117,15 +105,16 @@ def initial_state(
     """
     if q is None:
         q = arm.rest(straight)
-    elif np.shape(q) != (arm.dof,):
+    given = check_array(where, "initial", q, (-1,))
+    if given.size != arm.dof:
         hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
         rule = f"hold the arm's {arm.dof} coordinates"
-        raise InputError(Problem(where, "initial", rule, f"of shape {np.shape(q)}", hint))
+        raise InputError(Problem(where, "initial", rule, f"of shape {given.shape}", hint))
     rates = np.zeros(arm.dof) if qd is None else qd
     return arm.padded(
         np.stack(
             [
-                check_array(where, "initial", q, (arm.dof,)),
+                given,
                 check_array(where, "initial_rate", rates, (arm.dof,)),
             ]
         )

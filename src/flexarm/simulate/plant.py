@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_count, check_flag, check_kind, check_list_of, check_positive
 from flexarm.arm import Arm
 from flexarm.contacts import Contact
 from flexarm.control import Hardware, Measurement
@@ -21,7 +22,6 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     check_array,
-    shown,
 )
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
@@ -29,7 +29,7 @@ from flexarm.loads import Load
 from flexarm.observe import contact_forces
 from flexarm.simulate.load_history import BaseAcceleration
 from flexarm.simulate.meter import Meter
-from flexarm.simulate.new_run import ATOL, RTOL, initial_state, new_run, positive
+from flexarm.simulate.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.simulate.sensing import TipMotion
 from flexarm.simulate.start_of_touch import refuse_deep_start
 from flexarm.simulate.ticks import Ticks
@@ -88,16 +88,16 @@ class Plant:
         specialized: bool = False,
         warn: bool = True,
     ) -> None:
-        if not isinstance(arm, Arm):
-            raise InputError(Problem("Plant", "arm", "be an Arm", shown(arm)))
-        if hardware is not None and not isinstance(hardware, Hardware):
-            raise InputError(Problem("Plant", "hardware", "be a Hardware object", shown(hardware)))
-        self.arm = arm
-        self.sample_time = positive("Plant", "sample_time", sample_time)
+        self.arm = arm = check_kind("Plant", "arm", arm, Arm)
+        if hardware is not None:
+            check_kind("Plant", "hardware", hardware, Hardware, "a Hardware object")
+        self.sample_time = check_positive("Plant", "sample_time", sample_time)
         if duration is None:
             _refuse_functions(loads, base_acceleration)
-        self._duration = math.inf if duration is None else positive("Plant", "duration", duration)
-        self._hardware, self._warn = hardware, warn
+        self._duration = (
+            math.inf if duration is None else check_positive("Plant", "duration", duration)
+        )
+        self._hardware, self._warn = hardware, check_flag("Plant", "warn", warn)
         self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
         self._new_run = partial(
             new_run,
@@ -113,10 +113,10 @@ class Plant:
             contacts=contacts,
             integrator=integrator,
             step=step,
-            rtol=positive("Plant", "rtol", rtol),
-            atol=positive("Plant", "atol", atol),
+            rtol=check_positive("Plant", "rtol", rtol),
+            atol=check_positive("Plant", "atol", atol),
             meter=Meter("stepping", False),
-            specialized=specialized,
+            specialized=check_flag("Plant", "specialized", specialized),
         )
         self.reset()
 
@@ -148,6 +148,8 @@ class Plant:
         arm, hardware = self.arm, self._hardware
         straight = np.zeros(arm.joints)
         state = initial_state("Plant.reset", arm, initial, initial_rate, straight)
+        if seed is not None:
+            check_count("Plant.reset", "seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
             hardware = replace(hardware, seed=seed)
         run, _ = self._new_run(state)
@@ -236,7 +238,8 @@ class Plant:
 
 def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration | None) -> None:
     """Refuse what would have to be looked at for ever."""
-    factors = [getattr(load, "factor", None) for load in loads]
+    loads = check_list_of("Plant", "loads", loads, Load)
+    factors = [load.factor for load in loads]
     if callable(base_acceleration) or any(callable(factor) for factor in factors):
         rule = "be given with loads or a base that are functions of time"
         hint = "Tables (times, values) need none."

@@ -10,10 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_choice, check_function, check_times
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
+from flexarm.simulate.functions_of_time import call
 from flexarm.simulate.piecewise import cut
 from flexarm.simulate.torque_history import Row, TorqueHistory, function_torque
 
@@ -36,6 +38,11 @@ class PrescribedAngle:
     rate: Callable[[float], float]
     acceleration: Callable[[float], float]
     breaks: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("angle", "rate", "acceleration"):
+            check_function("PrescribedAngle", name, getattr(self, name))
+        check_array("PrescribedAngle", "breaks", self.breaks, (-1,))
 
     @classmethod
     def hold(cls, angle: float) -> PrescribedAngle:
@@ -63,9 +70,7 @@ class PrescribedAngle:
         where = "PrescribedAngle.table"
         knots = check_array(where, "times", times, (-1,))
         values = check_array(where, "angles", angles, (knots.size,))
-        if ends not in ENDS:
-            rule = "be one of " + ", ".join(map(repr, ENDS))
-            raise InputError(Problem(where, "ends", rule, shown(ends)))
+        check_choice(where, "ends", ends, ENDS)
         if knots.size < 2 or np.any(np.diff(knots) <= 0.0):
             rule = "be two or more, each greater than the one before"
             raise InputError(Problem(where, "times", rule, shown(knots.tolist())))
@@ -90,7 +95,7 @@ class _SplinePart:
     rests: bool  # beyond its ends; else nothing is known there
 
     def __call__(self, t: ArrayLike) -> Any:
-        times = np.asarray(t, dtype=np.float64)
+        times = check_times("PrescribedAngle.table", "t", t)
         first, last = self.spline.x[0], self.spline.x[-1]
         margin = 1e-9 * (last - first)
         if not self.rests and (np.min(times) < first - margin or np.max(times) > last + margin):
@@ -128,20 +133,18 @@ def prescribe(
     Raises:
         InputError: no such joint.
     """
-    if not isinstance(prescribed, Mapping):
-        rule = "be a mapping of joint numbers to motions"
-        raise InputError(Problem("simulate", "prescribed", rule, shown(prescribed)))
     for joint, motion in prescribed.items():
         numbers = arm.joint_numbers.tolist()
-        if joint not in numbers:
+        if not is_count(joint) or joint not in numbers:
             rule = f"name joints that turn: {', '.join(map(str, numbers)) or 'there is none'}"
             raise InputError(Problem("simulate", "prescribed", rule, shown(joint)))
         index = numbers.index(joint)
         own = _of_joint(motion, index, f"prescribed[{joint}]")
         _check_derivatives(own, f"prescribed[{joint}]", duration)
         body = arm.assembly.joint_body[index]
-        state[0, body, 0], state[1, body, 0] = own.angle(0.0), own.rate(0.0)
-
+        name = f"prescribed[{joint}]"
+        start = [call(f"{name}.angle", own.angle, 0.0), call(f"{name}.rate", own.rate, 0.0)]
+        state[:, body, 0] = check_array("simulate", name, start, (2,))
         name = f"prescribed[{joint}].acceleration"
         known = np.concatenate([own.breaks, check_array("simulate", "breaks", breaks, (-1,))])
         row = _row(motion, own, index)
@@ -197,7 +200,10 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
     ]
     pairs = (("rate", own.angle, own.rate), ("acceleration", own.rate, own.acceleration))
     for kind, value, slope in pairs:
-        values = [[value(t - step), value(t + step), slope(t)] for t in times]
+        values = [
+            [call(name, value, t - step), call(name, value, t + step), call(name, slope, t)]
+            for t in times
+        ]
         if not values:
             continue
         before, after, said = check_array("simulate", f"{name}.{kind}", values, (-1, 3)).T

@@ -11,10 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import (
+    check_count,
+    check_flag,
+    check_function,
+    check_kind,
+    check_mapping,
+    check_positive,
+)
 from flexarm.arm import Arm
 from flexarm.contacts import Contact
 from flexarm.control import Controller, Hardware, Reference
-from flexarm.control.base import controller_problem
+from flexarm.control.base import check_reference, controller_problem
 from flexarm.errors import (
     AccuracyWarning,
     InputError,
@@ -32,6 +40,7 @@ from flexarm.observe import contact_channels
 from flexarm.simulate.choice import Choice
 from flexarm.simulate.closed_loop import ClosedLoop
 from flexarm.simulate.events import Event, event_log, event_variables
+from flexarm.simulate.functions_of_time import call, computed_until_failure
 from flexarm.simulate.impacts import run_through_impacts
 from flexarm.simulate.load_history import BaseAcceleration
 from flexarm.simulate.meter import Meter
@@ -41,7 +50,6 @@ from flexarm.simulate.new_run import (
     TORQUE_SHARE,
     initial_state,
     new_run,
-    positive,
 )
 from flexarm.simulate.prescribed import Prescribed, prescribe
 from flexarm.simulate.result import add_loop, make_result
@@ -55,7 +63,7 @@ from flexarm.simulate.torque_history import (
     sampled_torque,
 )
 from flexarm.simulate.validity import too_far_bent
-from flexarm.stations import check_stations
+from flexarm.stations import MOST_STATIONS, check_stations
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,6 +71,7 @@ if TYPE_CHECKING:
 Torque = ArrayLike | Callable[[float], ArrayLike] | TorqueHistory
 
 
+@computed_until_failure
 def simulate(
     arm: Arm,
     duration: float,
@@ -149,7 +158,8 @@ def simulate(
     Raises:
         InputError: an argument has the wrong shape, is not finite, or contradicts another; a start
             deep inside a surface, or a reference that presses away from one.
-        SimulationError: the run stopped early; ``.result`` holds what was computed until then.
+        SimulationError: the run stopped early, or a function of time raised an exception;
+            ``.time`` says when, ``.result`` holds what was computed until then.
 
     Warns:
         LargeDeflectionWarning: a link has bent too far for the linear theory.
@@ -157,19 +167,24 @@ def simulate(
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller, hardware)
-    _check_reference(where, reference)
+    if reference is not None:
+        check_reference(where, reference)
     if torque is not None and controller is not None:
         raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
+    if prescribed is not None:
+        check_mapping(where, "prescribed", prescribed, "joint numbers and motions")
+    if specialized is not None:
+        check_flag(where, "specialized", specialized)
     if prescribed and controller is not None:
         rule = "be left out where a controller acts"
         raise InputError(Problem(where, "prescribed", rule, "given"))
-    duration = positive(where, "duration", duration)
-    if step is not None and positive(where, "step", step) > duration:
+    duration = check_positive(where, "duration", duration)
+    if step is not None and check_positive(where, "step", step) > duration:
         rule = f"be at most the duration of {duration:.6g} s"
         raise InputError(Problem(where, "step", rule, shown(step)))
-    rate = positive(where, "rate", rate)
-    rtol = positive(where, "rtol", rtol)
-    atol = positive(where, "atol", atol)
+    rate = check_positive(where, "rate", rate)
+    rtol = check_positive(where, "rtol", rtol)
+    atol = check_positive(where, "atol", atol)
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
         rule = f"have the {arm.joints} joints of the arm"
@@ -177,7 +192,8 @@ def simulate(
     fault = sample_fault(duration, rate)
     if fault is not None:
         raise InputError(fault.problem(where))
-    if stations != 0:
+    stations = check_count(where, "stations", stations, least=0, most=MOST_STATIONS)
+    if stations:
         stations = check_stations(where, stations)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     log = event_log(where, simulated, events)
@@ -227,9 +243,9 @@ def simulate(
             run.prescribed = tuple(prescribed or ())
             result = _open_loop(run, history_of, choice)
     if result.attrs["warning"]:
-        warnings.warn(result.attrs["warning"], LargeDeflectionWarning, stacklevel=2)
+        warnings.warn(result.attrs["warning"], LargeDeflectionWarning, stacklevel=3)
     if run.doubt:
-        warnings.warn(run.doubt, AccuracyWarning, stacklevel=2)
+        warnings.warn(run.doubt, AccuracyWarning, stacklevel=3)
         result.attrs["warning"] = " ".join(filter(None, [result.attrs["warning"], run.doubt]))
     return result
 
@@ -312,9 +328,9 @@ def _check_objects(
     hardware: object | None,
 ) -> None:
     """Refuse what is no arm or no controller before anything is asked of it."""
-    for name, value in (("arm", arm), ("plant", plant)):
-        if not isinstance(value, Arm) and not (name == "plant" and value is None):
-            raise InputError(Problem(where, name, "be an Arm", shown(value)))
+    check_kind(where, "arm", arm, Arm)
+    if plant is not None:
+        check_kind(where, "plant", plant, Arm)
     if hardware is not None and (not isinstance(hardware, Hardware) or controller is None):
         rule = "be a Hardware object, and given together with a controller"
         value = "given" if isinstance(hardware, Hardware) else shown(hardware)
@@ -324,17 +340,7 @@ def _check_objects(
     problem = controller_problem(where, "controller", controller)
     if problem is not None:
         raise InputError(problem)
-    positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
-
-
-def _check_reference(where: str, reference: object | None) -> None:
-    """Refuse what cannot be asked for joint angles, their rates and accelerations."""
-    names = ("joint_angle", "joint_rate", "joint_acceleration")
-    missing = [name for name in names if not callable(getattr(reference, name, None))]
-    if reference is not None and missing:
-        rule = f"have the method{'s' * (len(missing) > 1)} {', '.join(missing)}"
-        hint = "line_motion and joint_motion make references."
-        raise InputError(Problem(where, "reference", rule, shown(reference), hint))
+    check_positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
 
 
 def _initial_state(
@@ -348,9 +354,9 @@ def _initial_state(
     motion = reference if reference is not None else getattr(torque, "motion", None)
     straight = np.zeros(arm.joints)
     if initial is None and motion is not None:
-        straight = np.asarray(motion.joint_angle(0.0))
+        name = "reference" if reference is not None else "torque"
+        straight = np.asarray(call(name, motion.joint_angle, 0.0))
         if straight.shape != (arm.joints,):
-            name = "reference" if reference is not None else "torque"
             rule = f"be of an arm with {arm.joints} joints"
             raise InputError(Problem(where, name, rule, f"of one with {straight.size}"))
     return initial_state(where, arm, initial, initial_rate, straight)
@@ -370,5 +376,6 @@ def _history(
     if isinstance(torque, TorqueHistory):
         return torque.held_to(duration)
     if callable(torque):
+        check_function("simulate", "torque", torque)
         return function_torque(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
     return sampled_torque(torque, rate, duration, joints, interpolation)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm.arguments import check_path
 from flexarm.arm import Arm
 from flexarm.contacts import place_contacts
 from flexarm.errors import InputError, SimulationError
@@ -198,7 +199,7 @@ def run_scenario(
     """
     where: str | Where = "scenario"
     if not isinstance(scenario, Scenario):
-        scenario, where = locate_scenario(scenario)
+        scenario, where = locate_scenario(check_path("run_scenario", "scenario", scenario))
     return prepare(scenario, where).run(progress=progress)
 
 

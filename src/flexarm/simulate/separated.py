@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_choice, check_function, check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import (
@@ -20,13 +21,14 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     check_array,
-    shown,
 )
 from flexarm.linear import modes
 from flexarm.linear.along import Separation, linearize_along
 from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
 from flexarm.linear.smooth import SmoothMatrices
+from flexarm.model.scenario import sample_fault
 from flexarm.motion import Motion, gauss, rigid_torque
+from flexarm.motion.motion import check_motion
 from flexarm.simulate.new_run import RTOL as CLOSE
 from flexarm.simulate.new_run import TORQUE_SHARE
 from flexarm.simulate.result import make_result
@@ -89,12 +91,15 @@ def simulate_separated(
     """
     where = "simulate_separated"
     started = time.perf_counter()
-    if method not in METHODS:
-        rule = "be one of " + ", ".join(map(repr, METHODS))
-        raise InputError(Problem(where, "method", rule, shown(method)))
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    method = check_choice(where, "method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))
-    until = motion.end_time if duration is None else _positive(where, "duration", duration)
-    frequency = _positive(where, "rate", rate)
+    until = motion.end_time if duration is None else check_positive(where, "duration", duration)
+    frequency = check_positive(where, "rate", rate)
+    fault = sample_fault(until, frequency)
+    if fault is not None:
+        raise InputError(fault.problem(where))
     count = int(np.floor(until * frequency * (1 + 1e-12))) + 1
     times = np.minimum(np.arange(count) / frequency, until)
     start = [
@@ -104,10 +109,11 @@ def simulate_separated(
             ("initial_deviation_rate", initial_deviation_rate),
         )
     ]
-    allowed = _positive(where, "rtol", rtol)
+    allowed = check_positive(where, "rtol", rtol)
     attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
     added = None
     if added_torque is not None:
+        check_function(where, "added_torque", added_torque)
         # It is recorded besides: as closely as ``simulate`` does by default.
         share, name = min(allowed, CLOSE) * TORQUE_SHARE, "added_torque"
         added = function_torque(
@@ -226,10 +232,3 @@ def _taken(sampled: Separation, dq: FloatArray, dqd: FloatArray) -> FloatArray:
 
 def _start(where: str, name: str, value: ArrayLike | None, arm: Arm) -> FloatArray:
     return np.zeros(arm.dof) if value is None else check_array(where, name, value, (arm.dof,))
-
-
-def _positive(where: str, name: str, value: object) -> float:
-    number = float(check_array(where, name, value, ()))
-    if number <= 0.0:
-        raise InputError(Problem(where, name, "be greater than 0", shown(value)))
-    return number

@@ -9,6 +9,7 @@ from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from flexarm.arguments import check_path
 from flexarm.arm import Arm
 from flexarm.control import Reference
 from flexarm.errors import InputError
@@ -88,7 +89,7 @@ def run_study(study: Study | str | PathLike[str], *, progress: bool | None = Non
     """
     where: Where | None = None
     if not isinstance(study, Study):
-        study, where = locate_study(study)
+        study, where = locate_study(check_path("run_study", "study", study))
     return PreparedStudy(study, where).run(progress)
 
 

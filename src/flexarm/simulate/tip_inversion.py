@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import (
@@ -26,11 +27,9 @@ from flexarm.errors import (
     LargeDeflectionWarning,
     Problem,
     SimulationError,
-    check_array,
     shown,
 )
 from flexarm.linear import modes
-from flexarm.linear.along import check_motion
 from flexarm.linear.response import torque_response
 from flexarm.motion import Motion, gauss, rigid_torque
 from flexarm.motion.correction import (
@@ -40,6 +39,7 @@ from flexarm.motion.correction import (
     spline_values,
 )
 from flexarm.motion.dynamics_along import dynamics_along
+from flexarm.motion.motion import check_motion
 from flexarm.motion.tip_constraint import TipConstraint
 from flexarm.motion.zero_dynamics import RestEnd, rest_end
 from flexarm.simulate.inversion_reference import InversionReference, inversion_reference
@@ -49,6 +49,7 @@ from flexarm.simulate.run import simulate
 _LEFT = 1e-6
 #: Longest time before and after a motion, as a multiple of its duration.
 _LONGEST = 5.0
+_LONGEST_GIVEN = 100.0
 #: Knots of the torque and samples of the tip in a period of the slowest vibration.
 _KNOTS, _SAMPLES = 12.0, 64.0
 #: Torques that hardly move the tip are damped as if they moved it by this part of all together.
@@ -156,8 +157,9 @@ def tip_inversion(
     (D.14).
     """
     where = "tip_inversion"
-    check_motion(where, arm, motion)
-    wanted = _positive(where, "reduction", reduction)
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    wanted = check_positive(where, "reduction", reduction)
     if arm.dof == arm.joints:
         hint = "Its torques are fa.rigid_torque(arm, motion)."
         raise InputError(Problem(where, "arm", "have a link that bends", "rigid", hint))
@@ -286,14 +288,8 @@ def _span(where: str, name: str, given: float | None, slowest: float, duration: 
     if given is None:
         shortest = 1e-3 * duration
         return float(np.clip(-np.log(_LEFT) / slowest, shortest, _LONGEST * duration))
-    span = float(check_array(where, name, given, ()))
-    if span <= 0.0:
-        raise InputError(Problem(where, name, "be greater than 0 s", shown(given)))
+    span = check_positive(where, name, given, "s")
+    if span > _LONGEST_GIVEN * duration:
+        rule = f"be at most {_LONGEST_GIVEN:g} times the motion's duration of {duration:.6g} s"
+        raise InputError(Problem(where, name, rule, shown(given)))
     return span
-
-
-def _positive(where: str, name: str, value: object) -> float:
-    number = float(check_array(where, name, value, ()))
-    if number <= 0.0:
-        raise InputError(Problem(where, name, "be greater than 0", shown(value)))
-    return number

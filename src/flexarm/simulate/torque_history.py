@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.arguments import check_choice
+from flexarm.errors import InputError, Problem, check_array
+from flexarm.simulate.functions_of_time import FunctionError, call, first_failure
 
 FloatArray = NDArray[np.float64]
 
@@ -101,9 +103,7 @@ def sampled_torque(
         InputError: too few samples, wrong shape, NaN, or an unknown interpolation.
     """
     where = "simulate"
-    if interpolation not in INTERPOLATIONS:
-        rule = "be one of " + ", ".join(map(repr, INTERPOLATIONS))
-        raise InputError(Problem(where, "torque_interpolation", rule, shown(interpolation)))
+    check_choice(where, "torque_interpolation", interpolation, INTERPOLATIONS)
     samples = check_array(where, "torque", values, (-1, joints))
     needed = int(np.floor(duration * rate * (1 + 1e-12) + 1e-9))
     if len(samples) < max(needed, 1):
@@ -316,16 +316,33 @@ class _Follower:
         return times[np.diff(history.breaks)[piece] > self._shortest]
 
     def _values(self, times: FloatArray) -> FloatArray:
-        """Call the function: once for all times if it says that it can, else for each."""
+        """Call the function: once for all times if it says that it can, else for each.
+
+        Raises:
+            InputError: if it returns something else than numbers for the joints.
+            FunctionError: if it raises; the time is that up to which it answered.
+        """
         if getattr(self._function, "vectorized", False):
-            all_at_once: object = self._function(times)  # type: ignore[arg-type]
+            try:
+                all_at_once = call(self._name, self._function, times)
+            except FunctionError:
+                many: Any = self._function
+                return self._one_by_one(times, lambda t: many(np.array([t]))[0])
             return check_array(self._where, self._name, all_at_once, (times.size, self._joints))
-        shape = (self._joints,)
-        rows = [
-            check_array(self._where, f"{self._name}({t:g})", self._function(t), shape)
-            for t in times
-        ]
-        return np.array(rows).reshape(-1, self._joints)
+        return self._one_by_one(times, self._function)
+
+    def _one_by_one(self, times: FloatArray, function: Callable[[float], Any]) -> FloatArray:
+        rows = np.empty((times.size, self._joints))
+        before = 0.0  # where it fails from the start, nothing was computed
+        for k in np.argsort(times):
+            t = float(times[k])
+            try:
+                row = call(self._name, function, t)
+            except FunctionError as failed:
+                raise first_failure(self._name, function, before, failed) from failed.__cause__
+            rows[k] = check_array(self._where, f"{self._name}({t:g})", row, (self._joints,))
+            before = t
+        return rows
 
     def _grow(self, values: FloatArray) -> None:
         self._scale = max(self._scale, float(np.max(np.abs(values), initial=0.0)))

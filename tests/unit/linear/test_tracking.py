@@ -58,7 +58,7 @@ class TestPostures:
         ("along", "count", "message"),
         [
             ([0.0, 1.0], 2, "along must be numbers of shape"),
-            ([[0.0, 1.0]], 0, "count must be at least 1"),
+            ([[0.0, 1.0]], 0, "count must be a whole number from 1"),
         ],
     )
     def test_wrong_input(self, along, count, message):

@@ -166,7 +166,7 @@ def test_nothing_acts_where_nothing_is_given():
         ({"moment": np.inf}, "Load: moment must be finite, but is inf."),
         ({"frame": "body"}, "Load: frame must be one of 'world', 'link', but is 'body'."),
         ({"station": -0.1}, "Load: station must be at least 0, but is -0.1."),
-        ({"station": np.nan}, "Load: station must be at least 0, but is nan."),
+        ({"station": np.nan}, "Load: station must be finite, but is nan."),
         (
             {"spread": (0.5, 0.2)},
             (

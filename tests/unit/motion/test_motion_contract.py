@@ -138,7 +138,7 @@ def test_motions_are_frozen(motion):
 
 
 def test_refuses_nan_times(motion):
-    with pytest.raises(InputError, match="t must be a time, but is nan"):
+    with pytest.raises(InputError, match="t must be a time or an array of times, but is"):
         motion.joint_rate([0.0, np.nan])
 
 

@@ -1,0 +1,257 @@
+"""Converters of arguments: one for each kind of argument that public functions take.
+
+Each returns the argument as the type to compute with, or raises an `InputError` that names the call
+and the argument. The converter of arrays of numbers is `errors.check_array`; that of motions is
+beside their class, `motion.motion.check_motion`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from difflib import get_close_matches
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from flexarm.errors import InputError, Problem, check_array, shown
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+    from numpy.typing import NDArray
+
+T = TypeVar("T")
+
+#: Positive numbers below this count as zero: their inverses, and products with them, leave the
+#: range of floats.
+_SMALLEST = 1e-150
+
+
+def check_kind(
+    where: str, name: str, value: object, kind: type[T], what: str = "", hint: str = ""
+) -> T:
+    """Return an object of a class.
+
+    Args:
+        what: the class in words, with its article; by default its own name.
+        hint: a sentence that says how to make one.
+
+    Raises:
+        InputError: if the value is not an instance of ``kind``.
+    """
+    if isinstance(value, kind):
+        return value
+    article = "an" if kind.__name__[0] in "AEIOU" else "a"
+    given = f"the class {value.__name__}" if isinstance(value, type) else shown(value)
+    rule = f"be {what or f'{article} {kind.__name__}'}"
+    raise InputError(Problem(where, name, rule, given, hint))
+
+
+def check_list_of(where: str, name: str, value: object, kind: type[T]) -> list[T]:
+    """Return a list of objects of a class, from a list or a tuple.
+
+    Raises:
+        InputError: if the value is not a list or tuple, or an item is not an instance of ``kind``.
+    """
+    if isinstance(value, list | tuple) and all(isinstance(item, kind) for item in value):
+        return list(value)
+    raise InputError(Problem(where, name, f"be a list of {kind.__name__} objects", shown(value)))
+
+
+def check_positive(where: str, name: str, value: object, unit: str = "") -> float:
+    """Return a finite number greater than zero; ``unit``: of it, for the message.
+
+    Raises:
+        InputError: if the value is not a number, not finite, or not greater than 0.
+    """
+    number = float(check_array(where, name, value, ()))
+    if number < _SMALLEST:
+        rule = f"be greater than 0 {unit}".rstrip()
+        raise InputError(Problem(where, name, rule, shown(value)))
+    return number
+
+
+def check_nonnegative(where: str, name: str, value: object) -> float:
+    """Return a finite number of zero or more.
+
+    Raises:
+        InputError: if the value is not a number, not finite, or negative.
+    """
+    number = float(check_array(where, name, value, ()))
+    if number < 0.0:
+        raise InputError(Problem(where, name, "be at least 0", shown(value)))
+    return number
+
+
+def check_each(where: str, name: str, value: object, count: int = -1) -> NDArray[np.float64]:
+    """Return a finite number () or a list of ``count`` of them; -1 accepts any number of them.
+
+    Raises:
+        InputError: if the value is neither, or not finite.
+    """
+    array = _plain_array(value)
+    single = array is not None and array.ndim == 0
+    return check_array(where, name, value, () if single else (count,))
+
+
+def as_list(value: object) -> list[Any] | None:
+    """Return the items of a list, a tuple or an array; None for anything else."""
+    if isinstance(value, list | tuple):
+        return list(value)
+    array = _plain_array(value) if hasattr(value, "__array__") else None
+    return None if array is None or array.ndim == 0 else array.tolist()
+
+
+def check_count(where: str, name: str, value: object, least: int = 1, most: int = 10**6) -> int:
+    """Return a whole number from ``least`` to ``most``.
+
+    Raises:
+        InputError: if the value is not an integer, or out of that range.
+    """
+    import numpy as np
+
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        count = int(value)
+        if least <= count <= most:
+            return count
+    rule = f"be a whole number from {least} to {most}"
+    raise InputError(Problem(where, name, rule, shown(value)))
+
+
+def check_flag(where: str, name: str, value: object) -> bool:
+    """Return a truth value, from a Python or NumPy bool.
+
+    Raises:
+        InputError: if the value is something else: numbers and text are not truth values.
+    """
+    import numpy as np
+
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise InputError(Problem(where, name, "be True or False", shown(value)))
+
+
+def check_choice(where: str, name: str, value: object, choices: Collection[str]) -> str:
+    """Return one of some words.
+
+    Raises:
+        InputError: if the value is not among ``choices``.
+    """
+    if isinstance(value, str) and value in choices:
+        return value
+    rule = "be one of " + ", ".join(map(repr, choices))
+    near = get_close_matches(value, choices, n=1) if isinstance(value, str) else []
+    hint = f"Did you mean {near[0]!r}?" if near else ""
+    raise InputError(Problem(where, name, rule, shown(value), hint))
+
+
+def check_path(where: str, name: str, value: object) -> Path:
+    """Return the path of a file, from text or a path object.
+
+    Raises:
+        InputError: if the value is neither, names no file, is too long, or holds a null character.
+    """
+    given = value if isinstance(value, str | PathLike) else None
+    try:
+        text = fspath(given) if given is not None else None
+    except Exception:  # a path object of someone else's making
+        text = None
+    if isinstance(text, str) and len(text) < 4096 and "\0" not in text and Path(text).name:
+        return Path(text)
+    raise InputError(Problem(where, name, "be the path of a file", shown(value)))
+
+
+def check_function(
+    where: str, name: str, value: object, what: str = "a function of time"
+) -> Callable[..., Any]:
+    """Return a callable object; a class is not a function.
+
+    Raises:
+        InputError: if the value cannot be called.
+    """
+    if callable(value) and not isinstance(value, type):
+        return value
+    raise InputError(Problem(where, name, f"be {what}", shown(value)))
+
+
+def check_mapping(where: str, name: str, value: object, what: str) -> Mapping[Any, Any]:
+    """Return a dictionary or another mapping; ``what`` it maps, for the message.
+
+    Raises:
+        InputError: if the value is not a mapping.
+    """
+    if isinstance(value, Mapping):
+        return value
+    raise InputError(Problem(where, name, f"be a mapping of {what}", shown(value)))
+
+
+def check_last_axes(
+    where: str, name: str, value: Any, last: tuple[int, ...], axes: int | None = None
+) -> NDArray[Any]:
+    """Return an array of real, complex or symbolic numbers whose last axes have given lengths.
+
+    An array is returned as it is, whatever its numbers are; a list becomes one of floats.
+
+    Args:
+        last: lengths of the last axes.
+        axes: number of axes; any where left out.
+
+    Raises:
+        InputError: if the value is not made of numbers, or its shape differs.
+    """
+    import numpy as np
+
+    numeric = type(value) is np.ndarray and value.dtype.kind in "fcO"
+    array = value if numeric else _plain_array(value)
+    if array is not None and array.shape[-len(last) :] == last and axes in (None, array.ndim):
+        return array
+    lengths = ", ".join(map(str, ("...", *last) if axes is None else ("any", *last)))
+    given = shown(value) if array is None else f"of shape {array.shape}"
+    raise InputError(Problem(where, name, f"be numbers of shape ({lengths})", given))
+
+
+def _plain_array(value: object) -> NDArray[Any] | None:
+    """Return a list or another array as an array of floats or complex numbers, or None."""
+    import numpy as np
+
+    try:
+        array = np.asarray(value)
+    except Exception:  # rows of different lengths, objects that make no array
+        return None
+    if isinstance(value, np.ma.MaskedArray) or array.dtype.kind not in "iufc":
+        return None
+    return array if array.dtype.kind == "c" else array.astype(np.float64, copy=False)
+
+
+def check_times(
+    where: str, name: str, value: object, rule: str = "be a time or an array of times"
+) -> NDArray[np.float64]:
+    """Return a time or times as a float64 array of any shape; infinite ones are allowed.
+
+    Args:
+        rule: what the argument must be, for other numbers than times.
+
+    Raises:
+        InputError: if the value is not made of real numbers, or holds NaN.
+    """
+    import numpy as np
+
+    times = _plain_array(value)
+    if times is None or times.dtype.kind == "c" or np.isnan(times).any():
+        raise InputError(Problem(where, name, rule, shown(value)))
+    return times
+
+
+def check_dataset(where: str, name: str, value: object) -> xr.Dataset:
+    """Return a dataset over time, as ``simulate`` gives it.
+
+    Raises:
+        InputError: if the value is not an ``xarray.Dataset``, or has no variable "time".
+    """
+    import xarray as xr
+
+    dataset = check_kind(where, name, value, xr.Dataset, "a result of simulate")
+    if "time" not in dataset.variables:
+        rule = "be a result of simulate"
+        raise InputError(Problem(where, name, rule, "a dataset without 'time'"))
+    return dataset

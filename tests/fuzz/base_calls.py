@@ -1,0 +1,375 @@
+"""Valid arguments for every public callable, to be replaced by wrong values.
+
+For every public name, and for the public methods of what it makes, here are keyword arguments that
+it accepts. `test_calls.py` fails where a public name has none.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import flexarm as fa
+from conformance.controller_examples import EXAMPLES, kalman_filter, two_links
+from flexarm.motion.timing import quintic
+
+arm = cache(two_links)
+start, end = [0.1, 0.3], [0.5, 0.8]
+
+
+@cache
+def spinning() -> fa.Arm:
+    """An arm of one link, which may spin and be integrated by any method."""
+    return fa.Arm(
+        links=[fa.Link(length=1.0, flexural_rigidity=30.0, mass_per_length=0.5, elements=1)],
+        joints=[fa.Joint(hub_inertia=0.05)],
+    )
+
+
+@cache
+def motion() -> Any:
+    return fa.joint_motion(arm(), start, end, 1.0)
+
+
+@cache
+def pressed() -> Any:
+    return fa.pressed_motion(arm(), motion(), 0.1, [0.0, 1.0], interval=0.5)
+
+
+@cache
+def result() -> Any:
+    return fa.simulate(arm(), 0.01, rate=500.0)
+
+
+@cache
+def separation() -> fa.Separation:
+    return fa.linearize_along(arm(), motion(), rate=3.0)
+
+
+_PLACE = tempfile.TemporaryDirectory(prefix="flexarm-calls-")
+
+
+@cache
+def folder() -> Path:
+    """A folder with an arm, a scenario, a study and a result to read."""
+    place = Path(_PLACE.name)
+    fa.save_arm(arm(), place / "arm.yaml")
+    fa.write_result(result(), place / "result.nc")
+    run = "flexarm: 1\narm: arm.yaml\nrun: {duration: 0.01, rate: 500}\n"
+    (place / "scenario.yaml").write_text(run)
+    study = (
+        "flexarm: 1\narm: arm.yaml\n"
+        "motions: {move: {kind: joint, start: [0.1, 0.3], end: [0.5, 0.8], duration: 1}}\n"
+        "drives: {pd: {kind: joint_pd, proportional: 8, derivative: 0.8, sample_time: 0.005}}\n"
+        "run: {duration: 0.01, rate: 500}\n"
+    )
+    (place / "study.yaml").write_text(study)
+    return place
+
+
+def controller() -> fa.JointPD:
+    return fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=0.005)
+
+
+def contact() -> fa.Contact:
+    return fa.Contact(fa.Wall((0.0, -3.0), (0.0, 1.0)), 1e3)
+
+
+@cache
+def measurement() -> fa.Measurement:
+    read = {"joint_angle": np.array(start), "joint_rate": np.zeros(2), "strain": np.zeros(1)}
+    return fa.Measurement(**read, contact_force=np.zeros((1, 2)), contact_gap=np.ones(1))
+
+
+Q, QD = [0.1, 0.0, 0.0, 0.3, 0.0, 0.0], [0.0] * 6
+STATE = {"q": Q, "qd": QD}
+LINK = {"length": 0.8, "flexural_rigidity": 30.0, "mass_per_length": 0.5, "elements": 1}
+
+#: Records, as files hold them.
+RECORDS: dict[str, dict[str, Any]] = {
+    "Box": {"width": 0.04, "height": 0.02, "thickness": 0.002},
+    "Circle": {"diameter": 0.02},
+    "Friction": {"coulomb": 0.1},
+    "Gauge": {"station": 0.1, "distance": 0.005},
+    "Joint": {"hub_inertia": 0.05},
+    "JointLimits": {"lower": -1.0, "upper": 1.0, "stiffness": 100.0},
+    "Link": LINK,
+    "Material": {"density": 2700.0, "youngs_modulus": 7e10},
+    "ModalDamping": {"ratio": 0.01},
+    "Payload": {"mass": 0.1},
+    "RayleighDamping": {"mass_coefficient": 0.1},
+    "Rectangle": {"width": 0.04, "height": 0.002},
+    "SectionTable": {
+        "x": [0.0, 0.8],
+        "flexural_rigidity": [30.0, 20.0],
+        "mass_per_length": [0.5, 0.4],
+    },
+    "Tube": {"outer_diameter": 0.03, "thickness": 0.002},
+}
+
+#: Methods of an arm.
+_ARM: dict[str, dict[str, Any]] = {
+    "bias_force": STATE,
+    "damping_matrix": {},
+    "derivatives": {**STATE, "torque": [0.1, 0.2]},
+    "energy": STATE,
+    "forward_dynamics": {**STATE, "torque": [0.1, 0.2]},
+    "from_nodal": {"joint_angles": start, "nodal": [[[0.0, 0.0]], [[0.0, 0.0]]]},
+    "inverse_dynamics": {**STATE, "qdd": QD},
+    "inverse_dynamics_many": {"q": [Q], "qd": [QD], "qdd": [QD]},
+    "joint_angles": {"q": Q},
+    "joint_reactions": {**STATE, "qdd": QD},
+    "mass_matrix": {"q": Q},
+    "nodal": {"q": Q},
+    "padded": {"vector": Q},
+    "padded_torque": {"torque": [0.1, 0.2]},
+    "rest": {"joint_angles": start},
+    "rigid": {},
+    "section_forces": {**STATE, "qdd": QD, "stations": 3},
+    "shape": {"q": Q, "stations": 3},
+    "stiffness_matrix": {"q": Q},
+    "strain": {"q": Q},
+    "strains": {"states": np.zeros((1, 2, 2, 3)).tolist()},
+    "tip": {"q": Q},
+    "tip_velocity": STATE,
+    "unpadded": {"array": np.zeros((2, 3)).tolist()},
+}
+
+#: Constructors of controllers, but for what `EXAMPLES` builds otherwise.
+_LQG = {"arm": two_links, "posture": [0.4, 0.1], "sample_time": 0.004}
+CONTROLLERS: dict[str, dict[str, Any]] = {
+    "Adaptive": {"arm": two_links, "bandwidth": 2.0, "damping": 0.2, "adaptation": 0.003},
+    "Admittance": {"arm": two_links, "frequency": 1.5},
+    "Composite": {**_LQG, "torque_limit": [2.0, 0.6]},
+    "ComputedTorque": {"arm": two_links, "frequency_hz": 0.3},
+    "DisturbanceObserver": {"arm": two_links, "inner": controller, "cutoff": 0.2},
+    "EstimatorController": {"estimator": kalman_filter, "inner": EXAMPLES["joint_pd"]},
+    "ExtendedKalmanFilter": {
+        "arm": two_links,
+        "instruments": lambda: kalman_filter().instruments,
+        "sample_time": 0.004,
+    },
+    "HybridForce": {"arm": two_links, "frequency": 1.5},
+    "Impedance": {"arm": two_links},
+    "JointPD": {"proportional": [8.0, 3.0], "derivative": [0.8, 0.3]},
+    "JointPID": {"proportional": 8.0, "derivative": 0.8, "arm": two_links, "sag": True},
+    "LQG": _LQG,
+    "MPC": {**_LQG, "torque_limit": [2.0, 0.6], "horizon": 5},
+    "RBFAdaptive": {
+        "arm": two_links,
+        "bandwidth": 8.0,
+        "damping": 0.8,
+        "adaptation": 0.001,
+        "lower": -1.0,
+        "upper": 1.0,
+    },
+    "SlidingMode": {"arm": two_links, "bandwidth": 2.0, "boundary_layer": 0.5},
+    "StrainFeedback": {
+        "proportional": 8.0,
+        "derivative": 0.8,
+        "strain": [[100.0], [0.0]],
+    },
+}
+_REGISTRY = {
+    "Adaptive": "adaptive",
+    "Admittance": "admittance",
+    "Composite": "composite",
+    "ComputedTorque": "computed_torque",
+    "DisturbanceObserver": "disturbance_observer",
+    "EstimatorController": "estimator",
+    "HybridForce": "hybrid_force",
+    "Impedance": "impedance",
+    "JointPD": "joint_pd",
+    "JointPID": "joint_pid",
+    "LQG": "lqg",
+    "MPC": "mpc",
+    "RBFAdaptive": "rbf_adaptive",
+    "SlidingMode": "sliding_mode",
+    "StrainFeedback": "strain_feedback",
+}
+
+_MOVE = {"arm": arm, "motion": motion}
+#: Other public functions and classes.
+FUNCTIONS: dict[str, dict[str, Any]] = {
+    "Arm": {
+        "links": [LINK],
+        "joints": [{"hub_inertia": 0.1}],
+        "payload": {"mass": 0.1},
+        "gravity": [0.0, -9.81],
+        "theory": "linear",
+    },
+    "Contact": {"surface": lambda: fa.Wall((0.0, -3.0), (0.0, 1.0)), "stiffness": 1e3},
+    "Event": {"function": lambda: lambda t, q, qd: 1.0},
+    "Hardware": {"instruments": lambda: [fa.Instrument("joint_angle")], "motors": fa.Motors},
+    "Instrument": {"signal": "joint_angle"},
+    "Load": {"link": 1, "force": [1.0, 0.0]},
+    "Measurement": {},
+    "Motors": {"torque_limit": 2.0},
+    "Needs": {},
+    "Plant": {"arm": arm, "sample_time": 0.005},
+    "PrescribedAngle": {
+        "angle": lambda: lambda t: 0.0,
+        "rate": lambda: lambda t: 0.0,
+        "acceleration": lambda: lambda t: 0.0,
+    },
+    "RoundWall": {"center": [0.0, 0.0], "radius": 3.0},
+    "Sensor": {"kind": "acceleration", "link": 1},
+    "SurfaceTable": {"x": [-3.0, 0.0, 3.0], "y": [-3.0, -3.1, -3.0]},
+    "Wall": {"point": [0.0, -3.0], "normal": [0.0, 1.0]},
+    "campbell": {"arm": spinning, "spin": [0.0, 1.0], "count": 1},
+    "citation": {"result": result},
+    "compare": {
+        "arm": arm,
+        "controllers": lambda: {"pd": controller()},
+        "duration": 0.01,
+        "references": lambda: {"line": motion()},
+    },
+    "contact_event": {"arm": arm, "contact": contact},
+    "equilibrium": {"arm": arm},
+    "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
+    "joint_event": {"arm": arm, "joint": 1, "angle": 0.2},
+    "joint_motion": {"arm": arm, "start": start, "end": end, "duration": 1.0},
+    "line_motion": {"arm": arm, "start": [1.0, 0.2], "end": [1.0, 0.4], "duration": 1.0},
+    "linearize": {"arm": arm},
+    "linearize_along": {**_MOVE, "rate": 3.0},
+    "load_arm": {"path": lambda: folder() / "arm.yaml"},
+    "load_scenario": {"path": lambda: folder() / "scenario.yaml"},
+    "modes": {"arm": arm},
+    "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
+    "quasi_static_reference": _MOVE,
+    "read_result": {"path": lambda: folder() / "result.nc"},
+    "rigid_torque": _MOVE,
+    "run_scenario": {"scenario": lambda: folder() / "scenario.yaml"},
+    "run_study": {"study": lambda: folder() / "study.yaml"},
+    "save_arm": {"arm": arm, "path": lambda: folder() / "saved.yaml"},
+    "save_linear": {"model": lambda: fa.linearize(arm()), "path": lambda: folder() / "m.json"},
+    "shaped": {"motion": motion, "arm": arm},
+    "simulate": {"arm": arm, "duration": 0.01, "rate": 500.0},
+    "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
+    "smoothed": {"motion": motion, "duration": 0.1},
+    "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},
+    "tip_event": {"arm": arm, "point": [1.0, 0.0], "normal": [1.0, 0.0]},
+    "tip_inversion": {
+        "arm": arm,
+        "motion": lambda: fa.joint_motion(arm(), start, end, 1.0, start_time=0.5),
+    },
+    "track_modes": {"arm": arm, "along": [start, end], "count": 2, "samples": 2},
+    "varied": {"arm": arm},
+    "write_result": {"result": result, "path": lambda: folder() / "written.nc"},
+}
+
+#: Methods of what these make: the object, then arguments by method.
+_UPDATE = {
+    "needs": {"arm": arm, "reference": motion},
+    "reset": {},
+    "update": {"t": 0.0, "measurement": measurement, "reference": motion},
+}
+_TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
+METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
+    "Arm": (arm, _ARM),
+    "Contact": (contact, {"place": {"arm": arm}}),
+    "ExtendedKalmanFilter": (
+        kalman_filter,
+        {
+            "begin": {**STATE, "payload_mass": 0.0, "covariance": np.eye(13).tolist()},
+            "correct": {"measurement": measurement},
+            "predict": {"torque": [0.0, 0.0]},
+            "reset": {},
+            "run": {
+                "torque": [[0.0, 0.0]] * 2,
+                "readings": lambda: {
+                    "joint_angle": [start] * 2,
+                    "strain": [[0.0]] * 2,
+                },
+            },
+        },
+    ),
+    "LinearModel": (lambda: fa.linearize(arm()), {"arrays": {}, "to_control": {}}),
+    "Measurement": (measurement, {"get": {"name": "strain"}}),
+    "Modes": (lambda: fa.modes(arm()), {"curves": {"stations": 3}, "displacements": {}}),
+    "Motors": (
+        fa.Motors,
+        {"allowed": {"torque": [0.0, 0.0], "rate": [0.0, 0.0]}, "check_joints": {"joints": 2}},
+    ),
+    "Plant": (
+        lambda: fa.Plant(arm(), 0.005),
+        {"reset": {"initial": Q}, "step": {"torque": [0.1, 0.2]}},
+    ),
+    "PrescribedAngle": (
+        lambda: fa.PrescribedAngle,
+        {"hold": {"angle": 0.1}, "table": {"times": [0.0, 1.0], "angles": [0.0, 0.1]}},
+    ),
+    "PressedMotion": (
+        pressed,
+        {
+            **_TIMES,
+            **{
+                key: {"t": 0.2}
+                for key in ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
+            },
+        },
+    ),
+    "QuasiStaticReference": (
+        lambda: fa.quasi_static_reference(arm(), motion()),
+        {
+            **_TIMES,
+            "state": {"t": 0.2},
+            "tip": {"t": 0.2},
+            "at": {"times": [0.2]},
+            "coordinates": {"times": [0.2]},
+        },
+    ),
+    "Sensor": (lambda: fa.Sensor("acceleration", 1), {"labels": {}}),
+    "Separation": (
+        separation,
+        {
+            "at": {"t": [0.2]},
+            "bent": {
+                "K": lambda: separation().deviation.K,
+                "r": lambda: separation().deviation.r,
+            },
+            "quasi_static": {},
+            "save": {"path": lambda: folder() / "separation.npz"},
+            "to_dataset": {},
+        },
+    ),
+    **{name: (EXAMPLES[key], _UPDATE) for name, key in _REGISTRY.items()},
+    # What functions return whose classes have no public name.
+    "joint_motion()": (motion, {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}}),
+    "line_motion()": (
+        lambda: fa.line_motion(arm(), [1.0, 0.2], [1.0, 0.4], 1.0),
+        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}},
+    ),
+    "rigid_torque()": (lambda: fa.rigid_torque(arm(), motion()), {"__call__": {"t": 0.2}}),
+    "quintic()": (quintic, {"__call__": {"u": 0.2}}),
+}
+for _name in ("LQG", "MPC", "Composite"):
+    METHODS[_name] = (METHODS[_name][0], {**_UPDATE, "loop_poles": {}})
+
+#: Records of what was computed, warnings and errors, which flexarm makes and users read; and the
+#: abstract controller, whose methods are those of every controller.
+MADE_BY_FLEXARM = {
+    "Equilibrium",
+    "EquilibriumError",
+    "Controller",
+    "FlexarmError",
+    "FlexibleTorque",
+    "InputError",
+    "InversionError",
+    "LargeDeflectionWarning",
+    "LinearModel",
+    "ModeTracks",
+    "ModelError",
+    "Modes",
+    "PressedMotion",
+    "QuasiStaticReference",
+    "Separation",
+    "SimulationError",
+    "StepJacobian",
+    "TipInversion",
+}

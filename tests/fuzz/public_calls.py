@@ -1,0 +1,60 @@
+"""Every public callable with valid arguments, and the names of all arguments that it takes."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import flexarm as fa
+from flexarm.model.checks import Record
+from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
+
+#: A callable and arguments that it accepts, by name.
+Call = tuple[Callable[..., Any], dict[str, Any]]
+
+
+def calls() -> dict[str, Callable[[], Call]]:
+    """Return every call by name: what makes its callable and its arguments, the latter anew."""
+    found: dict[str, Callable[[], Call]] = {}
+    made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS}
+    for name, given in made.items():
+        found[name] = lambda name=name, given=given: (getattr(fa, name), _values(given))
+    for owner, (make, methods) in METHODS.items():
+        for method, given in methods.items():
+            found[f"{owner}.{method}"] = lambda make=make, method=method, given=given: (
+                getattr(make(), method),
+                _values(given),
+            )
+    return found
+
+
+def _values(given: dict[str, Any]) -> dict[str, Any]:
+    """Make the arguments that are written as functions without arguments."""
+    return {name: value() if callable(value) else value for name, value in given.items()}
+
+
+def parameters(name: str, function: Callable[..., Any]) -> list[str]:
+    """Return the names of all arguments that a callable takes."""
+    if isinstance(function, type) and issubclass(function, Record):
+        return list(function.model_fields)
+    taken = list(inspect.signature(function).parameters.values())
+    names = [p.name for p in taken if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    if name == "Arm":
+        return [*names, *type(arm().spec).model_fields]
+    if name in ("MPC", "Composite"):
+        return [*dict.fromkeys([*names, *inspect.signature(fa.LQG).parameters])]
+    return names
+
+
+def public_names() -> Iterator[str]:
+    """Yield the public names, and the public methods of what has a public class."""
+    for name in fa.__all__:
+        value = getattr(fa, name)
+        if name not in MADE_BY_FLEXARM:
+            yield name
+        if isinstance(value, type) and not issubclass(value, Record | BaseException):
+            for method, member in inspect.getmembers(value, callable):
+                own = str(getattr(member, "__module__", "")).startswith("flexarm")
+                if own and not method.startswith("_") and name != "Controller":
+                    yield f"{name}.{method}"

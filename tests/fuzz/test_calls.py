@@ -1,0 +1,92 @@
+"""Wrong values through every public callable: one error that names the argument, or a result.
+
+`FUZZ_EXAMPLES` sets the number of calls: a few in every test run, tens of thousands in
+`make fuzz`.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import flexarm as fa
+from fuzz.base_calls import MADE_BY_FLEXARM
+from fuzz.public_calls import calls, parameters, public_names
+from fuzz.wrong_values import WRONG
+
+CALLS = calls()
+#: Calls in one test; the first hundreds meet every kind of argument.
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "200"))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _somewhere_else(tmp_path_factory):
+    """Work in an empty folder: text in place of a path is the name of a file to write."""
+    before = os.getcwd()
+    os.chdir(tmp_path_factory.mktemp("calls"))
+    yield
+    os.chdir(before)
+
+
+@pytest.mark.parametrize("name", sorted(set(public_names())))
+def test_every_public_callable_has_a_base_call(name):
+    assert name in CALLS
+
+
+def test_what_flexarm_makes_is_public():
+    assert set(fa.__all__) >= MADE_BY_FLEXARM
+
+
+@pytest.mark.parametrize("name", sorted(CALLS))
+def test_base_calls_are_accepted(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of links that bend far, and of optional packages
+        function, arguments = CALLS[name]()
+        function(**arguments)
+
+
+@st.composite
+def wrong_calls(draw):
+    """Draw a call, one or two of its arguments, and a wrong value for each."""
+    name = draw(st.sampled_from(sorted(CALLS)))
+    function, _ = CALLS[name]()
+    names = parameters(name, function)
+    some = st.lists(st.sampled_from(names), min_size=1, max_size=2, unique=True)
+    chosen = draw(some) if names else []
+    return name, {one: draw(st.sampled_from(sorted(WRONG))) for one in chosen}
+
+
+def check_call(name: str, wrong: dict[str, str]) -> None:
+    """Make a call with wrong values; anything but a result or one of flexarm's errors fails."""
+    function, arguments = CALLS[name]()
+    arguments |= {argument: WRONG[value]() for argument, value in wrong.items()}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            function(**arguments)
+        except fa.FlexarmError as error:
+            check_message(error)
+
+
+def check_message(error: fa.FlexarmError) -> None:
+    """Every problem is one line of moderate length that names a place and an argument."""
+    for problem in getattr(error, "problems", [error]):
+        text = str(problem)
+        assert text.strip(), error
+        assert "\n" not in text, text
+        assert len(text) < 1500, text
+        assert getattr(problem, "name", "given"), text
+
+
+@settings(
+    max_examples=EXAMPLES,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+@given(call=wrong_calls())
+def test_wrong_values_raise_errors_that_name_them(call):
+    name, wrong = call
+    check_call(name, wrong)
