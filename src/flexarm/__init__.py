@@ -38,12 +38,14 @@ if TYPE_CHECKING:
     from flexarm.control import RBFAdaptive as RBFAdaptive
     from flexarm.control import SlidingMode as SlidingMode
     from flexarm.control import StrainFeedback as StrainFeedback
+    from flexarm.control import loop_margins as loop_margins
     from flexarm.control import shaped as shaped
     from flexarm.errors import FlexarmError as FlexarmError
     from flexarm.errors import InputError as InputError
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
     from flexarm.errors import ModelError as ModelError
     from flexarm.errors import SimulationError as SimulationError
+    from flexarm.errors import UnstableLoopWarning as UnstableLoopWarning
     from flexarm.linear import Equilibrium as Equilibrium
     from flexarm.linear import EquilibriumError as EquilibriumError
     from flexarm.linear import LinearModel as LinearModel
@@ -171,6 +173,7 @@ _HOME = {
     "StrainFeedback": "control",
     "TipInversion": "simulate.tip_inversion",
     "Tube": "model",
+    "UnstableLoopWarning": "errors",
     "Wall": "surfaces",
     "campbell": "linear",
     "citation": "references",
@@ -185,6 +188,7 @@ _HOME = {
     "linearize_along": "linear.along",
     "load_arm": "arm",
     "load_scenario": "model",
+    "loop_margins": "control",
     "modes": "linear",
     "quasi_static_reference": "linear.quasi_static",
     "pressed_motion": "linear.pressed",

@@ -2,7 +2,8 @@
 
 Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
 value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then;
-a run that went on beyond its theory is a `LargeDeflectionWarning`.
+a run that went on beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loop is
+unstable is an `UnstableLoopWarning`.
 """
 
 from __future__ import annotations
@@ -128,6 +129,10 @@ class SimulationError(FlexarmError, RuntimeError):
 
 class LargeDeflectionWarning(UserWarning):
     """Links in a run of the linear theory have bent by more than it holds for."""
+
+
+class UnstableLoopWarning(UserWarning):
+    """The sampled loop of a controller and the simulated arm is unstable."""
 
 
 def check_array(

@@ -38,6 +38,7 @@ class ComputedTorque(JointFollower):
     """
 
     name = "computed_torque"
+    memory = ()
 
     def __init__(
         self,

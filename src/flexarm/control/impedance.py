@@ -39,6 +39,7 @@ class Impedance(TaskController):
     """
 
     name = "impedance"
+    memory = ("_sum",)
 
     def __init__(
         self,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,20 +17,19 @@ from flexarm.control.linear_design import (
     DISTURBANCES,
     Design,
     Wishes,
+    at_least_zero,
     check_names,
     design,
     positive_time,
     preview_gain,
-    rows_of,
-    sampled,
     scales,
 )
+from flexarm.control.margin_design import for_margin
+from flexarm.control.margins import loop_at
 from flexarm.control.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
 from flexarm.control.posture_grid import Interpolated, PostureGrid
 from flexarm.control.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.linear.equilibrium import equilibrium
-from flexarm.linear.linearize import linearize
 from flexarm.linear.signals import CHANNEL_OUTPUTS
 
 #: What can be measured: how each departs from the nominal motion is known.
@@ -68,6 +69,12 @@ class LQG(Controller):
         integral: True, or which deviation is fed back integrated: "joint_angle" or "tip" (which
             then must be measured), or a mapping from it to the integral that is acceptable (rad s,
             m s).
+        recovery: loop-transfer recovery: fictitious torque noise of the filter, in parts of
+            ``acceptable_torque``. With more of it the loop has more of the margins of a regulator
+            that measures the whole state, and passes more noise (Doyle and Stein 1981).
+        rigidity_uncertainty: relative error of the links' stiffness to be robust against, such as
+            0.3: the filter then expects elastic forces of that part, and the regulator damps the
+            vibrations (Tahk and Speyer 1987).
         torque_limit: N m, one number or one for each joint, or None.
         preview: s of the reference that are known ahead.
         nominal: a result of ``simulate``, to keep the arm on instead of a reference.
@@ -82,7 +89,8 @@ class LQG(Controller):
     """
 
     name = "lqg"
-    references: ClassVar[str] = "BrysonHo1975"
+    memory = ("_known", "_whole")
+    references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 
     def __init__(
         self,
@@ -95,6 +103,8 @@ class LQG(Controller):
         measured: Mapping[str, ArrayLike] | None = None,
         disturbance: Mapping[str, ArrayLike] | None = None,
         integral: bool | str | Mapping[str, ArrayLike] | None = None,
+        recovery: float = 0.0,
+        rigidity_uncertainty: float = 0.0,
         torque_limit: ArrayLike | None = None,
         preview: float = 0.5,
         nominal: Any = None,
@@ -109,6 +119,11 @@ class LQG(Controller):
         self.schedule = schedule
         self.wishes = _wishes(
             where, arm, self.posture, acceptable, acceptable_torque, measured, disturbance, integral
+        )
+        self.wishes = replace(
+            self.wishes,
+            recovery=at_least_zero(where, "recovery", recovery),
+            rigidity_uncertainty=at_least_zero(where, "rigidity_uncertainty", rigidity_uncertainty),
         )
         self.torque_limit = (
             None
@@ -300,31 +315,49 @@ class LQG(Controller):
         Real parts below zero decay. Poles are ``log(z) / sample_time``: faster vibrations than half
         the sampling rate show up below it.
         """
-        arm = self.arm if plant is None else plant
         where = f"{type(self).__name__}.loop_poles"
         at = check_array(
             where, "posture", self.posture if posture is None else posture, (self.arm.joints,)
         )
-        self._arrays.move(at)
-        names = tuple(dict.fromkeys([*self.wishes.measured, *self.wishes.integrated]))
-        model = linearize(arm, equilibrium(arm, at), outputs=names)
-        A, B = sampled(model, self.sample_time)
-        C = rows_of(model, tuple(self.wishes.measured))
-        Z = self.sample_time * rows_of(model, tuple(self.wishes.integrated))
-        n, N, k = self._states, len(A), self._integrals
-        kept, corrected = self._correct[:, :n], self._correct[:, n:] @ C
-        by_state, by_integral = self._gain[:, :n], self._gain[:, n:]
-        A_own, B_own = self._predict[:, :n], self._predict[:, n : n + arm.joints]
-        # Rows of (arm, prediction, integrals): estimate, then torque, then each one's next value.
-        estimate = np.hstack([corrected, kept, np.zeros((n, k))])
-        integral = np.hstack([np.zeros((k, N + n)), np.eye(k)])
-        torque = -by_state @ estimate - by_integral @ integral
-        real = np.hstack([A, np.zeros((N, n + k))]) + B @ torque
-        integral[:, :N] = Z
-        z = np.linalg.eigvals(np.vstack([real, A_own @ estimate + B_own @ torque, integral]))
-        with np.errstate(divide="ignore"):  # a pole at zero is gone after one sample
-            poles: FloatArray = np.log(z.astype(complex)) / self.sample_time
-        return poles[np.argsort(-poles.real)]
+        poles: FloatArray = loop_at(self, plant, at).poles()
+        return poles
+
+    @classmethod
+    def for_margin(
+        cls,
+        arm: Arm,
+        posture: ArrayLike | None = None,
+        *,
+        plants: Arm | Sequence[Arm] | Mapping[str, Arm],
+        disk_margin: float = 0.3,
+        postures: ArrayLike | None = None,
+        **options: Any,
+    ) -> Self:
+        """Design for a disk margin that the loop keeps around several arms.
+
+        ``rigidity_uncertainty`` and ``recovery`` are raised from zero until `loop_margins` finds
+        no smaller margin at any joint of any plant in any posture.
+
+        Args:
+            arm, posture, options: as for the class.
+            plants: arms that the loop has to stand, beside ``arm``.
+            disk_margin: the smallest disk margin that is accepted, above 0 and below 2.
+            postures: (k, joints) rad, where the margins are evaluated; None for those of the
+                design.
+
+        Raises:
+            InputError: as the class; if no design has the margin: the best one found is named.
+        """
+        return for_margin(cls, arm, posture, plants, disk_margin, postures, options)
+
+    def at_rest(self) -> LQG:
+        """Return itself, or a copy without ``nominal``, which stays where it is found."""
+        if self.nominal is None:
+            return self
+        mine = deepcopy(self)
+        mine.nominal = None
+        mine._motion = mine._nominal_motion(type(self).__name__)
+        return mine
 
 
 def _wishes(

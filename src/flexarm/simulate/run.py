@@ -20,6 +20,7 @@ from flexarm.errors import (
     LargeDeflectionWarning,
     Problem,
     SimulationError,
+    UnstableLoopWarning,
     shown,
 )
 from flexarm.integrate import Integrator
@@ -32,6 +33,7 @@ from flexarm.simulate.choice import Choice
 from flexarm.simulate.closed_loop import ClosedLoop
 from flexarm.simulate.events import Event, event_log, event_variables
 from flexarm.simulate.load_history import BaseAcceleration
+from flexarm.simulate.loop_check import instability
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.new_run import (
     ATOL,
@@ -143,6 +145,8 @@ def simulate(
 
     Warns:
         LargeDeflectionWarning: a link has bent too far for the linear theory.
+        UnstableLoopWarning: the sampled loop is unstable where the motion begins or ends, by a
+            factor of ten or more within the run.
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller, hardware)
@@ -197,7 +201,13 @@ def simulate(
         refuse_pressing_outward(where, simulated, contacts, placed, reference, duration)
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
-            result = _closed_loop(run, loop, choice)
+            q = simulated.unpadded(state[0])
+            unstable = instability(
+                arm, simulated, controller, reference, hardware, contacts, q, duration
+            )
+            if unstable:
+                warnings.warn(unstable, UnstableLoopWarning, stacklevel=2)
+            result = _closed_loop(run, loop, choice, unstable)
         else:
             history = _history(
                 where, torque, duration, rate, arm.joints, rtol, torque_interpolation
@@ -222,16 +232,18 @@ def _open_loop(run: Run, history: TorqueHistory, choice: Choice) -> xr.Dataset:
     return _result(run, history.at, choice, started)
 
 
-def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice, unstable: str) -> xr.Dataset:
     started = time.perf_counter()
     try:
         loop.execute()
     except SimulationError as error:
+        if unstable:  # the reason of whatever stopped the run
+            error.hint = f"{unstable[0].upper()}{unstable[1:]}"
         if loop.ticks:
-            result = _result(run, loop.torque_at, choice, started, str(error))
+            result = _result(run, loop.torque_at, choice, started, str(error), unstable)
             error.result = add_loop(result, loop)
         raise
-    return add_loop(_result(run, loop.torque_at, choice, started), loop)
+    return add_loop(_result(run, loop.torque_at, choice, started, "", unstable), loop)
 
 
 def _result(
@@ -240,6 +252,7 @@ def _result(
     choice: Choice,
     started: float,
     failure: str = "",
+    unstable: str = "",
 ) -> xr.Dataset:
     count = run.progress.sample
     times = run.sample_times[:count]
@@ -261,6 +274,7 @@ def _result(
         "failure": failure,
         "ended_by": ended_by,
         "warning": too_far_bent(run.arm, run.samples[:count]),
+        "unstable_loop": unstable,
     }
     motor, force, moment, inside = run.reactions(times, torque_at(times))
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
