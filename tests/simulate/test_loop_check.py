@@ -1,5 +1,7 @@
 """Runs whose sampled loop is unstable: announced before they begin, and only those."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -111,6 +113,19 @@ run: {duration: 1.0, rate: 100}
         assert result.exit_code == 0
         assert ("the sampled loop is unstable" in result.stderr) == warned
         assert "ok" in result.stdout
+
+
+def test_a_surface_that_nothing_is_pressed_on_does_not_count():
+    """Joint control ends with straight links deep in the wall: no posture of rest."""
+    from flexarm.model import load_scenario
+    from flexarm.simulate import prepare
+
+    assert (
+        prepare(
+            load_scenario(Path(__file__).parents[2] / "examples" / "wipe_wall.yaml")
+        ).unstable_loop()
+        == ""
+    )
 
 
 def test_differences_are_those_of_the_exact_linear_model():

@@ -24,6 +24,7 @@ from flexarm.observe import channels_of, contact_forces
 
 #: Growth over the run below which an instability stays unnoticed.
 _NOTICED = 10.0
+_OF_CONTACTS = ("contact_force", "contact_gap")
 #: Of the differences, in the units of the coordinates and in N m: of a smooth function their error
 #: is then about 1e-9.
 _STEP = 1e-5
@@ -106,7 +107,13 @@ def _worst(
 
     def model_of(one: Arm) -> PlantModel:
         q = equilibrium(one, angle, contacts=touched).q if bends else one.rest(angle)
-        return differenced(one, q, signals, contacts)
+        free = [name for name in signals if touched or name not in _OF_CONTACTS]
+        model = differenced(one, q, free, touched)
+        for name in set(signals) - set(free):  # nothing presses: they read zero
+            size = len(contacts) * (2 if name == "contact_force" else 1)
+            none = np.zeros((size, 2 * one.dof)), np.zeros((size, one.joints))
+            model.signals[name] = Signal(np.zeros(size), *none)
+        return model
 
     believed = model_of(arm) if arm is not plant and len(arm.gauges) == len(plant.gauges) else None
     loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed)
