@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from flexarm.control import RBFAdaptive as RBFAdaptive
     from flexarm.control import SlidingMode as SlidingMode
     from flexarm.control import StrainFeedback as StrainFeedback
+    from flexarm.control import loop_margins as loop_margins
     from flexarm.control import shaped as shaped
     from flexarm.errors import AccuracyWarning as AccuracyWarning
     from flexarm.errors import FlexarmError as FlexarmError
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
     from flexarm.errors import ModelError as ModelError
     from flexarm.errors import SimulationError as SimulationError
+    from flexarm.errors import UnstableLoopWarning as UnstableLoopWarning
     from flexarm.integrate import GeneralizedAlpha as GeneralizedAlpha
     from flexarm.linear import Equilibrium as Equilibrium
     from flexarm.linear import EquilibriumError as EquilibriumError
@@ -176,6 +178,7 @@ _HOME = {
     "StrainFeedback": "control",
     "TipInversion": "simulate.tip_inversion",
     "Tube": "model",
+    "UnstableLoopWarning": "errors",
     "Wall": "surfaces",
     "campbell": "linear",
     "citation": "references",
@@ -190,6 +193,7 @@ _HOME = {
     "linearize_along": "linear.along",
     "load_arm": "arm",
     "load_scenario": "model",
+    "loop_margins": "control",
     "modes": "linear",
     "quasi_static_reference": "linear.quasi_static",
     "pressed_motion": "linear.pressed",

@@ -2,7 +2,8 @@
 
 Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
 value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then;
-a run that went on beyond its theory is a `LargeDeflectionWarning`.
+a run that went on beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loop is
+unstable is an `UnstableLoopWarning`.
 """
 
 from __future__ import annotations
@@ -129,12 +130,20 @@ class SimulationError(FlexarmError, RuntimeError):
         return f"{text} {self.hint}" if self.hint else text
 
 
-class AccuracyWarning(UserWarning):
+class FlexarmWarning(UserWarning):
+    """Base of every warning of this package."""
+
+
+class AccuracyWarning(FlexarmWarning):
     """A result may err by more than the default settings promise."""
 
 
-class LargeDeflectionWarning(UserWarning):
-    """Links in a run of the linear theory have bent by more than it holds for."""
+class LargeDeflectionWarning(FlexarmWarning):
+    """Links have bent by more than the theory of the arm holds for."""
+
+
+class UnstableLoopWarning(FlexarmWarning):
+    """The sampled loop of a controller and the simulated arm is unstable."""
 
 
 def check_array(

@@ -49,6 +49,24 @@ _ENTRIES = {
   title = {Applied Optimal Control},
   publisher = {Hemisphere}, address = {Washington}, year = {1975}
 }""",
+    "DoyleStein1981": """@article{DoyleStein1981,
+  author = {Doyle, J. C. and Stein, G.},
+  title = {Multivariable feedback design: concepts for a classical/modern synthesis},
+  journal = {IEEE Transactions on Automatic Control},
+  volume = {26}, number = {1}, pages = {4--16}, year = {1981}
+}""",
+    "Maciejowski1985": """@article{Maciejowski1985,
+  author = {Maciejowski, J. M.},
+  title = {Asymptotic recovery for discrete-time systems},
+  journal = {IEEE Transactions on Automatic Control},
+  volume = {30}, number = {6}, pages = {602--605}, year = {1985}
+}""",
+    "TahkSpeyer1987": """@article{TahkSpeyer1987,
+  author = {Tahk, M. and Speyer, J. L.},
+  title = {Modeling of parameter variations and asymptotic LQG synthesis},
+  journal = {IEEE Transactions on Automatic Control},
+  volume = {32}, number = {9}, pages = {793--801}, year = {1987}
+}""",
     "SicilianoBook1988": """@article{SicilianoBook1988,
   author = {Siciliano, B. and Book, W. J.},
   title = {A singular perturbation approach to control of lightweight flexible manipulators},

@@ -169,14 +169,14 @@ def test_torque_and_controller_exclude_each_other():
 def test_an_unstable_loop_is_told_and_keeps_what_it_had():
     """Gains far beyond what the sample time allows."""
     controller = fa.JointPD(1e6, 1e5, sample_time=0.02)
-    with pytest.raises(fa.SimulationError) as caught:
+    with pytest.warns(fa.UnstableLoopWarning), pytest.raises(fa.SimulationError) as caught:
         fa.simulate(
             flexible_arm(), 60.0, controller=controller, initial_rate=flexible_arm().rest([1.0, 0])
         )
     error = caught.value
     assert 0.0 < error.time < 60.0
     assert error.reason
-    assert error.hint
+    assert error.hint.startswith("The sampled loop is unstable")
     assert error.result.sizes["time"] >= 1
     assert np.all(np.isfinite(error.result.q.values))
     assert np.all(np.isfinite(error.state[0]))

@@ -145,6 +145,7 @@ def test_a_small_motion_follows_the_poles_of_the_sampled_loop(case):
             assert abs(np.median(steps.real) + 1j * np.median(steps.imag) - pole) < 1e-3
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 def test_the_gain_at_which_the_sampled_loop_turns_unstable():
     """Just below it errors die out, just above they grow."""
     flexible = arm()

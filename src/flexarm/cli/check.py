@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexarm.arm import Arm
+from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import ModelError
 from flexarm.model import (
@@ -32,8 +33,10 @@ def check_file(path: Path) -> None:
         InputError: what is wrong, all of it.
     """
     located = None if _is_study(path) else _scenario(path)
+    unstable: list[str] = []
     if _is_study(path):
         study = PreparedStudy(*locate_study(path))
+        unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
         found = [*_about_arm(study.arm), *_about_study(study.study)]
     elif located is None:
         arm = Arm(load_arm_spec(path))
@@ -41,9 +44,12 @@ def check_file(path: Path) -> None:
     else:
         scenario, where = located
         prepared = prepare(scenario, where)
+        unstable = list(filter(None, [prepared.unstable_loop()]))
         found = [*_about_arm(prepared.arm), *_about_run(scenario)]
     screen = console()
     screen.print(facts(found))
+    for text in unstable:
+        warn(text)
     screen.print("ok")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
+from flexarm.errors import UnstableLoopWarning
 from flexarm.model import locate_study
 from flexarm.output import FIGURE_SUFFIXES, check_place, write_figure, write_text, write_whole
 from flexarm.simulate.study import PreparedStudy
@@ -50,7 +52,9 @@ def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
         check_place(_WHERE, "--out", out, TABLE_SUFFIXES)
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
-    table = prepared.run()
+    with warnings.catch_warnings():  # told below, beside the names of the runs
+        warnings.simplefilter("ignore", UnstableLoopWarning)
+        table = prepared.run()
     screen = console()
     for reference in table["reference"].values:
         screen.print(_printed(table.sel(reference=reference), str(reference)), soft_wrap=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.cli.failures import say, warn
 from flexarm.cli.tables import console, facts
-from flexarm.errors import AccuracyWarning, InputError, LargeDeflectionWarning, SimulationError
+from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
 from flexarm.simulate import prepare
@@ -37,8 +37,7 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
     try:
         with warnings.catch_warnings():  # told below, in one line
-            warnings.simplefilter("ignore", LargeDeflectionWarning)
-            warnings.simplefilter("ignore", AccuracyWarning)
+            warnings.simplefilter("ignore", FlexarmWarning)
             result = prepared.run()
     except SimulationError as error:
         if out is not None and error.result is not None:
@@ -46,8 +45,9 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
         raise
     screen = console()
     screen.print(facts(_summary(result)))
-    if result.attrs["warning"]:
-        warn(result.attrs["warning"])
+    for name in ("unstable_loop", "warning"):
+        if result.attrs[name]:
+            warn(result.attrs[name])
     if out is not None:
         write_result(result, out)
         screen.print(f"result in {out}", soft_wrap=True)

@@ -18,6 +18,7 @@ from flexarm.control.instruments import Instrument
 from flexarm.control.joint_pd import JointPD
 from flexarm.control.joint_pid import JointPID
 from flexarm.control.lqg import LQG
+from flexarm.control.margins import loop_margins
 from flexarm.control.mpc import MPC
 from flexarm.control.needs import Needs
 from flexarm.control.rbf_adaptive import RBFAdaptive
@@ -68,5 +69,6 @@ __all__ = [
     "Reference",
     "SlidingMode",
     "StrainFeedback",
+    "loop_margins",
     "shaped",
 ]

@@ -46,6 +46,7 @@ class Adaptive(Controller):
     """
 
     name = "adaptive"
+    memory = ("_estimate", "_sliding._slow", "_sliding._fast")
 
     def __init__(
         self,

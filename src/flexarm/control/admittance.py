@@ -36,6 +36,7 @@ class Admittance(TaskController):
     """
 
     name = "admittance"
+    memory = ("_away",)
 
     def __init__(
         self,

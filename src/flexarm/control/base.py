@@ -41,11 +41,14 @@ class Controller(ABC):
        say at that moment, and returns torques (joints,) N m, held until the next call.
     4. It sees the measurement and the reference only, never the simulated state.
     5. ``needs`` tells what it relies on, before ``reset``; what is missing is refused there.
+    6. ``memory`` names the attributes, numbers or arrays, by which one sample affects the next;
+       None if it is not declared. The stability of the sampled loop is analysed with it.
 
     Any object with the first three names will do; deriving from this class is a convenience.
     """
 
     sample_time: float
+    memory: tuple[str, ...] | None = None
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Check the arguments of a built-in controller's methods before they are computed with."""

@@ -1,4 +1,4 @@
-"""Composite control: slow motion of the joints, fast vibration of the links; (C.32) to (C.37)."""
+"""Composite control: slow motion of the joints, fast vibration of the links; (C.32) to (C.38)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from flexarm.arm import Arm
 from flexarm.control.base import FloatArray
 from flexarm.control.linear_design import (
     Design,
+    bend_weight,
+    bending,
     check_names,
     held,
     regulator,
@@ -138,26 +140,34 @@ class Composite(LQG):
         size = sizes_of(where, "acceptable", model, self.acceptable)
         wanted = rows_of(model, tuple(self.acceptable))[:, moved] / size[:, None]
         price = np.diag(self.wishes.acceptable_torque**-2.0)
-        gain, cost = regulator(where, A, B, wanted.T @ wanted, price)
+        weighed = wanted.T @ wanted
+        stiffness, energy = bending(arm, model, self.wishes.acceptable_torque)
+        weighed[:k, :k] += bend_weight(self.wishes.rigidity_uncertainty, stiffness, energy)
+        gain, cost = regulator(where, A, B, weighed, price)
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
-        # Acceleration that the slow part asks for, by the state: (C.35).
+        # As the joints turn, gravity bends the links and turns the joints: (C.38).
+        whole = model.stiffness
+        sag = -flexibility @ whole[np.ix_(elastic, joints)]
+        weight = whole[np.ix_(joints, joints)] + whole[np.ix_(joints, elastic)] @ sag
+        # The slow angles by the state, but for the bend that goes with the acceleration: (C.35).
         carried = np.linalg.solve(rigid, coupling)
-        stiff, damped = (
-            np.diag(self.bandwidth**2),
-            np.diag(2.0 * self.damping_ratio * self.bandwidth),
-        )
-        asked: FloatArray = np.zeros((arm.joints, 2 * arm.dof))
-        asked[:, joints], asked[:, elastic] = -stiff, -stiff @ carried
-        asked[:, arm.dof + joints], asked[:, arm.dof + elastic] = -damped, -damped @ carried
-        # The bend that goes with it, per acceleration; it moves the slow angles in turn.
+        alone = np.linalg.inv(np.eye(arm.joints) + carried @ sag)
+        slow, rate = np.zeros((2, arm.joints, 2 * arm.dof))
+        slow[:, joints], slow[:, elastic] = alone, alone @ carried
+        rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
+        # Acceleration that the slow part asks for; its bend moves the slow angles in turn.
+        stiff, damped = self.bandwidth**2, 2.0 * self.damping_ratio * self.bandwidth
         bend = -flexibility @ coupling.T
-        asked = np.asarray(np.linalg.solve(np.eye(arm.joints) - stiff @ carried @ bend, asked))
+        moves = alone @ carried @ bend
+        asked = -stiff[:, None] * slow - damped[:, None] * rate
+        asked = np.asarray(np.linalg.solve(np.eye(arm.joints) - stiff[:, None] * moves, asked))
+        slow -= moves @ asked
         swing = np.zeros((2 * k, 2 * arm.dof))
         swing[np.arange(2 * k), moved] = 1.0
-        swing[:k] -= bend @ asked
-        return fast, replace(item, gain=gain @ swing - rigid @ asked)
+        swing[:k] -= bend @ asked + sag @ slow
+        return fast, replace(item, gain=gain @ swing - rigid @ asked - weight @ slow)
 
     def _known_force_gain(self, item: Design) -> FloatArray:
         """The bend under the reference's own forces is no deviation: (C.37)."""

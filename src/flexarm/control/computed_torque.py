@@ -39,6 +39,7 @@ class ComputedTorque(JointFollower):
     """
 
     name = "computed_torque"
+    memory = ()
 
     def __init__(
         self,

@@ -58,6 +58,9 @@ class DisturbanceObserver(Controller):
         if self.compensation > 1.0:
             gains.refuse("compensation", "be at most 1", compensation)
         gains.done()
+        inside = getattr(inner, "memory", None)
+        if inside is not None:
+            self.memory = ("_estimate", "_last", "_asked", *(f"inner.{name}" for name in inside))
         self._model = RigidParameters("DisturbanceObserver", arm)
         self._estimate = np.zeros(arm.joints)
         self._last: FloatArray | None = None

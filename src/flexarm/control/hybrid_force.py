@@ -47,6 +47,7 @@ class HybridForce(TaskController):
     """
 
     name = "hybrid_force"
+    memory = ("_sum", "_x_sum", "_y_sum")
 
     def __init__(
         self,

@@ -40,6 +40,7 @@ class Impedance(TaskController):
     """
 
     name = "impedance"
+    memory = ("_sum",)
 
     def __init__(
         self,

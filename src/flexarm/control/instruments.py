@@ -106,28 +106,43 @@ class Instrument:
         return self.label, self.rate_name or rate
 
 
+def ticks_of(instrument: Instrument, tick: float) -> tuple[int, int]:
+    """Return samples from frame to frame, and from a frame to when it is known.
+
+    Raises:
+        InputError: if the frames are not at sample times, ``tick`` (s) apart.
+    """
+    every = (instrument.sample_time or tick) / tick
+    if abs(every - round(every)) > _GRID * every:
+        rule = f"be a multiple of the controller's sample time, {tick:g} s"
+        name = f"sample_time of {instrument.label!r}"
+        raise InputError(Problem("Instrument", name, rule, shown(instrument.sample_time)))
+    return round(every), math.ceil(instrument.delay / tick - _GRID)
+
+
+def filter_of(cutoff: float, frame: float) -> tuple[float, float]:
+    """Return the filtered difference's weights of the rate before and of the change.
+
+    Tustin's rule for ``s / (1 + s / (2 pi cutoff))``, ``cutoff`` in Hz, over ``frame`` (s).
+    """
+    lag = 1.0 / (2.0 * math.pi * cutoff)
+    return (2.0 * lag - frame) / (2.0 * lag + frame), 2.0 / (2.0 * lag + frame)
+
+
 class Readings:
     """An instrument in use: frames, delays and the memory of its difference."""
 
     def __init__(self, instrument: Instrument, tick: float, generator: np.random.Generator) -> None:
         self._instrument = instrument
         self._generator = generator
-        every = (instrument.sample_time or tick) / tick
-        if abs(every - round(every)) > _GRID * every:
-            rule = f"be a multiple of the controller's sample time, {tick:g} s"
-            name = f"sample_time of {instrument.label!r}"
-            raise InputError(Problem("Instrument", name, rule, shown(instrument.sample_time)))
-        self._every = round(every)
-        self._late = math.ceil(instrument.delay / tick - _GRID)
+        self._every, self._late = ticks_of(instrument, tick)
         self._frames: deque[tuple[int, FloatArray, FloatArray | None]] = deque()
         self._known: tuple[FloatArray, FloatArray | None] | None = None
         self._last: FloatArray | None = None
         self._rate: FloatArray | None = None
         cutoff = instrument.rate_cutoff
         if cutoff is not None:
-            lag, frame = 1.0 / (2.0 * math.pi * cutoff), self._every * tick
-            self._forget = (2.0 * lag - frame) / (2.0 * lag + frame)
-            self._per_change = 2.0 / (2.0 * lag + frame)
+            self._forget, self._per_change = filter_of(cutoff, self._every * tick)
 
     def wants(self, k: int) -> bool:
         """Whether there is a frame at sample time k."""

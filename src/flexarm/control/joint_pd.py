@@ -30,6 +30,7 @@ class JointPD(JointFollower):
     """
 
     name = "joint_pd"
+    memory = ()
 
     def __init__(
         self,

@@ -42,6 +42,7 @@ class JointPID(JointFollower):
     """
 
     name = "joint_pid"
+    memory = ("_sum",)
 
     def __init__(
         self,

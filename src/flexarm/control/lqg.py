@@ -3,43 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, check_nonnegative
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.flexible_model import FlexibleModel
 from flexarm.control.gains import check_sample_time
 from flexarm.control.linear_design import (
-    DISTURBANCES,
     Design,
-    Wishes,
-    check_names,
     design,
     preview_gain,
-    rows_of,
-    sampled,
     scales,
 )
+from flexarm.control.linear_wishes import wishes_of
+from flexarm.control.margin_design import for_margin
+from flexarm.control.margins import loop_at
 from flexarm.control.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
 from flexarm.control.posture_grid import Interpolated, PostureGrid
-from flexarm.control.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.linear.equilibrium import equilibrium
-from flexarm.linear.linearize import linearize
-from flexarm.linear.signals import CHANNEL_OUTPUTS
 
-#: What can be measured: how each departs from the nominal motion is known.
-MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
-#: What can be integrated, and by default how much of it counts as one: rad s, m s.
-INTEGRATED = {"joint_angle": 2e-3, "tip": 1e-3}
-#: What can be acceptable: no contacts are known to a design.
-_ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
-#: Angular acceleration (rad/s^2) that the acceptable torque gives to the rigid arm by default.
-_BRISK = 10.0
 #: Nodes of the preview, and the longest one, s.
 _NODES, _LONGEST = 64, 60.0
 
@@ -69,6 +57,12 @@ class LQG(Controller):
         integral: True, or which deviation is fed back integrated: "joint_angle" or "tip" (which
             then must be measured), or a mapping from it to the integral that is acceptable (rad s,
             m s).
+        recovery: loop-transfer recovery: fictitious torque noise of the filter, in parts of
+            ``acceptable_torque``. With more of it the loop has more of the margins of a regulator
+            that measures the whole state, and passes more noise (Doyle and Stein 1981).
+        rigidity_uncertainty: relative error of the links' stiffness to be robust against, such as
+            0.3: the filter then expects elastic forces of that part, and the regulator damps the
+            vibrations (Tahk and Speyer 1987).
         torque_limit: N m, one number or one for each joint, or None.
         preview: s of the reference that are known ahead.
         nominal: a result of ``simulate``, to keep the arm on instead of a reference.
@@ -83,7 +77,8 @@ class LQG(Controller):
     """
 
     name = "lqg"
-    references: ClassVar[str] = "BrysonHo1975"
+    memory = ("_known", "_whole")
+    references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 
     def __init__(
         self,
@@ -96,6 +91,8 @@ class LQG(Controller):
         measured: Mapping[str, ArrayLike] | None = None,
         disturbance: Mapping[str, ArrayLike] | None = None,
         integral: bool | str | Mapping[str, ArrayLike] | None = None,
+        recovery: float = 0.0,
+        rigidity_uncertainty: float = 0.0,
         torque_limit: ArrayLike | None = None,
         preview: float = 0.5,
         nominal: Any = None,
@@ -106,8 +103,15 @@ class LQG(Controller):
         given = np.zeros(arm.joints) if posture is None else posture
         self.posture = check_array(where, "posture", given, (arm.joints,))
         self.schedule = schedule
-        self.wishes = _wishes(
+        self.wishes = wishes_of(
             where, arm, self.posture, acceptable, acceptable_torque, measured, disturbance, integral
+        )
+        self.wishes = replace(
+            self.wishes,
+            recovery=check_nonnegative(where, "recovery", recovery),
+            rigidity_uncertainty=check_nonnegative(
+                where, "rigidity_uncertainty", rigidity_uncertainty
+            ),
         )
         self.torque_limit = (
             None
@@ -307,65 +311,42 @@ class LQG(Controller):
         at = check_array(
             where, "posture", self.posture if posture is None else posture, (self.arm.joints,)
         )
-        self._arrays.move(at)
-        names = tuple(dict.fromkeys([*self.wishes.measured, *self.wishes.integrated]))
-        model = linearize(arm, equilibrium(arm, at), outputs=names)
-        A, B = sampled(model, self.sample_time)
-        C = rows_of(model, tuple(self.wishes.measured))
-        Z = self.sample_time * rows_of(model, tuple(self.wishes.integrated))
-        n, N, k = self._states, len(A), self._integrals
-        kept, corrected = self._correct[:, :n], self._correct[:, n:] @ C
-        by_state, by_integral = self._gain[:, :n], self._gain[:, n:]
-        A_own, B_own = self._predict[:, :n], self._predict[:, n : n + arm.joints]
-        # Rows of (arm, prediction, integrals): estimate, then torque, then each one's next value.
-        estimate = np.hstack([corrected, kept, np.zeros((n, k))])
-        integral = np.hstack([np.zeros((k, N + n)), np.eye(k)])
-        torque = -by_state @ estimate - by_integral @ integral
-        real = np.hstack([A, np.zeros((N, n + k))]) + B @ torque
-        integral[:, :N] = Z
-        z = np.linalg.eigvals(np.vstack([real, A_own @ estimate + B_own @ torque, integral]))
-        with np.errstate(divide="ignore"):  # a pole at zero is gone after one sample
-            poles: FloatArray = np.log(z.astype(complex)) / self.sample_time
-        return poles[np.argsort(-poles.real)]
+        poles: FloatArray = loop_at(self, plant, at).poles()
+        return poles
 
+    @classmethod
+    def for_margin(
+        cls,
+        arm: Arm,
+        posture: ArrayLike | None = None,
+        *,
+        plants: Arm | Sequence[Arm] | Mapping[str, Arm],
+        disk_margin: float = 0.3,
+        postures: ArrayLike | None = None,
+        **options: Any,
+    ) -> Self:
+        """Design for a disk margin that the loop keeps around several arms.
 
-def _wishes(
-    where: str,
-    arm: Arm,
-    posture: FloatArray,
-    acceptable: Mapping[str, ArrayLike] | None,
-    acceptable_torque: ArrayLike | None,
-    measured: Mapping[str, ArrayLike] | None,
-    disturbance: Mapping[str, ArrayLike] | None,
-    integral: bool | str | Mapping[str, ArrayLike] | None,
-) -> Wishes:
-    """Fill in what was left out, and refuse what cannot be."""
-    if acceptable is None:
-        acceptable = {"joint_angle": 0.01, "tip": 0.01, "joint_rate": 0.2}
-    if acceptable_torque is None:
-        acceptable_torque = _BRISK * np.diag(RigidModel(arm).mass_matrix(posture))
-    torque = scales(where, "acceptable_torque", acceptable_torque, arm.joints)
-    if measured is None:
-        measured = {"joint_angle": 1e-4} | ({"strain": 2e-5} if arm.gauges else {})
-    if disturbance is None:
-        reach = float(np.sum(arm.lengths))
-        disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque) / reach}
-    if integral is None or integral is False:
-        integral = {}
-    elif integral is True:
-        integral = {"joint_angle": INTEGRATED["joint_angle"]}
-    elif isinstance(integral, str):
-        integral = {integral: INTEGRATED.get(integral, np.nan)}
-    checked = check_names(where, "integral", integral, tuple(INTEGRATED), arm)
-    if len(checked) > 1:
-        raise InputError(Problem(where, "integral", "name one output", shown(integral)))
-    seen = check_names(where, "measured", measured, MEASURED, arm)
-    if "tip" in checked and "tip" not in seen:
-        raise InputError(Problem(where, "measured", "hold the tip to integrate it", shown(seen)))
-    return Wishes(
-        check_names(where, "acceptable", acceptable, _ACCEPTABLE, arm),
-        torque,
-        seen,
-        check_names(where, "disturbance", disturbance, DISTURBANCES, arm),
-        checked,
-    )
+        ``rigidity_uncertainty`` and ``recovery`` are raised from zero until `loop_margins` finds
+        no smaller margin at any joint of any plant in any posture.
+
+        Args:
+            arm, posture, options: as for the class.
+            plants: arms that the loop has to stand, beside ``arm``.
+            disk_margin: the smallest disk margin that is accepted, above 0 and below 2.
+            postures: (k, joints) rad, where the margins are evaluated; None for those of the
+                design.
+
+        Raises:
+            InputError: as the class; if no design has the margin: the best one found is named.
+        """
+        return for_margin(cls, arm, posture, plants, disk_margin, postures, options)
+
+    def at_rest(self) -> LQG:
+        """Return itself, or a copy without ``nominal``, which stays where it is found."""
+        if self.nominal is None:
+            return self
+        mine = deepcopy(self)
+        mine.nominal = None
+        mine._motion = mine._nominal_motion(type(self).__name__)
+        return mine

@@ -36,6 +36,7 @@ class SlidingMode(Controller):
     """
 
     name = "sliding_mode"
+    memory = ("_sliding._slow", "_sliding._fast")
 
     def __init__(
         self,

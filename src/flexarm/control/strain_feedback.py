@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +12,7 @@ from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.follower import JointFollower, check_feedforward
 from flexarm.control.gains import check_gains, check_sample_time
+from flexarm.control.instruments import filter_of
 from flexarm.control.needs import JOINTS, joints_of
 from flexarm.errors import InputError, Problem, check_array
 
@@ -48,6 +48,7 @@ class StrainFeedback(JointFollower):
     """
 
     name = "strain_feedback"
+    memory = ("_last", "_rate")
 
     def __init__(
         self,
@@ -106,9 +107,8 @@ class StrainFeedback(JointFollower):
         if self._last is None:
             self._rate = np.zeros_like(strain)
         else:
-            lag, tick = 1.0 / (2.0 * math.pi * self.rate_cutoff), self.sample_time
-            kept = (2.0 * lag - tick) / (2.0 * lag + tick)
-            self._rate = kept * self._rate + 2.0 / (2.0 * lag + tick) * (strain - self._last)
+            kept, per_change = filter_of(self.rate_cutoff, self.sample_time)
+            self._rate = kept * self._rate + per_change * (strain - self._last)
         self._last = strain.copy()
         return self._rate
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.arguments import check_times
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.motion.motion import JointState, Motion
 
@@ -87,7 +88,8 @@ class SampledMotion(Motion):
     def _derivative(self, t: ArrayLike, order: int) -> Floats:
         # The first and the last polynomial are the rests: constants, which need no more than that.
         ends = self._table.x[0], self._table.x[-1]
-        found: Floats = self._table(np.minimum(np.maximum(self._times(t), ends[0]), ends[1]), order)
+        times = check_times("SampledMotion", "t", t)
+        found: Floats = self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order)
         return found
 
 

@@ -16,6 +16,7 @@ from flexarm.errors import (
     LargeDeflectionWarning,
     Problem,
     SimulationError,
+    UnstableLoopWarning,
     check_array,
     shown,
 )
@@ -70,6 +71,10 @@ def compare(
     Raises:
         InputError: no controllers or references, a plant that is neither an arm nor an arm with
             loads, a settling that leaves nothing, or what ``simulate`` refuses.
+
+    Warns:
+        UnstableLoopWarning: the sampled loop of a run is unstable, as in ``simulate``; ``warning``
+            says which.
     """
     where = "compare"
     arm = check_kind(where, "arm", arm, Arm)
@@ -164,25 +169,29 @@ def comparison(
 
     shape = tuple(len(names[dim]) for dim in _DIMS)
     values = {metric.name: np.full(shape, np.nan) for metric in METRICS}
-    failures, bent = np.full((2, *shape), "", dtype=object)
+    failures, bent, unstable = np.full((3, *shape), "", dtype=object)
     with Meter("comparing", progress) as meter:
         for done, index in enumerate(np.ndindex(shape)):
             meter.update(done / int(np.prod(shape)))
-            chosen = (names[dim][k] for dim, k in zip(_DIMS, index, strict=True))
+            chosen = [names[dim][k] for dim, k in zip(_DIMS, index, strict=True)]
             try:
                 with warnings.catch_warnings():  # kept with the numbers
                     warnings.simplefilter("ignore", LargeDeflectionWarning)
+                    warnings.simplefilter("ignore", UnstableLoopWarning)
                     result, reference = run(*chosen)
             except (SimulationError, InputError) as error:
+                unstable[index] = _unstable(getattr(error, "result", None))
                 # What is wrong with the first run is wrong with all; with a later one, only there.
                 if isinstance(error, InputError) and done == 0:
                     raise
                 failures[index] = str(error)
                 continue
+            unstable[index] = _unstable(result)
             if result.attrs["ended_by"] != DURATION:  # its numbers would flatter it
                 failures[index] = f"ended by the event {result.attrs['ended_by']!r}"
                 continue
-            bent[index] = result.attrs["warning"]
+            told = (unstable[index], result.attrs["warning"])
+            bent[index] = " ".join(item for item in told if item)
             for name, value in metrics_of(result, arm, reference, settling).items():
                 values[name][index] = value
     table = xr.Dataset(coords={dim: list(names[dim]) for dim in _DIMS})
@@ -191,4 +200,22 @@ def comparison(
         table[metric.name] = (_DIMS, values[metric.name], labels)
     table["failure"] = (_DIMS, failures.astype(str))
     table["warning"] = (_DIMS, bent.astype(str))
+    _warn(names, unstable)
     return table
+
+
+def _unstable(result: xr.Dataset | None) -> str:
+    """Return how the loop of a run is unstable, or nothing."""
+    return "" if result is None else str(result.attrs.get("unstable_loop", ""))
+
+
+def _warn(names: Mapping[str, Sequence[str]], unstable: Any) -> None:
+    """Warn once of all runs whose loop is unstable."""
+    runs = [tuple(index) for index in np.argwhere(unstable != "").tolist()]
+    called = [
+        " on ".join(repr(names[dim][k]) for dim, k in zip(_DIMS[:2], index[:2], strict=True))
+        for index in runs
+    ]
+    if runs:
+        text = f"{', '.join(dict.fromkeys(called))}: {unstable[runs[0]]}"
+        warnings.warn(text, UnstableLoopWarning, stacklevel=3)

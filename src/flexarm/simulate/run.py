@@ -29,6 +29,7 @@ from flexarm.errors import (
     LargeDeflectionWarning,
     Problem,
     SimulationError,
+    UnstableLoopWarning,
     shown,
 )
 from flexarm.integrate import Integrator
@@ -43,6 +44,7 @@ from flexarm.simulate.events import Event, event_log, event_variables
 from flexarm.simulate.functions_of_time import call, computed_until_failure
 from flexarm.simulate.impacts import run_through_impacts
 from flexarm.simulate.load_history import BaseAcceleration
+from flexarm.simulate.loop_check import instability
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.new_run import (
     ATOL,
@@ -164,6 +166,8 @@ def simulate(
     Warns:
         LargeDeflectionWarning: a link has bent too far for the linear theory.
         AccuracyWarning: impacts on joint stops have amplified errors beyond 1e-4 of the reach.
+        UnstableLoopWarning: the sampled loop is unstable where the motion begins or ends, by a
+            factor of ten or more within the run.
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller, hardware)
@@ -226,7 +230,13 @@ def simulate(
         refuse_pressing_outward(where, simulated, contacts, placed, reference, duration)
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
-            result = _closed_loop(run, loop, choice)
+            q = simulated.unpadded(state[0])
+            unstable = instability(
+                arm, simulated, controller, reference, hardware, contacts, q, duration
+            )
+            if unstable:
+                warnings.warn(unstable, UnstableLoopWarning, stacklevel=3)
+            result = _closed_loop(run, loop, choice, unstable)
         else:
 
             def history_of(relative: float) -> TorqueHistory:
@@ -267,16 +277,18 @@ def _open_loop(
     return result
 
 
-def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice, unstable: str) -> xr.Dataset:
     started = time.perf_counter()
     try:
         loop.execute()
     except SimulationError as error:
+        if unstable:  # the reason of whatever stopped the run
+            error.hint = f"{unstable[0].upper()}{unstable[1:]}"
         if loop.ticks:
-            result = _result(run, loop, choice, started, str(error))
+            result = _result(run, loop, choice, started, str(error), unstable)
             error.result = add_loop(result, loop)
         raise
-    return add_loop(_result(run, loop, choice, started), loop)
+    return add_loop(_result(run, loop, choice, started, "", unstable), loop)
 
 
 def _result(
@@ -285,6 +297,7 @@ def _result(
     choice: Choice,
     started: float,
     failure: str = "",
+    unstable: str = "",
 ) -> xr.Dataset:
     count = run.progress.sample
     times = run.sample_times[:count]
@@ -310,6 +323,7 @@ def _result(
         "failure": failure,
         "ended_by": ended_by,
         "warning": too_far_bent(run.arm, run.samples[:count]),
+        "unstable_loop": unstable,
     }
     given = drive.at(times) if isinstance(drive, TorqueHistory) else drive.torque_at(times)
     motor, force, moment, inside = run.reactions(times, given)

@@ -30,6 +30,7 @@ from flexarm.simulate.controllers import Around, controller_of
 from flexarm.simulate.events import events_of
 from flexarm.simulate.fit import misfits
 from flexarm.simulate.hardware_file import hardware_of
+from flexarm.simulate.loop_check import instability
 from flexarm.simulate.motions import Asked, motion_of
 from flexarm.simulate.outside import base_acceleration_of, contacts_of, loads_of
 from flexarm.simulate.run import simulate
@@ -57,6 +58,23 @@ class Prepared:
     options: dict[str, Any]
     text: str
     events: Sequence[EventSpec] = ()
+
+    def unstable_loop(self, plant: Arm | None = None) -> str:
+        """Say how the sampled loop around the arm, or a ``plant``, is unstable; or nothing."""
+        options = self.options
+        if "controller" not in options:
+            return ""
+        simulated = plant or self.arm
+        return instability(
+            self.arm,
+            simulated,
+            options["controller"],
+            options["reference"],
+            options.get("hardware"),
+            options.get("contacts", ()),
+            simulated.rest(self.arm.joint_angles(options["initial"])),
+            options["duration"],
+        )
 
     def run(
         self,

@@ -70,6 +70,15 @@ class PreparedStudy:
         table.attrs["duration"] = study.run.duration
         return table
 
+    def unstable_loops(self) -> dict[str, str]:
+        """Say how sampled loops are unstable, by "drive on plant along motion"."""
+        found = {
+            f"{drive} on {plant} along {motion}": prepared.unstable_loop(arm)
+            for (drive, motion), prepared in self._prepared.items()
+            for plant, (arm, _) in self.plants.items()
+        }
+        return {name: text for name, text in found.items() if text}
+
     def _one(self, drive: str, plant: str, motion: str) -> tuple[xr.Dataset, Reference]:
         prepared = self._prepared[drive, motion]
         assert prepared.motion is not None

@@ -88,6 +88,19 @@ Preview = Annotated[
 ]
 
 
+Recovery = Annotated[
+    NonNegative,
+    Field(
+        description="Loop-transfer recovery: fictitious torque noise of the filter, in parts of "
+        "acceptable_torque."
+    ),
+]
+RigidityUncertainty = Annotated[
+    NonNegative,
+    Field(description="Relative error of the links' stiffness to be robust against, such as 0.3."),
+]
+
+
 class LQGDrive(ControllerDrive):
     """State feedback of the flexible arm by a linear-quadratic regulator and a Kalman filter."""
 
@@ -99,6 +112,8 @@ class LQGDrive(ControllerDrive):
     measured: Measured = None
     disturbance: Disturbance = None
     integral: Integral = None
+    recovery: Recovery = 0.0
+    rigidity_uncertainty: RigidityUncertainty = 0.0
     torque_limit: TorqueLimit = None
     preview: Preview = 0.5
     sample_time: SampleTime = 0.001
@@ -131,6 +146,8 @@ class MPCDrive(ControllerDrive):
     measured: Measured = None
     disturbance: Disturbance = None
     integral: Integral = None
+    recovery: Recovery = 0.0
+    rigidity_uncertainty: RigidityUncertainty = 0.0
     preview: Preview = 0.5
     sample_time: SampleTime = 0.005
 
@@ -158,6 +175,8 @@ class CompositeDrive(ControllerDrive):
     schedule: Schedule = None
     measured: Measured = None
     disturbance: Disturbance = None
+    recovery: Recovery = 0.0
+    rigidity_uncertainty: RigidityUncertainty = 0.0
     torque_limit: TorqueLimit = None
     sample_time: SampleTime = 0.001
 

@@ -1,0 +1,179 @@
+"""Runs whose sampled loop is unstable: announced before they begin, and only those."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+from flexarm.simulate.loop_check import differenced, instability
+
+GAINS = [300.0, 80.0], [25.0, 6.0]
+
+
+def paper_arm(**joint):
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+    links = [
+        fa.Link(length=1.4142, elements=2, **rod),
+        fa.Link(length=1.0, elements=1, **rod),
+    ]
+    return fa.Arm(links=links, joints=[fa.Joint(**joint), fa.Joint(**joint)])
+
+
+def straight(arm):
+    return fa.line_motion(arm, (2.0, 1.0), (1.0, 2.0), 2.0)
+
+
+def test_gains_too_high_for_the_sample_time_are_announced_and_explain_the_end():
+    arm = paper_arm()
+    with (
+        pytest.warns(fa.UnstableLoopWarning, match="at the start: a pole of magnitude 18"),
+        pytest.raises(fa.SimulationError, match="The sampled loop is unstable") as caught,
+    ):
+        fa.simulate(arm, 0.2, controller=fa.JointPD(*GAINS), reference=straight(arm))
+    assert "integrator='auto'" not in str(caught.value)
+    assert "unstable" in caught.value.result.attrs["unstable_loop"]
+
+
+def test_slow_growth_within_a_short_run_is_not_announced():
+    arm = paper_arm()
+    run = fa.simulate(arm, 1e-3, controller=fa.JointPD([4.0, 1.0], [0.2, 0.03]))
+    assert run.attrs["unstable_loop"] == ""
+
+
+def test_it_agrees_with_how_errors_grow():
+    """The run of a controller at the edge: the announced rate is that of the run."""
+    arm = paper_arm(hub_inertia=0.05)
+    controller = fa.JointPD([40.0, 10.0], [40.0, 40.0])
+    start = arm.rest([0.3, 0.8])
+    text = instability(arm, arm, controller, None, None, (), start, 1.0)
+    tenfold = float(text.split("grows tenfold every ")[1].split(" s")[0])
+    start[arm.joint_index] += 1e-9
+    with pytest.warns(fa.UnstableLoopWarning):
+        run = fa.simulate(
+            arm,
+            6.0 * tenfold,
+            controller=controller,
+            reference=fa.joint_motion(arm, [0.3, 0.8], [0.3, 0.8], 10.0),
+            initial=start,
+            rtol=1e-10,
+            atol=1e-15,
+        )
+    size = np.abs(np.diff(run.torque.values, axis=0)).max(axis=1)
+    middle, late = int(0.4 * size.size), int(0.9 * size.size)
+    decades = np.log10(size[late] / size[middle]) / (run.time[late] - run.time[middle])
+    # The text has two digits, and neighbouring samples alternate.
+    assert float(decades) * tenfold == pytest.approx(1.0, abs=0.15)
+
+
+def test_another_plant_and_a_slow_instrument_count():
+    arm = paper_arm(hub_inertia=0.1)
+    controller = fa.JointPD([40.0, 10.0], [4.0, 0.5])
+    start = arm.rest([0.3, 0.8])
+    assert instability(arm, arm, controller, None, None, (), start, 0.1) == ""
+    light = paper_arm()
+    assert "unstable" in instability(arm, light, controller, None, None, (), start, 0.1)
+    late = fa.Hardware(motors=fa.Motors(delay=0.02))
+    assert "unstable" in instability(arm, arm, controller, None, late, (), start, 0.1)
+    frames = fa.Hardware([fa.Instrument("joint_angle", sample_time=0.1, rate_cutoff=5.0)])
+    assert "unstable" in instability(arm, arm, controller, None, frames, (), start, 5.0)
+
+
+def test_compare_warns_once_and_keeps_it_with_the_numbers():
+    arm = paper_arm(hub_inertia=0.1)
+    controllers = {"gentle": fa.JointPD([4.0, 1.0], [0.5, 0.05]), "hard": fa.JointPD(*GAINS)}
+    motion = {"line": straight(arm)}
+    with pytest.warns(fa.UnstableLoopWarning, match="'hard' on 'light'") as caught:
+        table = fa.compare(
+            arm, controllers, 0.05, motion, {"light": paper_arm()}, integrator="rk4", step=1e-4
+        )
+    assert len(caught) == 1
+    told = [f"{table.warning.sel(controller=name).item()}" for name in controllers]
+    told = [a or b for a, b in zip(told, table.failure.values.ravel(), strict=True)]
+    assert told[0] == ""
+    assert "unstable" in told[1]
+
+
+def test_check_warns_of_an_unstable_loop(tmp_path):
+    text = """
+flexarm: 1
+arm:
+  links: [{length: 1.4142, flexural_rigidity: 105.0, mass_per_length: 0.61732, elements: 2}]
+  joints: [{hub_inertia: 0.01}]
+motion: {kind: joint, start: [0.0], end: [1.0], duration: 1.0}
+drive: {kind: joint_pd, proportional: 300.0, derivative: GAIN}
+run: {duration: 1.0, rate: 100}
+"""
+    for gain, warned in (("25.0", True), ("2.0", False)):
+        path = tmp_path / "scenario.yaml"
+        path.write_text(text.replace("GAIN", gain), encoding="utf-8")
+        result = CliRunner().invoke(app, ["check", str(path)])
+        assert result.exit_code == 0
+        assert ("the sampled loop is unstable" in result.stderr) == warned
+        assert "ok" in result.stdout
+
+
+def test_a_surface_that_nothing_is_pressed_on_does_not_count():
+    """Joint control ends with straight links deep in the wall: no posture of rest."""
+    from flexarm.model import load_scenario
+    from flexarm.simulate import prepare
+
+    assert (
+        prepare(
+            load_scenario(Path(__file__).parents[2] / "examples" / "wipe_wall.yaml")
+        ).unstable_loop()
+        == ""
+    )
+
+
+def test_differences_are_those_of_the_exact_linear_model():
+    arm = paper_arm(hub_inertia=0.1)
+    q = arm.rest([0.3, 0.8])
+    found = differenced(arm, q, ["joint_angle", "tip"], ())
+    exact = fa.linearize(arm, q, outputs=["joint_angle", "tip"])
+    for mine, theirs in ((found.A, exact.A), (found.B, exact.B)):
+        # Central differences over 1e-5.
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-6 * np.abs(theirs).max())
+    np.testing.assert_allclose(found.signals["tip"].C, exact.C[2:], rtol=0, atol=1e-5)
+
+
+ENCODERS = fa.Hardware(
+    [
+        fa.Instrument("joint_angle", resolution=2.0 * np.pi / 2**17, rate_cutoff=100.0),
+        fa.Instrument("contact_force"),
+    ]
+)
+
+
+@pytest.mark.parametrize(("rigidity", "payload"), [(1.0, 0.1), (1.0, 0.2), (0.7, 0.1)])
+@pytest.mark.parametrize("kind", [fa.HybridForce, fa.Impedance, fa.Admittance])
+def test_force_controllers_are_stable_with_encoders_of_17_bits(kind, rigidity, payload):
+    """The three arms of examples/studies/wipe.yaml."""
+
+    def arm_of(rigidity, payload):
+        rod = {"flexural_rigidity": 105.0 * rigidity, "mass_per_length": 0.61732}
+        return fa.Arm(
+            links=[
+                fa.Link(length=1.4142, elements=2, **rod),
+                fa.Link(length=1.0, elements=1, **rod),
+            ],
+            joints=[
+                fa.Joint(hub_inertia=0.1),
+                fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
+            ],
+            payload=fa.Payload(mass=payload),
+        )
+
+    arm, plant = arm_of(1.0, 0.1), arm_of(rigidity, payload)
+    path = fa.line_motion(arm, (1.5, 0.5), (1.5, 0.8), 2.0, start_time=1.0)
+    reference = fa.pressed_motion(arm, path, lambda t: 5.0, (-1.0, 0.0))
+    wall = fa.Contact(fa.Wall((1.5, 0.0), (-1.0, 0.0)), stiffness=1e4, damping=0.5, friction=0.2)
+    found = fa.loop_margins(
+        kind(arm), plant, [0.0, 3.0], hardware=ENCODERS, contacts=[wall], reference=reference
+    )
+    assert float(found.growth.max()) < 1e-6
+    assert float(found.disk_margin.min()) > 0.1
+    text = instability(arm, plant, kind(arm), reference, ENCODERS, [wall], reference.initial, 4.0)
+    assert text == ""

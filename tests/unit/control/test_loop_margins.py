@@ -1,0 +1,213 @@
+"""Margins of sampled loops against closed forms, and loops against the controllers they are of."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.control.linear_controller import linear_controller
+from flexarm.control.margins import loop_at
+from flexarm.control.plant_model import instruments_of, model_at, signals_of
+
+sys.path.append(str(Path(__file__).parents[2] / "conformance"))
+from controller_examples import EXAMPLES, SAMPLE_TIME, two_links
+
+STEP, K, D = 2e-3, 30.0, 3.0
+
+
+def turntable():
+    """One rigid link on a hub: a double integrator, and its inertia."""
+    link = fa.Link(length=0.8, flexural_rigidity=40.0, mass_per_length=0.5, elements=1)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)]).rigid()
+    return arm, float(arm.mass_matrix([0.0])[0, 0])
+
+
+def returned(frequency, inertia, late=0):
+    """Loop gain of a PD controller around J theta'' = torque with a hold, by z-transforms."""
+    z = np.exp(1j * frequency * STEP)
+    angle = STEP**2 / (2.0 * inertia) * (z + 1.0) / (z - 1.0) ** 2
+    rate = STEP / inertia / (z - 1.0)
+    return (K * angle + D * rate) * z**-late
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_margins_of_a_double_integrator_have_closed_forms(late):
+    arm, inertia = turntable()
+    motors = fa.Motors(delay=late * STEP)
+    found = fa.loop_margins(
+        fa.JointPD(K, D, sample_time=STEP), arm, hardware=fa.Hardware(motors=motors)
+    ).isel(plant=0, posture=0, joint=0)
+    frequency = np.geomspace(0.1, np.pi / STEP * (1.0 - 1e-9), 400_001)
+    L = returned(frequency, inertia, late)
+    # The grid of the reference limits its digits.
+    k = int(np.argmin(np.abs(np.log(np.abs(L)))))
+    phase = np.angle(-L[k])
+    assert float(found.phase_margin) == pytest.approx(phase, rel=1e-4)
+    assert float(found.delay_margin) == pytest.approx(phase / frequency[k], rel=1e-4)
+    S = 1.0 / (1.0 + L)
+    assert float(found.disk_margin) == pytest.approx(2.0 / np.abs(2.0 * S - 1.0).max(), rel=1e-4)
+    assert float(found.gain_reduction_margin) == 0.0
+    if not late:  # the pole at z = -1: 4 - 2 D h gain / J = 0
+        assert float(found.gain_margin) == pytest.approx(2.0 * inertia / (D * STEP), rel=1e-9)
+    else:
+        turned = np.flatnonzero((L.imag[:-1] < 0) & (L.imag[1:] > 0) & (L.real[:-1] < 0))[0]
+        assert float(found.gain_margin) == pytest.approx(-1.0 / L.real[turned], rel=1e-3)
+
+
+def test_the_gain_margin_is_where_the_loop_turns_unstable():
+    arm = two_links()
+    own = fa.JointPD([3.0, 1.0], [0.05, 0.02], sample_time=SAMPLE_TIME)
+    damped = fa.Arm(
+        links=[link.replace(damping=fa.ModalDamping(ratio=0.02)) for link in arm.spec.links],
+        joints=arm.spec.joints,
+    )
+    found = fa.loop_margins(own, damped, [0.4, 0.1]).isel(plant=0, posture=0)
+    for joint in range(2):
+        growth = []
+        for factor in (0.999, 1.001):
+            by = np.ones(2)
+            by[joint] = factor * float(found.gain_margin[joint])
+            scaled = fa.JointPD(by * own.proportional, by * own.derivative, SAMPLE_TIME)
+            growth.append(loop_at(scaled, damped, [0.4, 0.1]).poles()[0].real)
+        assert growth[0] < 0.0 < growth[1]
+
+
+def test_disk_margins_are_those_of_python_control():
+    control = pytest.importorskip("control")
+    if not hasattr(control, "disk_margins"):
+        pytest.skip("python-control has no disk margins before 0.10.2")
+    arm, inertia = turntable()
+    z = control.tf([1.0, 0.0], [1.0], STEP)
+    loop = K * STEP**2 / (2.0 * inertia) * (z + 1) / (z - 1) ** 2 + D * STEP / inertia / (z - 1)
+    omega = np.geomspace(1.0, np.pi / STEP * 0.999, 20_001)
+    wanted, *_ = control.disk_margins(control.ss(loop), omega)
+    found = fa.loop_margins(fa.JointPD(K, D, sample_time=STEP), arm)
+    assert float(found.disk_margin.min()) == pytest.approx(float(np.squeeze(wanted)), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_memory_that_a_controller_declares_is_complete(name):
+    """Its linear system answers small readings of many samples as the controller does."""
+    controller = EXAMPLES[name]()
+    if controller.memory is None:
+        assert name in ("estimator", "rbf_adaptive")
+        return
+    arm = two_links()
+    instruments = instruments_of(arm, None, 0)
+    model = model_at(arm, [0.4, 0.1], signals_of(instruments))
+    about = {item.signal: model.signals[item.signal].value for item in instruments}
+    linear = linear_controller(controller, about)
+    readings = np.concatenate(list(about.values()))
+    rng = np.random.default_rng(3)
+    small = 1e-6 * rng.normal(size=(25, readings.size))
+    small[0] = 0.0  # angles that are held without a reference
+    ends = np.cumsum([value.size for value in about.values()])[:-1]
+
+    def answer(deviations):
+        controller.reset()
+        return np.array(
+            [
+                controller.update(
+                    0.0,
+                    fa.Measurement(**dict(zip(about, np.split(readings + d, ends), strict=True))),
+                    None,
+                )
+                for d in deviations
+            ]
+        )
+
+    found = answer(small) - answer(0.0 * small)
+    state, wanted = np.zeros(len(linear.A)), []
+    for y in small:
+        wanted.append(linear.C @ state + linear.D @ y)
+        state = linear.A @ state + linear.B @ y
+    # Second order in 1e-6, amplified by how fast gains change with the readings.
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-4 * np.abs(wanted).max())
+
+
+def robust_arm(rigidity=1.0, payload=0.1, gravity=(0.0, -9.81)):
+    """The arm of docs/how-to/control-linear.md with a payload, in a vertical plane."""
+    rod = {"mass_per_length": 0.61732, "damping": fa.ModalDamping(ratio=0.01)}
+    rod |= {
+        "flexural_rigidity": 105.0 * rigidity,
+        "gauges": [fa.Gauge(station=0.05, distance=0.005)],
+    }
+    return fa.Arm(
+        links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],
+        joints=[
+            fa.Joint(hub_inertia=0.1),
+            fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
+        ],
+        payload=fa.Payload(mass=payload),
+        gravity=gravity,
+    )
+
+
+PLANTS = {"soft": (0.7, 0.1), "stiff": (1.3, 0.1), "heavy": (1.0, 0.2), "both": (0.7, 0.2)}
+POSTURE = [0.8, 0.9]
+
+
+def growth(controller):
+    plants = [robust_arm(), *(robust_arm(*change) for change in PLANTS.values())]
+    return max(controller.loop_poles(plant, POSTURE)[0].real for plant in plants)
+
+
+@pytest.mark.parametrize("kind", [fa.LQG, fa.Composite, fa.MPC])
+def test_designs_for_an_uncertain_rigidity_are_stable_on_other_arms(kind):
+    options = {"torque_limit": 200.0, "sample_time": 2e-3} if kind is fa.MPC else {}
+    if kind is fa.MPC:
+        pytest.importorskip("osqp")
+    plain = kind(robust_arm(), POSTURE, **options)
+    # Composite leaves the bend to the fast part alone, and needs more.
+    unsure = {"rigidity_uncertainty": 1.0, "recovery": 1.0} if kind is fa.Composite else {}
+    unsure = unsure or {"rigidity_uncertainty": 0.3}
+    assert growth(plain) > 1.0
+    assert growth(kind(robust_arm(), POSTURE, **unsure, **options)) < -0.5
+
+
+def test_recovery_brings_the_margins_of_state_feedback():
+    margins = [
+        float(fa.loop_margins(fa.LQG(robust_arm(), POSTURE, recovery=recovery)).disk_margin.min())
+        for recovery in (0.0, 1.0, 10.0)
+    ]
+    assert margins[0] < margins[1] < margins[2]
+
+
+def test_composite_has_its_bandwidth_against_gravity():
+    """State feedback at the design's posture: the joints' poles are near the bandwidth."""
+    slow = fa.Composite(robust_arm(), POSTURE, bandwidth=2.0, rigidity_uncertainty=0.3)
+    item = slow.designs[0]
+    z = np.linalg.eigvals(item.A - item.B @ item.gain)
+    decay = np.sort(-np.log(np.abs(z)) / slow.sample_time)
+    # The bend that goes with the joints is slow, not at rest: the small parameter is 0.05.
+    np.testing.assert_allclose(decay[:4], 2.0, atol=1.0)
+
+
+def test_a_design_for_a_margin_keeps_it_or_says_what_it_reaches():
+    plants = {name: robust_arm(*change) for name, change in list(PLANTS.items())[-1:]}
+    made = fa.LQG.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=0.2)
+    assert float(fa.loop_margins(made, plants).worst_disk_margin.min()) >= 0.2
+    with pytest.raises(fa.InputError, match="disk_margin must be within reach"):
+        fa.Composite.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=1.9)
+
+
+def test_margins_refuse_what_they_cannot_analyse():
+    class Own:
+        sample_time = 1e-3
+
+        def reset(self):
+            pass
+
+        def update(self, t, measurement, reference):
+            return [0.0]
+
+    arm, _ = turntable()
+    with pytest.raises(fa.InputError, match="memory"):
+        fa.loop_margins(Own(), arm)
+    with pytest.raises(fa.InputError, match="plants"):
+        fa.loop_margins(fa.JointPD(1.0, 1.0))
+    slow = fa.Hardware([fa.Instrument("joint_angle", sample_time=4e-3, rate_cutoff=20.0)])
+    with pytest.raises(fa.InputError, match="sample_time"):
+        fa.loop_margins(fa.JointPD(1.0, 1.0), arm, hardware=slow)
