@@ -130,6 +130,10 @@ class LargeDeflectionWarning(UserWarning):
     """Links in a run of the linear theory have bent by more than it holds for."""
 
 
+class InconsistentEstimateWarning(UserWarning):
+    """Readings depart from a filter's predictions by more than its covariance allows."""
+
+
 def check_array(
     where: str, name: str, value: object, shape: tuple[int, ...]
 ) -> NDArray[np.float64]:

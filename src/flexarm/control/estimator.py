@@ -79,8 +79,8 @@ class EstimatorController(Controller):
         )
 
     def report(self) -> dict[str, float]:
-        """See ``Controller.report``: the inner controller's."""
-        return report_of(self.inner)
+        """See ``Controller.report``: the estimator's and the inner controller's."""
+        return self.estimator.report() | report_of(self.inner)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
