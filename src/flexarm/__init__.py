@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from flexarm.control import shaped as shaped
     from flexarm.errors import AccuracyWarning as AccuracyWarning
     from flexarm.errors import FlexarmError as FlexarmError
+    from flexarm.errors import InconsistentEstimateWarning as InconsistentEstimateWarning
     from flexarm.errors import InputError as InputError
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
     from flexarm.errors import ModelError as ModelError
@@ -147,6 +148,7 @@ _HOME = {
     "LQG": "control",
     "MPC": "control",
     "JointPID": "control",
+    "InconsistentEstimateWarning": "errors",
     "LargeDeflectionWarning": "errors",
     "LinearModel": "linear",
     "Link": "model",

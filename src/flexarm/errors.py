@@ -146,6 +146,10 @@ class UnstableLoopWarning(FlexarmWarning):
     """The sampled loop of a controller and the simulated arm is unstable."""
 
 
+class InconsistentEstimateWarning(FlexarmWarning):
+    """Readings depart from a filter's predictions by more than its covariance allows."""
+
+
 def check_array(
     where: str, name: str, value: object, shape: tuple[int, ...]
 ) -> NDArray[np.float64]:

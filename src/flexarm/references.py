@@ -73,11 +73,10 @@ _ENTRIES = {
   journal = {The International Journal of Robotics Research},
   volume = {7}, number = {4}, pages = {79--90}, year = {1988}
 }""",
-    "Stellato2020": """@article{Stellato2020,
-  author = {Stellato, B. and Banjac, G. and Goulart, P. and Bemporad, A. and Boyd, S.},
-  title = {{OSQP}: an operator splitting solver for quadratic programs},
-  journal = {Mathematical Programming Computation},
-  volume = {12}, number = {4}, pages = {637--672}, year = {2020}
+    "LawsonHanson1974": """@book{LawsonHanson1974,
+  author = {Lawson, C. L. and Hanson, R. J.},
+  title = {Solving Least Squares Problems},
+  publisher = {Prentice-Hall}, address = {Englewood Cliffs}, year = {1974}
 }""",
     "Kutta1901": """@article{Kutta1901,
   author = {Kutta, W.},

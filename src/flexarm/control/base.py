@@ -69,6 +69,10 @@ class Controller(ABC):
         """Return what it relies on to control ``arm`` along ``reference``; here, nothing."""
         return Needs()
 
+    def report(self) -> dict[str, float]:
+        """Return numbers about the run since ``reset``, attributes of its result; here, none."""
+        return {}
+
 
 def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArray]:
     @wraps(update)
@@ -143,6 +147,12 @@ def needs_of(controller: object, arm: Arm, reference: Reference | None) -> Needs
     tell = getattr(controller, "needs", None)
     told = tell(arm, reference) if callable(tell) else None
     return told if isinstance(told, Needs) else Needs()
+
+
+def report_of(controller: object) -> dict[str, float]:
+    """Return what any controlling object reports about its run; nothing if it has no report."""
+    report = getattr(controller, "report", None)
+    return dict(report()) if callable(report) else {}
 
 
 def controller_problem(where: str, name: str, value: object) -> Problem | None:

@@ -16,6 +16,7 @@ from flexarm.control.base import (
     Needs,
     Reference,
     needs_of,
+    report_of,
 )
 from flexarm.control.gains import Gains
 from flexarm.control.needs import JOINTS
@@ -109,3 +110,7 @@ class DisturbanceObserver(Controller):
         torque = np.asarray(self.inner.update(t, measurement, reference), dtype=np.float64)
         self._asked = torque - self.compensation * self._estimate
         return self._asked.copy()
+
+    def report(self) -> dict[str, float]:
+        """See ``Controller.report``: the inner controller's."""
+        return report_of(self.inner)

@@ -12,6 +12,7 @@ from flexarm.control.base import (
     Needs,
     Reference,
     needs_of,
+    report_of,
 )
 from flexarm.control.extended_kalman import ExtendedKalmanFilter
 from flexarm.control.gains import Gains
@@ -76,6 +77,10 @@ class EstimatorController(Controller):
             tuple(dict.fromkeys([*own, *more])),
             gauges if gauges not in (None, len(arm.gauges)) else inner.gauges,
         )
+
+    def report(self) -> dict[str, float]:
+        """See ``Controller.report``: the estimator's and the inner controller's."""
+        return self.estimator.report() | report_of(self.inner)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

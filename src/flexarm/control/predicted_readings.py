@@ -37,6 +37,7 @@ class PredictedReadings:
 
     Attributes:
         size: readings in all. variance: (size,) of their errors, rounding included.
+        linear: whether all are linear in the state.
 
     Raises:
         InputError: an instrument that a filter cannot use on this arm.
@@ -46,6 +47,7 @@ class PredictedReadings:
         self._arm, self._labels = arm, [item.label for item in instruments]
         self._check(where, instruments)
         self._sensors = [i.signal for i in instruments if isinstance(i.signal, Sensor)]
+        self.linear = not self._sensors
         rows = [_linear(arm, item) for item in instruments]
         self.size = sum(len(row) for row in rows)
         self._linear = np.concatenate(rows)

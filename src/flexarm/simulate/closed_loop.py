@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flexarm.control import Controller, Hardware, Measurement, Reference
+from flexarm.control.base import report_of
 from flexarm.errors import InputError, SimulationError, check_array
 from flexarm.integrate.base import FloatArray
 from flexarm.simulate.fit import misfits
@@ -100,6 +101,10 @@ class ClosedLoop:
         """Return the torque that the controller asked for last at times (T,): (T, joints)."""
         index = np.searchsorted(np.asarray(self.ticks), times * (1.0 + 1e-12), side="right") - 1
         return np.asarray(self.asked)[np.clip(index, 0, None)]
+
+    def report(self) -> dict[str, float]:
+        """Return what the controller reports about its run."""
+        return report_of(self._controller)
 
     def readings(self) -> Mapping[str, FloatArray]:
         """Return what the hardware's instruments said at each sample time, by name: (ticks, k)."""

@@ -15,6 +15,7 @@ from flexarm.errors import LargeDeflectionWarning
 from flexarm.motion import JointState, Motion
 from flexarm.motion.chain import RigidChain
 from flexarm.motion.correction import CorrectedTorque
+from flexarm.simulate.joint_support import SupportedTorque
 from flexarm.simulate.run import simulate
 
 if TYPE_CHECKING:
@@ -74,16 +75,20 @@ def inversion_reference(
     ends: tuple[float, float],
     initial: FloatArray,
     final: FloatArray,
+    supported: SupportedTorque | None = None,
 ) -> InversionReference:
     """Run an arm under the torques found, and keep its joint angles.
 
     Args:
         ends: when the torques depart from those that hold it at rest, s.
         initial, final: (dof,) coordinates at rest before and after.
+        supported: the torque of an arm that must be held up, in place of ``torque``.
     """
     from scipy.interpolate import make_interp_spline
 
     start, end = ends
+    if supported is not None:
+        arm = supported.support.arm
     spacing = float(np.max(np.diff(torque.knots)))
     count = int(np.ceil(_PER_KNOT * (end - start) / spacing))
     rate = count / (end - start)
@@ -92,7 +97,7 @@ def inversion_reference(
         result = simulate(
             arm,
             end - start,
-            torque=_Later(torque, start),
+            torque=_Later(supported or torque, start),
             initial=initial,
             rate=rate,
             rtol=1e-9,
@@ -113,7 +118,7 @@ def inversion_reference(
 class _Later:
     """A torque whose clock starts later."""
 
-    torque: CorrectedTorque
+    torque: CorrectedTorque | SupportedTorque
     start: float
     vectorized: bool = True
 

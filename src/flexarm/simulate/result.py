@@ -60,6 +60,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     """
     dataset.attrs["controller_calls"] = len(loop.ticks)
     dataset.attrs["controller_seconds"] = loop.seconds
+    dataset.attrs |= loop.report()
     asked = loop.asked_at(dataset["time"].values)
     dataset["torque_command"] = (("time", "joint"), asked, _labels("torque_command"))
     if loop.hardware is None:

@@ -11,9 +11,9 @@ References:
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from flexarm.linear import modes
 from flexarm.linear.response import torque_response
 from flexarm.motion import Motion, gauss, rigid_torque
 from flexarm.motion.correction import (
+    DEGREE,
     CorrectedTorque,
     free_coefficients,
     spline_knots,
@@ -43,6 +44,7 @@ from flexarm.motion.motion import check_motion
 from flexarm.motion.tip_constraint import TipConstraint
 from flexarm.motion.zero_dynamics import RestEnd, rest_end
 from flexarm.simulate.inversion_reference import InversionReference, inversion_reference
+from flexarm.simulate.joint_support import JointSupport, SupportedTorque, joint_support
 from flexarm.simulate.run import simulate
 
 #: What is left of the bending, as a part of that at the start of the motion, where torques begin.
@@ -58,6 +60,8 @@ _DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 1e-7, 0.1
 #: Rigid torques that miss by more than this part of the arm's length are no yardstick.
 _MOST_RIGID = 0.05
 _STEPS = 12
+#: Knots of the torque without support, in a knot of the searched one, and samples in each.
+_FINER, _PER_FINER = 4, 4
 
 
 class InversionError(FlexarmError, RuntimeError):
@@ -85,8 +89,11 @@ class TipInversion:
         start, end: when they depart from those that hold the arm at rest, s.
         initial, final: (dof,) coordinates at rest before ``start`` and after ``end``.
         pre_actuation, post_actuation: how long they act before and after the motion, s.
-        tip_error: largest distance of the tip from the path in the last run, m.
+        tip_error: largest distance of the tip from the path in the last run, m. Under gravity that
+            run has feedback of the joints, as in ``simulate`` with a controller on ``reference``.
         rigid_tip_error: the same under rigid torques.
+        open_loop_tip_error: the same under ``torque`` alone, m; infinite if the arm falls. Without
+            gravity it is ``tip_error``.
         zeros: eigenvalues of the motion that is left to the links with the tip held at its start,
             1/s: those in the right half-plane make it non-minimum phase.
     """
@@ -101,6 +108,8 @@ class TipInversion:
     tip_error: float
     rigid_tip_error: float
     zeros: NDArray[np.complex128]
+    open_loop_tip_error: float
+    _supported: SupportedTorque | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         return (
@@ -113,7 +122,9 @@ class TipInversion:
     def reference(self) -> InversionReference:
         """The joint angles that go with the torques: what feedback is to follow besides them."""
         ends = self.start, self.end
-        return inversion_reference(self.arm, self.torque, ends, self.initial, self.final)
+        return inversion_reference(
+            self.arm, self.torque, ends, self.initial, self.final, self._supported
+        )
 
     @property
     def pre_actuation(self) -> float:
@@ -154,7 +165,8 @@ def tip_inversion(
 
     Levenberg-Marquardt on the full nonlinear model: each step runs ``simulate`` and
     corrects the torque, all of it at once, by the response of the arm along that run; (D.12) to
-    (D.14).
+    (D.14). Under gravity the runs have feedback of the joints, which the torque returned includes.
+    With elastic joints they have none, and arms that fall by themselves fail.
     """
     where = "tip_inversion"
     arm = check_kind(where, "arm", arm, Arm)
@@ -174,14 +186,18 @@ def tip_inversion(
         problem = Problem(where, "motion", rule, f"starts at {motion.start_time:.6g} s", hint)
         raise InputError(problem)
     start, end = motion.start_time - before, motion.end_time + after
-    search = _Search(constraint, first, last, start, end)
+    support = joint_support(arm, motion, (first, last), start, end)
+    search = _Search(constraint, first, last, start, end, support)
     found, rigid = search.run(wanted)
     if found.tip > max(wanted, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
     ends, errors = (first.q, last.q), (found.tip, rigid.tip)
-    return TipInversion(
-        arm, motion, found.torque, start, end, *ends, *errors, np.asarray(first.zeros)
-    )
+    zeros = np.asarray(first.zeros)
+    if support is None:
+        return TipInversion(arm, motion, found.torque, start, end, *ends, *errors, zeros, found.tip)
+    supported = SupportedTorque(support, found.torque)
+    torque, alone = search.without_support(supported)
+    return TipInversion(arm, motion, torque, start, end, *ends, *errors, zeros, alone, supported)
 
 
 class _Judged(NamedTuple):
@@ -201,11 +217,21 @@ class _Search:
     """Runs, errors and corrections."""
 
     def __init__(
-        self, constraint: TipConstraint, first: RestEnd, last: RestEnd, start: float, end: float
+        self,
+        constraint: TipConstraint,
+        first: RestEnd,
+        last: RestEnd,
+        start: float,
+        end: float,
+        support: JointSupport | None,
     ) -> None:
-        self.constraint, self.first = constraint, first
+        self.constraint, self.first, self.support = constraint, first, support
         arm = self.arm = constraint.arm
-        frequency = modes(arm, constraint.motion.joint_angle(0.0), joints="free").frequency_hz
+        self.plant = arm if support is None else support.arm
+        # Without gravity: the swinging of a hanging arm is no vibration of its links.
+        weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
+        angles = constraint.motion.joint_angle(0.0)
+        frequency = modes(weightless, angles, joints="free").frequency_hz
         self.period = 1.0 / float(np.min(frequency[frequency > 0.0]))
         rigid = rigid_torque(arm, constraint.motion)
         knots = spline_knots(start, end, self.period / _KNOTS)
@@ -253,24 +279,63 @@ class _Search:
         return best, rigid
 
     def _judged(self, torque: CorrectedTorque) -> _Judged:
-        """Run the arm under a torque, and see what its tip misses."""
-        with warnings.catch_warnings():
-            # Whoever simulates the result is told; what was tried on the way does not matter.
-            warnings.simplefilter("ignore", LargeDeflectionWarning)
-            result = simulate(
-                self.arm,
-                self.duration,
-                torque=torque,
-                initial=self.first.q,
-                rate=self.rate,
-                progress=False,
-            )
+        """Run the arm under a torque, supported if need be, and find what its tip misses."""
+        support = self.support
+        acting = torque if support is None else SupportedTorque(support, torque)
+        result = self._simulated(self.plant, acting, self.rate)
         times, q, qd = result.time.values, result.q.values, result.qd.values
-        along = dynamics_along(self.arm, q, qd, np.zeros_like(q))
+        missed, rows, error, tip = self._misses(times, q)
+        return _Judged(torque, error, tip, times, q, qd, missed, rows)
+
+    def without_support(self, supported: SupportedTorque) -> tuple[CorrectedTorque, float]:
+        """Return the torque that does what torque and support do together, and its error, m."""
+        from scipy.interpolate import make_lsq_spline
+
+        given, support = supported.torque, supported.support
+        start, end = float(given.knots[0]), float(given.knots[-1])
+        count = _FINER * (len(np.unique(given.knots)) - 1)
+        # A little more than the spacing, so that rounding adds no knot: all old knots stay.
+        knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
+        rate = np.ceil(_PER_FINER * count / (end - start))
+        run = self._simulated(self.plant, supported, rate, rtol=1e-9, atol=1e-11)
+        inside = (run.time.values >= start) & (run.time.values <= end)
+        times, joint = run.time.values[inside], self.arm.joint_index
+        rates = run.qd.values[inside][:, joint]
+        added = given(times) - given.rigid(times)
+        added += support.feedback(times, run.joint_angle.values[inside], rates)
+        coefficients = make_lsq_spline(times, added, knots, k=DEGREE).c
+        torque = CorrectedTorque(given.rigid, knots, coefficients)
+        try:
+            alone = self._simulated(self.arm, torque, self.rate, rtol=1e-9, atol=1e-11)
+        except SimulationError:
+            return torque, np.inf
+        return torque, self._misses(alone.time.values, alone.q.values)[3]
+
+    def _misses(
+        self, times: FloatArray, q: FloatArray
+    ) -> tuple[FloatArray, FloatArray, float, float]:
+        """Return what is missed, its derivatives, the largest error and that of the tip, m."""
+        along = dynamics_along(self.arm, q, np.zeros_like(q), np.zeros_like(q))
         missed, rows = self.constraint.misses(times, q, along)
         error = float(np.max(np.linalg.norm(missed, axis=1)))
         tip = float(np.max(np.linalg.norm(missed[:, :2], axis=1)))
-        return _Judged(torque, error, tip, times, q, qd, missed, rows)
+        return missed, rows, error, tip
+
+    def _simulated(
+        self, arm: Arm, torque: CorrectedTorque | SupportedTorque, rate: float, **options: Any
+    ) -> Any:
+        with warnings.catch_warnings():
+            # Whoever simulates the result is told; what was tried on the way does not matter.
+            warnings.simplefilter("ignore", LargeDeflectionWarning)
+            return simulate(
+                arm,
+                self.duration,
+                torque=torque,
+                initial=self.first.q,
+                rate=rate,
+                progress=False,
+                **options,
+            )
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
         """Squared response to the free coefficients (p, p), and the gradient of the error (p,)."""
@@ -278,7 +343,7 @@ class _Search:
         stages = gauss.stage_times(run.times)
         shapes = spline_values(knots, stages.ravel())[:, free_coefficients(knots)]
         response = torque_response(
-            self.arm, run.times, run.q, run.qd, shapes.reshape(*stages.shape, -1), run.rows
+            self.plant, run.times, run.q, run.qd, shapes.reshape(*stages.shape, -1), run.rows
         )
         matrix = response.reshape(run.missed.size, -1)
         return matrix.T @ matrix, matrix.T @ run.missed.ravel()

@@ -127,7 +127,7 @@ class LQGDrive(ControllerDrive):
 
 
 class MPCDrive(ControllerDrive):
-    """The regulator of `lqg` within limits of torque and torque rate; needs flexarm[mpc]."""
+    """The regulator of `lqg` within limits of torque and torque rate."""
 
     kind: Literal["mpc"] = "mpc"
     posture: Posture = None

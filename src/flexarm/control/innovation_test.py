@@ -1,0 +1,53 @@
+"""Whether the readings of a filter depart from its predictions by as much as it expects."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+#: Samples over which normalised innovations are averaged.
+WINDOW = 100
+#: Probability that a consistent filter fails in a given window.
+_FALSE_ALARM = 1e-9
+
+
+@cache
+def largest_ratio(size: int) -> float:
+    """Return the largest windowed mean of innovations squared of a consistent filter, over 1."""
+    from scipy.stats import chi2
+
+    count = WINDOW * size
+    return float(chi2.isf(_FALSE_ALARM, count)) / count
+
+
+class InnovationTest:
+    """Mean of the normalised innovations squared over a window, against its distribution.
+
+    Attributes:
+        ratio: mean over the last ``WINDOW`` samples, one if the filter is consistent; NaN before.
+        worst: largest ratio so far, NaN before. passed: whether it is within its distribution.
+
+    Y. Bar-Shalom, X. R. Li and T. Kirubarajan, Estimation with Applications to Tracking and
+    Navigation, 2001, section 5.4. Ratios far below one are no failure: noise is smaller than
+    stated, and so are the errors.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._limit, self._size = largest_ratio(size), size
+        self._last = np.zeros(WINDOW)
+        self._count = 0
+        self.ratio = self.worst = np.nan
+
+    @property
+    def passed(self) -> bool:
+        """Whether all windows so far were within their distribution."""
+        return not self.worst > self._limit
+
+    def add(self, squared: float) -> None:
+        """Take a sample's normalised innovation squared, of ``size`` readings."""
+        self._last[self._count % WINDOW] = squared / self._size
+        self._count += 1
+        if self._count >= WINDOW:
+            self.ratio = float(np.mean(self._last))
+            self.worst = float(np.fmax(self.worst, self.ratio))
