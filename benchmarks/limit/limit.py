@@ -70,7 +70,7 @@ class Limit:
 def _bodies(c: ArmConstants) -> np.ndarray:
     """Return the numbers of each body in the order of ``recursion.hpp``, (n, numbers)."""
     n, m = c.S.shape
-    scalars = [c.mass, c.first_moment_x, c.first_moment_y, c.length]
+    scalars = [c.mass, c.inverse_mass, c.first_moment_x, c.first_moment_y, c.length]
     scalars += [*c.residual_inertia.T, *c.residual_tip.T, *c.N.T, c.tip_mass, c.tip_inertia]
     scalars += [c.joint_damping, c.joint_stiffness, c.joint_rest, c.joint_angle]
     columns = [np.array(scalars).T, c.S, c.a, c.P, c.dP, c.w2, c.damping]

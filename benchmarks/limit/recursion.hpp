@@ -53,7 +53,7 @@ struct FreeSizes {
 
 // Numbers of one body, in the order of benchmarks/limit/limit.py: scalars, six rows of m, three m x m.
 enum Scalar {
-    MASS, FIRST_MOMENT_X, FIRST_MOMENT_Y, LENGTH, H_YY, H_YW, H_WW, T_YY, T_YW, T_WY, T_WW,
+    MASS, INVERSE_MASS, FIRST_MOMENT_X, FIRST_MOMENT_Y, LENGTH, H_YY, H_YW, H_WW, T_YY, T_YW, T_WY, T_WW,
     N_YY, N_YW, N_WW, TIP_MASS, TIP_INERTIA, DAMPING, STIFFNESS, REST, ANGLE, SCALARS
 };
 enum Row { ROW_S, ROW_A, ROW_P, ROW_DP, ROW_W2, ROW_DELTA, ROWS };
@@ -91,6 +91,8 @@ struct Scratch {
     std::conditional_t<Sizes::second_order, double, One> Txx;
     G Txy, Tyx, Twx, Nxx, Nxy, Nxw;
     double Txw, Tyw;
+    double Tyy, Twy, Tww, Nyy, Nyw, Nww;
+    double mu_rates, kappa;  // eta_dot' D0 eta_dot; (R.44), of the second-order theory
     Vector drift, k, gx, gy, gw;  // rows of the gain
     double Hxw, Hyw, inverse, drive;
 };

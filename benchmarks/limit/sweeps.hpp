@@ -52,6 +52,7 @@ inline void rates(const Sizes& sizes, const double* arm, const double* q, const 
             spread_dot += f * turned;
             t.h_f[j] = body.row(ROW_W2)[j] * e + body.row(ROW_DELTA)[j] * f - w * w * turned;
         }
+        t.mu_rates = mu_rates;
         t.tip_x = body[LENGTH] + u;
         t.tip_y = v;
         t.bias_x = -w * w * t.tip_x - 2.0 * w * v_dot - u_rates;
@@ -88,14 +89,17 @@ inline void eliminate(const Body<Sizes>& body, double theta, double theta_dot, d
         zy += body.row(ROW_P)[j] * h;
         zw += body.row(ROW_DP)[j] * h;
     }
-    G dh{}, dd{}, dS{}, da{}, zx{}, FS{}, Fa{};
+    double Hxx = body[MASS], Hyy = body[H_YY], Hyw = body[H_YW], Hww = body[H_WW];
+    double Tyy = body[T_YY], Tyw = body[T_YW], Twy = body[T_WY], Tww = body[T_WW];
+    double Nyy = body[N_YY], Nyw = body[N_YW], Nww = body[N_WW];
+    G dh{}, dS{}, da{}, zx{}, FS{}, Fa{};
     if constexpr (Sizes::second_order) {
-        t.Txx = 1.0;
-        t.Tyx = t.Twx = t.Nxx = t.Nxy = t.Nxw = 0.0;
+        double dd = 0.0, Fd = 0.0, dP = 0.0, ddP = 0.0;
+        t.Nxx = t.Nxy = t.Nxw = 0.0;
         for (int j = 0; j < m; ++j) {
             const double d = t.D0_eta[j], F = t.F_x[j], h = t.h_f[j];
             const double S = body.row(ROW_S)[j], a = body.row(ROW_A)[j];
-            const double P = body.row(ROW_P)[j], dP = body.row(ROW_DP)[j];
+            const double P = body.row(ROW_P)[j], slope = body.row(ROW_DP)[j];
             dh += d * h;
             dd += d * d;
             dS += d * S;
@@ -103,26 +107,63 @@ inline void eliminate(const Body<Sizes>& body, double theta, double theta_dot, d
             zx += F * h;
             FS += F * S;
             Fa += F * a;
-            t.Txx += F * d;
-            t.Tyx += d * P;
-            t.Twx += d * dP;
+            Fd += F * d;
+            dP += d * P;
+            ddP += d * slope;
             t.Nxx += F * F;
             t.Nxy += F * P;
-            t.Nxw += F * dP;
+            t.Nxw += F * slope;
         }
+        // The inertia of the mean shortening, (R.44).
+        const double left = 1.0 / (1.0 + body[INVERSE_MASS] * dd);
+        const double kappa = t.kappa = body[INVERSE_MASS] * left;
+        const double lag = kappa * (dh - t.mu_rates);
+        Sh -= dS * lag;
+        ah -= da * lag;
+        zx -= Fd * lag;
+        zy -= dP * lag;
+        zw -= ddP * lag;
+        FS -= kappa * Fd * dS;
+        Fa -= kappa * Fd * da;
+        t.Nxx -= kappa * Fd * Fd;
+        t.Nxy -= kappa * Fd * dP;
+        t.Nxw -= kappa * Fd * ddP;
+        Nyy -= kappa * dP * dP;
+        Nyw -= kappa * dP * ddP;
+        Nww -= kappa * ddP * ddP;
+        Hxx *= left;
+        Hyy += kappa * dS * dS;
+        Hyw += kappa * dS * da;
+        Hww += kappa * da * da;
+        Tyy += kappa * dP * dS;
+        Tyw += kappa * dP * da;
+        Twy += kappa * ddP * dS;
+        Tww += kappa * ddP * da;
+        dh = t.mu_rates + left * (dh - t.mu_rates);
+        dS *= left;
+        da *= left;
+        t.Txx = 1.0 + left * Fd;
+        t.Tyx = left * dP;
+        t.Twx = left * ddP;
         t.Txy = -FS;
+        t.Tyy = Tyy;
+        t.Twy = Twy;
+        t.Tww = Tww;
+        t.Nyy = Nyy;
+        t.Nyw = Nyw;
+        t.Nww = Nww;
     }
-    const double Tyy = body[T_YY], Twy = body[T_WY], Tww = body[T_WW];
     t.Txw = Zero{} - t.tip_y - Fa;
-    t.Tyw = body[T_YW] + (t.tip_x - body[LENGTH]);
+    Tyw += t.tip_x - body[LENGTH];
+    t.Tyw = Tyw;
     const auto Txx = t.Txx;
     const G Txy = t.Txy, Tyx = t.Tyx, Twx = t.Twx;
-    const double Txw = t.Txw, Tyw = t.Tyw;
+    const double Txw = t.Txw;
 
-    const Symmetric Y = soften<G>(W, t.Nxx, t.Nxy, body[N_YY], t.Nxw, body[N_YW], body[N_WW]);
+    const Symmetric Y = soften<G>(W, t.Nxx, t.Nxy, Nyy, t.Nxw, Nyw, Nww);
     const double ex = zx + (t.Nxx * k.x + t.Nxy * k.y + t.Nxw * k.w) + 0.0;
-    const double ey = zy + (t.Nxy * k.x + body[N_YY] * k.y + body[N_YW] * k.w);
-    const double ew = zw + (t.Nxw * k.x + body[N_YW] * k.y + body[N_WW] * k.w);
+    const double ey = zy + (t.Nxy * k.x + Nyy * k.y + Nyw * k.w);
+    const double ew = zw + (t.Nxw * k.x + Nyw * k.y + Nww * k.w);
     if constexpr (Sizes::second_order) {
         k = {k.x - Y.xx * ex - Y.xy * ey - Y.xw * ew, k.y - Y.xy * ex - Y.yy * ey - Y.yw * ew,
              k.w - Y.xw * ex - Y.yw * ey - Y.ww * ew};
@@ -136,12 +177,12 @@ inline void eliminate(const Body<Sizes>& body, double theta, double theta_dot, d
             Y.xy * Txw + Y.yy * Tyw + Y.yw * Tww};
     t.gw = {Y.xw * Txx + Y.yw * Tyx + Y.ww * Twx, Y.xw * Txy + Y.yw * Tyy + Y.ww * Twy,
             Y.xw * Txw + Y.yw * Tyw + Y.ww * Tww};
-    const double Hxx = body[MASS] - dd + (Txx * t.gx.x + Tyx * t.gy.x + Twx * t.gw.x);
+    Hxx += (Txx * t.gx.x + Tyx * t.gy.x + Twx * t.gw.x);
     const double Hxy = dS + (Txx * t.gx.y + Tyx * t.gy.y + Twx * t.gw.y);
-    const double Hyy = body[H_YY] + (Txy * t.gx.y + Tyy * t.gy.y + Twy * t.gw.y);
+    Hyy += (Txy * t.gx.y + Tyy * t.gy.y + Twy * t.gw.y);
     const double Hxw = da - t.s + (Txx * t.gx.w + Tyx * t.gy.w + Twx * t.gw.w);
-    const double Hyw = body[H_YW] + t.mu + (Txy * t.gx.w + Tyy * t.gy.w + Twy * t.gw.w);
-    const double Hww = body[H_WW] + t.spread + (Txw * t.gx.w + Tyw * t.gy.w + Tww * t.gw.w);
+    Hyw += t.mu + (Txy * t.gx.w + Tyy * t.gy.w + Twy * t.gw.w);
+    Hww += t.spread + (Txw * t.gx.w + Tyw * t.gy.w + Tww * t.gw.w);
     const double hx = t.root_bias.x + dh + (Txx * k.x + Tyx * k.y + Twx * k.w);
     const double hy = t.root_bias.y - Sh + (Txy * k.x + Tyy * k.y + Twy * k.w);
     const double hw = t.root_bias.w - ah + (Txw * k.x + Tyw * k.y + Tww * k.w);
@@ -191,10 +232,19 @@ inline void accelerate(const Sizes& sizes, const double* arm, const double* grav
             if constexpr (Sizes::second_order) total -= t.D0_eta[j] * Ax - t.F_x[j] * fx;
             eta_ddot[j] = -total;
         }
-        const double yy = body[N_YY], yw = body[N_YW], ww = body[N_WW];
+        double Tyy = body[T_YY], Twy = body[T_WY], Tww = body[T_WW];
+        double yy = body[N_YY], yw = body[N_YW], ww = body[N_WW];
+        if constexpr (Sizes::second_order) {
+            double shortened = 0.0;
+            for (int j = 0; j < m; ++j) shortened += t.D0_eta[j] * eta_ddot[j];
+            const double lag = t.kappa * (shortened + t.mu_rates);
+            for (int j = 0; j < m; ++j) eta_ddot[j] -= lag * t.D0_eta[j];
+            Tyy = t.Tyy, Twy = t.Twy, Tww = t.Tww;
+            yy = t.Nyy, yw = t.Nyw, ww = t.Nww;
+        }
         const double tx = (t.Txx * Ax + t.Txy * Ay) + t.Txw * Aw - (t.Nxx * fx + t.Nxy * fy + t.Nxw * fw);
-        const double ty = t.Tyx * Ax + body[T_YY] * Ay + t.Tyw * Aw - (t.Nxy * fx + yy * fy + yw * fw);
-        const double tw = t.Twx * Ax + body[T_WY] * Ay + body[T_WW] * Aw - (t.Nxw * fx + yw * fy + ww * fw);
+        const double ty = t.Tyx * Ax + Tyy * Ay + t.Tyw * Aw - (t.Nxy * fx + yy * fy + yw * fw);
+        const double tw = t.Twx * Ax + Twy * Ay + Tww * Aw - (t.Nxw * fx + yw * fy + ww * fw);
         Ax = tx + t.drift.x;
         Ay = ty + t.drift.y;
         Aw = tw + t.drift.w;

@@ -186,6 +186,7 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
     c = m if second_order or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     constants = ArmConstants(
         mass=np.zeros(n),
+        inverse_mass=np.zeros(n),
         first_moment_x=np.zeros(n),
         first_moment_y=np.zeros(n),
         inertia=np.zeros(n),
@@ -279,6 +280,7 @@ def _place_link(
 ) -> None:
     k = link.w2.size
     constants.mass[i] = link.mass
+    constants.inverse_mass[i] = 1.0 / link.mass if link.mass else 0.0
     constants.first_moment_x[i] = link.first_moment
     constants.inertia[i] = link.inertia
     constants.length[i] = link.length

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from arm_states import drawn
+from arm_states import drawn, modal_parts
 from oracles.lagrangian import LagrangianOracle
 
 EPSILON = np.finfo(float).eps
@@ -128,3 +128,28 @@ def test_the_arms_are_many_and_various():
     assert {link.flexible for link in links} == {True, False}
     assert {getattr(link.damping, "kind", None) for link in links} == {None, "modal", "rayleigh"}
     assert any(arm.assembly.bodies > arm.joints for arm in arms)  # a payload beside the tip
+
+
+@pytest.mark.parametrize("seed", range(200, 212))
+def test_links_that_bend_far(seed):
+    """By 6 % of the length, so that the energy of the mean shortening counts."""
+    d = drawn(seed, theory="second_order", rigid=False, elements=2)
+    oracle = LagrangianOracle(d.arm.spec, basis=shapes_of(d.arm))
+    q, qd = d.q.copy(), d.qd.copy()
+    elastic = modal_parts(d.arm)
+    q[elastic] *= 20.0
+    exact = oracle.mass_matrix(q)
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    # The tolerances are those of the tests above.
+    np.testing.assert_allclose(d.arm.mass_matrix(q) / scale, exact / scale, rtol=0, atol=1e-13)
+    bias = oracle.bias_force(q, qd)
+    np.testing.assert_allclose(
+        d.arm.bias_force(q, qd), bias, rtol=0, atol=1e-11 * np.abs(bias).max()
+    )
+    np.testing.assert_allclose(
+        d.arm.energy(q, qd)[:3], oracle.energy(q, qd), rtol=1e-12, atol=1e-12 * abs(bias).max()
+    )
+    wanted = oracle.acceleration(q, qd, d.torque, d.tip_force)
+    found = d.arm.forward_dynamics(q, qd, d.torque, d.tip_force)
+    units = np.sqrt(np.diag(exact))
+    assert np.linalg.norm(units * (found - wanted)) < 1e-10 * np.linalg.norm(units * wanted)

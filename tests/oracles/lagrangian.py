@@ -346,7 +346,8 @@ def truncated_kinetic(
 
     In body axes, for given velocity (vx, vy) of the root and rate w, a point has the velocity
     (vx + u_dot - w v, vy + w (x + u) + v_dot). Of its square the terms u_dot^2, w v u_dot,
-    w u v_dot and w^2 u^2 are of third order and more, and left out.
+    w u v_dot and w^2 u^2 are of third order and more, and left out; but of the energy of u_dot the
+    part that belongs to its mean over the mass is kept.
     """
     x, w = points.x, angle.rate
     c, s = cos(angle.value), sin(angle.value)
@@ -355,7 +356,10 @@ def truncated_kinetic(
     along, across = vx - w * v.value, vy + w * x
     bending = across + v.rate
     square = along * along + 2.0 * vx * u.rate + bending * bending + 2.0 * w * u.value * across
-    return points.mass @ square * 0.5
+    mass = points.mass.sum()
+    if not mass:
+        return points.mass @ square * 0.5
+    return points.mass @ square * 0.5 + half(mass, points.mass @ u.rate * (1 / mass))
 
 
 def damping_matrix(link: Any, points: MaterialPoints) -> np.ndarray:

@@ -19,6 +19,8 @@ symbol         meaning; all in the axes of the body at hand, wrenches and accele
 ``H``, ``h``   residual inertia and bias of the root, then with all that hangs on it
 ``T``          residual transfer T - F C
 ``N``, ``z``   F F', F times the modal biases
+``d``          D0 eta: what the modes shorten the body by, in the mean over its mass
+``kappa``      the inverse of the modal inertia 1 + d d' / m is 1 - kappa d d', (R.44)
 ``Y``          (1 + W N)^-1 W: the outboard chain behind the springs of the modes
 ``g``          Y T: tip force per root acceleration
 ``U``, ``D``   what the joint's equation takes per acceleration of its root, and of itself
@@ -189,12 +191,55 @@ def _inward(
         # The body without its modes: residual inertia, bias, and transfer from root to tip.
         u_tip = work.tip[i, 0] - c.length[i]
         v_tip = work.tip[i, 1]
-        Hxx = c.mass[i] - dd
-        Hxy = dS
+        Hxx = c.mass[i]
         Hyy = c.residual_inertia[i, 0]
-        Hxw = da - work.moment[i, 0]
         Hyw = c.residual_inertia[i, 1] + work.moment[i, 1]
         Hww = c.residual_inertia[i, 2] + work.moment[i, 2]
+        Tyy = c.residual_tip[i, 0]
+        Tyw = c.residual_tip[i, 1] + u_tip
+        Twy = c.residual_tip[i, 2]
+        Tww = c.residual_tip[i, 3]
+        for _ in range(min(len(sizes.geometric), 1)):
+            # With the inertia of the mean shortening the products x.y over the modes become
+            # x.y - kappa (x.d) (y.d), and those with d itself are multiplied by ``left``.
+            left = 1.0 / (1.0 + c.inverse_mass[i] * dd)
+            kappa = c.inverse_mass[i] * left
+            rates = work.mean_shortening[i, 0]
+            lag = kappa * (dh - rates)
+            Sh -= dS * lag
+            ah -= da * lag
+            zx -= Fd * lag
+            zy -= dP * lag
+            zw -= ddP * lag
+            FS -= kappa * Fd * dS
+            Fa -= kappa * Fd * da
+            Nxx -= kappa * Fd * Fd
+            Nxy -= kappa * Fd * dP
+            Nxw -= kappa * Fd * ddP
+            Nyy -= kappa * dP * dP
+            Nyw -= kappa * dP * ddP
+            Nww -= kappa * ddP * ddP
+            Hxx *= left
+            Hyy += kappa * dS * dS
+            Hyw += kappa * dS * da
+            Hww += kappa * da * da
+            Tyy += kappa * dP * dS
+            Tyw += kappa * dP * da
+            Twy += kappa * ddP * dS
+            Tww += kappa * ddP * da
+            dh = rates + left * (dh - rates)
+            dS *= left
+            da *= left
+            dP *= left
+            ddP *= left
+            Fd *= left
+            work.mean_shortening[i, 1], work.mean_shortening[i, 2] = left, lag
+            work.mean_shortening[i, 3], work.mean_shortening[i, 4] = dS, da
+            work.mean_shortening[i, 5] = Fd
+            work.N[i, 0], work.N[i, 1], work.N[i, 2] = Nxx, Nxy, Nxw
+            work.N[i, 3], work.N[i, 4], work.N[i, 5] = Nyy, Nyw, Nww
+        Hxy = dS
+        Hxw = da - work.moment[i, 0]
         hx = work.root_bias[i, 0] + dh
         hy = work.root_bias[i, 1] - Sh
         hw = work.root_bias[i, 2] - ah
@@ -202,11 +247,7 @@ def _inward(
         Txy = -FS
         Txw = -v_tip - Fa
         Tyx = dP
-        Tyy = c.residual_tip[i, 0]
-        Tyw = c.residual_tip[i, 1] + u_tip
         Twx = ddP
-        Twy = c.residual_tip[i, 2]
-        Tww = c.residual_tip[i, 3]
 
         # The outboard chain, softened by the modes, moved to the root.
         Yxx, Yxy, Yyy, Yxw, Yyw, Yww = softened(
@@ -236,33 +277,16 @@ def _inward(
         hx += Txx * kx + Tyx * ky + Twx * kw
         hy += Txy * kx + Tyy * ky + Twy * kw
         hw += Txw * kx + Tyw * ky + Tww * kw
-        work.gain[i, 0, 0] = gxx
-        work.gain[i, 0, 1] = gxy
-        work.gain[i, 0, 2] = gxw
+        work.gain[i, 0, 0], work.gain[i, 0, 1], work.gain[i, 0, 2] = gxx, gxy, gxw
         work.gain[i, 0, 3] = kx
-        work.gain[i, 1, 0] = gyx
-        work.gain[i, 1, 1] = gyy
-        work.gain[i, 1, 2] = gyw
+        work.gain[i, 1, 0], work.gain[i, 1, 1], work.gain[i, 1, 2] = gyx, gyy, gyw
         work.gain[i, 1, 3] = ky
-        work.gain[i, 2, 0] = gwx
-        work.gain[i, 2, 1] = gwy
-        work.gain[i, 2, 2] = gww
+        work.gain[i, 2, 0], work.gain[i, 2, 1], work.gain[i, 2, 2] = gwx, gwy, gww
         work.gain[i, 2, 3] = kw
-        work.transfer[i, 0, 0] = Txx
-        work.transfer[i, 0, 1] = Txy
-        work.transfer[i, 0, 2] = Txw
-        work.transfer[i, 1, 0] = Tyx
-        work.transfer[i, 1, 1] = Tyy
-        work.transfer[i, 1, 2] = Tyw
-        work.transfer[i, 2, 0] = Twx
-        work.transfer[i, 2, 1] = Twy
-        work.transfer[i, 2, 2] = Tww
-        work.Nx[i, 0] = Nxx
-        work.Nx[i, 1] = Nxy
-        work.Nx[i, 2] = Nxw
-        work.drift[i, 0] = bias_x - zx
-        work.drift[i, 1] = bias_y - zy
-        work.drift[i, 2] = -zw
+        work.transfer[i, 0, 0], work.transfer[i, 0, 1], work.transfer[i, 0, 2] = Txx, Txy, Txw
+        work.transfer[i, 1, 0], work.transfer[i, 1, 1], work.transfer[i, 1, 2] = Tyx, Tyy, Tyw
+        work.transfer[i, 2, 0], work.transfer[i, 2, 1], work.transfer[i, 2, 2] = Twx, Twy, Tww
+        work.drift[i, 0], work.drift[i, 1], work.drift[i, 2] = bias_x - zx, bias_y - zy, -zw
 
         # Eliminate the joint (one that is not free passes everything on), then turn inboard.
         free = c.free[i]
@@ -348,19 +372,27 @@ def _outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspac
                 + c.P[i, j] * fy
                 + c.dP[i, j] * fw
             )
+        along = 0.0  # mean acceleration of the body along x, (R.45)
+        Nxx, Nxy, Nxw = 0.0, 0.0, 0.0
+        Nyy, Nyw, Nww = c.N[i, 0], c.N[i, 1], c.N[i, 2]
+        for _ in range(min(len(sizes.geometric), 1)):
+            along = work.mean_shortening[i, 3] * Ay + work.mean_shortening[i, 4] * Aw
+            along += work.mean_shortening[i, 5] * fx
+            along += work.transfer[i, 1, 0] * fy + work.transfer[i, 2, 0] * fw
+            along = c.inverse_mass[i] * along + work.mean_shortening[i, 2]
+            along += work.mean_shortening[i, 1] * Ax
+            Nxx, Nxy, Nxw = work.N[i, 0], work.N[i, 1], work.N[i, 2]
+            Nyy, Nyw, Nww = work.N[i, 3], work.N[i, 4], work.N[i, 5]
         for j in range(len(sizes.geometric)):
             work.acceleration[i, 1 + j] += c.mobility[i, j] * (
-                work.shortening[i, j] * Ax - work.Fx[i, j] * fx
+                work.shortening[i, j] * along - work.Fx[i, j] * fx
             )
-        Nxx = work.Nx[i, 0]
-        Nxy = work.Nx[i, 1]
-        Nxw = work.Nx[i, 2]
         tip_x = work.transfer[i, 0, 0] * Ax + work.transfer[i, 0, 1] * Ay
         tip_y = work.transfer[i, 1, 0] * Ax + work.transfer[i, 1, 1] * Ay
         tip_w = work.transfer[i, 2, 0] * Ax + work.transfer[i, 2, 1] * Ay
         tip_x += work.transfer[i, 0, 2] * Aw - (Nxx * fx + Nxy * fy + Nxw * fw)
-        tip_y += work.transfer[i, 1, 2] * Aw - (Nxy * fx + c.N[i, 0] * fy + c.N[i, 1] * fw)
-        tip_w += work.transfer[i, 2, 2] * Aw - (Nxw * fx + c.N[i, 1] * fy + c.N[i, 2] * fw)
+        tip_y += work.transfer[i, 1, 2] * Aw - (Nxy * fx + Nyy * fy + Nyw * fw)
+        tip_w += work.transfer[i, 2, 2] * Aw - (Nxw * fx + Nyw * fy + Nww * fw)
         Ax = tip_x + work.drift[i, 0]
         Ay = tip_y + work.drift[i, 1]
         Aw = tip_w + work.drift[i, 2]

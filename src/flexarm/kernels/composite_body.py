@@ -75,7 +75,8 @@ def mass_matrix(
             for k in range(len(sizes.modes)):
                 M[i, 1 + k, i, 1 + j] = c.P[i, k] * py + c.dP[i, k] * pw
             for k in range(len(sizes.geometric)):
-                M[i, 1 + k, i, 1 + j] += work.Fx[i, k] * px
+                mean = c.inverse_mass[i] * work.shortening[i, k]
+                M[i, 1 + k, i, 1 + j] += work.Fx[i, k] * px + mean * work.shortening[i, j]
             M[i, 1 + j, i, 1 + j] += 1.0
             _carry(sizes, c, work, M, i, 1 + j, bx, by, bw)
         cosine = work.rotation[i, 0]

@@ -96,6 +96,7 @@ def link_terms(sizes: Sizes, constants: ArmConstants, state: Array, work: Worksp
         work.moment[i, 0] = s
         work.moment[i, 1] = mu
         work.moment[i, 2] = spread
+        work.mean_shortening[i, 0] = mu_rates
         work.root_bias[i, 0] = -2.0 * w * s_dot - w * w * first_moment - mu_rates
         work.root_bias[i, 1] = -w * w * s + 2.0 * w * mu_dot
         work.root_bias[i, 2] = 2.0 * w * spread_dot

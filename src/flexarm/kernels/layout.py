@@ -51,6 +51,7 @@ class ArmConstants(NamedTuple):
     """Numbers of one arm. Body axes: origin at the joint, x along the clamped root tangent."""
 
     mass: Array  # (n,) kg
+    inverse_mass: Array  # (n,) 1/kg; 0 of a body without mass
     first_moment_x: Array  # (n,) kg m, int mu x dx
     first_moment_y: Array  # (n,) kg m, of the undeformed body (a payload beside the axis)
     inertia: Array  # (n,) kg m^2 about the joint, with section rotary inertia and hub
@@ -137,9 +138,10 @@ class Workspace(NamedTuple):
     root_bias: Array  # (n, 3) velocity products in the root wrench
     flex_bias: Array  # (n, m) stiffness, damping and velocity products of the modal equations
     shortening: Array  # (n, g) D0 eta
+    mean_shortening: Array  # (n, 6) eta_dot' D0 eta_dot, then terms of (R.45)
     Fx: Array  # (n, g) first row of F: -G eta
     transfer: Array  # (n, 3, 3) residual transfer from root to tip
-    Nx: Array  # (n, 3) first row of N = F F'
+    N: Array  # (n, 6) N of the second-order theory: xx, xy, xw, yy, yw, ww
     drift: Array  # (n, 3) tip acceleration at zero root acceleration and zero tip force
     gain: Array  # (n, 3, 4) tip force per root acceleration, and at none
     joint: Array  # (n, 6) U_x, U_y, U_w, free / D, tau - h_w, given acceleration
@@ -170,9 +172,10 @@ def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace
         root_bias=zeros(n, 3),
         flex_bias=zeros(n, m),
         shortening=zeros(n, g),
+        mean_shortening=zeros(n, 6),
         Fx=zeros(n, g),
         transfer=zeros(n, 3, 3),
-        Nx=zeros(n, 3),
+        N=zeros(n, 6),
         drift=zeros(n, 3),
         gain=zeros(n, 3, 4),
         joint=zeros(n, 6),

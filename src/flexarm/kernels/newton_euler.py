@@ -108,10 +108,13 @@ def body_wrench(
             + c.P[i, j] * ky
             + c.dP[i, j] * kw
         )
+    pull = 0.0  # d . eta''
     for j in range(len(sizes.geometric)):
-        rx -= work.shortening[i, j] * acceleration[i, 1 + j]
-        work.force[i, 1 + j] += work.Fx[i, j] * kx - work.shortening[i, j] * Ax
-    return rx, ry, rw
+        pull += work.shortening[i, j] * acceleration[i, 1 + j]
+    for j in range(len(sizes.geometric)):
+        along = c.inverse_mass[i] * (pull + work.mean_shortening[i, 0]) - Ax
+        work.force[i, 1 + j] += work.Fx[i, j] * kx + work.shortening[i, j] * along
+    return rx - pull, ry, rw
 
 
 @merged

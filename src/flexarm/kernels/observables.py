@@ -131,6 +131,7 @@ def energies(
         kinetic += 0.5 * c.mass[i] * (Vx * Vx + Vy * Vy)
         kinetic += Vx * (mu_dot - w * s) + Vy * (w * first_moment + s_dot)
         kinetic += 0.5 * w * w * (c.inertia[i] + spread) + w * turning + 0.5 * modal
+        kinetic += 0.5 * c.inverse_mass[i] * mu_dot * mu_dot
         # Centre of mass times mass, in world axes.
         mx = c.mass[i] * body_poses[i, 0] + cosine * first_moment - sine * s
         my = c.mass[i] * body_poses[i, 1] + sine * first_moment + cosine * s

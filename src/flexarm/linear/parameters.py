@@ -23,6 +23,7 @@ from flexarm.model import RayleighDamping
 _POWERS: dict[str, dict[str, Any]] = {
     "length": {
         "mass": 1.0,
+        "inverse_mass": -1.0,
         "first_moment_x": 2.0,
         "inertia": 3.0,
         "length": 1.0,
@@ -39,6 +40,7 @@ _POWERS: dict[str, dict[str, Any]] = {
     },
     "mass": {
         "mass": 1.0,
+        "inverse_mass": -1.0,
         "first_moment_x": 1.0,
         "inertia": 1.0,
         "S": 0.5,
