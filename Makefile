@@ -3,11 +3,13 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
+# Inputs for each test of `make fuzz`.
+EXAMPLES ?= 1000
 # Numerical libraries that start a thread per core slow each other down beside parallel tests.
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format types imports bench peers gallery clean
+.PHONY: help demo test lint format types imports bench fuzz peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -43,6 +45,9 @@ lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 format: $(VENV)/.ready-dev ## put the code into the project's format
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+fuzz: $(VENV)/.ready-dev ## damaged files and wrong calls: make fuzz EXAMPLES=10000
+	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal tests/fuzz
 
 bench: $(VENV)/.ready-dev ## measure speed; tables and figures in docs/performance
 	$(BIN)/python -m benchmarks

@@ -13,7 +13,7 @@ import errno
 import hashlib
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,16 +24,18 @@ except ImportError:  # Windows, which does not remove a file that is open
 
 
 def replace_file(
-    path: str | os.PathLike[str], write: Callable[[BinaryIO], object], durable: bool = True
+    path: str | os.PathLike[str], parts: Iterable[bytes | memoryview], durable: bool = True
 ) -> None:
-    """Let ``write`` fill a binary stream, then put its content in place of the file ``path``.
+    """Write a file of the given parts, one after the other, in place of an older one.
 
     A symbolic link stays: the file that it names is replaced. Permissions of an older file are
-    kept. If ``write`` raises, the older file is unchanged and nothing else is left.
+    kept. If anything fails, the older file is unchanged and nothing else is left.
+
+    Libraries that write files do not get the stream: HDF5 crashes the process if the disk is full.
 
     Args:
         path: the file to create or replace; its folder must exist.
-        write: called once with an open stream.
+        parts: the content; may be computed while it is written.
         durable: whether the content must be on the disk, not only in the system's buffers, before
             it replaces the older file. A file that can be recomputed does without.
 
@@ -49,7 +51,7 @@ def replace_file(
     beside = Path(stream.name)
     try:
         with stream:
-            write(stream)
+            stream.writelines(parts)
             stream.flush()
             if durable:
                 os.fsync(stream.fileno())

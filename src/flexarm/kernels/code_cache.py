@@ -158,7 +158,7 @@ class CodeCache(_Cache):
         body = dumps((key, data._reduce()))  # type: ignore[no-untyped-call]
         digest = hashlib.sha256(body).digest()
         try:
-            replace_file(self._path(key), lambda out: (out.write(digest), out.write(body)), False)
+            replace_file(self._path(key), [digest, body], durable=False)
         except OSError as error:
             CodeCache.failure = error.strerror or str(error)
 
