@@ -214,3 +214,35 @@ def test_a_kind_that_is_a_list_beside_hardware(tmp_path):
     outcome = invoke("check", path)
     assert outcome.exit_code == 2
     assert "drive.kind must be one of" in outcome.stderr
+
+
+LINK = "flexarm: 1\narm: {{gravity: [0.0, -9.81], links: [{{{}}}]}}\n"
+UNREASONABLE = {
+    "short": "length: 1.0e-300, flexural_rigidity: 10.0, mass_per_length: 0.3",
+    "short, with shear": (
+        "length: 1.0e-300, flexural_rigidity: 10.0, mass_per_length: 0.3, "
+        "element: timoshenko, shear_rigidity: 1.0"
+    ),
+    "long": "length: 1.0e+200, flexural_rigidity: 10.0, mass_per_length: 0.3",
+    "stiff": "length: 1.0, flexural_rigidity: 1.0e+300, mass_per_length: 1.0e-300",
+    "soft": "length: 1.0, flexural_rigidity: 5.0e-324, mass_per_length: 5.0e-324",
+    "rigid": "length: 1.0e+300, flexible: false, mass_per_length: 1.0e+300",
+}
+
+
+@pytest.mark.parametrize("command", ["check", "modes", "linearize"])
+@pytest.mark.parametrize("what", UNREASONABLE)
+def test_dimensions_whose_powers_overflow_are_refused(what, command, tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(LINK.format(UNREASONABLE[what]))
+    outcome = invoke(command, path)
+    assert outcome.exit_code == 2
+    assert "must have dimensions whose powers and products" in outcome.stderr
+
+
+def test_an_arm_without_inertia_has_no_linear_model(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(LINK.format("length: 1.0e-300, flexible: false, mass_per_length: 1.0"))
+    outcome = invoke("linearize", path)
+    assert outcome.exit_code == 2
+    assert "a joint feels no inertia" in outcome.stderr
