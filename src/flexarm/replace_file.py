@@ -23,6 +23,16 @@ except ImportError:  # Windows, which does not remove a file that is open
     fcntl = None  # type: ignore[assignment]
 
 
+#: Temporary files that this process is writing.
+_unfinished: set[Path] = set()
+
+
+def remove_unfinished() -> None:
+    """Remove the temporary files of this process, which is about to end."""
+    for beside in list(_unfinished):
+        beside.unlink(missing_ok=True)
+
+
 def replace_file(
     path: str | os.PathLike[str], parts: Iterable[bytes | memoryview], durable: bool = True
 ) -> None:
@@ -62,6 +72,7 @@ def replace_file(
             os.replace(beside, target)
     finally:
         beside.unlink(missing_ok=True)
+        _unfinished.discard(beside)
 
 
 def _prefix(target: Path) -> str:
@@ -74,6 +85,7 @@ def _open_beside(target: Path) -> BinaryIO:
     """Create and lock a temporary file beside the target."""
     while True:
         beside = target.with_name(f"{_prefix(target)}{os.urandom(6).hex()}.tmp")
+        _unfinished.add(beside)
         stream = open(beside, "xb")  # noqa: SIM115  (closed by the caller)
         try:
             # Another process may have taken it for stale before it was locked.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -37,13 +38,17 @@ def failures_told() -> Iterator[None]:
 
 
 def end_orderly_when_terminated() -> None:
-    """Let SIGTERM end the process as an exception does, so that temporary files are removed.
+    """Let SIGTERM remove temporary files and end the process with status 143.
 
-    Only for the command: in Python, signals belong to the program that imports the package.
+    Only for the command: in Python, signals belong to the program that imports the package. An
+    exception would be lost if the signal arrives in a finaliser, of which HDF5 files have many.
     """
 
     def leave(*_: object) -> None:
-        raise SystemExit(TERMINATED)
+        from flexarm.replace_file import remove_unfinished
+
+        remove_unfinished()
+        os._exit(TERMINATED)
 
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, leave)
