@@ -9,11 +9,13 @@ PIP_OPTIONS ?=
 SEED ?=
 # Interpreters of `make test-pythons`: those on the path that start.
 PYTHONS ?= $(foreach v,3.11 3.12 3.13 3.14,$(shell python$(v) -c "import sys; print(sys.executable)" 2>/dev/null))
+# Inputs for each test of `make fuzz`.
+EXAMPLES ?= 1000
 # Numerical libraries that start a thread per core slow each other down beside parallel tests.
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite test-pythons lint format bench peers gallery clean
+.PHONY: help demo test suite test-pythons lint format bench fuzz peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -62,6 +64,9 @@ lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 format: $(VENV)/.ready-dev ## put the code into the project's format
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+fuzz: $(VENV)/.ready-dev ## damaged files and wrong calls: make fuzz EXAMPLES=10000
+	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal tests/fuzz
 
 bench: $(VENV)/.ready-dev ## measure speed; tables and figures in docs/performance
 	$(BIN)/python -m benchmarks

@@ -46,6 +46,17 @@ def shown(value: object) -> str:
     return " ".join(text.split())
 
 
+def printable(text: str) -> str:
+    r"""Write control characters, terminal escape codes and the like as Python does: ``\x1b``.
+
+    Names and paths come from users and from files. Printed as they are, they could change the
+    title, the colours or the content of a terminal, or reverse the direction of the text.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 def few(values: Any, most: int = 4) -> str:
     """Write the first numbers of an array on one line, four digits each, as a repr shows them."""
     first = ", ".join(f"{value + 0.0:.4g}" for value in values[:most])
@@ -80,7 +91,7 @@ class Problem:
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.name} must {self.rule}, but is {self.value}."
-        return f"{text} {self.hint}" if self.hint else text
+        return printable(f"{text} {self.hint}" if self.hint else text)
 
 
 class FlexarmError(Exception):
@@ -127,7 +138,7 @@ class SimulationError(FlexarmError, RuntimeError):
 
     def __str__(self) -> str:
         text = f"stopped at t = {self.time:.6g} s: {self.reason}"
-        return f"{text} {self.hint}" if self.hint else text
+        return printable(f"{text} {self.hint}" if self.hint else text)
 
 
 class FlexarmWarning(UserWarning):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -177,6 +179,13 @@ def link_constants(
     _check_count(where, "elements", elements, None)
     if modes is not None:
         _check_count(where, "modes", modes, 2 * elements)
+    with _in_range(where, table):
+        return _flexible_constants(table, elements, modes, where)
+
+
+def _flexible_constants(
+    table: BeamTable, elements: int, modes: int | None, where: str
+) -> LinkConstants:
     quadrature = beam_quadrature(table.x, elements)
     matrices, local = beam_matrices(table, quadrature), point_shapes(table, quadrature)
     shapes = beam_basis(
@@ -237,7 +246,8 @@ def rigid_constants(
         where, x, unused, mass_per_length, rotary_inertia_per_length, may_be_massless=True
     )
     none, square = np.zeros(0), np.zeros((0, 0))
-    length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
+    with _in_range(where, table):
+        length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
     return LinkConstants(
         length,
         mass,
@@ -259,6 +269,20 @@ def rigid_constants(
         shear_parameter=np.zeros(elements),
         table=table,
     )
+
+
+@contextmanager
+def _in_range(where: str, table: BeamTable) -> Iterator[None]:
+    """Raise InputError if powers and products of the dimensions overflow, or all round to zero."""
+    try:
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            yield
+    except (ArithmeticError, np.linalg.LinAlgError):
+        length, mass = table.x[-1], table.mass_per_length.max()
+        value = f"of length {length:.3g} m with at most {mass:.3g} kg/m"
+        rule = "have dimensions whose powers and products are floating-point numbers"
+        hint = "Check the units; all values are in SI."
+        raise InputError(Problem(where, "the link", rule, value, hint)) from None
 
 
 def _rigid_body(table: BeamTable, quadrature: BeamQuadrature) -> tuple[float, float, float, float]:

@@ -17,8 +17,9 @@ from flexarm.model import (
     locate_scenario,
     locate_study,
 )
+from flexarm.model.files import load_document
 from flexarm.model.motions import JointMotionSpec, PressedMotionSpec
-from flexarm.model.yaml_text import parse
+from flexarm.model.yaml_text import Document
 from flexarm.simulate import prepare
 from flexarm.simulate.study import PreparedStudy
 from flexarm.simulate.told import Where
@@ -32,14 +33,16 @@ def check_file(path: Path) -> None:
     Raises:
         InputError: what is wrong, all of it.
     """
-    located = None if _is_study(path) else _scenario(path)
+    document = load_document(path)
+    is_study = "drives" in document.value
+    located = None if is_study else _scenario(document)
     unstable: list[str] = []
-    if _is_study(path):
-        study = PreparedStudy(*locate_study(path))
+    if is_study:
+        study = PreparedStudy(*locate_study(document))
         unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
         found = [*_about_arm(study.arm), *_about_study(study.study)]
     elif located is None:
-        arm = Arm(load_arm_spec(path))
+        arm = Arm(load_arm_spec(document))
         found = _about_arm(arm)
     else:
         scenario, where = located
@@ -53,15 +56,6 @@ def check_file(path: Path) -> None:
     screen.print("ok")
 
 
-def _is_study(path: Path) -> bool:
-    """Whether a file, if it can be read at all, has the key that only studies have."""
-    try:
-        keys = parse(path, path.read_text(encoding="utf-8-sig")).value
-    except (OSError, UnicodeDecodeError):
-        return False  # told by whoever reads it for what it says
-    return isinstance(keys, dict) and "drives" in keys
-
-
 def _about_study(study: Study) -> list[tuple[str, str]]:
     names = (("drives", study.drives), ("plants", study.plants), ("motions", study.motions))
     rows = [(kind, ", ".join(list(items))) for kind, items in names]
@@ -69,16 +63,15 @@ def _about_study(study: Study) -> list[tuple[str, str]]:
     return [*rows, ("runs", f"{runs} of {study.run.duration:g} s")]
 
 
-def _scenario(path: Path) -> tuple[Scenario, Where] | None:
+def _scenario(document: Document) -> tuple[Scenario, Where] | None:
     """Read a scenario, see `locate_scenario`; None for a file that describes an arm alone."""
     try:
-        return locate_scenario(path)
+        return locate_scenario(document)
     except ModelError as error:
         if all((problem.name, problem.value) != ("run", "missing") for problem in error.problems):
             raise
         # An arm file, or a scenario whose run was forgotten: the other keys tell.
-        keys = parse(path, path.read_text(encoding="utf-8-sig")).value.keys()
-        if keys <= {"flexarm", "arm"}:
+        if document.value.keys() <= {"flexarm", "arm"}:
             return None
         raise
 

@@ -12,7 +12,14 @@ from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import UnstableLoopWarning
 from flexarm.model import locate_study
-from flexarm.output import FIGURE_SUFFIXES, check_place, write_figure, write_text, write_whole
+from flexarm.output import (
+    FIGURE_SUFFIXES,
+    check_place,
+    encode_netcdf,
+    write_figure,
+    write_text,
+    write_whole,
+)
 from flexarm.simulate.study import PreparedStudy
 
 if TYPE_CHECKING:
@@ -107,4 +114,4 @@ def _save(table: xr.Dataset, out: Path) -> None:
     if out.suffix.lower() == ".csv":
         write_text(table.to_dataframe().to_csv(lineterminator="\n"), out)
     else:
-        write_whole(out, lambda beside: table.to_netcdf(beside, engine="h5netcdf"))
+        write_whole(out, encode_netcdf(table))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
 
-from flexarm.errors import FlexarmError, InputError
+from flexarm.errors import FlexarmError, InputError, printable
 
-FAILED_RUN, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+FAILED_RUN, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
 
 @contextmanager
@@ -35,14 +37,32 @@ def failures_told() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
+def end_orderly_when_terminated() -> None:
+    """Let SIGTERM remove temporary files and end the process with status 143.
+
+    Only for the command: in Python, signals belong to the program that imports the package. An
+    exception would be lost if the signal arrives in a finaliser, of which HDF5 files have many.
+    """
+
+    def leave(*_: object) -> None:
+        from flexarm.replace_file import remove_unfinished
+
+        remove_unfinished()
+        os._exit(TERMINATED)
+
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, leave)
+
+
 def warn(message: str) -> None:
     """Write a warning to the error stream: one line, yellow on a terminal."""
     from rich.console import Console
 
     screen = Console(stderr=True, highlight=False, markup=False, emoji=False)
-    screen.print(f"warning: {message}", style="yellow", soft_wrap=True)
+    screen.print(f"warning: {printable(message)}", style="yellow", soft_wrap=True)
 
 
 def say(message: str) -> None:
-    """Write a message to the error stream, as it is: editors and scripts read these lines."""
-    print(message, file=sys.stderr, flush=True)
+    """Write a message to the error stream without layout: editors and scripts read these lines."""
+    lines = map(printable, message.split("\n"))
+    print("\n".join(lines), file=sys.stderr, flush=True)

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from flexarm.cli.failures import failures_told
+from flexarm.cli.failures import end_orderly_when_terminated, failures_told
 
 app = typer.Typer(
     name="flexarm",
@@ -209,5 +209,9 @@ def schema(
 
 
 def main() -> None:
-    """Run the command line; the exit status is 0, 1 (a run failed), 2 (wrong input) or 130."""
+    """Run the command line.
+
+    The exit status is 0, 1 (a run failed), 2 (wrong input), 130 (Ctrl-C) or 143 (SIGTERM).
+    """
+    end_orderly_when_terminated()
     app()

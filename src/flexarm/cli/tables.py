@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
+
+from flexarm.errors import printable
+
+
+class _Screen(Console):
+    """A console that prints names and paths of users without the control codes in them."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Make printable text of a string, line by line."""
+        return super().render_str("\n".join(map(printable, text.split("\n"))), **options)
 
 
 def console() -> Console:
     """Return the standard output; numbers keep the colour of the text around them."""
-    return Console(highlight=False, markup=False, emoji=False)
+    return _Screen(highlight=False, markup=False, emoji=False)
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:

@@ -1,77 +1,28 @@
-"""Compile kernels with Numba and keep the machine code on disk, never stale.
-
-Numba's own disk cache looks only at the file of the function that is called: after an edit of a
-kernel that it calls, it would go on serving the old physics without a word. Therefore the cache
-directory is named by a hash of every source that takes part (``kernels/`` and ``integrate/``):
-another source, another directory.
-
-Numba reads ``numba.config.CACHE_DIR`` while it decorates a function. We set it for that moment only
-and put it back, so that the caches of other packages in the same process stay where they are.
-"""
+"""Compile kernels with Numba; `code_cache` keeps the machine code on disk."""
 
 from __future__ import annotations
 
 import atexit
-import hashlib
-import shutil
 import sys
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import event
 from numba.core.cpu import CPUTargetOptions
-from platformdirs import user_cache_dir
+
+from flexarm.kernels.code_cache import CodeCache, cache_folder, cache_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Packages whose sources decide what the machine code says.
-_SOURCE_FOLDERS = ("kernels", "integrate")
 #: Floating-point freedoms that change the last digits but never hide a NaN or an infinity.
 _FAST = {"contract", "nsz", "arcp"}
-_UNUSED_CACHE_SECONDS = 60 * 24 * 3600
 
 
-def _source_hash() -> str:
-    package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
-    for folder in _SOURCE_FOLDERS:
-        for path in sorted((package / folder).glob("*.py")):
-            digest.update(path.name.encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _cache_directory() -> Path:
-    """Directory for this version of the sources; a temporary one where the home is read-only."""
-    root = Path(user_cache_dir("flexarm"))
-    directory = root / f"kernels-{_source_hash()}"
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            pass
-    except OSError:
-        return Path(tempfile.gettempdir()) / "flexarm" / directory.name
-    _forget_unused(root, keep=directory)
-    return directory
-
-
-def _forget_unused(root: Path, keep: Path) -> None:
-    """Remove the machine code of sources that nobody has used for two months."""
-    (keep / ".used").touch()
-    for old in root.glob("kernels-*"):
-        stamp = old / ".used"
-        if old != keep and stamp.exists():
-            age = time.time() - stamp.stat().st_mtime
-            if age > _UNUSED_CACHE_SECONDS:
-                shutil.rmtree(old, ignore_errors=True)
-
-
-CACHE_DIRECTORY = _cache_directory()
+#: Where the machine code is kept; None if no folder is private to this user.
+CACHE_DIRECTORY = cache_folder()
 
 
 def _options() -> dict[str, Any]:
@@ -81,19 +32,17 @@ def _options() -> dict[str, Any]:
     run three times as fast (an atomic counter at each array access otherwise). The option has no
     documented name, so a Numba that does not know it compiles without.
     """
-    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": _FAST}
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": _FAST}
     if hasattr(CPUTargetOptions, "_nrt"):
         options["_nrt"] = False
     return options
 
 
 def _decorate(function: F, **more: Any) -> F:
-    config: Any = numba.config
-    theirs, config.CACHE_DIR = config.CACHE_DIR, str(CACHE_DIRECTORY)
-    try:
-        return cast(F, numba.njit(**_options(), **more)(function))
-    finally:
-        config.CACHE_DIR = theirs
+    dispatcher: Any = numba.njit(**_options(), **more)(function)
+    if hasattr(dispatcher, "enable_caching"):  # not where Numba is told to compile nothing
+        dispatcher._cache = cache_of(function, CACHE_DIRECTORY)
+    return cast(F, dispatcher)
 
 
 def compiled(function: F) -> F:
@@ -201,11 +150,14 @@ class _CompileNotice(event.Listener):
         self._depth += 1
 
     def _tell_time(self) -> None:
-        """Close the account when the process ends: only then is nothing left to compile."""
-        print(
-            f"flexarm: compiling took {self.seconds:.0f} s; the result is kept for the next start.",
-            file=sys.stderr,
-        )
+        """Print the time when the process ends: only then is nothing left to compile."""
+        failure = CodeCache.failure
+        kept = "the result is kept for the next start."
+        if CACHE_DIRECTORY is None:
+            kept = "the result is not kept: no folder is writable by this user alone."
+        elif failure:
+            kept = f"the result is not kept: {failure}."
+        print(f"flexarm: compiling took {self.seconds:.0f} s; {kept}", file=sys.stderr)
 
     def on_end(self, occurrence: Any) -> None:
         if not self._is_ours(occurrence):

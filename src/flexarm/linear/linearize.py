@@ -18,7 +18,7 @@ from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.contacts import Contact, place_contacts, place_outside
-from flexarm.errors import InputError, Problem, check_array
+from flexarm.errors import InputError, Problem, check_array, check_result
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.layout import Loads, new_workspace, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS
@@ -197,8 +197,15 @@ class _Perturbed:
         found = np.empty((self.rows, *self.states.shape[2:]), dtype=complex)
         for row in range(self.rows):
             loads = self._loads_of(row)
-            forward_dynamics(self.sizes, constants, self.states[row], tau[row], loads, self.work)
+            try:
+                forward_dynamics(
+                    self.sizes, constants, self.states[row], tau[row], loads, self.work
+                )
+            except ZeroDivisionError:  # raised for complex numbers only; real ones give infinity
+                self.work.acceleration[:] = np.nan
             found[row] = self.work.acceleration
+        point = self.point
+        check_result(_WHERE, found.view(np.float64), point.q, point.qd, point.torque)
         return found
 
     def _outputs(self) -> ComplexArray:

@@ -13,7 +13,7 @@ from flexarm.arguments import check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.contacts import Contact
-from flexarm.errors import InputError, Problem, check_array, few
+from flexarm.errors import InputError, Problem, check_array, check_result, few
 from flexarm.linear.curves import displacements
 from flexarm.linear.eigen import damped, undamped
 from flexarm.linear.equilibrium import Equilibrium
@@ -181,7 +181,9 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> 
     skew = (K - K.T) / 2.0
     lasting = np.abs(skew).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0)
     coupling = vectors.T @ skew @ vectors * lasting
-    found = damped(squared, coupling, vectors.T @ D @ vectors)
+    damping = vectors.T @ D @ vectors
+    check_result(_WHERE, np.concatenate([squared[None], coupling, damping]), M, K, D)
+    found = damped(squared, coupling, damping)
     frequency = np.sqrt(np.maximum(squared, 0.0))
     if spin != 0.0:
         frequency = np.where(found.eigenvalues.imag > 0.0, np.abs(found.eigenvalues), 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
-import shutil
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,12 +16,14 @@ from pydantic import ValidationError
 from flexarm.arguments import check_path
 from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.checks import Record, faults_of
+from flexarm.model.read_bytes import read_bytes
 from flexarm.model.scenario import Scenario
 from flexarm.model.sections import MATERIALS, Material
 from flexarm.model.spec import ArmSpec
 from flexarm.model.study import Study
 from flexarm.model.wording import Path, suggestion
 from flexarm.model.yaml_text import Document, parse, to_yaml
+from flexarm.replace_file import replace_file
 
 FILE_VERSION = 1
 
@@ -31,14 +33,26 @@ AnyPath = str | os.PathLike[str]
 R = TypeVar("R", bound=Record)
 
 
-def load_arm_spec(path: AnyPath) -> ArmSpec:
+def load_document(path: AnyPath) -> Document:
+    """Read a YAML file whose content is a mapping; the functions below take it for its path.
+
+    A pipe can be read only once.
+
+    Raises:
+        ModelError: if the file cannot be read or is not a mapping in YAML.
+    """
+    file = FilePath(path)
+    return _parsed(file, _text(file))
+
+
+def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
     """Read the arm of an arm file, or of a scenario file whose other parts are not looked at.
 
     Raises:
         ModelError: the file cannot be read or describes no arm; lists every problem with its line.
     """
     problems: list[Problem] = []
-    document = _read(FilePath(path))
+    document = path if isinstance(path, Document) else load_document(path)
     holder = _holder_of_arm(document, problems, ())
     spec = None
     if holder is not None:
@@ -57,7 +71,7 @@ def load_scenario(path: AnyPath) -> Scenario:
     return locate_scenario(check_path("load_scenario", "path", path))[0]
 
 
-def locate_scenario(path: AnyPath) -> tuple[Scenario, Callable[[Path], str]]:
+def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path], str]]:
     """Read a scenario file, see `load_scenario`; return with it where each key path stands.
 
     What is only found when the scenario is built is told with ``file:line`` too.
@@ -65,7 +79,7 @@ def locate_scenario(path: AnyPath) -> tuple[Scenario, Callable[[Path], str]]:
     return _located(Scenario, path)
 
 
-def locate_study(path: AnyPath) -> tuple[Study, Callable[[Path], str]]:
+def locate_study(path: AnyPath | Document) -> tuple[Study, Callable[[Path], str]]:
     """Read a study file, as `locate_scenario` reads a scenario.
 
     Raises:
@@ -87,8 +101,8 @@ def _uncollected() -> Iterator[None]:
 
 
 @_uncollected()
-def _located(kind: type[R], path: AnyPath) -> tuple[R, Callable[[Path], str]]:
-    document = _read(FilePath(path))
+def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path], str]]:
+    document = path if isinstance(path, Document) else load_document(path)
     _refuse_other_kind(document, kind)
     problems: list[Problem] = []
     holder = _holder_of_arm(document, problems, (), kind)
@@ -181,7 +195,7 @@ def _checked(
 def _holder_of_arm(
     document: Document,
     problems: list[Problem],
-    came_from: tuple[FilePath, ...],
+    came_from: tuple[str, ...],
     kind: type[Record] | None = None,
 ) -> Document | None:
     """Follow ``arm: other.yaml`` to the file that describes the arm; None where none does."""
@@ -194,13 +208,20 @@ def _holder_of_arm(
     if not isinstance(named, str):
         return document
     here = document.where(("arm",))
-    came_from = (*came_from, document.file.resolve())
+    came_from = (*came_from, _real(document.file))
     other = document.file.parent / named
-    if other.resolve() in came_from:
+    if _real(other) in came_from:
         problems.append(Problem(here, "arm", "lead to an arm", "a circle of files"))
         return None
     try:
-        return _holder_of_arm(_read(other), problems, came_from)
+        text = _text(other)
+        if not _ARM_FILE.search(text):
+            # Whoever writes a scenario may not be allowed to read every file that this process
+            # can: do not quote the content of a file that was not written for flexarm.
+            value = f"{shown(named)}, which has no key `flexarm`"
+            problems.append(Problem(here, "arm", "name an arm file", value))
+            return None
+        return _holder_of_arm(_parsed(other, text), problems, came_from)
     except ModelError as error:
         told = f"It is named in {here}."
         problems += [replace(p, hint=f"{p.hint} {told}".strip()) for p in error.problems]
@@ -245,11 +266,22 @@ def _in_order(first: FilePath, problems: list[Problem]) -> list[Problem]:
     return sorted(problems, key=place)
 
 
-def _read(file: FilePath) -> Document:
-    """Read a YAML file whose content is a mapping."""
+#: What every arm file has, also one with errors of syntax further on.
+_ARM_FILE = re.compile(r"""^\s*\{?\s*["']?flexarm["']?\s*:""", re.MULTILINE)
+
+
+def _real(file: FilePath) -> str:
+    """Return the path with links resolved; of a path that no file can have, the path itself."""
     try:
-        with open(file, "rb") as stream:
-            raw = stream.read(_MOST_BYTES + 1)
+        return os.path.realpath(file)
+    except ValueError:
+        return str(file)
+
+
+def _text(file: FilePath) -> str:
+    """Return the text of a file in UTF-8."""
+    try:
+        raw = read_bytes(file, _MOST_BYTES + 1)
     except FileNotFoundError:
         raise ModelError(Problem(str(file), "the file", "exist", "missing", _near(file))) from None
     except IsADirectoryError:
@@ -261,11 +293,15 @@ def _read(file: FilePath) -> Document:
         rule = f"be at most {_MOST_BYTES // 10**6} MB long"
         raise ModelError(Problem(str(file), "the file", rule, "longer"))
     try:
-        text = raw.decode("utf-8-sig")
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         where = f"{file}:{line}"
         raise ModelError(Problem(where, "the file", "be text in UTF-8", "something else")) from None
+
+
+def _parsed(file: FilePath, text: str) -> Document:
+    """Return the content of a YAML file, which must be a mapping."""
     document = parse(file, text)
     if not isinstance(document.value, dict):
         rule, value = "be a mapping of keys to values", shown(document.value)
@@ -279,7 +315,7 @@ def _near(file: FilePath) -> str:
 
     try:
         names = {FilePath(name).stem: name for name in sorted(os.listdir(file.parent))}
-    except OSError:
+    except (OSError, ValueError):
         return ""
     near = difflib.get_close_matches(file.stem, names, n=1)
     return f"Did you mean {str(file.with_name(names[near[0]]))!r}?" if near else ""
@@ -304,21 +340,10 @@ def _content(value: Any) -> Any:
 
 
 def _write(file: FilePath, text: str) -> None:
-    """Put a text file in place in one step, so that nobody ever reads half of it."""
-    target = FilePath(os.path.realpath(file))  # replace what a link points to, not the link
-    beside = target.with_name(f".{target.name}.{os.urandom(4).hex()}.tmp")
+    """Write a text file in one step, see `replace_file`; create missing folders."""
     try:
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with open(beside, "x", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            if target.exists():
-                shutil.copymode(target, beside)
-            os.replace(beside, target)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        reason = f"not: {error.strerror or error}"
+        FilePath(os.path.realpath(file)).parent.mkdir(parents=True, exist_ok=True)
+        replace_file(file, [text.encode()])
+    except (OSError, ValueError) as error:  # ValueError: a null character or surrogate in the path
+        reason = f"not: {getattr(error, 'strerror', None) or error}"
         raise ModelError(Problem(str(file), "the file", "be writable", reason)) from None

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
+from flexarm.errors import printable
 from flexarm.model.wording import refuse
 
 T = TypeVar("T")
@@ -80,6 +81,16 @@ def _named(value: Any) -> Any:
     wrong = next((name for name in value if not isinstance(name, str)), None)
     if wrong is not None:
         raise refuse("have words for names", wrong, "Put the name into quotes.")
+    unprintable = next((name for name in value if printable(name) != name), None)
+    if unprintable is not None:
+        raise refuse("have printable names", unprintable)
+    return value
+
+
+def _printable(value: str) -> str:
+    """Refuse control characters and halves of surrogate pairs: no file or terminal takes them."""
+    if printable(value) != value:
+        raise refuse("be printable text", value)
     return value
 
 
@@ -102,7 +113,7 @@ NonNegative = Annotated[float, Field(ge=0), BeforeValidator(finite)]
 Fraction = Annotated[float, Field(ge=0, le=1), BeforeValidator(finite)]
 Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain)]
 Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain)]
-Word = Annotated[str, Field(strict=True, min_length=1)]
+Word = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
 Pair = Annotated[tuple[Number, Number], BeforeValidator(_two)]
 OneOrMany = Annotated[
     Annotated[T, Tag("<number>")] | Annotated[Listed[T], Tag("<list>")],

@@ -125,6 +125,7 @@ class Scenario(Record):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         kind = look(given.raw("drive"), "kind")
+        kind = kind if isinstance(kind, str) else None
         if kind in _FOLLOWING and given.absent("motion"):
             yield Fault(("motion",), f"be given where drive is {kind}", "missing")
         turning = _turning(given.raw("arm"))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -17,15 +16,15 @@ if TYPE_CHECKING:
 class Format:
     """A file format of results. The rules that ``write_result`` relies on:
 
-    1. ``write`` creates the file it is given, which does not exist and whose name says nothing of
-       the format; it raises ``OSError`` where it cannot.
+    1. ``encode`` returns the content of the file in parts; it opens no file.
     2. A written number reads back as the same float, to the bit.
     3. Names and units are in the file.
     4. ``read`` returns a dataset equal to the one written, attributes included, and raises
-       ``OSError`` for what is not of this format; None where the format cannot hold all of it.
+       ``OSError`` if the file is not of this format or damaged. It is None if the format cannot
+       hold all of a result.
     """
 
     name: str
     suffix: str
-    write: Callable[[xr.Dataset, Path], None]
+    encode: Callable[[xr.Dataset], Iterable[bytes | memoryview]]
     read: Callable[[AnyPath], xr.Dataset] | None = None

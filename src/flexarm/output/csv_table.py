@@ -8,9 +8,9 @@ readings of instruments and events, is left to NetCDF.
 from __future__ import annotations
 
 import csv
+import io
 import itertools
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,16 +60,20 @@ def _labels(result: xr.Dataset, dimension: str) -> list[object]:
     return list(range(1, values.size + 1)) if counted else list(values)
 
 
-def _write(result: xr.Dataset, path: Path) -> None:
+def _encode(result: xr.Dataset) -> Iterator[bytes]:
     times = result["time"].values
     blocks = [result[name].values.reshape(times.size, -1) for name in _over_time(result)]
     table = np.column_stack([times, *blocks])
-    with open(path, "w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns(result))
+    yield _lines([columns(result)])
+    for start in range(0, len(table), _ROWS_AT_ONCE):
         # The writer spells a float with the digits that read back as the same float.
-        for start in range(0, len(table), _ROWS_AT_ONCE):
-            writer.writerows(table[start : start + _ROWS_AT_ONCE].tolist())
+        yield _lines(table[start : start + _ROWS_AT_ONCE].tolist())
 
 
-CSV = Format("CSV", ".csv", _write)
+def _lines(rows: list[list[str]] | list[list[float]]) -> bytes:
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
+
+
+CSV = Format("CSV", ".csv", _encode)

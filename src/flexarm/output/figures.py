@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from io import BytesIO
 from typing import Any, Protocol
 
 from flexarm.output.places import AnyPath, check_place, write_whole
@@ -15,7 +15,7 @@ class Savable(Protocol):
     """A Matplotlib figure, or what behaves like one."""
 
     def savefig(self, fname: Any, /, *, format: str) -> None:
-        """Write the picture to a file."""
+        """Write the picture to a file or stream."""
 
 
 def write_figure(figure: Savable, path: AnyPath) -> None:
@@ -27,8 +27,6 @@ def write_figure(figure: Savable, path: AnyPath) -> None:
         InputError: unknown suffix, or a path that cannot be written.
     """
     place = check_place("write_figure", "path", path, FIGURE_SUFFIXES)
-
-    def save(beside: Path) -> None:
-        figure.savefig(beside, format=place.suffix.lower().removeprefix("."))
-
-    write_whole(place, save)
+    picture = BytesIO()
+    figure.savefig(picture, format=place.suffix.lower().removeprefix("."))
+    write_whole(place, [picture.getbuffer()])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from typing import TYPE_CHECKING
 
 from flexarm.arguments import check_dataset, check_path
@@ -28,15 +30,14 @@ def write_result(result: xr.Dataset, path: AnyPath) -> None:
     """
     result = check_dataset("write_result", "result", result)
     place = check_place("write_result", "path", path, FORMATS)
-    form = FORMATS[place.suffix.lower()]
-    write_whole(place, lambda beside: form.write(result, beside))
+    write_whole(place, FORMATS[place.suffix.lower()].encode(result))
 
 
 def read_result(path: AnyPath) -> xr.Dataset:
     """Read back a result that ``write_result`` has written, in a format that keeps all of it.
 
     Raises:
-        InputError: no such file, or not a result.
+        InputError: if the file is missing, damaged, or not a result.
     """
     path = check_path("read_result", "path", path)
     suffix = path.suffix.lower()
@@ -46,12 +47,15 @@ def read_result(path: AnyPath) -> xr.Dataset:
         rule = f"be a {readable} file, which holds all of a result"
         raise InputError(Problem("read_result", "path", rule, shown(str(path))))
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise OSError("it is not an ordinary file")
         result = form.read(path)
     except FileNotFoundError:
         raise InputError(Problem(str(path), "the file", "exist", "missing")) from None
-    except OSError as error:
-        reason = f"not: {error.strerror or error}"
-        raise InputError(Problem(str(path), "the file", f"be {form.name}", reason)) from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        reason = f"not: {getattr(error, 'strerror', None) or error}"
+        rule = f"be an intact {form.name} file"
+        raise InputError(Problem(str(path), "the file", rule, reason)) from None
     if "flexarm_version" not in result.attrs:
         rule = "be a result that flexarm has written"
         raise InputError(Problem(str(path), "the file", rule, f"some other {form.name} file"))

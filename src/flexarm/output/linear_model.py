@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,18 +41,19 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
     if place.suffix.lower() == ".json":
         write_text(json.dumps(_plain(model.arrays()), indent=1) + "\n", place)
     else:
-        write_whole(place, lambda beside: _write_mat(model, beside))
+        write_whole(place, [_mat(model)])
 
 
-def _write_mat(model: LinearModel, path: Path) -> None:
+def _mat(model: LinearModel) -> memoryview:
     from scipy.io import savemat
 
     cells = {
         name: np.array(value, dtype=object) if isinstance(value, list) else value
         for name, value in model.arrays().items()
     }
-    with open(path, "wb") as stream:
-        savemat(stream, cells, oned_as="column", do_compression=True)
+    content = BytesIO()
+    savemat(content, cells, oned_as="column", do_compression=True)
+    return content.getbuffer()
 
 
 def _plain(arrays: dict[str, Any]) -> dict[str, Any]:

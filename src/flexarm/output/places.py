@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-import shutil
-from collections.abc import Callable, Collection
+import tempfile
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
 from flexarm.arguments import check_path
 from flexarm.errors import InputError, Problem, shown
+from flexarm.replace_file import replace_file
 
 AnyPath = str | os.PathLike[str]
 
@@ -47,37 +48,23 @@ def check_folder(where: str, name: str, path: AnyPath) -> Path:
     return folder
 
 
-def write_whole(path: AnyPath, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill a file beside ``path`` and put it in place in one step.
-
-    Nobody ever reads half of it, and where writing fails an older file stays as it was.
+def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
+    """Write a file of the given parts, whole or not at all; see `replace_file`.
 
     Raises:
-        InputError: the disk is full, the folder has gone, or the like.
+        InputError: if the disk is full, the folder has gone, or the like.
     """
-    target = Path(os.path.realpath(path))  # replace what a link points to, not the link
-    beside = target.with_name(f".{os.urandom(8).hex()}.tmp")
     try:
-        try:
-            write(beside)
-            if target.exists():
-                shutil.copymode(target, beside)
-            os.replace(beside, target)
-        finally:
-            beside.unlink(missing_ok=True)
+        replace_file(path, parts)
     except OSError as error:
         reason = f"not: {error.strerror or error}"
-        raise InputError(Problem(str(path), "the file", "be writable", reason)) from None
+        hint = "The older file is unchanged." if os.path.lexists(path) else ""
+        raise InputError(Problem(str(path), "the file", "be writable", reason, hint)) from None
 
 
 def write_text(text: str, path: AnyPath) -> None:
     """Write a text file in UTF-8, whole or not at all."""
-    write_whole(path, lambda beside: _write_lines(beside, text))
-
-
-def _write_lines(path: Path, text: str) -> None:
-    with open(path, "w", encoding="utf-8", newline="\n") as stream:
-        stream.write(text)
+    write_whole(path, [text.encode()])
 
 
 def _suffix_problem(
@@ -114,12 +101,10 @@ def _place_problem(where: str, name: str, place: Path) -> Problem | None:
 
 def _unwritable(folder: Path) -> str:
     """Make the folder and a file in it; return why that failed, as a sentence, or nothing."""
-    probe = folder / f".{os.urandom(8).hex()}.tmp"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with open(probe, "xb"):
+        with tempfile.TemporaryFile(dir=folder):
             pass
-        probe.unlink()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         return f"{reason}: {str(folder)!r}."

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.control import Reference
+from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 
 #: What is looked up of a reference that knows it, besides the motion of the joints.
+_MOST_TICKS = 1e8  # of a controller in one run; more do not fit into memory
 _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
 
 
@@ -28,6 +30,9 @@ class SampledReference:
     def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
         self._reference = reference
         self._sample_time = sample_time
+        if not duration / sample_time <= _MOST_TICKS:
+            rule = f"be at least {duration / _MOST_TICKS:.3g} s for a duration of {duration:.6g} s"
+            raise InputError(Problem("controller", "sample_time", rule, shown(sample_time)))
         self._ticks = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
         self._tables: dict[str, FloatArray] = {}
         if isinstance(reference, Motion):

@@ -1,8 +1,11 @@
 """Machine code on disk: kept between processes, never stale, and nobody else's business."""
 
+import hashlib
 import json
 import os
+import pickle
 import shutil
+import stat
 import subprocess
 import sys
 import time
@@ -133,7 +136,7 @@ def test_unused_machine_code_is_forgotten_and_the_rest_kept(sandbox):
     long_ago = time.time() - 100 * 24 * 3600
     for name in ("kernels-old", "kernels-young", "kernels-unmarked", "other"):
         (root / name).mkdir(parents=True)
-        (root / name / "code.nbc").touch()
+        (root / name / "kernel.code").touch()
     for name in ("kernels-old", "kernels-young", "other"):
         (root / name / ".used").touch()
     for name in ("kernels-old", "other"):
@@ -143,13 +146,177 @@ def test_unused_machine_code_is_forgotten_and_the_rest_kept(sandbox):
     assert all((root / name).exists() for name in ("kernels-young", "kernels-unmarked", "other"))
 
 
-def test_a_home_that_cannot_be_written_is_no_obstacle(sandbox):
-    blocked = sandbox / "blocked"
-    blocked.touch()  # a file where a directory is wanted: fails for every user, root too
-    temporary = sandbox / "temporary"
-    temporary.mkdir()
-    where, _ = run(sandbox, WHERE, XDG_CACHE_HOME=str(blocked), TMPDIR=str(temporary))
-    assert Path(where).is_relative_to(temporary)
+# One small kernel outside the package: it compiles in a second.
+DOUBLE = """
+from flexarm.kernels.cache import compiled
+@compiled
+def double(x):
+    return FACTOR * x
+"""
+CALL_DOUBLE = """
+import json
+from flexarm.kernels import cache
+from double import double
+print(json.dumps({
+    "value": double(1.5),
+    "hits": sum(double.stats.cache_hits.values()),
+    "directory": str(cache.CACHE_DIRECTORY),
+}))
+"""
+posix_only = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users on this system")
+
+
+@pytest.fixture
+def doubled(sandbox):
+    """Call one small kernel in a process of its own, with a home and a temporary directory."""
+    (sandbox / "temporary").mkdir()
+
+    def call(factor="2.0", **more):
+        text = DOUBLE.replace("FACTOR", factor)
+        (sandbox / "src" / "double.py").write_text(text, encoding="utf-8")
+        answer, words = run(sandbox, CALL_DOUBLE, TMPDIR=str(sandbox / "temporary"), **more)
+        assert answer["value"] == float(factor) * 1.5
+        return answer, words
+
+    return call
+
+
+def test_a_kernel_outside_the_package_is_fresh_after_an_edit_of_its_file(doubled):
+    assert doubled("2.0")[0]["hits"] == 0
+    assert doubled("2.0")[0]["hits"] == 1
+    assert doubled("3.0")[0]["hits"] == 0
+
+
+@pytest.fixture
+def blocked(sandbox):
+    """A path at which no folder can be made: fails for every user, root too."""
+    (sandbox / "blocked").touch()
+    return {"XDG_CACHE_HOME": str(sandbox / "blocked")}
+
+
+@posix_only
+def test_a_home_that_cannot_be_written_is_replaced_by_a_private_folder(doubled, blocked, sandbox):
+    first, _ = doubled(**blocked)
+    folder = Path(first["directory"])
+    assert folder.is_relative_to(sandbox / "temporary")
+    assert [stat.S_IMODE(path.stat().st_mode) for path in (folder, folder.parent)] == [0o700] * 2
+    assert doubled(**blocked)[0] == {**first, "hits": 1}
+
+
+@posix_only
+@pytest.mark.parametrize("planted", ["open to others", "a link", "of somebody else"])
+def test_code_in_a_folder_of_others_is_never_loaded(planted, doubled, blocked, sandbox):
+    first, _ = doubled(**blocked)
+    shared = Path(first["directory"]).parent
+    # Every file would tell if it were unpickled.
+    code = next(Path(first["directory"]).glob("double.double-*.code"))
+    body = pickle.dumps(Bomb())
+    code.write_bytes(hashlib.sha256(body).digest() + body)
+    if planted == "open to others":
+        shared.chmod(0o777)
+    elif planted == "a link":
+        shared.rename(sandbox / "elsewhere")
+        shared.symlink_to(sandbox / "elsewhere")
+    elif os.geteuid() == 0:
+        os.chown(shared, 65534, 65534)
+    else:
+        pytest.skip("only root can give a folder to somebody else")
+    answer, words = doubled(**blocked)
+    assert (answer["directory"], answer["hits"]) == ("None", 0)
+    assert "BOMB" not in words
+
+
+class Bomb:
+    """Runs code when it is unpickled."""
+
+    def __reduce__(self):
+        return exec, ("import sys; print('BOMB', file=sys.stderr)",)
+
+
+@posix_only
+def test_a_file_of_somebody_else_is_not_loaded(doubled):
+    first, _ = doubled()
+    if os.geteuid() != 0:
+        pytest.skip("only root can give a file to somebody else")
+    code = next(Path(first["directory"]).glob("double.double-*.code"))
+    body = pickle.dumps(Bomb())
+    code.write_bytes(hashlib.sha256(body).digest() + body)
+    os.chown(code, 65534, 65534)
+    answer, words = doubled()
+    assert answer["hits"] == 0
+    assert "BOMB" not in words
+
+
+DAMAGE = {
+    "empty": lambda content: b"",
+    "truncated": lambda content: content[: len(content) // 2],
+    "random": lambda content: np.random.default_rng(1).bytes(len(content)),
+    # Inside the machine code: without a digest it would be executed.
+    "one bit": lambda content: (
+        content[: len(content) // 2]
+        + bytes([content[len(content) // 2] ^ 1])
+        + content[len(content) // 2 + 1 :]
+    ),
+    "of another version": lambda content: (
+        hashlib.sha256(pickle.dumps(("key", "code"))).digest() + pickle.dumps(("key", "code"))
+    ),
+}
+
+
+def test_a_damaged_file_is_compiled_again(doubled):
+    first, _ = doubled()
+    code = next(Path(first["directory"]).glob("double.double-*.code"))
+    whole = code.read_bytes()
+    for damage in DAMAGE.values():
+        code.write_bytes(damage(whole))
+        assert doubled()[0]["hits"] == 0
+    assert doubled()[0]["hits"] == 1
+
+
+def test_a_full_disk_costs_the_cache_and_nothing_else(sandbox):
+    full = (
+        "import errno, os\n"
+        "from flexarm.kernels import code_cache\n"
+        "def full(*_):\n"
+        "    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))\n"
+        "code_cache.replace_file = full\n"
+    )
+    answer, words = run(sandbox, full + PENDULUM)
+    assert answer["gravity"] == pytest.approx(2.5, rel=1e-14)
+    assert "the result is not kept: No space left on device." in words
+
+
+INTERRUPTED = """
+import os, signal
+from numba.core import event
+from flexarm.kernels import cache
+
+class Interrupt(event.Listener):
+    # Ctrl-C in the middle of a compilation, after some kernels are finished.
+    left = 5
+    def on_start(self, occurrence):
+        self.left -= 1
+        if self.left == 0:
+            os.kill(os.getpid(), signal.SIGINT)
+    def on_end(self, occurrence):
+        pass
+
+event.register("numba:compile", Interrupt())
+import flexarm as fa
+link = fa.Link(length=1.0, mass_per_length=1.0, flexible=False)
+arm = fa.Arm(links=[link], gravity=(0.0, -10.0))
+try:
+    arm.forward_dynamics([0.5], [0.0], [0.0])
+except KeyboardInterrupt:
+    import json
+    print(json.dumps("interrupted"))
+"""
+
+
+def test_an_interrupt_while_compiling_leaves_a_cache_that_works(sandbox):
+    assert run(sandbox, INTERRUPTED)[0] == "interrupted"
+    assert not list((sandbox / "cache").rglob("*.tmp"))
+    assert run(sandbox, PENDULUM)[0]["gravity"] == pytest.approx(2.5, rel=1e-14)
 
 
 WITHOUT_COMPILER = """

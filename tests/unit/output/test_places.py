@@ -2,6 +2,9 @@
 
 import errno
 import os
+import signal
+import subprocess
+import sys
 import tempfile
 from contextlib import contextmanager
 from pathlib import Path
@@ -86,28 +89,66 @@ def test_a_file_is_no_folder(tmp_path):
         check_folder("paper", "--out", tmp_path / "file")
 
 
+def full_disk():
+    """Yield the first part of a file, then fail as a full disk does."""
+    yield b"half"
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
 def test_a_write_that_fails_leaves_the_older_file(tmp_path):
     path = tmp_path / "run.nc"
     path.write_text("older")
-
-    def full_disk(beside: Path) -> None:
-        beside.write_text("half")
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with pytest.raises(InputError, match="No space left on device"):
-        write_whole(path, full_disk)
+    with pytest.raises(InputError, match=r"No space left on device\. The older file"):
+        write_whole(path, full_disk())
     assert path.read_text() == "older"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_any_failure_leaves_no_half_file(tmp_path):
-    def interrupted(beside: Path) -> None:
-        beside.write_text("half")
+    def interrupted():
+        yield b"half"
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_whole(tmp_path / "run.nc", interrupted)
+        write_whole(tmp_path / "run.nc", interrupted())
     assert not list(tmp_path.iterdir())
+
+
+def test_two_writers_of_one_file_do_not_meet(tmp_path):
+    path = tmp_path / "run.csv"
+
+    def another_writes_in_the_meantime():
+        yield b"first "
+        write_text("second", path)
+        assert path.read_text() == "second"
+        yield b"writer"
+
+    write_whole(path, another_writes_in_the_meantime())
+    assert path.read_text() == "first writer"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+KILLED = """
+import os, signal, sys
+from flexarm.replace_file import replace_file
+def parts():
+    yield b"half"
+    os.kill(os.getpid(), signal.SIGKILL)
+replace_file(sys.argv[1], parts())
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal on this system")
+def test_the_next_write_removes_what_a_killed_process_left(tmp_path):
+    path, other = tmp_path / "run.csv", tmp_path / "other.csv"
+    path.write_text("older")
+    for target in (path, other):
+        subprocess.run([sys.executable, "-c", KILLED, target], check=False)
+    assert path.read_text() == "older"
+    assert len(list(tmp_path.glob(".*.tmp"))) == 2
+    write_text("newer", path)
+    assert path.read_text() == "newer"
+    assert len(list(tmp_path.glob(".*.tmp"))) == 1  # of the other file
 
 
 @pytest.mark.skipif(not hasattr(os, "symlink"), reason="no links on this system")
@@ -131,7 +172,7 @@ class Picture:
     """Saves what it was asked for."""
 
     def savefig(self, file, /, *, format):
-        Path(file).write_text(format)
+        file.write(format.encode())
 
 
 @pytest.mark.parametrize("suffix", ["png", "PDF", "svg"])

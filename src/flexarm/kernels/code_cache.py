@@ -1,0 +1,199 @@
+"""Machine code on disk: in a folder that only its user can write, checked before it is loaded.
+
+Numba's own disk cache is not used, for four reasons. It looks only at the file of the function that
+is called, so after an edit of a kernel that this one calls it would serve the old physics. It loads
+what it finds: a damaged file raises at every start or, where the damage is inside the machine code,
+executes it. Two processes that compile at the same time can leave an index that names the code of
+other argument types. And where its folder cannot be written, it takes another one.
+
+Here the folder is named by a hash of every source that takes part. Each file holds the code of one
+kernel for one combination of argument types, after a digest of the rest. A file that is damaged, or
+that belongs to another user, is discarded and compiled again. No fault of the cache stops a run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import shutil
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core.caching import NullCache, _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+from platformdirs import user_cache_dir
+
+from flexarm.replace_file import replace_file
+
+#: Packages whose sources decide what the machine code says.
+_SOURCE_FOLDERS = ("kernels", "integrate")
+_UNUSED_CACHE_SECONDS = 60 * 24 * 3600
+_DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+def _source_hash() -> str:
+    package = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for folder in _SOURCE_FOLDERS:
+        for path in sorted((package / folder).glob("*.py")):
+            digest.update(path.name.encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path | None:
+    """Return the folder for these sources, created if missing; None if no private one can be had.
+
+    It lies in the user's cache folder or, where that cannot be written, in a folder of the
+    temporary directory that belongs to this user and that nobody else can open.
+    """
+    name = f"kernels-{_source_hash()}"
+    for root in _roots():
+        folder = root / name
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not _is_private(folder):
+                continue
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+            _forget_unused(root, keep=folder)
+        except OSError:
+            continue
+        return folder
+    return None
+
+
+def _roots() -> Iterator[Path]:
+    home = Path(user_cache_dir("flexarm"))
+    if home.is_absolute():  # "~" is left in the path of a user without a home
+        yield home
+    try:
+        shared = Path(tempfile.gettempdir()) / f"flexarm-{_user()}"
+        shared.mkdir(mode=0o700, exist_ok=True)
+        # Anybody can create folders there, so its mode must be the one just given.
+        if _is_private(shared, others=0o077):
+            yield shared
+    except OSError:
+        return
+
+
+def _user() -> int:
+    return os.geteuid() if hasattr(os, "geteuid") else 0
+
+
+def _is_private(folder: Path, others: int = 0o022) -> bool:
+    """Whether a path is a folder of this user, not a link, without the permissions ``others``."""
+    if not hasattr(os, "geteuid"):
+        return True  # Windows: the folders of a user are closed to others by default
+    status = os.lstat(folder)
+    ours = stat.S_ISDIR(status.st_mode) and status.st_uid == _user()
+    return ours and not status.st_mode & others
+
+
+def _forget_unused(root: Path, keep: Path) -> None:
+    """Remove the machine code of sources that nobody has used for two months."""
+    (keep / ".used").touch()
+    for old in root.glob("kernels-*"):
+        stamp = old / ".used"
+        if old != keep and stamp.exists():
+            age = time.time() - stamp.stat().st_mtime
+            if age > _UNUSED_CACHE_SECONDS:
+                shutil.rmtree(old, ignore_errors=True)
+
+
+class CodeCache(_Cache):
+    """The machine code of one kernel; a Numba dispatcher asks it before and after it compiles."""
+
+    #: Why code compiled by this process could not be kept; empty if all of it was.
+    failure = ""
+
+    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
+        self._function = function
+        self._folder = folder
+        self._stamp = "" if function.__module__.startswith("flexarm.") else _file_hash(function)
+
+    @property
+    def cache_path(self) -> str:
+        """The folder."""
+        return str(self._folder)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled code for the argument types ``sig``; None if there is none."""
+        target_context.refresh()
+        key = self._key(sig, target_context.codegen())
+        path = self._path(key)
+        try:
+            with open(path, "rb") as stream:
+                if os.fstat(stream.fileno()).st_uid != _user():
+                    return None
+                content = stream.read()
+        except OSError:
+            return None
+        try:
+            digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+            if hashlib.sha256(body).digest() == digest:
+                written_key, code = pickle.loads(body)
+                if written_key == key:
+                    rebuild: Any = CompileResult._rebuild
+                    return rebuild(target_context, *code)
+        except Exception:
+            # Whatever another version of a library has written and this one does not understand.
+            pass
+        path.unlink(missing_ok=True)
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled code ``data`` for the argument types ``sig``."""
+        if data.lifted or data.library.has_dynamic_globals:
+            return  # refers to addresses of this process
+        key = self._key(sig, data.codegen)
+        body = dumps((key, data._reduce()))  # type: ignore[no-untyped-call]
+        digest = hashlib.sha256(body).digest()
+        try:
+            replace_file(self._path(key), [digest, body], durable=False)
+        except OSError as error:
+            CodeCache.failure = error.strerror or str(error)
+
+    def enable(self) -> None:
+        """Do nothing: a kernel without a cache has a `NullCache`."""
+
+    disable = enable
+
+    def flush(self) -> None:
+        """Remove the code of this kernel, for all argument types."""
+        for path in self._folder.glob(f"{self._name()}-*.code"):
+            path.unlink(missing_ok=True)
+
+    def _name(self) -> str:
+        name = f"{self._function.__module__}.{self._function.__qualname__}"
+        return name.replace("<", "").replace(">", "")
+
+    def _path(self, key: tuple[Any, ...]) -> Path:
+        # Types are equal if their texts are, but the text may hold an address: a miss, no harm.
+        name = hashlib.sha256(str(key).encode()).hexdigest()[:16]
+        return self._folder / f"{self._name()}-{name}.code"
+
+    def _key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        """Return what the machine code depends on, beside the sources that name the folder."""
+        function = self._function
+        bytecode = hashlib.sha256(function.__code__.co_code).hexdigest()
+        return (sig, codegen.magic_tuple(), sys.implementation.cache_tag, bytecode, self._stamp)
+
+
+def _file_hash(function: Callable[..., Any]) -> str:
+    """Return a hash of the file of a kernel that is not one of the package."""
+    return hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()
+
+
+def cache_of(function: Callable[..., Any], folder: Path | None) -> Any:
+    """Return the cache of one kernel: none without a folder, or for code typed at a prompt."""
+    known = Path(function.__code__.co_filename).is_file()
+    return CodeCache(function, folder) if folder is not None and known else NullCache()

@@ -1,0 +1,53 @@
+"""Read a file or a pipe once, without waiting for a writer that never comes."""
+
+from __future__ import annotations
+
+import os
+import select
+import stat
+import time
+from pathlib import Path
+
+#: Time for somebody to start writing into a named pipe (s).
+_WAIT_FOR_WRITER = 5.0
+_AT_ONCE = 1 << 20
+
+
+def read_bytes(file: Path, most: int) -> bytes:
+    """Return the content of a file, a pipe or a terminal, at most ``most`` bytes of it.
+
+    Raises:
+        OSError: if it cannot be read, or is a pipe into which nobody writes.
+        ValueError: if the path has a null character or half of a surrogate pair.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    descriptor = os.open(file, flags)
+    try:
+        mode = os.fstat(descriptor).st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError
+        return _read(descriptor, most, stat.S_ISFIFO(mode))
+    finally:
+        os.close(descriptor)
+
+
+def _read(descriptor: int, most: int, pipe: bool) -> bytes:
+    parts: list[bytes] = []
+    length = 0
+    give_up = time.monotonic() + _WAIT_FOR_WRITER
+    while length < most:
+        try:
+            part = os.read(descriptor, min(_AT_ONCE, most - length))
+        except BlockingIOError:  # there is a writer, which has written nothing yet
+            select.select([descriptor], [], [])
+            continue
+        if part:
+            parts.append(part)
+            length += len(part)
+        elif not pipe or parts:
+            break
+        elif time.monotonic() > give_up:
+            raise OSError("it is a pipe into which nobody writes")
+        else:
+            time.sleep(0.02)
+    return b"".join(parts)

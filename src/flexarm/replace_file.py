@@ -1,0 +1,124 @@
+"""Write a file in one step: readers find the old content or the new one, never a part of it.
+
+The content goes to a temporary file beside the target, which then takes the target's name. A
+process that is killed leaves its temporary file behind; the next one that writes the same target
+removes it. Which ones are left behind is decided by a lock that the operating system releases when
+the writing process ends. A process number in the name would not do: numbers are used again, and
+processes in different containers have the same ones.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import BinaryIO
+
+try:
+    import fcntl
+except ImportError:  # Windows, which does not remove a file that is open
+    fcntl = None  # type: ignore[assignment]
+
+
+#: Temporary files that this process is writing.
+_unfinished: set[Path] = set()
+
+
+def remove_unfinished() -> None:
+    """Remove the temporary files of this process, which is about to end."""
+    for beside in list(_unfinished):
+        beside.unlink(missing_ok=True)
+
+
+def replace_file(
+    path: str | os.PathLike[str], parts: Iterable[bytes | memoryview], durable: bool = True
+) -> None:
+    """Write a file of the given parts, one after the other, in place of an older one.
+
+    A symbolic link stays: the file that it names is replaced. Permissions of an older file are
+    kept. If anything fails, the older file is unchanged and nothing else is left.
+
+    Libraries that write files do not get the stream: HDF5 crashes the process if the disk is full.
+
+    Args:
+        path: the file to create or replace; its folder must exist.
+        parts: the content; may be computed while it is written.
+        durable: whether the content must be on the disk, not only in the system's buffers, before
+            it replaces the older file. A file that can be recomputed does without.
+
+    Raises:
+        OSError: if the disk is full, the folder is missing or read-only, the name is not a name.
+    """
+    try:
+        target = Path(os.path.realpath(path))
+        _remove_stale(target)
+        stream = _open_beside(target)
+    except ValueError as error:  # a null character, or half of a surrogate pair
+        raise OSError(errno.EINVAL, str(error)) from None
+    beside = Path(stream.name)
+    try:
+        with stream:
+            stream.writelines(parts)
+            stream.flush()
+            if durable:
+                os.fsync(stream.fileno())
+            if target.exists():
+                shutil.copymode(target, beside)
+            if fcntl is None:
+                stream.close()  # Windows does not rename a file that is open
+            os.replace(beside, target)
+    finally:
+        beside.unlink(missing_ok=True)
+        _unfinished.discard(beside)
+
+
+def _prefix(target: Path) -> str:
+    """Return how the names of temporary files for this target begin; hashed, as names are long."""
+    name = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:12]
+    return f".flexarm-{name}-"
+
+
+def _open_beside(target: Path) -> BinaryIO:
+    """Create and lock a temporary file beside the target."""
+    while True:
+        beside = target.with_name(f"{_prefix(target)}{os.urandom(6).hex()}.tmp")
+        _unfinished.add(beside)
+        stream = open(beside, "xb")  # noqa: SIM115  (closed by the caller)
+        try:
+            # Another process may have taken it for stale before it was locked.
+            if _lock(stream) and beside.exists():
+                return stream
+        except BaseException:
+            stream.close()
+            beside.unlink(missing_ok=True)
+            raise
+        stream.close()
+
+
+def _lock(stream: BinaryIO) -> bool:
+    """Lock a file until it is closed; whether nobody else holds the lock."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
+
+
+def _remove_stale(target: Path) -> None:
+    """Remove temporary files for this target that no process is writing any more."""
+    for beside in target.parent.glob(f"{_prefix(target)}*.tmp"):
+        try:
+            with open(beside, "rb") as stream:
+                if _lock(stream):
+                    if fcntl is None:
+                        stream.close()
+                    beside.unlink()
+        except OSError:  # removed by another process, in use, or not ours to remove
+            continue

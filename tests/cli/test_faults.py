@@ -1,0 +1,248 @@
+"""Full disks, signals, pipes and hostile files: what the command leaves and what it prints."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+from scenarios import GOOD
+
+from flexarm.cli.main import app
+
+COMMAND = [sys.executable, "-c", "from flexarm.cli.main import main; main()"]
+FULL = """
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))  # the kernel refuses longer files
+from flexarm.cli.main import main
+main()
+"""
+posix_only = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
+
+
+@pytest.fixture
+def good(tmp_path):
+    path = tmp_path / "good.yaml"
+    path.write_text(GOOD)
+    return path
+
+
+def run(*arguments, code=None, **options):
+    command = [sys.executable, "-c", code] if code else COMMAND
+    return subprocess.run(
+        [*command, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        **options,
+    )
+
+
+OUTPUTS = {
+    "run nc": ("run", "--out", "out.nc"),
+    "run csv": ("run", "--out", "out.csv"),
+    "run plot": ("run", "--plot", "out.png"),
+    "modes csv": ("modes", "--count", "99", "--csv", "out.csv"),
+    "linearize mat": ("linearize", "--out", "out.mat"),
+    "linearize json": ("linearize", "--out", "out.json"),
+    "schema": ("schema", "--out", "out.json"),
+}
+
+
+@posix_only
+@pytest.mark.parametrize("what", OUTPUTS)
+def test_a_full_disk_gives_an_error_and_leaves_the_older_file(what, good, tmp_path):
+    name, *options, out = OUTPUTS[what]
+    path = tmp_path / out
+    command = (name, *([] if name == "schema" else [good]), *options, path)
+    assert invoke(*command).exit_code == 0
+    older = path.read_bytes()
+    ended = run(*command, code=FULL)
+    assert ended.returncode == 2
+    told = [line for line in ended.stderr.splitlines() if not line.startswith("flexarm: ")]
+    reason = "not: File too large. The older file is unchanged."
+    assert told == [f"{path}: the file must be writable, but is {reason}"]
+    assert path.read_bytes() == older
+    assert sorted(tmp_path.iterdir()) == sorted([good, path])
+
+
+WAITING = """
+import os, signal, sys
+from flexarm.output import csv_table, netcdf
+def parts(*_):
+    yield b"half"
+    os.kill(os.getpid(), signal.{signal})
+    raise RuntimeError("the signal was ignored")
+import flexarm.output.formats as formats
+from dataclasses import replace
+formats.FORMATS[".nc"] = replace(formats.FORMATS[".nc"], encode=parts)
+from flexarm.cli.main import main
+main()
+"""
+
+
+@posix_only
+def test_sigterm_while_writing_leaves_no_temporary_file(good, tmp_path):
+    ended = run("run", good, "--out", tmp_path / "run.nc", code=WAITING.format(signal="SIGTERM"))
+    assert ended.returncode == 143
+    assert "Traceback" not in ended.stderr
+    assert list(tmp_path.iterdir()) == [good]
+
+
+@posix_only
+def test_the_write_after_sigkill_removes_the_temporary_file(good, tmp_path):
+    out = tmp_path / "run.nc"
+    ended = run("run", good, "--out", out, code=WAITING.format(signal="SIGKILL"))
+    assert ended.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.iterdir())) == 2
+    assert run("run", good, "--out", out).returncode == 0
+    assert sorted(tmp_path.iterdir()) == sorted([good, out])
+
+
+def test_the_package_leaves_signals_alone():
+    code = """
+import signal
+before = signal.getsignal(signal.SIGTERM)
+import flexarm as fa
+fa.Arm, fa.write_result
+from flexarm.cli.main import app
+assert signal.getsignal(signal.SIGTERM) is before
+"""
+    assert run(code=code).returncode == 0
+
+
+def invoke(*arguments):
+    from typer.testing import CliRunner
+
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+@posix_only
+@pytest.mark.parametrize("command", ["check", "modes", "linearize", "run"])
+def test_a_pipe_is_read_once(command, good, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=lambda: pipe.write_text(GOOD))
+    writer.start()
+    outcome = invoke(command, pipe)
+    writer.join()
+    assert outcome.exit_code == 0, outcome.output
+
+
+@posix_only
+def test_a_pipe_with_an_arm_alone_is_read_once(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    arm = "\n".join(line for line in GOOD.splitlines() if line[:3] not in ("mot", "dri", "run"))
+    writer = threading.Thread(target=lambda: pipe.write_text(arm))
+    writer.start()
+    assert invoke("check", pipe).exit_code == 0
+    writer.join()
+
+
+@posix_only
+def test_standard_input(good):
+    with open(good) as stream:
+        assert run("check", "/dev/stdin", stdin=stream).returncode == 0
+    assert run("check", "/dev/stdin", input=GOOD).returncode == 0
+
+
+@posix_only
+def test_a_pipe_without_a_writer_is_refused(tmp_path, monkeypatch):
+    from flexarm.model import read_bytes
+
+    monkeypatch.setattr(read_bytes, "_WAIT_FOR_WRITER", 0.05)
+    os.mkfifo(tmp_path / "pipe")
+    outcome = invoke("check", tmp_path / "pipe")
+    assert outcome.exit_code == 2
+    assert "a pipe into which nobody writes" in outcome.stderr
+
+
+HOSTILE = {
+    "null": ('"a\\0b"', r"a\x00b"),
+    "surrogate": ('"a\\ud800b"', r"a\ud800b"),
+    "escape code": ('"a\\e[31mb"', r"a\x1b[31mb"),
+    "right to left": ('"a\\u202eb"', r"a\u202eb"),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_characters_that_no_terminal_should_get_are_escaped(what, tmp_path):
+    written, shown = HOSTILE[what]
+    path = tmp_path / "file.yaml"
+    run_part = "run: {duration: 0.1}\n"
+    path.write_text(f"flexarm: 1\narm: {written}\n{run_part}")  # as a path
+    named = invoke("check", path)
+    path.write_text(f"{GOOD}{written}: 1\n")  # as a key
+    key = invoke("check", path)
+    path.write_text(f"{GOOD}events: [{{kind: joint_angle, joint: 1, name: {written}}}]\n")
+    name = invoke("check", path)
+    for outcome in (named, key, name):
+        assert outcome.exit_code == 2
+        assert shown in outcome.stderr
+        assert all(c == "\n" or c.isprintable() for c in outcome.output)
+
+
+def test_a_path_with_escape_codes_is_escaped_in_all_that_is_printed(good, tmp_path):
+    out = tmp_path / "\x1b[31mred.csv"
+    outcome = invoke("run", good, "--out", out)
+    assert out.exists()
+    assert r"\x1b[31mred.csv" in outcome.stdout
+    assert "\x1b" not in outcome.output
+
+
+@pytest.mark.parametrize(
+    "content", ["root:x:0:0\nsecret:y\n", "- secret\n", "a: [secret", "{secret: 1}", "secret"]
+)
+def test_the_content_of_a_file_that_is_not_an_arm_is_not_printed(content, tmp_path):
+    (tmp_path / "other").write_text(content)
+    path = tmp_path / "file.yaml"
+    path.write_text("flexarm: 1\narm: other\nrun: {duration: 0.1}\n")
+    outcome = invoke("check", path)
+    assert outcome.exit_code == 2
+    assert "secret" not in outcome.output
+    assert outcome.stderr == (
+        f"{path}:2: arm must name an arm file, but is 'other', which has no key `flexarm`.\n"
+    )
+
+
+def test_a_kind_that_is_a_list_beside_hardware(tmp_path):
+    path = tmp_path / "file.yaml"
+    path.write_text(GOOD.replace("rigid_inverse_dynamics", "[1]") + "hardware: {seed: 1}\n")
+    outcome = invoke("check", path)
+    assert outcome.exit_code == 2
+    assert "drive.kind must be one of" in outcome.stderr
+
+
+LINK = "flexarm: 1\narm: {{gravity: [0.0, -9.81], links: [{{{}}}]}}\n"
+UNREASONABLE = {
+    "short": "length: 1.0e-300, flexural_rigidity: 10.0, mass_per_length: 0.3",
+    "short, with shear": (
+        "length: 1.0e-300, flexural_rigidity: 10.0, mass_per_length: 0.3, "
+        "element: timoshenko, shear_rigidity: 1.0"
+    ),
+    "long": "length: 1.0e+200, flexural_rigidity: 10.0, mass_per_length: 0.3",
+    "stiff": "length: 1.0, flexural_rigidity: 1.0e+300, mass_per_length: 1.0e-300",
+    "soft": "length: 1.0, flexural_rigidity: 5.0e-324, mass_per_length: 5.0e-324",
+    "rigid": "length: 1.0e+300, flexible: false, mass_per_length: 1.0e+300",
+}
+
+
+@pytest.mark.parametrize("command", ["check", "modes", "linearize"])
+@pytest.mark.parametrize("what", UNREASONABLE)
+def test_dimensions_whose_powers_overflow_are_refused(what, command, tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(LINK.format(UNREASONABLE[what]))
+    outcome = invoke(command, path)
+    assert outcome.exit_code == 2
+    assert "must have dimensions whose powers and products" in outcome.stderr
+
+
+def test_an_arm_without_inertia_has_no_linear_model(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(LINK.format("length: 1.0e-300, flexible: false, mass_per_length: 1.0"))
+    outcome = invoke("linearize", path)
+    assert outcome.exit_code == 2
+    assert "a joint feels no inertia" in outcome.stderr
