@@ -2,7 +2,7 @@
 
 Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
 value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then;
-a run that went on beyond its theory is a `LargeDeflectionWarning`.
+a state beyond its theory is a `LargeDeflectionWarning`.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class SimulationError(FlexarmError, RuntimeError):
 
 
 class LargeDeflectionWarning(UserWarning):
-    """Links in a run of the linear theory have bent by more than it holds for."""
+    """Links have bent too far for the theory of their arm; the message estimates the error."""
 
 
 def check_array(

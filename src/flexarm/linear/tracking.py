@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import one_warning, warn_of_bending
 from flexarm.errors import InputError, Problem, check_array, few, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.held import Joints
@@ -152,7 +153,15 @@ def _follow(
 ) -> ModeTracks:
     if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
         raise InputError(Problem(where, named[0], "ascend, one at least", shown(parameter)))
-    first = solve(float(parameter[0]))
+    bent: list[FloatArray] = []
+
+    def solved(at: float) -> Modes:
+        with one_warning():
+            found = solve(at)
+        bent.append(found.q)
+        return found
+
+    first = solved(float(parameter[0]))
     vibrating = np.flatnonzero(first.frequency_hz > 0.0)
     if count < 1 or vibrating.size == 0:
         rule = "be at least 1, and the arm must vibrate"
@@ -161,8 +170,9 @@ def _follow(
     lines = _Lines(arm, first.complex_shapes[chosen])
     rows = [_row(first, chosen, np.ones(chosen.size))]
     for before, at in pairwise(parameter):
-        found, chosen, alike = _step(lines, solve, float(before), float(at), 0)
+        found, chosen, alike = _step(lines, solved, float(before), float(at), 0)
         rows.append(_row(found, chosen, alike))
+    warn_of_bending(arm, np.array(bent), stacklevel=4)
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     return ModeTracks(parameter, *named, *columns)
 

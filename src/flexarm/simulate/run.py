@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
+from flexarm.bending import too_far_bent
 from flexarm.contacts import Contact
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.control.base import controller_problem
@@ -52,7 +53,6 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
-from flexarm.simulate.validity import too_far_bent
 from flexarm.stations import check_stations
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def simulate(
         SimulationError: the run stopped early; ``.result`` holds what was computed until then.
 
     Warns:
-        LargeDeflectionWarning: a link has bent too far for the linear theory.
+        LargeDeflectionWarning: a link has bent too far for the theory of the arm.
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller, hardware)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import too_far_deviated
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -28,7 +29,6 @@ from flexarm.linear.deviations import DeviationPath, break_times, solve_deviatio
 from flexarm.linear.smooth import SmoothMatrices
 from flexarm.motion import Motion, gauss, rigid_torque
 from flexarm.simulate.result import make_result
-from flexarm.simulate.validity import too_far_deviated
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +79,7 @@ def simulate_separated(
         SimulationError: the deviations cannot be followed to ``rtol``.
 
     Warns:
-        LargeDeflectionWarning: a link has bent by more than a tenth of its length.
+        LargeDeflectionWarning: a link has bent too far for the linear theory.
 
     Theory page "separation", (D.5) to (D.7).
     """

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import warn_of_bending
 from flexarm.errors import (
     FlexarmError,
     InputError,
@@ -176,6 +177,7 @@ def tip_inversion(
     found, rigid = search.run(wanted)
     if found.tip > max(wanted, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
+    warn_of_bending(arm, found.q)
     ends, errors = (first.q, last.q), (found.tip, rigid.tip)
     return TipInversion(
         arm, motion, found.torque, start, end, *ends, *errors, np.asarray(first.zeros)
@@ -253,7 +255,7 @@ class _Search:
     def _judged(self, torque: CorrectedTorque) -> _Judged:
         """Run the arm under a torque, and see what its tip misses."""
         with warnings.catch_warnings():
-            # Whoever simulates the result is told; what was tried on the way does not matter.
+            # The caller reports the last run; trials on the way do not matter.
             warnings.simplefilter("ignore", LargeDeflectionWarning)
             result = simulate(
                 self.arm,
