@@ -46,7 +46,9 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     curvature = np.linalg.inv(np.linalg.cholesky(gram)).transpose(0, 2, 1)
     # Gains of (v, phi h) over an element from its curvature: rotation h^2 c_0, deflection
     # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi.
-    from_curvature = np.array([[0.5, -np.sqrt(3.0) / 6.0], [1.0, 0.0]])
+    from_curvature = np.zeros((elements, 2, 2))
+    from_curvature[:, 0, 0], from_curvature[:, 1, 0] = 0.5, 1.0
+    from_curvature[:, 0, 1] = -np.sqrt(3.0) / 6.0
     gains = h**2 * from_curvature @ curvature
     if table.shear_rigidity is not None:
         flexibility = gains @ gains.transpose(0, 2, 1)

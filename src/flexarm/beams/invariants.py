@@ -196,7 +196,7 @@ def link_constants(
     factor = inside.stiffened(strain_to_nodal(table, quadrature), np.tile([1.0, h], elements))
     shapes = beam_basis(matrices, factor, h, modes, where)
     basis, interior = shapes.basis, inside.values @ shapes.basis
-    all_values = np.vstack([basis, interior])
+    all_values = np.vstack([basis, interior]) if len(interior) else basis
 
     # The slope at s shortens everything outboard of it, so exchanging the order of integration
     # turns each double integral into one over s, weighted by what lies outboard.
