@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
+from flexarm.bending import one_warning
 from flexarm.plot.style import BLUE, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row, Source
@@ -40,7 +41,8 @@ The package: `fa.Link(..., segments=k)` and `fa.equilibrium(arm, tip_force=(0, P
 def bent(load: float, pieces: int, theory: str) -> tuple[fa.Arm, FloatArray]:
     """Arm of a number of segments and its equilibrium q."""
     arm = unit_beam(pieces, segments=pieces, theory=theory)
-    return arm, fa.equilibrium(arm, tip_force=(0.0, load)).q
+    with one_warning():  # the errors are what the case shows
+        return arm, fa.equilibrium(arm, tip_force=(0.0, load)).q
 
 
 def tip(load: float, pieces: int, theory: str) -> tuple[float, float, float]:

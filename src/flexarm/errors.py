@@ -2,8 +2,8 @@
 
 Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
 value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then;
-a run that went on beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loop is
-unstable is an `UnstableLoopWarning`.
+a state beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loop is unstable is an
+`UnstableLoopWarning`.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class AccuracyWarning(FlexarmWarning):
 
 
 class LargeDeflectionWarning(FlexarmWarning):
-    """Links have bent by more than the theory of the arm holds for."""
+    """Links have bent too far for the theory of their arm; the message estimates the error."""
 
 
 class UnstableLoopWarning(FlexarmWarning):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.simulate.validity import BendingWatch, too_far_bent
+from flexarm.bending import too_far_bent
+from flexarm.simulate.validity import BendingWatch
 
 #: A binary fraction: samples and sample times are then at the same times to the last bit.
 TICK = 2.0**-9
@@ -264,11 +265,12 @@ def test_the_quick_look_at_bending_says_what_the_thorough_one_says(arm):
     segmented = fa.Arm(links=[fa.Link(length=0.8, segments=3, **(LINK | {"elements": 3}))])
     for one in (arm, segmented, fa.Arm(links=arm.spec.links, theory="second_order")):
         watch, said = BendingWatch(one), 0
+        most = 0.03 if one.spec.theory == "linear" else 0.1
         for _ in range(40):
-            state = one.padded(rng.uniform(0.0, 0.03) * rng.standard_normal((2, one.dof)))
+            state = one.padded(rng.uniform(0.0, most) * rng.standard_normal((2, one.dof)))
             assert watch(state) == too_far_bent(one, state[None])
             said += bool(watch(state))
-        assert 0 < said < 40 if one.spec.theory == "linear" else said == 0
+        assert 0 < said < 40
 
 
 def test_a_plant_can_touch(arm, motion):

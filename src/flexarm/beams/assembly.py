@@ -3,6 +3,8 @@
 Nodal coordinates are `[v_2, phi_2, ..., v_{N+1}, phi_{N+1}]`, deflection (m) and rotation of the
 section (rad) at the free nodes of N elements; the root's own pair is zero and left out. N(x) are
 the shapes of the deflection, N_phi(x) those of the rotation: N' for an Euler-Bernoulli beam.
+Of a beam that shears, three interior values of each element follow; ``beams.interior`` makes them
+functions of the nodal ones.
 """
 
 from __future__ import annotations
@@ -15,12 +17,19 @@ import numpy.typing as npt
 from flexarm.beams.hermite import FloatArray
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature
-from flexarm.beams.shear import deflection_shapes, point_shapes, rotation_shapes, shear_angles
+from flexarm.beams.shear import (
+    deflection_shapes,
+    interior_deflection,
+    interior_rotation,
+    point_shapes,
+    rotation_shapes,
+    shear_angles,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class BeamMatrices:
-    """Nodal matrices of one link; n = 2 * elements.
+    """Matrices of one link; n = 2 * elements nodal values, and 3 * elements interior ones if any.
 
     Attributes:
         translational_mass: (n, n) integral of mu N N^T.
@@ -43,25 +52,50 @@ class BeamMatrices:
         """(n, n) translational and rotary inertia together."""
         return self.translational_mass + self.rotary_mass
 
+    def over(self, shapes: FloatArray) -> BeamMatrices:
+        """Return the matrices over other coordinates, columns of ``shapes`` (n, k)."""
+
+        def reduced(matrix: FloatArray) -> FloatArray:
+            product: FloatArray = shapes.T @ matrix @ shapes
+            return (product + product.T) / 2.0
+
+        return BeamMatrices(
+            translational_mass=reduced(self.translational_mass),
+            rotary_mass=reduced(self.rotary_mass),
+            stiffness=reduced(self.stiffness),
+            deflection_moment=shapes.T @ self.deflection_moment,
+            rotation_moment=shapes.T @ self.rotation_moment,
+        )
+
 
 def beam_matrices(table: BeamTable, quadrature: BeamQuadrature) -> BeamMatrices:
     """Assemble the matrices of a link; exact for tables that are linear between stations."""
     x, shapes = quadrature.points, point_shapes(table, quadrature)
-    bending = np.interp(x, table.x, table.flexural_rigidity)
     mass = np.interp(x, table.x, table.mass_per_length)
     rotary = np.interp(x, table.x, table.rotary_inertia_per_length)
-    stiffness = product_integral(quadrature, bending, shapes.curvature)
-    if table.shear_rigidity is not None:
-        shear = np.interp(x, table.x, table.shear_rigidity)
-        stiffness = stiffness + product_integral(quadrature, shear, shapes.shear)
     return BeamMatrices(
-        translational_mass=product_integral(quadrature, mass, shapes.deflection),
-        rotary_mass=product_integral(quadrature, rotary, shapes.rotation),
-        stiffness=stiffness,
+        *beam_forms(table, quadrature),
         deflection_moment=integral(quadrature, mass, shapes.deflection),
         rotation_moment=integral(quadrature, mass * x, shapes.deflection)
         + integral(quadrature, rotary, shapes.rotation),
     )
+
+
+def beam_forms(
+    table: BeamTable, quadrature: BeamQuadrature, *, with_root: bool = False
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return translational mass, rotary mass and stiffness; ``with_root`` as `product_integral`."""
+    x, shapes = quadrature.points, point_shapes(table, quadrature)
+
+    def form(column: FloatArray, local: FloatArray) -> FloatArray:
+        density = np.interp(x, table.x, column)
+        return product_integral(quadrature, density, local, with_root=with_root)
+
+    stiffness = form(table.flexural_rigidity, shapes.curvature)
+    if table.shear_rigidity is not None:
+        stiffness = stiffness + form(table.shear_rigidity, shapes.shear)
+    translational = form(table.mass_per_length, shapes.deflection)
+    return translational, form(table.rotary_inertia_per_length, shapes.rotation), stiffness
 
 
 def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray) -> FloatArray:
@@ -70,13 +104,14 @@ def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray)
     Args:
         quadrature: the points, q of them.
         density: (q,) weight function at the points.
-        local: (q, 4) shapes of each point's element there, a field of `PointShapes`.
+        local: (q, 4) or (q, 7) shapes of each point's element there, a field of `PointShapes`.
 
     Returns:
-        (n,) one entry per nodal coordinate.
+        (n,) one entry per coordinate.
     """
-    total = np.zeros(2 * quadrature.elements + 2)
-    np.add.at(total, _rows(quadrature.element), local * (quadrature.weights * density)[:, None])
+    rows, size = _all_rows(quadrature, local)
+    total = np.zeros(size)
+    np.add.at(total, rows, local * (quadrature.weights * density)[:, None])
     return total[2:]
 
 
@@ -88,16 +123,16 @@ def product_integral(
     Args:
         quadrature: the points, q of them.
         density: (q,) weight function at the points.
-        local: (q, 4) shapes of each point's element there, a field of `PointShapes`.
+        local: (q, 4) or (q, 7) shapes of each point's element there, a field of `PointShapes`.
         with_root: count the root's pair too, first.
 
     Returns:
-        (n, n) symmetric matrix over the nodal coordinates, or (n + 2, n + 2) with the root's.
+        (n, n) symmetric matrix over the coordinates, or (n + 2, n + 2) with the root's.
     """
     products = local[:, :, None] * local[:, None, :]
     products *= (quadrature.weights * density)[:, None, None]
-    rows = _rows(quadrature.element)
-    total = np.zeros((2 * quadrature.elements + 2,) * 2)
+    rows, size = _all_rows(quadrature, local)
+    total = np.zeros((size, size))
     np.add.at(total, (rows[:, :, None], rows[:, None, :]), products)
     return total if with_root else total[2:, 2:]
 
@@ -123,7 +158,8 @@ def nodal_shapes(
     Returns:
         (k, n) rows that multiply nodal coordinates.
     """
-    element, xi, angles = _places(stations, length, elements, parameters)
+    element, xi = _places(stations, length, elements)
+    angles = _angles(element, length / elements, elements, parameters)
     return _spread(element, elements, deflection_shapes(xi, length / elements, angles, derivative))
 
 
@@ -131,18 +167,42 @@ def nodal_rotations(
     stations: FloatArray, length: float, elements: int, parameters: FloatArray
 ) -> FloatArray:
     """Evaluate the shapes (k, n) of the section's rotation phi; arguments as `nodal_shapes`."""
-    element, xi, angles = _places(stations, length, elements, parameters)
+    element, xi = _places(stations, length, elements)
+    angles = _angles(element, length / elements, elements, parameters)
     return _spread(element, elements, rotation_shapes(xi, length / elements, angles))
 
 
+def interior_shapes(
+    stations: FloatArray, length: float, elements: int, field: str, derivative: int
+) -> FloatArray:
+    """Evaluate all interior shapes at stations: (k, 3 * elements); arguments as `nodal_shapes`.
+
+    Args:
+        field: "deflection" for v, or "rotation" for phi.
+    """
+    element, xi = _places(stations, length, elements)
+    of = interior_deflection if field == "deflection" else interior_rotation
+    shapes = np.zeros((element.size, 3 * elements))
+    columns = 3 * element[:, None] + np.arange(3)
+    np.put_along_axis(shapes, columns, of(xi, length / elements, derivative), axis=1)
+    return shapes
+
+
 def _places(
-    stations: FloatArray, length: float, elements: int, parameters: FloatArray | None
-) -> tuple[npt.NDArray[np.intp], FloatArray, FloatArray]:
-    """Element (k,), position in it (k,) and rows of its shear angle (k, 4) of each station."""
+    stations: FloatArray, length: float, elements: int
+) -> tuple[npt.NDArray[np.intp], FloatArray]:
+    """Element (k,) and position in it (k,) of each station."""
     scaled = stations / (length / elements)
     element = np.minimum(scaled.astype(np.intp), elements - 1)
+    return element, scaled - element
+
+
+def _angles(
+    element: npt.NDArray[np.intp], length: float, elements: int, parameters: FloatArray | None
+) -> FloatArray:
+    """Rows (k, 4) of the shear angle of each station's element."""
     shear = np.zeros(elements) if parameters is None else parameters
-    return element, scaled - element, shear_angles(shear, length / elements)[element]
+    return shear_angles(shear, length)[element]
 
 
 def _spread(element: npt.NDArray[np.intp], elements: int, local: FloatArray) -> FloatArray:
@@ -153,5 +213,13 @@ def _spread(element: npt.NDArray[np.intp], elements: int, local: FloatArray) -> 
 
 
 def _rows(element: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """(k, 4) positions of an element's coordinates, the root's pair counted."""
+    """(k, 4) positions of an element's nodal coordinates, the root's pair counted."""
     return 2 * element[:, None] + np.arange(4)
+
+
+def _all_rows(quadrature: BeamQuadrature, local: FloatArray) -> tuple[npt.NDArray[np.intp], int]:
+    """Positions (q, 4 or 7) of the coordinates that ``local`` belongs to, and their number."""
+    nodal, interior = 2 * quadrature.elements + 2, local.shape[1] - 4
+    inner = nodal + interior * quadrature.element[:, None] + np.arange(interior)
+    rows = np.hstack([_rows(quadrature.element), inner])
+    return rows, nodal + interior * quadrature.elements

@@ -4,7 +4,7 @@ On a fine mesh the stiffness matrix is ill conditioned (its condition number gro
 power of the number of elements), and frequencies taken from it are blurred by that much rounding:
 with 256 elements the lowest one keeps five digits. A clamped root makes a better way possible: the
 curvature, linear in each element, is integrated twice from the root. Such sums lose nothing.
-With shear the angle of an element, which follows from its curvature, is integrated along.
+With shear the mean angle of an element is integrated along.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 from flexarm.beams.hermite import FloatArray
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature
-from flexarm.beams.shear import element_integrals, shear_parameters
 
 
 def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
@@ -23,7 +22,8 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     In element e (length h, xi from 0 to 1) the curvature is `c_0 + c_1 sqrt(3) (2 xi - 1)`, and
     `z_e = sqrt(h) R c` with `R^T R` the integral of EI over the products of the two functions, so
     the strain energy is |z|^2 / 2. Hence `F^T K F = 1` and `F F^T` is the flexibility matrix.
-    With shear the angle `-Phi_s h c_1 / (2 sqrt(3))` adds its energy and its deflection; (B.32).
+    With shear the angle, quadratic in each element, adds its flexibility; (B.32). These are the
+    static shapes: the response to loads at nodes, interior shapes included.
 
     Returns:
         (n, n) F, with n = 2 * elements; rows `[v_2, phi_2 h, v_3, phi_3 h, ...]`: rotations
@@ -42,22 +42,37 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
         quadrature.element,
         (quadrature.weights * stiffness)[:, None, None] * basis[:, :, None] * basis[:, None, :],
     )
-    parameters = shear_parameters(table, quadrature)
-    if table.shear_rigidity is not None:
-        shear = np.interp(quadrature.points, table.x, table.shear_rigidity)
-        gram[:, 1, 1] += element_integrals(quadrature, shear) * (parameters * h) ** 2 / 12.0
     # z = R c sqrt(h) with gram = h R^T R = lower lower^T, so c = lower^-T z.
     curvature = np.linalg.inv(np.linalg.cholesky(gram)).transpose(0, 2, 1)
     # Gains of (v, phi h) over an element from its curvature: rotation h^2 c_0, deflection
-    # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi. The shear
-    # angle times h adds Phi_s times the part with c_1.
+    # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi.
     from_curvature = np.zeros((elements, 2, 2))
     from_curvature[:, 0, 0], from_curvature[:, 1, 0] = 0.5, 1.0
-    from_curvature[:, 0, 1] = -np.sqrt(3.0) / 6.0 * (1.0 + parameters)
+    from_curvature[:, 0, 1] = -np.sqrt(3.0) / 6.0
     gains = h**2 * from_curvature @ curvature
+    if table.shear_rigidity is not None:
+        flexibility = gains @ gains.transpose(0, 2, 1)
+        flexibility[:, 0, 0] += h**2 * _shear_flexibility(table.shear_rigidity, table, quadrature)
+        gains = np.asarray(np.linalg.cholesky(flexibility), np.float64)
     spread = np.zeros((elements, 2, elements, 2))
     each = np.arange(elements)
     spread[each, :, each, :] = gains
     rotation = np.cumsum(spread[:, 1], axis=0)
     deflection = np.cumsum(spread[:, 0] + rotation - spread[:, 1], axis=0)
     return np.stack([deflection, rotation], axis=1).reshape(2 * elements, 2 * elements)
+
+
+def _shear_flexibility(
+    rigidity: FloatArray, table: BeamTable, quadrature: BeamQuadrature
+) -> FloatArray:
+    """Mean shear angle of each element under a unit shear force, (elements,), rad/(N m).
+
+    The angle is a parabola: the best approximation of 1/kGA in the element that three Legendre
+    polynomials allow.
+    """
+    basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
+    weights = quadrature.weights * np.interp(quadrature.points, table.x, rigidity)
+    gram = np.zeros((quadrature.elements, 3, 3))
+    products = weights[:, None, None] * basis[:, :, None] * basis[:, None, :]
+    np.add.at(gram, quadrature.element, products)
+    return np.asarray(np.linalg.inv(gram)[:, 0, 0], np.float64)

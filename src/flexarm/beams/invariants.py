@@ -10,12 +10,14 @@ import numpy as np
 
 from flexarm.beams.assembly import (
     beam_matrices,
+    interior_shapes,
     nodal_rotations,
     nodal_shapes,
     product_integral,
 )
 from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.hermite import FloatArray
+from flexarm.beams.interior import interior_values
 from flexarm.beams.modes import beam_basis
 from flexarm.beams.properties import BeamTable, beam_table
 from flexarm.beams.quadrature import BeamQuadrature, beam_quadrature
@@ -55,6 +57,7 @@ class LinkConstants:
             `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is left out.
         projector: (m, 2 * elements) `basis^T M`, the way back (mass-orthogonal).
         shear_parameter: (elements,) 12 EI / (k G A h^2) of each element; 0 without shear.
+        interior: (k, m) interior values of the shapes, k = 3 * elements with shear, else 0.
         table: section properties along the link, of which all of this is made.
 
     A rigid link has m = 0 and the same arrays, empty.
@@ -78,6 +81,7 @@ class LinkConstants:
     basis: FloatArray
     projector: FloatArray
     shear_parameter: FloatArray
+    interior: FloatArray
     table: BeamTable
 
     def __post_init__(self) -> None:
@@ -92,6 +96,7 @@ class LinkConstants:
                     "residual_inertia": (3,),
                     "residual_tip": (2, 2),
                     "shear_parameter": (self.elements,),
+                    "interior": (len(self.interior), m),
                 }
                 square = field.name in ("rotary", "D0", "D1", "G")
                 shape = wanted.get(field.name, (m, m) if square else (m,))
@@ -116,9 +121,8 @@ class LinkConstants:
     def rotation(self, x: object) -> FloatArray:
         """Evaluate Psi, the rotation of the section, as `slope`: which it is without shear."""
         stations = self._stations(x)
-        return (
-            nodal_rotations(stations, self.length, self.elements, self.shear_parameter) @ self.basis
-        )
+        nodal = nodal_rotations(stations, self.length, self.elements, self.shear_parameter)
+        return nodal @ self.basis + self._interior(stations, "rotation", 0)
 
     def curvature(self, x: object) -> FloatArray:
         """Evaluate Psi' at stations x (k,), 0 to length (m): (k, m), 1/m per unit of eta.
@@ -129,10 +133,16 @@ class LinkConstants:
 
     def _shapes(self, x: object, derivative: int) -> FloatArray:
         stations = self._stations(x)
-        return (
-            nodal_shapes(stations, self.length, self.elements, derivative, self.shear_parameter)
-            @ self.basis
-        )
+        nodal = nodal_shapes(stations, self.length, self.elements, derivative, self.shear_parameter)
+        field = ("deflection", derivative) if derivative < 2 else ("rotation", 1)
+        return nodal @ self.basis + self._interior(stations, *field)
+
+    def _interior(self, stations: FloatArray, field: str, derivative: int) -> FloatArray:
+        """Return the part of the interior values: (k, m), or zero without shear."""
+        if not len(self.interior):
+            return np.zeros((stations.size, self.w2.size))
+        shapes = interior_shapes(stations, self.length, self.elements, field, derivative)
+        return shapes @ self.interior
 
     def _stations(self, x: object) -> FloatArray:
         """Check stations, and move those on the link that rounding has put beside it."""
@@ -187,22 +197,22 @@ def _flexible_constants(
     table: BeamTable, elements: int, modes: int | None, where: str
 ) -> LinkConstants:
     quadrature = beam_quadrature(table.x, elements)
-    matrices, local = beam_matrices(table, quadrature), point_shapes(table, quadrature)
-    shapes = beam_basis(
-        matrices, strain_to_nodal(table, quadrature), quadrature.element_length, modes, where
-    )
-    basis = shapes.basis
-
-    def reduced(nodal: FloatArray) -> FloatArray:
-        over_shapes: FloatArray = basis.T @ nodal @ basis
-        return (over_shapes + over_shapes.T) / 2  # symmetric to the last digit
+    local, inside = point_shapes(table, quadrature), interior_values(table, quadrature)
+    matrices = beam_matrices(table, quadrature)
+    if len(inside.values):
+        matrices = matrices.over(inside.extended)
+    h = quadrature.element_length
+    factor = inside.stiffened(strain_to_nodal(table, quadrature), np.tile([1.0, h], elements))
+    shapes = beam_basis(matrices, factor, h, modes, where)
+    basis, interior = shapes.basis, inside.values @ shapes.basis
+    all_values = np.vstack([basis, interior]) if len(interior) else basis
 
     # The slope at s shortens everything outboard of it, so exchanging the order of integration
     # turns each double integral into one over s, weighted by what lies outboard.
     s = quadrature.points
     S = basis.T @ matrices.deflection_moment
     a = basis.T @ matrices.rotation_moment
-    left = _left_of_rigid_motion(quadrature, basis @ S, basis @ a)
+    left = _left_of_rigid_motion(quadrature, all_values @ S, all_values @ a)
     return LinkConstants(
         *_rigid_body(table, quadrature),
         S=S,
@@ -210,15 +220,20 @@ def _flexible_constants(
         P=basis[-2].copy(),
         dP=basis[-1].copy(),
         w2=shapes.w2,
-        rotary=reduced(matrices.rotary_mass),
-        D0=reduced(product_integral(quadrature, table.outboard_moment(s, 0), local.slope)),
-        D1=reduced(product_integral(quadrature, table.outboard_moment(s, 1), local.slope)),
-        G=reduced(product_integral(quadrature, np.ones_like(s), local.slope)),
+        rotary=_over(matrices.rotary_mass, basis),
+        D0=_over(
+            product_integral(quadrature, table.outboard_moment(s, 0), local.slope), all_values
+        ),
+        D1=_over(
+            product_integral(quadrature, table.outboard_moment(s, 1), local.slope), all_values
+        ),
+        G=_over(product_integral(quadrature, np.ones_like(s), local.slope), all_values),
         residual_inertia=_residual_inertia(table, quadrature, local, left),
-        residual_tip=left[-2:].copy(),
+        residual_tip=left[2 * elements : 2 * elements + 2].copy(),
         basis=basis,
         projector=shapes.projector,
         shear_parameter=shear_parameters(table, quadrature),
+        interior=interior,
         table=table,
     )
 
@@ -267,6 +282,7 @@ def rigid_constants(
         basis=np.zeros((2 * elements, 0)),
         projector=np.zeros((0, 2 * elements)),
         shear_parameter=np.zeros(elements),
+        interior=none.reshape(0, 0),
         table=table,
     )
 
@@ -294,24 +310,31 @@ def _rigid_body(table: BeamTable, quadrature: BeamQuadrature) -> tuple[float, fl
     return table.length, float(mass.sum()), float(mass @ s), inertia
 
 
+def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
+    """Return shapes^T matrix shapes, symmetric to the last digit."""
+    product: FloatArray = shapes.T @ matrix @ shapes
+    return (product + product.T) / 2
+
+
 def _left_of_rigid_motion(
     quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
 ) -> FloatArray:
     """Subtract from unit rigid motions what the shapes make of them, at all nodes.
 
     Args:
-        translation, rotation: (n,) nodal values of the shapes' best approximation.
+        translation, rotation: (n + k,) nodal and interior values of the shapes' best approximation.
 
     Returns:
-        (n + 2, 2) nodal values, the root's pair first. With the full finite element model all
+        (n + 2 + k, 2) values, the root's pair first. With the full finite element model all
         that is left is a wave that dies out within a few elements of the root: so small beside
         the rigid motion that differences of integrals (int mu x^2 - a.a) would lose it.
     """
     nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
-    left = np.zeros((2 * nodes.size, 2))
-    left[0::2, 0] = 1.0
-    left[0::2, 1] = nodes
-    left[1::2, 1] = 1.0
+    left = np.zeros((2 + translation.size, 2))
+    rigid = left[: 2 * nodes.size]
+    rigid[0::2, 0] = 1.0
+    rigid[0::2, 1] = nodes
+    rigid[1::2, 1] = 1.0
     left[2:, 0] -= translation
     left[2:, 1] -= rotation
     return left
@@ -320,7 +343,7 @@ def _left_of_rigid_motion(
 def _residual_inertia(
     table: BeamTable, quadrature: BeamQuadrature, local: PointShapes, left: FloatArray
 ) -> FloatArray:
-    """Inertia (3,) of the nodal motions ``left`` (n + 2, 2): translation, coupling, rotation."""
+    """Inertia (3,) of the motions ``left`` (n + 2 + k, 2): translation, coupling, rotation."""
     x = quadrature.points
     mass = np.interp(x, table.x, table.mass_per_length)
     rotary = np.interp(x, table.x, table.rotary_inertia_per_length)

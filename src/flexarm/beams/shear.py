@@ -8,6 +8,9 @@ element is Euler and Bernoulli's.
 Reference:
     Z. Friedman and J. B. Kosmatka, "An improved two-node Timoshenko beam finite element",
     Computers & Structures 47(3), 1993, 473-481.
+
+These shapes are exact under loads at nodes only. Three interior shapes of each element, zero at
+its ends, follow the loads inside it; ``beams.interior`` says how.
 """
 
 from __future__ import annotations
@@ -83,12 +86,42 @@ def rotation_shapes(xi: FloatArray, length: float, angles: FloatArray) -> FloatA
     return rotation
 
 
+def interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
+    """Evaluate the deflection v of an element's three interior shapes, or its slope v'.
+
+    Args:
+        xi: (k,) positions in their elements, 0 to 1.
+        length: of an element (m).
+        derivative: 0 deflection v, 1 slope v'.
+
+    Returns:
+        (k, 3): the parabola h xi (1 - xi), the cubic h xi (1 - xi)(1 - 2 xi), and zero.
+    """
+    zero, bump = np.zeros_like(xi), xi * (1.0 - xi)
+    if derivative == 0:
+        return length * np.stack([bump, bump * (1.0 - 2.0 * xi), zero], axis=1)
+    return np.stack([1.0 - 2.0 * xi, 1.0 - 6.0 * bump, zero], axis=1)
+
+
+def interior_rotation(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
+    """Evaluate the rotation phi of the interior shapes, or phi'; arguments as above.
+
+    Returns:
+        (k, 3): zero, zero, and the parabola xi (1 - xi).
+    """
+    zero, bump = np.zeros_like(xi), xi * (1.0 - xi)
+    shape = bump if derivative == 0 else (1.0 - 2.0 * xi) / length
+    return np.stack([zero, zero, shape], axis=1)
+
+
 @dataclass(frozen=True, eq=False)
 class PointShapes:
-    """Shapes of each quadrature point's element there, (q, 4): v_1, phi_1, v_2, phi_2.
+    """Shapes of each quadrature point's element there: (q, 4) for v_1, phi_1, v_2, phi_2.
+
+    Of a beam that shears (q, 7): those of the three interior shapes follow.
 
     Attributes:
-        deflection: v. slope: v'. rotation: phi of the section. curvature: phi', which is v''.
+        deflection: v. slope: v'. rotation: phi of the section. curvature: phi'.
         shear: the angle v' - phi.
     """
 
@@ -103,10 +136,20 @@ def point_shapes(table: BeamTable, quadrature: BeamQuadrature) -> PointShapes:
     """Evaluate the shapes of a link's elements at its quadrature points."""
     xi, length = quadrature.xi, quadrature.element_length
     angles = shear_angles(shear_parameters(table, quadrature), length)[quadrature.element]
-    return PointShapes(
+    nodal = PointShapes(
         deflection=deflection_shapes(xi, length, angles),
         slope=deflection_shapes(xi, length, angles, 1),
         rotation=rotation_shapes(xi, length, angles),
         curvature=deflection_shapes(xi, length, angles, 2),
         shear=angles,
+    )
+    if table.shear_rigidity is None:
+        return nodal
+    slope, rotation = interior_deflection(xi, length, 1), interior_rotation(xi, length)
+    return PointShapes(
+        deflection=np.hstack([nodal.deflection, interior_deflection(xi, length)]),
+        slope=np.hstack([nodal.slope, slope]),
+        rotation=np.hstack([nodal.rotation, rotation]),
+        curvature=np.hstack([nodal.curvature, interior_rotation(xi, length, 1)]),
+        shear=np.hstack([nodal.shear, slope - rotation]),
     )

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from flexarm.arm import load_arm
+from flexarm.bending import bending_warning, one_warning
+from flexarm.cli.failures import warn
 from flexarm.cli.postures import joint_numbers, told
 from flexarm.cli.tables import console, facts, numbers
 from flexarm.linear import LinearModel, equilibrium, linearize
@@ -44,9 +46,12 @@ def show_linear(
         check_place(_WHERE, "--out", out, MODEL_SUFFIXES)
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
-    rest = equilibrium(arm, posture)
-    model = linearize(arm, rest, inputs=_names(inputs), outputs=_names(outputs))
+    with one_warning():  # reported below, in one line
+        rest = equilibrium(arm, posture)
+        model = linearize(arm, rest, inputs=_names(inputs), outputs=_names(outputs))
     screen = console()
+    if warning := bending_warning(arm, rest.q):
+        warn(warning)
     rows = [
         ("at rest", _held(posture, rest.torque.tolist())),
         ("states", f"{len(model.states)}: {_some(model.states)}"),

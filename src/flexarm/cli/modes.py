@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.arm import Arm, load_arm
+from flexarm.bending import bending_warning, one_warning
+from flexarm.cli.failures import warn
 from flexarm.cli.postures import at, joint_numbers
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import InputError, Problem
@@ -58,8 +60,11 @@ def show_modes(path: Path, options: ModesOptions) -> None:
     if options.to is not None or options.campbell_to is not None:
         _show_tracks(_tracks(arm, posture, joints, options), told_joints, options)
         return
-    about = equilibrium(arm, posture) if options.sag else posture
-    found = modes_of(arm, about, joints, spin=options.spin)
+    with one_warning():  # reported below, in one line
+        about = equilibrium(arm, posture) if options.sag else posture
+        found = modes_of(arm, about, joints, spin=options.spin)
+    if warning := bending_warning(arm, found.q):
+        warn(warning)
     state = " sagging" if options.sag else ""
     turning = f", turning at {options.spin:g} rad/s" if options.spin else ""
     title = f"Modes{told_joints}{at(posture)}{state}{turning}"

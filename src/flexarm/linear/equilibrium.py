@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import warn_of_bending
 from flexarm.contacts import Contact, place_outside
 from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
 from flexarm.linear.descent import LONGEST, descent_step, largest_turn
@@ -101,6 +102,9 @@ def equilibrium(
         InputError: an argument has the wrong shape or is not finite.
         EquilibriumError: none was found; it holds the last one along the way.
 
+    Warns:
+        LargeDeflectionWarning: a link bends too far for the theory of the arm.
+
     Newton's method with the exact stiffness, gravity and loads growing from zero in steps that
     adapt, so that links that sag far are followed. Where that ends unstable or nowhere, and with
     free joints from the beginning, steps that go downhill look for a stable one. Friction holds
@@ -122,8 +126,11 @@ def equilibrium(
         search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
         search.unknown = np.arange(arm.dof)
     if start is not None:
-        return search.result(search.follow(q, at_once=True))
-    return search.best(q, free=torque is not None)
+        found = search.result(search.follow(q, at_once=True))
+    else:
+        found = search.best(q, free=torque is not None)
+    warn_of_bending(arm, found.q)
+    return found
 
 
 class _Search:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import one_warning, warn_of_bending
 from flexarm.contacts import Contact, place_contacts, place_outside
 from flexarm.errors import InputError, Problem, check_array, check_result
 from flexarm.kernels.articulated_body import forward_dynamics
@@ -75,6 +76,9 @@ def linearize(
         InputError: an unknown signal, a wrong shape, loads given with an equilibrium that has its
             own, a base that accelerates while the arm is to rest.
         EquilibriumError: an equilibrium was asked for, and there is none.
+
+    Warns:
+        LargeDeflectionWarning: a link is bent too far for the theory of the arm.
     """
     arm = check_kind(_WHERE, "arm", arm, Arm)
     place_contacts(arm, _WHERE, contacts)
@@ -85,7 +89,9 @@ def linearize(
     acting = acting_loads(arm, _WHERE, tip_force, loads)
     # Here, so that what is not on the arm is told by this call and not by one within.
     place_outside(arm, _WHERE, acting, None, contacts)
-    point = _operating_point(arm, q, qd, torque, acting, contacts)
+    with one_warning():
+        point = _operating_point(arm, q, qd, torque, acting, contacts)
+    warn_of_bending(arm, point.q)
     if base_acceleration is not None:
         base = check_array(_WHERE, "base_acceleration", base_acceleration, (2,))
     else:

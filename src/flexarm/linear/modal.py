@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import warn_of_bending
 from flexarm.contacts import Contact
 from flexarm.errors import InputError, Problem, check_array, check_result, few
 from flexarm.linear.curves import displacements
@@ -123,6 +124,9 @@ def modes(
         InputError: unknown ``joints``, numbers of the wrong shape, a spin with gravity or loads.
         EquilibriumError: no steady shape at that spin.
 
+    Warns:
+        LargeDeflectionWarning: a link is bent too far for the theory of the arm.
+
     The stiffness is that of small motion about the state, held there if it is no equilibrium.
     Theory page "small motion", (S.2) to (S.5).
     """
@@ -136,7 +140,9 @@ def modes(
         raise InputError(Problem(_WHERE, "loads", "be left out where the arm spins", "given"))
     if rate != 0.0 and q is None:
         place = steady_shape(arm, place, rate)
-    return _solve(arm, place, rate, held, _small_motion(arm, place, rate, acting, contacts))
+    found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, acting, contacts))
+    warn_of_bending(arm, place)
+    return found
 
 
 def _place(

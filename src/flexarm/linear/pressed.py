@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_kind, check_nonnegative, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import one_warning, warn_of_bending
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.motion import Motion
@@ -168,7 +169,9 @@ def pressed_motion(
     times = np.linspace(0.0, end, count)
     pressing, outward = _force(where, force), _normal(where, normal)
     search = _Search(arm, motion, friction)
-    held = [search.at(t, pressing(t), outward(t)) for t in times.tolist()]
+    with one_warning():
+        held = [search.at(t, pressing(t), outward(t)) for t in times.tolist()]
+    warn_of_bending(arm, np.array([one.q for one in held]))
     return PressedMotion(motion, pressing, outward, times, held)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import warn_of_bending
 from flexarm.errors import InputError, Problem, SimulationError
 from flexarm.linear.modal import modes
 from flexarm.motion.chain import RigidChain
@@ -191,7 +192,10 @@ def quasi_static_reference(
         window = check_positive(where, "smoothing", smoothing, "s")
     pieces = [_piece(constraint, a, b) for a, b in pairwise(motion.breaks)]
     rests = [_rest(constraint, t) for t in (motion.start_time - 1.0, motion.end_time + 1.0)]
-    return QuasiStaticReference(arm, motion, window, (rests[0], *pieces, rests[1]))
+    reference = QuasiStaticReference(arm, motion, window, (rests[0], *pieces, rests[1]))
+    times = np.linspace(reference.start_time, reference.end_time, _INSTANTS)
+    warn_of_bending(arm, reference.coordinates(times)[0])
+    return reference
 
 
 def _piece(constraint: TipConstraint, a: float, b: float) -> BSpline:

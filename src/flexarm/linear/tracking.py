@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_count, check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import one_warning, warn_of_bending
 from flexarm.errors import InputError, Problem, check_array, few, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.held import Joints
@@ -162,7 +163,15 @@ def _follow(
 ) -> ModeTracks:
     if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
         raise InputError(Problem(where, named[0], "ascend, one at least", shown(parameter)))
-    first = solve(float(parameter[0]))
+    bent: list[FloatArray] = []
+
+    def solved(at: float) -> Modes:
+        with one_warning():
+            found = solve(at)
+        bent.append(found.q)
+        return found
+
+    first = solved(float(parameter[0]))
     vibrating = np.flatnonzero(first.frequency_hz > 0.0)
     if vibrating.size == 0:
         raise InputError(Problem(where, "arm", "have a mode that vibrates", "without one"))
@@ -170,8 +179,9 @@ def _follow(
     lines = _Lines(arm, first.complex_shapes[chosen])
     rows = [_row(first, chosen, np.ones(chosen.size))]
     for before, at in pairwise(parameter):
-        found, chosen, alike = _step(lines, solve, float(before), float(at), 0)
+        found, chosen, alike = _step(lines, solved, float(before), float(at), 0)
         rows.append(_row(found, chosen, alike))
+    warn_of_bending(arm, np.array(bent), stacklevel=4)
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     return ModeTracks(parameter, *named, *columns)
 

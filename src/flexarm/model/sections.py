@@ -82,7 +82,7 @@ class Rectangle(Record):
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed; theory page "beams", (B.35)."""
+        """Part of the area that shears as if evenly stressed; theory page "beams", (B.36)."""
         return 5 / 6
 
     @property
@@ -109,7 +109,7 @@ class Circle(Record):
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed; theory page "beams", (B.35)."""
+        """Part of the area that shears as if evenly stressed; theory page "beams", (B.36)."""
         return 6 / 7
 
     @property
@@ -148,7 +148,7 @@ class Tube(Record):
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed: 6/7 (solid) to 1/2; (B.35)."""
+        """Part of the area that shears as if evenly stressed: 6/7 (solid) to 1/2; (B.36)."""
         ratio = (self._inner_diameter / self.outer_diameter) ** 2
         return 6 * (1 + ratio) ** 2 / (7 * (1 + ratio) ** 2 + 20 * ratio)
 
@@ -188,7 +188,7 @@ class Box(Record):
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed, for thin walls; (B.35).
+        """Part of the area that shears as if evenly stressed, for thin walls; (B.36).
 
         Little else than the two walls of the `height` shears, 5/6 of them in a narrow box.
         """

@@ -171,8 +171,8 @@ class Plant:
                 the last good one. Only ``reset`` is left to do.
 
         Warns:
-            LargeDeflectionWarning: a link has bent too far for the linear theory; once after each
-                reset.
+            LargeDeflectionWarning: a link has bent too far for the theory of the arm; once after
+                each reset.
         """
         ticks = self._ticks
         asked = check_array("Plant.step", "torque", torque, (self.arm.joints,))

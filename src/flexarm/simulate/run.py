@@ -20,6 +20,7 @@ from flexarm.arguments import (
     check_positive,
 )
 from flexarm.arm import Arm
+from flexarm.bending import too_far_bent
 from flexarm.contacts import Contact
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.control.base import check_reference, controller_problem
@@ -64,7 +65,6 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
-from flexarm.simulate.validity import too_far_bent
 from flexarm.stations import MOST_STATIONS, check_stations
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def simulate(
             ``.time`` says when, ``.result`` holds what was computed until then.
 
     Warns:
-        LargeDeflectionWarning: a link has bent too far for the linear theory.
+        LargeDeflectionWarning: a link has bent too far for the theory of the arm.
         AccuracyWarning: impacts on joint stops have amplified errors beyond 1e-4 of the reach.
         UnstableLoopWarning: the sampled loop is unstable where the motion begins or ends, by a
             factor of ten or more within the run.

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_choice, check_function, check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import too_far_deviated
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -33,7 +34,6 @@ from flexarm.simulate.new_run import RTOL as CLOSE
 from flexarm.simulate.new_run import TORQUE_SHARE
 from flexarm.simulate.result import make_result
 from flexarm.simulate.torque_history import TorqueHistory, function_torque
-from flexarm.simulate.validity import too_far_deviated
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,7 +85,7 @@ def simulate_separated(
         SimulationError: the deviations cannot be followed to ``rtol``.
 
     Warns:
-        LargeDeflectionWarning: a link has bent by more than a tenth of its length.
+        LargeDeflectionWarning: a link has bent too far for the linear theory.
 
     Theory page "separation", (D.5) to (D.7).
     """

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
+from flexarm.bending import one_warning
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.linear.pressed import PressedMotion
@@ -69,7 +70,8 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
         return Start(arm.rest(angles), prescribed)
     loads, base = loads_at_start(scenario), base_acceleration_at_start(scenario)
     contacts = contacts_of(scenario)
-    found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
+    with one_warning():  # the run reports its states, this one included
+        found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
     return Start(found.q, prescribed, found.torque if asked.balance else None)
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.bending import warn_of_bending
 from flexarm.errors import (
     FlexarmError,
     InputError,
@@ -191,6 +192,7 @@ def tip_inversion(
     found, rigid = search.run(wanted)
     if found.tip > max(wanted, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
+    warn_of_bending(arm, found.q)
     ends, errors = (first.q, last.q), (found.tip, rigid.tip)
     zeros = np.asarray(first.zeros)
     if support is None:
@@ -325,7 +327,7 @@ class _Search:
         self, arm: Arm, torque: CorrectedTorque | SupportedTorque, rate: float, **options: Any
     ) -> Any:
         with warnings.catch_warnings():
-            # Whoever simulates the result is told; what was tried on the way does not matter.
+            # The caller reports the last run; trials on the way do not matter.
             warnings.simplefilter("ignore", LargeDeflectionWarning)
             return simulate(
                 arm,

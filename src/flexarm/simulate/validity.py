@@ -1,15 +1,11 @@
-"""Where the theories end.
-
-The linear one at large deflection, which it takes for small; the second-order one where its mass
-matrix, positive for small bending only, loses its sign.
-"""
+"""Limits of the theories in a run: deflection, and the mass matrix of the second-order theory."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.assemble import Piece
+from flexarm.bending import LARGEST_ERROR, BendingErrors, too_far_bent
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
@@ -17,70 +13,8 @@ from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 #: A joint that feels less than this part of its inertia at straight links is about to feel none.
 _LEFT = 0.1
 
-#: Deflection over length beyond which the linear theory is off by whole per cents.
-_FAR = 0.1
 #: Deflection over length that no link ever had.
 _ABSURD = 10.0
-#: Samples looked at in one go: bounds the scratch memory of long runs.
-_CHUNK = 4096
-
-
-def too_far_bent(arm: Arm, states: FloatArray) -> str:
-    """Say which link has bent too far for the linear theory; nothing where none has.
-
-    A segment is judged by the deflection from its own root tangent: only that is taken for small.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
-    found = _furthest_bent(arm, states) if arm.spec.theory == "linear" else None
-    if found is None:
-        return ""
-    fact, piece = found
-    more = "or more segments" if arm.spec.links[piece.link].segments > 1 else "and segments=2 to 4"
-    return (
-        f"{fact}: the linear theory takes that for small. Use "
-        f"theory='second_order' {more} on that link; see docs/how-to/large-deflection.md."
-    )
-
-
-def too_far_deviated(arm: Arm, states: FloatArray) -> str:
-    """Say which link has bent too far for linear deviations, which know no other theory.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
-    found = _furthest_bent(arm, states)
-    if found is None:
-        return ""
-    return (
-        f"{found[0]}: linear deviations take that for small. fa.simulate follows the whole motion, "
-        "with theory='second_order' where links bend that far; see docs/how-to/large-deflection.md."
-    )
-
-
-def _furthest_bent(arm: Arm, states: FloatArray) -> tuple[str, Piece] | None:
-    """Tell the piece that bends furthest for its length, if that is beyond what is small."""
-    if not len(states):
-        return None
-    P = arm.assembly.constants.P
-    most = np.zeros(len(P))
-    for k in range(0, len(states), _CHUNK):
-        bent = np.einsum("nm,tnm->tn", P, states[k : k + _CHUNK, 0, :, 1:])
-        most = np.maximum(most, np.abs(bent).max(axis=0))
-    pieces = arm.assembly.pieces
-    far = [most[piece.body] / piece.shapes.length for piece in pieces]
-    worst = pieces[int(np.argmax(far))]
-    if not max(far) > _FAR:
-        return None
-    name = f"link {worst.link + 1}"
-    if arm.spec.links[worst.link].segments > 1:
-        name = f"a segment of {name}"
-    fact = (
-        f"{name} deflects by up to {most[worst.body]:.3g} m, {max(far):.0%} of its length of "
-        f"{worst.shapes.length:.4g} m"
-    )
-    return fact, worst
 
 
 def runs_away(arm: Arm, state: FloatArray) -> str:
@@ -97,22 +31,15 @@ def runs_away(arm: Arm, state: FloatArray) -> str:
 
 
 class BendingWatch:
-    """``too_far_bent`` of one state after another, quick enough to ask at every sample time."""
+    """``too_far_bent`` of one state after another, fast enough for every sample time."""
 
     def __init__(self, arm: Arm) -> None:
-        self._arm = arm
-        lengths = np.ones(arm.assembly.bodies)
-        for piece in arm.assembly.pieces:
-            lengths[piece.body] = piece.shapes.length
-        linear = arm.spec.theory == "linear"
-        self._per_length = arm.assembly.constants.P / lengths[:, None] if linear else None
+        self._arm, self._errors = arm, BendingErrors(arm)
+        self._allowed = LARGEST_ERROR * arm.lengths
 
     def __call__(self, state: FloatArray) -> str:
-        """Say which link has bent too far at a state (2, n, 1 + m), or nothing."""
-        if self._per_length is None:
-            return ""
-        bent = (self._per_length * state[0, :, 1:]).sum(axis=1)
-        if not np.abs(bent).max() > _FAR:
+        """Describe the error of the theory at a state (2, n, 1 + m); empty where it is small."""
+        if not (self._errors.of_links(state[None])[0][0] > self._allowed).any():
             return ""
         return too_far_bent(self._arm, state[None])
 

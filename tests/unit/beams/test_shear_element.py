@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from flexarm.beams.assembly import beam_matrices, nodal_rotations, nodal_shapes
+from flexarm.beams.assembly import (
+    beam_matrices,
+    interior_shapes,
+    nodal_rotations,
+    nodal_shapes,
+)
 from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.hermite import shape_functions
 from flexarm.beams.properties import beam_table
@@ -25,6 +30,13 @@ BENDING = np.array([5.0, 4.0, 8.0, 2.0, 1.0])
 MASS = np.array([3.0, 1.0, 1.5, 0.2, 0.9])
 ROTARY = np.array([0.3, 0.0, 0.1, 0.2, 0.05])
 SHEAR = np.array([60.0, 20.0, 90.0, 15.0, 30.0])
+
+
+def static_stiffness(table, quadrature):
+    """Stiffness over the nodal values, interior values without a load of their own."""
+    n, stiffness = 2 * quadrature.elements, beam_matrices(table, quadrature).stiffness
+    coupling = stiffness[:n, n:]
+    return stiffness[:n, :n] - coupling @ np.linalg.solve(stiffness[n:, n:], coupling.T)
 
 
 def shapes(parameter):
@@ -87,7 +99,7 @@ def test_one_uniform_element_has_the_textbook_stiffness():
     quadrature = beam_quadrature(table.x, 1)
     np.testing.assert_allclose(shear_parameters(table, quadrature), [PHI], rtol=1e-14)
     exact = np.array([[12, -6 * H], [-6 * H, (4 + PHI) * H**2]])
-    found = beam_matrices(table, quadrature).stiffness
+    found = static_stiffness(table, quadrature)
     np.testing.assert_allclose(found, bending / (H**3 * (1 + PHI)) * exact, **ROUNDING)
 
 
@@ -102,9 +114,13 @@ def test_parameter_of_an_element_is_that_of_its_mean_rigidities():
     np.testing.assert_array_equal(shear_parameters(plain, beam_quadrature(X, 2)), 0.0)
 
 
+def inside(x, elements, field, derivative):
+    return interior_shapes(x, 2.0, elements, field, derivative)
+
+
 @pytest.mark.parametrize("elements", [1, 3, 8])
 def test_energies_are_integrated_exactly_on_a_ragged_table(elements):
-    """Against many points on every piece, for random nodal values."""
+    """Against many points on every piece, for nodal and interior values."""
     table = beam_table("link", X, BENDING, MASS, ROTARY, SHEAR)
     quadrature = beam_quadrature(table.x, elements)
     found, parameters = beam_matrices(table, quadrature), shear_parameters(table, quadrature)
@@ -114,8 +130,12 @@ def test_energies_are_integrated_exactly_on_a_ragged_table(elements):
     x = ((edges[1:, None] + edges[:-1, None]) / 2 + half * node).ravel()
     weights = (half * weight).ravel()
     bending, mass, rotary, shear = (np.interp(x, X, c) for c in (BENDING, MASS, ROTARY, SHEAR))
-    v, slope, curvature = (nodal_shapes(x, 2.0, elements, k, parameters) for k in range(3))
-    turn = nodal_rotations(x, 2.0, elements, parameters)
+    v, slope, curvature = (
+        np.hstack([nodal_shapes(x, 2.0, elements, k, parameters), inside(x, elements, *field)])
+        for k, field in enumerate((("deflection", 0), ("deflection", 1), ("rotation", 1)))
+    )
+    nodal = nodal_rotations(x, 2.0, elements, parameters)
+    turn = np.hstack([nodal, inside(x, elements, "rotation", 0)])
 
     def form(density, rows):
         return rows.T @ ((weights * density)[:, None] * rows)
@@ -139,7 +159,7 @@ def test_strain_coordinates_store_unit_energy(softness):
     table = beam_table("link", X, BENDING, MASS, ROTARY, SHEAR / softness)
     quadrature = beam_quadrature(table.x, elements)
     units = np.tile([1.0, 2.0 / elements], elements)
-    stiffness = beam_matrices(table, quadrature).stiffness / np.outer(units, units)
+    stiffness = static_stiffness(table, quadrature) / np.outer(units, units)
     factor = strain_to_nodal(table, quadrature)
     # Condition number 1e5 of the stiffness matrix, and more with much shear, times rounding.
     np.testing.assert_allclose(factor.T @ stiffness @ factor, np.eye(12), atol=1e-9)

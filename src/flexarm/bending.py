@@ -1,0 +1,188 @@
+"""How far a state is beyond its theory: an estimate of the error of the tip, and the warning.
+
+Both theories measure the deflection of a link, or of each segment, from the tangent at its root.
+Bending shortens a piece of length L by delta = eta^T G eta / 2. The linear theory leaves that out.
+The second-order theory keeps it and leaves out terms of third order, of the size
+1.7 delta sqrt(delta/L): the constant is calibrated on the elastica, between a force at the tip and
+a moment there. Both saturate, because no piece is off by more than a few times its bending. Theory
+page "link", section 11.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray, Piece
+from flexarm.errors import LargeDeflectionWarning
+
+#: Error of a link over its length from which on a state is reported: 10 % deflection of a link in
+#: one piece in the linear theory, 20 % in the second-order theory.
+LARGEST_ERROR = 0.006
+#: Error of the second-order theory over delta sqrt(delta/L).
+_THIRD_ORDER = 1.7
+#: Shortening over length at most, which keeps the estimate finite.
+_LARGEST = 1e6
+#: States examined together, which bounds the scratch memory of long runs.
+_CHUNK = 4096
+
+_PAGE = "see docs/how-to/large-deflection.md."
+_QUIET: ContextVar[bool] = ContextVar("flexarm_bending_quiet", default=False)
+
+
+class BendingErrors:
+    """Estimate the errors of an arm's states.
+
+    Args:
+        arm: the arm.
+        theory: the one to judge; the arm's own by default.
+    """
+
+    def __init__(self, arm: Arm, theory: str | None = None) -> None:
+        self._linear = (arm.spec.theory if theory is None else theory) == "linear"
+        pieces = arm.assembly.pieces
+        self._body = np.array([piece.body for piece in pieces])
+        self._link = np.array([piece.link for piece in pieces])
+        self._length = np.array([piece.shapes.length for piece in pieces])
+        self._G = np.zeros((len(pieces), arm.assembly.modes, arm.assembly.modes))
+        for k, piece in enumerate(pieces):
+            m = piece.shapes.w2.size
+            self._G[k, :m, :m] = piece.shapes.G
+        lengths = arm.lengths
+        # A turned link displaces what lies beyond its tip as well.
+        beyond = np.append(np.cumsum(lengths[::-1])[::-1], 0.0)[1:]
+        self._lever = beyond / lengths
+        self._lengths = lengths
+
+    def of_links(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the errors of the links' tips (samples, links) and of the arm's (samples,), m."""
+        eta = states[:, 0, self._body, 1:]
+        delta = np.einsum("tpi,pij,tpj->tp", eta, self._G, eta) / 2.0
+        relative = np.maximum(delta, 0.0) / self._length
+        # Runs that fail hold states of any size, whose products may not be finite.
+        relative = np.where(relative < _LARGEST, relative, _LARGEST)
+        third = _THIRD_ORDER * relative**1.5
+        third *= relative / np.maximum(third + relative, np.finfo(float).tiny)
+        error = relative / (1.0 + relative / 3.0) if self._linear else third
+        shift, turn = np.zeros((2, len(states), self._lengths.size))
+        np.add.at(shift.T, self._link, (error * self._length).T)
+        np.add.at(turn.T, self._link, (third * self._length).T)
+        # The slope of a link's tip has errors of third order, and less under moments than forces.
+        return shift, shift.sum(axis=1) + 0.5 * turn @ self._lever
+
+    def too_large(self, states: FloatArray) -> tuple[float, int, int] | None:
+        """Return the largest error of the tip (m), the link (from 0) and the state, or None."""
+        largest, found = 0.0, None
+        tip = 0.0
+        for k in range(0, len(states), _CHUNK):
+            own, of_tip = self.of_links(states[k : k + _CHUNK])
+            relative = own / self._lengths
+            tip = max(tip, float(of_tip.max(initial=0.0)))
+            if relative.size and relative.max() > max(largest, LARGEST_ERROR):
+                at, link = np.unravel_index(int(np.argmax(relative)), relative.shape)
+                largest, found = float(relative[at, link]), (int(link), k + int(at))
+        return None if found is None else (tip, *found)
+
+
+class _Bent(NamedTuple):
+    """Piece that bends most for its length in a state, and by how much (m)."""
+
+    piece: Piece
+    deflection: float
+
+
+def _most_bent(arm: Arm, link: int, state: FloatArray) -> _Bent:
+    bent = [
+        _Bent(piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:])))
+        for piece in arm.assembly.pieces_of(link)
+    ]
+    return max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
+
+
+def too_far_bent(arm: Arm, states: FloatArray) -> str:
+    """Describe the largest error of an arm's theory; an empty text where it is small.
+
+    Args:
+        states: (samples, 2, n, 1 + m).
+    """
+    found = _description(arm, BendingErrors(arm), states)
+    if not found:
+        return ""
+    fact, link, error = found
+    theory = "linear" if arm.spec.theory == "linear" else "second-order"
+    segments = arm.spec.links[link].segments
+    use = "theory='second_order' " if theory == "linear" else ""
+    if segments > 1:
+        advice = f"Use {use}{'or ' if use else ''}more segments on that link"
+    else:
+        advice = f"Use {use}{'and ' if use else ''}segments=2 to 4 on that link"
+    return f"{fact}: the {theory} theory misplaces the tip by about {error}. {advice}; {_PAGE}"
+
+
+def too_far_deviated(arm: Arm, states: FloatArray) -> str:
+    """Describe the error of linear deviations, which always are those of the linear theory.
+
+    Args:
+        states: (samples, 2, n, 1 + m).
+    """
+    found = _description(arm, BendingErrors(arm, "linear"), states)
+    if not found:
+        return ""
+    return (
+        f"{found[0]}: linear deviations misplace the tip by about {found[2]}. fa.simulate follows "
+        f"the whole motion, with theory='second_order' where links bend that far; {_PAGE}"
+    )
+
+
+def _description(
+    arm: Arm, errors: BendingErrors, states: FloatArray
+) -> tuple[str, int, str] | None:
+    found = errors.too_large(states)
+    if found is None:
+        return None
+    tip, link, at = found
+    piece, deflection = _most_bent(arm, link, states[at])
+    name = f"link {link + 1}"
+    if arm.spec.links[link].segments > 1:
+        name = f"a segment of {name}"
+    length = piece.shapes.length
+    fact = (
+        f"{name} deflects by up to {deflection:.3g} m, {deflection / length:.0%} of its length of "
+        f"{length:.4g} m"
+    )
+    size = f"{1e3 * tip:.0f}" if tip >= 0.01 else f"{1e3 * tip:.2g}"
+    return fact, link, f"{size} mm ({tip / arm.lengths.sum():.1%} of the reach)"
+
+
+def bending_warning(arm: Arm, q: FloatArray) -> str:
+    """Describe the largest error at coordinates q, (dof,) or (samples, dof); empty if small."""
+    states = arm.padded(np.stack([q, np.zeros_like(q)], axis=-2))
+    return too_far_bent(arm, states.reshape(-1, *states.shape[-3:]))
+
+
+def warn_of_bending(arm: Arm, q: FloatArray, stacklevel: int = 3) -> None:
+    """Warn once for a call that returns or uses bent states, unless a caller does so itself.
+
+    Args:
+        q: (dof,), or (samples, dof).
+        stacklevel: as in ``warnings.warn``; 3 points at the caller of the function that calls this.
+    """
+    warning = "" if _QUIET.get() else bending_warning(arm, q)
+    if warning:
+        warnings.warn(warning, LargeDeflectionWarning, stacklevel=stacklevel)
+
+
+@contextmanager
+def one_warning() -> Iterator[None]:
+    """Keep calls within silent: the caller reports the states of all of them itself."""
+    token = _QUIET.set(True)
+    try:
+        yield
+    finally:
+        _QUIET.reset(token)
