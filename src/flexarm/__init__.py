@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from flexarm.control import shaped as shaped
     from flexarm.errors import AccuracyWarning as AccuracyWarning
     from flexarm.errors import FlexarmError as FlexarmError
+    from flexarm.errors import FlexarmWarning as FlexarmWarning
     from flexarm.errors import InconsistentEstimateWarning as InconsistentEstimateWarning
     from flexarm.errors import InputError as InputError
     from flexarm.errors import LargeDeflectionWarning as LargeDeflectionWarning
@@ -132,6 +133,7 @@ _HOME = {
     "EstimatorController": "control",
     "ExtendedKalmanFilter": "control",
     "FlexarmError": "errors",
+    "FlexarmWarning": "errors",
     "FlexibleTorque": "simulate.flexible_torque",
     "Friction": "model",
     "GeneralizedAlpha": "integrate",

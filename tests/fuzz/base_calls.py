@@ -196,6 +196,12 @@ _REGISTRY = {
 _MOVE = {"arm": arm, "motion": motion}
 #: Other public functions and classes.
 FUNCTIONS: dict[str, dict[str, Any]] = {
+    "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
+    "loop_margins": {
+        "controller": lambda: fa.JointPD([20.0, 10.0], [1.0, 0.5]),
+        "plants": arm,
+        "postures": [start],
+    },
     "Arm": {
         "links": [LINK],
         "joints": [{"hub_inertia": 0.1}],
@@ -266,6 +272,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
 #: Methods of what these make: the object, then arguments by method.
 _UPDATE = {
     "needs": {"arm": arm, "reference": motion},
+    "report": {},
     "reset": {},
     "update": {"t": 0.0, "measurement": measurement, "reference": motion},
 }
@@ -279,6 +286,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
             "begin": {**STATE, "payload_mass": 0.0, "covariance": np.eye(13).tolist()},
             "correct": {"measurement": measurement},
             "predict": {"torque": [0.0, 0.0]},
+            "report": {},
             "reset": {},
             "run": {
                 "torque": [[0.0, 0.0]] * 2,
@@ -289,7 +297,15 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
             },
         },
     ),
-    "LinearModel": (lambda: fa.linearize(arm()), {"arrays": {}, "to_control": {}}),
+    "LinearModel": (
+        lambda: fa.linearize(arm()),
+        {
+            "arrays": {},
+            "frequency_response": {"omega": [1.0, 10.0]},
+            "to_control": {},
+            "zeros": {"input": "torque[1]", "output": "joint_angle[1]"},
+        },
+    ),
     "Measurement": (measurement, {"get": {"name": "strain"}}),
     "Modes": (lambda: fa.modes(arm()), {"curves": {"stations": 3}, "displacements": {}}),
     "Motors": (
@@ -322,6 +338,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
             "tip": {"t": 0.2},
             "at": {"times": [0.2]},
             "coordinates": {"times": [0.2]},
+            "sampled": {"rate": 100.0},
         },
     ),
     "Sensor": (lambda: fa.Sensor("acceleration", 1), {"labels": {}}),
@@ -349,27 +366,35 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "quintic()": (quintic, {"__call__": {"u": 0.2}}),
 }
 for _name in ("LQG", "MPC", "Composite"):
-    METHODS[_name] = (METHODS[_name][0], {**_UPDATE, "loop_poles": {}})
+    METHODS[_name] = (
+        METHODS[_name][0],
+        {
+            **_UPDATE,
+            "at_rest": {},
+            "loop_poles": {},
+            # A margin of zero is met by the first design.
+            "for_margin": {
+                "arm": arm,
+                "posture": start,
+                "plants": arm,
+                "disk_margin": 1e-6,
+                **({"torque_limit": 10.0, "horizon": 3} if _name == "MPC" else {}),
+            },
+        },
+    )
 
-#: Records of what was computed, warnings and errors, which flexarm makes and users read; and the
-#: abstract controller, whose methods are those of every controller.
+#: Records of what was computed, which flexarm makes and users read; and the abstract controller,
+#: whose methods are those of every controller.
 MADE_BY_FLEXARM = {
     "Equilibrium",
-    "EquilibriumError",
     "Controller",
-    "FlexarmError",
     "FlexibleTorque",
-    "InputError",
-    "InversionError",
-    "LargeDeflectionWarning",
     "LinearModel",
     "ModeTracks",
-    "ModelError",
     "Modes",
     "PressedMotion",
     "QuasiStaticReference",
     "Separation",
-    "SimulationError",
     "StepJacobian",
     "TipInversion",
 }

@@ -10,6 +10,8 @@ import flexarm as fa
 from flexarm.model.checks import Record
 from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
 
+#: Classes whose methods are called by a run.
+_CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")
 #: A callable and arguments that it accepts, by name.
 Call = tuple[Callable[..., Any], dict[str, Any]]
 
@@ -51,10 +53,12 @@ def public_names() -> Iterator[str]:
     """Yield the public names, and the public methods of what has a public class."""
     for name in fa.__all__:
         value = getattr(fa, name)
+        if isinstance(value, type) and issubclass(value, Exception):  # errors and warnings
+            continue
         if name not in MADE_BY_FLEXARM:
             yield name
         if isinstance(value, type) and not issubclass(value, Record | BaseException):
             for method, member in inspect.getmembers(value, callable):
                 own = str(getattr(member, "__module__", "")).startswith("flexarm")
-                if own and not method.startswith("_") and name != "Controller":
+                if own and not method.startswith("_") and name not in _CALLED_BY_A_RUN:
                     yield f"{name}.{method}"
