@@ -34,7 +34,7 @@ def run(*arguments, code=None, **options):
         [*command, *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=1800,  # seconds: stops a test that hangs; compiling beside other work takes minutes
         check=False,
         **options,
     )

@@ -101,6 +101,7 @@ def test_partial_result_can_be_written(tmp_path):
     caught.value.result.to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_end_of_the_second_order_theory_is_called_by_its_name():
     """A soft link bent until the truncated kinetic energy is no longer positive."""
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=4)

@@ -386,5 +386,5 @@ def test_contacts_made_and_lost():
         arm, 1.5, **{**options, "events": [fa.contact_event(arm, wall, terminal=True)]}
     )
     assert float(ended.time[-1]) == pytest.approx(0.25, abs=1e-9)
-    with pytest.raises(fa.InputError, match="contacts must be a list of Contact"):
+    with pytest.raises(fa.InputError, match="contact must be a Contact"):
         fa.contact_event(arm, "wall")

@@ -243,6 +243,9 @@ def sliding():
     return arm, fa.pressed_motion(arm, line, asked_force, NORMAL, friction=0.2)
 
 
+# On a wall three times as stiff the loop of the soft arm is unstable at the start, without friction
+# by a tenth of a second's vibration; along the wall it becomes stable.
+@pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @pytest.mark.parametrize(
     ("plant", "contact", "limit"),
     [

@@ -145,7 +145,7 @@ def test_it_says_where_links_bend_too_far(method, theory):
         result = fa.simulate_separated(arm, paper_line(arm, 0.7), method=method)
     assert caught[0].filename == __file__
     assert result.attrs["warning"] == str(caught[0].message)
-    assert "linear deviations take that for small" in result.attrs["warning"]
+    assert "linear deviations misplace the tip by about" in result.attrs["warning"]
     bent = np.abs(result.link_tip_deflection.values).max(axis=0) / [1.4142, 1.0]
     assert bent.max() > 0.1
 

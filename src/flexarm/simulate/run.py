@@ -196,8 +196,7 @@ def simulate(
     fault = sample_fault(duration, rate)
     if fault is not None:
         raise InputError(fault.problem(where))
-    stations = check_count(where, "stations", stations, least=0, most=MOST_STATIONS)
-    if stations:
+    if type(stations) is not int or stations != 0:
         stations = check_stations(where, stations)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     log = event_log(where, simulated, events)
@@ -268,6 +267,8 @@ def _open_loop(
     try:
         run_through_impacts(run, history_of)
     except SimulationError as error:
+        if run.history is None:  # a function of time failed before anything was computed
+            raise
         failure = error
     assert run.history is not None
     result = _result(run, run.history, choice, started, str(failure or ""))

@@ -154,11 +154,11 @@ def growth(controller):
     return max(controller.loop_poles(plant, POSTURE)[0].real for plant in plants)
 
 
+# The soft and heavy arm sags by a tenth of its length: beyond the theory, and no matter here.
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("kind", [fa.LQG, fa.Composite, fa.MPC])
 def test_designs_for_an_uncertain_rigidity_are_stable_on_other_arms(kind):
     options = {"torque_limit": 200.0, "sample_time": 2e-3} if kind is fa.MPC else {}
-    if kind is fa.MPC:
-        pytest.importorskip("osqp")
     plain = kind(robust_arm(), POSTURE, **options)
     # Composite leaves the bend to the fast part alone, and needs more.
     unsure = {"rigidity_uncertainty": 1.0, "recovery": 1.0} if kind is fa.Composite else {}
@@ -185,6 +185,7 @@ def test_composite_has_its_bandwidth_against_gravity():
     np.testing.assert_allclose(decay[:4], 2.0, atol=1.0)
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_a_design_for_a_margin_keeps_it_or_says_what_it_reaches():
     plants = {name: robust_arm(*change) for name, change in list(PLANTS.items())[-1:]}
     made = fa.LQG.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=0.2)

@@ -277,7 +277,7 @@ def test_a_full_disk_costs_the_cache_and_nothing_else(sandbox):
     full = (
         "import errno, os\n"
         "from flexarm.kernels import code_cache\n"
-        "def full(*_):\n"
+        "def full(*_, **__):\n"
         "    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))\n"
         "code_cache.replace_file = full\n"
     )
@@ -288,6 +288,7 @@ def test_a_full_disk_costs_the_cache_and_nothing_else(sandbox):
 
 INTERRUPTED = """
 import os, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it in background jobs
 from numba.core import event
 from flexarm.kernels import cache
 

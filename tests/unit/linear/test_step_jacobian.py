@@ -133,6 +133,8 @@ def test_it_is_the_step_that_simulate_takes(method):
     np.testing.assert_allclose(run.qd.values[-1], after.qd, rtol=1e-12, atol=1e-12)
 
 
+# Numbers are compared, not judged: the soft links hang down far.
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_a_step_longer_than_its_fast_modes():
     """What implicit steps are for: 40 radians of the fastest mode at once, with its derivative."""
     arm = an_arm()
