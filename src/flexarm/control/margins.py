@@ -14,9 +14,9 @@ from flexarm.contacts import Contact
 from flexarm.control.base import Controller, Reference, controller_problem, needs_of
 from flexarm.control.hardware import Hardware
 from flexarm.control.instruments import Instrument
-from flexarm.control.linear_controller import HeldReference, has_memory
+from flexarm.control.linear_controller import HeldReference, memory_of
 from flexarm.control.measurement import FloatArray
-from flexarm.control.plant_model import instruments_of, loop_of, model_at, signals_of
+from flexarm.control.plant_model import instruments_of, loop_of, model_at, signals_of, sliding
 from flexarm.control.sampled_loop import ComplexArray, SampledLoop
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.linear.signals import CHANNEL_OUTPUTS
@@ -66,6 +66,7 @@ def loop_at(
         EquilibriumError: if the arm has no rest there.
     """
     own = getattr(controller, "arm", None)
+    own = own if isinstance(own, Arm) else None
     arm = plant if plant is not None else own
     assert isinstance(arm, Arm)
     still = HeldReference(reference, t) if reference is not None else None
@@ -75,13 +76,14 @@ def loop_at(
         more = [name for name in needs_of(controller, arm, still).measured if name not in names]
         instruments += [Instrument(name) for name in more if name in CHANNEL_OUTPUTS]
     signals = signals_of(instruments)
+    rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
     model = model_at(arm, posture, signals, contacts)
     believed = None
-    if isinstance(own, Arm) and own is not arm:
-        believed = model_at(own, posture, signals, contacts)
+    if mine_of is not arm:
+        believed = model_at(mine_of, posture, signals, contacts)
     stay = getattr(controller, "at_rest", None)
     mine = stay() if callable(stay) else controller
-    return loop_of(mine, model, instruments, hardware, still, t, believed)
+    return loop_of(mine, model, instruments, hardware, still, t, believed, rate)
 
 
 def loop_margins(
@@ -96,7 +98,8 @@ def loop_margins(
     """Return gain, phase, delay and disk margins of a sampled loop, at one motor at a time.
 
     The loop is linearised about the arm at rest and opened at the torque of one joint while the
-    others stay closed. Sampling, the hold, delays and filters are exact.
+    others stay closed. Sampling, the hold, delays and filters are exact. Joints have viscous
+    friction only: near rest, dry friction would count as a damper that moving joints do not have.
 
     Args:
         controller: a controller that declares its ``memory``; all built-in ones do but
@@ -165,7 +168,7 @@ def _plants(
     problem = controller_problem(_WHERE, "controller", controller)
     if problem is not None:
         raise InputError(problem)
-    if not has_memory(controller):
+    if memory_of(controller) is None:
         rule = "declare its memory, the names of what it keeps between samples"
         raise InputError(Problem(_WHERE, "controller", rule, type(controller).__name__))
     own = getattr(controller, "arm", None)
