@@ -18,6 +18,7 @@ from flexarm.arguments import (
     check_times,
 )
 from flexarm.arm import Arm
+from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.gains import Gains
 from flexarm.control.innovation_test import WINDOW, InnovationTest
 from flexarm.control.instruments import Instrument
@@ -365,6 +366,13 @@ class ExtendedKalmanFilter:
         if not any(arm.spec.gravity):
             q = arm.rest(angles)
             return q, np.zeros_like(q)
+        with one_warning() as bent:
+            found = self._rests(angles)
+        warn_of_first(bent, 5)
+        return found
+
+    def _rests(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+        arm = self.arm
         q = equilibrium(arm, angles).q
         if self.payload_deviation == 0.0:
             return q, np.zeros_like(q)

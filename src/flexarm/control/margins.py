@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
+from flexarm.bending import one_warning, warn_of_first
 from flexarm.contacts import Contact
 from flexarm.control.base import Controller, Reference, controller_problem, needs_of
 from flexarm.control.hardware import Hardware
@@ -127,6 +128,9 @@ def loop_margins(
             own, or an argument has the wrong shape.
         EquilibriumError: if an arm has no rest in a posture.
 
+    Warns:
+        LargeDeflectionWarning: a link of an arm bends too far at rest, once for all of them.
+
     Seiler, Packard and Gahinet 2020 for the disk margin.
     """
     import xarray as xr
@@ -136,10 +140,13 @@ def loop_margins(
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth = np.zeros(shape[:2])
+    bent: list[str] = []
     bare = [replace(contact, friction=0.0) for contact in contacts]
     for i, arm in enumerate(arms.values()):
         for k, (t, posture) in enumerate(places):
-            loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
+            with one_warning() as kept:
+                loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
+            bent += kept
             if len(loop.plant.A) > 1:
                 rule = "have no instruments with a sample_time of their own"
                 raise InputError(Problem(_WHERE, "hardware", rule, "one with such"))
@@ -147,6 +154,7 @@ def loop_margins(
             margins = _margins_of(loop, bool(growth[i, k] < _MARGINAL))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
+    warn_of_first(bent)
     first = next(iter(arms.values()))
     table = xr.Dataset(coords={"plant": names, "joint": list(first.joint_numbers)})
     angles = np.array([posture for _, posture in places])

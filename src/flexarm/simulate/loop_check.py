@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.bending import one_warning
 from flexarm.contacts import Contact, place_contacts
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.control.base import needs_of
@@ -68,9 +69,10 @@ def instability(
     bare = [replace(contact, friction=0.0) for contact in contacts]
     for t, when in _times(reference, duration):
         try:
-            growth, frequency, size = _worst(
-                (arm, plant), controller, reference, hardware, bare, initial, t, instruments
-            )
+            with one_warning():  # The run reports its own states.
+                growth, frequency, size = _worst(
+                    (arm, plant), controller, reference, hardware, bare, initial, t, instruments
+                )
         except MemoryNameError:
             raise
         except Exception:  # No rest, or a controller that fails there: the run itself reports that.
