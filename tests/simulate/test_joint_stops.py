@@ -185,3 +185,12 @@ def test_a_second_run_finds_its_events_once():
     assert result.ended_by == exact.ended_by
     np.testing.assert_allclose(result.event_time, exact.event_time, rtol=0, atol=1e-6)
     assert result.sizes["time"] == exact.sizes["time"]
+
+
+def test_a_closed_loop_counts_the_steps_that_meet_stops():
+    """It is made once: its result says that impacts may have amplified errors."""
+    controller = fa.JointPD(0.0, 0.0, feedforward=lambda t: [1.0])
+    loop = fa.simulate(bouncing(), 0.5, controller=controller, rate=500.0)
+    assert loop.impact_steps >= 1
+    assert loop.rtol == 1e-7
+    assert fa.simulate(arm(), 0.05, initial_rate=[1.0]).impact_steps == 0
