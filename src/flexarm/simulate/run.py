@@ -197,8 +197,7 @@ def simulate(
     if simulated.joints != arm.joints:
         rule = f"have the {arm.joints} joints of the arm"
         raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
-    fault = sample_fault(duration, rate)
-    if fault is not None:
+    if (fault := sample_fault(duration, rate)) is not None:
         raise InputError(fault.problem(where))
     if type(stations) is not int or stations != 0:
         stations = check_stations(where, stations)
@@ -358,8 +357,7 @@ def _check_objects(
         raise InputError(Problem(where, "hardware", rule, value))
     if controller is None:
         return
-    problem = controller_problem(where, "controller", controller)
-    if problem is not None:
+    if (problem := controller_problem(where, "controller", controller)) is not None:
         raise InputError(problem)
     check_positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
 
