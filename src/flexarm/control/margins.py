@@ -9,10 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.contacts import Contact
-from flexarm.control.base import Controller, Reference, controller_problem, needs_of
+from flexarm.control.base import (
+    Controller,
+    Reference,
+    check_reference,
+    controller_problem,
+    needs_of,
+)
 from flexarm.control.hardware import Hardware
 from flexarm.control.instruments import Instrument
 from flexarm.control.linear_controller import HeldReference, memory_of
@@ -135,6 +142,11 @@ def loop_margins(
     """
     import xarray as xr
 
+    if hardware is not None:
+        check_kind(_WHERE, "hardware", hardware, Hardware)
+    contacts = check_list_of(_WHERE, "contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(_WHERE, reference)
     arms = _plants(controller, plants)
     places = _places(controller, next(iter(arms.values())), postures, reference)
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
@@ -188,7 +200,7 @@ def _plants(
     elif isinstance(plants, Mapping):
         named = dict(plants)
     else:
-        listed = [plants] if isinstance(plants, Arm) else list(plants)
+        listed = [plants] if isinstance(plants, Arm) else as_list(plants) or []
         named = {str(k): arm for k, arm in enumerate(listed, start=1)}
     joints = [arm.joints for arm in named.values() if isinstance(arm, Arm)]
     if not named or len(joints) < len(named) or len(set(joints)) > 1:
@@ -206,15 +218,19 @@ def _places(
     """Return times (s) of the reference and postures (joints,) to linearise at."""
     if reference is not None:
         given = getattr(reference, "start_time", 0.0) if postures is None else postures
-        times = check_array(_WHERE, "postures", np.atleast_1d(np.asarray(given)), (-1,))
+        times = np.atleast_1d(check_each(_WHERE, "postures", given))
+        if not times.size:
+            raise InputError(Problem(_WHERE, "postures", "hold one time at least", "empty"))
         return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
     if postures is None:
         designs = getattr(controller, "designs", ())
         listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
         return [(0.0, posture) for posture in listed]
-    angles = np.asarray(postures)
+    angles = check_numbers(_WHERE, "postures", postures, "be numbers of shape (any, joints)")
     angles = angles[None] if angles.ndim == 1 else angles
     checked = check_array(_WHERE, "postures", angles, (-1, arm.joints))
+    if not len(checked):
+        raise InputError(Problem(_WHERE, "postures", "hold one posture at least", "empty"))
     return [(0.0, posture) for posture in checked]
 
 

@@ -244,3 +244,32 @@ def test_one_call_warns_once_of_bending(call):
         call(soft(5.0))
     assert len(caught) == 1
     assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"plants": 3}, "plants must be arms"),
+        ({"plants": "x"}, "plants must be arms"),
+        ({"hardware": 3}, "hardware must be a Hardware, but is 3"),
+        ({"contacts": None}, "contacts must be a list of Contact objects, but is nothing"),
+        ({"reference": "x"}, "reference must have the methods"),
+        ({"postures": [[0.1], [0.1, 0.2]]}, "postures must be numbers of shape"),
+        ({"postures": []}, "postures must be numbers of shape"),
+        ({"postures": np.zeros((0, 2))}, "postures must hold one posture at least"),
+        ({"postures": "x"}, "postures must be numbers of shape"),
+    ],
+)
+def test_arguments_of_the_wrong_kind_are_refused(given, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.loop_margins(fa.JointPD(3.0, 0.3), **{"plants": two_links(), **given})
+
+
+def test_times_and_plants_of_the_wrong_kind_are_refused():
+    arm = two_links()
+    motion = fa.joint_motion(arm, [0.1, 0.2], [0.2, 0.3], 1.0)
+    for postures, message in (([], "at least"), ("x", "postures"), ([[0.1], [0.1, 0.2]], "post")):
+        with pytest.raises(fa.InputError, match=message):
+            fa.loop_margins(fa.JointPD(3.0, 0.3), arm, postures, reference=motion)
+    with pytest.raises(fa.InputError, match=r"LQG\.for_margin: plants must be a list of Arm"):
+        fa.LQG.for_margin(arm, plants=3)
