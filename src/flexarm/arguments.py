@@ -223,23 +223,32 @@ def _plain_array(value: object) -> NDArray[Any] | None:
     return array if array.dtype.kind == "c" else array.astype(np.float64, copy=False)
 
 
-def check_times(
-    where: str, name: str, value: object, rule: str = "be a time or an array of times"
+def check_numbers(
+    where: str, name: str, value: object, rule: str = "be a number or an array of numbers"
 ) -> NDArray[np.float64]:
-    """Return a time or times as a float64 array of any shape; infinite ones are allowed.
+    """Return a float64 array of any shape; infinite numbers are allowed.
 
     Args:
-        rule: what the argument must be, for other numbers than times.
+        rule: what the argument must be, for the message.
 
     Raises:
         InputError: if the value is not made of real numbers, or holds NaN.
     """
     import numpy as np
 
-    times = _plain_array(value)
-    if times is None or times.dtype.kind == "c" or np.isnan(times).any():
+    numbers = _plain_array(value)
+    if numbers is None or numbers.dtype.kind == "c" or np.isnan(numbers).any():
         raise InputError(Problem(where, name, rule, shown(value)))
-    return times
+    return numbers
+
+
+def check_times(where: str, name: str, value: object) -> NDArray[np.float64]:
+    """Return a time or times as a float64 array of any shape; infinite ones are allowed.
+
+    Raises:
+        InputError: if the value is not made of real numbers, or holds NaN.
+    """
+    return check_numbers(where, name, value, "be a time or an array of times")
 
 
 def check_dataset(where: str, name: str, value: object) -> xr.Dataset:

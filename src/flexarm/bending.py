@@ -33,7 +33,8 @@ _LARGEST = 1e6
 _CHUNK = 4096
 
 _PAGE = "see docs/how-to/large-deflection.md."
-_QUIET: ContextVar[bool] = ContextVar("flexarm_bending_quiet", default=False)
+#: Warnings kept by the innermost ``one_warning``; None outside of it.
+_KEPT: ContextVar[list[str] | None] = ContextVar("flexarm_bending_kept", default=None)
 
 
 class BendingErrors:
@@ -173,16 +174,25 @@ def warn_of_bending(arm: Arm, q: FloatArray, stacklevel: int = 3) -> None:
         q: (dof,), or (samples, dof).
         stacklevel: as in ``warnings.warn``; 3 points at the caller of the function that calls this.
     """
-    warning = "" if _QUIET.get() else bending_warning(arm, q)
-    if warning:
+    warn_of_first([bending_warning(arm, q)], stacklevel + 1)
+
+
+def warn_of_first(warnings_kept: list[str], stacklevel: int = 3) -> None:
+    """Warn of the first text that is not empty, as `warn_of_bending` does."""
+    warning = next(filter(None, warnings_kept), "")
+    kept = _KEPT.get()
+    if kept is not None:
+        kept.append(warning)
+    elif warning:
         warnings.warn(warning, LargeDeflectionWarning, stacklevel=stacklevel)
 
 
 @contextmanager
-def one_warning() -> Iterator[None]:
-    """Keep calls within silent: the caller reports the states of all of them itself."""
-    token = _QUIET.set(True)
+def one_warning() -> Iterator[list[str]]:
+    """Keep the warnings of the calls within, in a list, for the caller to report one itself."""
+    kept: list[str] = []
+    token = _KEPT.set(kept)
     try:
-        yield
+        yield kept
     finally:
-        _QUIET.reset(token)
+        _KEPT.reset(token)

@@ -312,3 +312,27 @@ def test_what_is_wrong_with_what_all_runs_share(tmp_path, old, new, words):
     assert outcome.exit_code == 2, outcome.output
     assert words in outcome.stderr
     assert "Traceback" not in outcome.output + outcome.stderr
+
+
+def test_an_inconsistent_estimator_is_reported_by_run_and_compare(tmp_path):
+    """Its force or payload is four times what the filter believes."""
+    arm = STUDY[: STUDY.index("motions:")]
+    motion = "{kind: joint, start: [0.2, -0.4], end: [0.5, 0.0], duration: 0.3}"
+    drive = (
+        "{kind: estimator, estimator: {torque_noise: 0.001}, "
+        "inner: {kind: joint_pd, proportional: [20, 8], derivative: [2, 0.8]}}"
+    )
+    rest = "hardware:\n  instruments: [{signal: joint_angle, noise: 0.0001}]\n"
+    rest += "run: {duration: 0.4, rate: 200}\n"
+    files = {
+        "run": f"motion: {motion}\ndrive: {drive}\n"
+        "loads: [{link: 2, station: 0.6, force: [0.0, 5.0]}]\n",
+        "compare": f"motions: {{there: {motion}}}\ndrives: {{estimated: {drive}}}\n"
+        "plants: {heavy: {payload_factor: 4.0}}\n",
+    }
+    for command, text in files.items():
+        path = tmp_path / f"{command}.yaml"
+        path.write_text(arm + text + rest)
+        result = call(command, path)
+        assert result.exit_code == 0, result.stderr
+        assert result.stderr.count("the estimator is inconsistent") == 1

@@ -269,6 +269,22 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "write_result": {"result": result, "path": lambda: folder() / "written.nc"},
 }
 
+#: Functions of ``fa.plot``.
+FIGURES: dict[str, dict[str, Any]] = {
+    "comparison_figure": {
+        "table": cache(lambda: fa.compare(arm(), {"pd": controller()}, 0.01, {"line": motion()}))
+    },
+    "modes_figure": {"modes": cache(lambda: fa.modes(arm())), "count": 2},
+    "response_figure": {
+        "model": cache(lambda: fa.linearize(arm(), outputs=["joint_angle"])),
+        "omega": [1.0, 10.0],
+    },
+    "signals_figure": {"result": result},
+    "tracks_figure": {
+        "tracks": cache(lambda: fa.track_modes(arm(), [start, end], count=2, samples=2))
+    },
+}
+
 #: Methods of what these make: the object, then arguments by method.
 _UPDATE = {
     "needs": {"arm": arm, "reference": motion},

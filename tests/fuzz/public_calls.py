@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import flexarm as fa
+import flexarm.plot
 from flexarm.model.checks import Record
-from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
+from fuzz.base_calls import CONTROLLERS, FIGURES, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
 
 #: Classes whose methods are called by a run.
 _CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")
@@ -22,6 +23,11 @@ def calls() -> dict[str, Callable[[], Call]]:
     made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS}
     for name, given in made.items():
         found[name] = lambda name=name, given=given: (getattr(fa, name), _values(given))
+    for name, given in FIGURES.items():
+        found[f"plot.{name}"] = lambda name=name, given=given: (
+            getattr(fa.plot, name),
+            _values(given),
+        )
     for owner, (make, methods) in METHODS.items():
         for method, given in methods.items():
             found[f"{owner}.{method}"] = lambda make=make, method=method, given=given: (
@@ -50,7 +56,8 @@ def parameters(name: str, function: Callable[..., Any]) -> list[str]:
 
 
 def public_names() -> Iterator[str]:
-    """Yield the public names, and the public methods of what has a public class."""
+    """Yield the public names, those of figures, and public methods of what has a public class."""
+    yield from (f"plot.{name}" for name in fa.plot.__all__)
     for name in fa.__all__:
         value = getattr(fa, name)
         if isinstance(value, type) and issubclass(value, Exception):  # errors and warnings

@@ -90,3 +90,20 @@ def check_message(error: fa.FlexarmError) -> None:
 def test_wrong_values_raise_errors_that_name_them(call):
     name, wrong = call
     check_call(name, wrong)
+
+
+@pytest.mark.parametrize("value", sorted(WRONG))
+@pytest.mark.parametrize(
+    ("name", "argument"),
+    [
+        ("plot.comparison_figure", "table"),
+        ("plot.modes_figure", "modes"),
+        ("plot.modes_figure", "count"),
+        ("plot.response_figure", "model"),
+        ("plot.response_figure", "omega"),
+        ("plot.signals_figure", "result"),
+        ("plot.tracks_figure", "tracks"),
+    ],
+)
+def test_figures_of_wrong_values_raise_errors_that_name_them(name, argument, value):
+    check_call(name, {argument: value})

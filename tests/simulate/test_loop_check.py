@@ -177,3 +177,122 @@ def test_force_controllers_are_stable_with_encoders_of_17_bits(kind, rigidity, p
     assert float(found.disk_margin.min()) > 0.1
     text = instability(arm, plant, kind(arm), reference, ENCODERS, [wall], reference.initial, 4.0)
     assert text == ""
+
+
+def test_dry_friction_hides_no_instability():
+    """At rest it looks like a damper of 100 N m s/rad, which no moving joint has."""
+    arm = paper_arm(friction=fa.Friction(coulomb=1.0))
+    with (
+        pytest.warns(fa.UnstableLoopWarning, match="at the start"),
+        pytest.raises(fa.SimulationError, match="The sampled loop is unstable"),
+    ):
+        fa.simulate(arm, 0.2, controller=fa.JointPD(*GAINS), reference=straight(arm))
+    margins = fa.loop_margins(fa.JointPD(*GAINS), arm, [0.3, 0.8])
+    assert float(margins.growth.max()) > 100.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers"), [(fa.ComputedTorque, (1.0, 0.7)), (fa.SlidingMode, (5.0, 0.5))]
+)
+def test_compensated_friction_is_no_instability(kind, numbers):
+    """The controller takes off what the joints add: neither of them counts."""
+    arm = paper_arm(hub_inertia=0.5, friction=fa.Friction(coulomb=2.0, static=3.0)).rigid()
+    controller = kind(arm, *numbers)
+    reference = fa.joint_motion(arm, [0.3, 0.8], [0.4, 0.9], 1.0)
+    text = instability(arm, arm, controller, reference, None, (), reference.joint_angle(0.0), 1.0)
+    assert text == ""
+    plain = paper_arm(hub_inertia=0.5).rigid()
+    without = kind(plain, *numbers)
+    growth = [
+        fa.loop_margins(one, of, [0.0], reference=reference).growth.values
+        for one, of in ((controller, arm), (without, plain))
+    ]
+    # Slopes of the controller are differences over 1e-5 about joint rates of 0.4 rad/s.
+    np.testing.assert_allclose(*growth, rtol=1e-4, atol=1e-4)
+
+
+class Integrating(fa.JointPD):
+    """A user's controller, which keeps more than the class that it derives from."""
+
+    def reset(self):
+        self.integral = np.zeros(2)
+
+    def update(self, t, measurement, reference):
+        self.integral += 1e-3 * measurement.joint_angle
+        return np.asarray(super().update(t, measurement, reference)) - 50.0 * self.integral
+
+
+def test_a_declaration_of_memory_holds_for_the_class_that_computes():
+    arm = paper_arm(hub_inertia=0.1)
+    start = arm.rest([0.3, 0.8])
+    too_hard = Integrating([4.0, 1.0], [0.5, 0.05])
+    assert instability(arm, arm, too_hard, None, None, (), start, 1.0) == ""
+    with pytest.raises(fa.InputError, match="declare its memory"):
+        fa.loop_margins(too_hard, arm)
+
+    class Declared(Integrating):
+        memory = ("integral",)
+
+    declared = Declared([4.0, 1.0], [0.5, 0.05])
+    assert "unstable" in instability(arm, arm, declared, None, None, (), start, 1.0)
+    observed = fa.DisturbanceObserver(arm, declared)
+    assert observed.memory[-1] == "inner.integral"
+    assert fa.DisturbanceObserver(arm, too_hard).memory is None
+
+
+class Stubborn(fa.Controller):
+    """Works in a run, and not in an analysis."""
+
+    sample_time = 1e-3
+    memory = ()
+
+    def __init__(self, fault):
+        from threading import Lock
+
+        self.calls, self.fault = 0, fault
+        self.lock = Lock() if fault == "copy" else None
+
+    def update(self, t, measurement, reference):
+        if self.fault == "update" and abs(float(measurement.joint_angle[0])) > 1e-6:
+            raise ValueError("not mine")
+        return [0.0, 0.0]
+
+
+@pytest.mark.parametrize("fault", ["copy", "update"])
+def test_the_analysis_ends_no_run(fault):
+    arm = paper_arm(hub_inertia=0.1)
+    run = fa.simulate(arm, 0.01, controller=Stubborn(fault))
+    assert run.attrs["failure"] == ""
+    assert run.attrs["unstable_loop"] == ""
+
+
+@pytest.mark.parametrize(
+    ("memory", "message"),
+    [
+        (("integrall",), "memory must name attributes of the controller, but is 'integrall'"),
+        (("name",), "memory must name numbers and arrays, which 'name' is not"),
+        ("integral", "memory must be a tuple of names"),
+    ],
+)
+def test_memory_that_names_nothing_is_refused(memory, message):
+    arm = paper_arm(hub_inertia=0.1)
+    controller = Integrating([4.0, 1.0], [0.5, 0.05])
+    controller.memory = memory
+    with pytest.raises(fa.InputError, match=message):
+        fa.simulate(arm, 0.01, controller=controller)
+    with pytest.raises(fa.InputError, match=message):
+        fa.loop_margins(controller, arm)
+
+
+def test_frames_that_never_meet_are_not_analysed():
+    """97, 101 and 103 ms at 1 ms: a period of a million samples."""
+    arm = paper_arm(hub_inertia=0.1)
+    frames = {"joint_angle": 0.097, "joint_rate": 0.101, "tip": 0.103}
+    hardware = fa.Hardware([fa.Instrument(k, sample_time=v) for k, v in frames.items()])
+    controller = fa.JointPD([4.0, 1.0], [0.5, 0.05])
+    start = arm.rest([0.3, 0.8])
+    assert instability(arm, arm, controller, None, hardware, (), start, 1.0) == ""
+    late = fa.Hardware(motors=fa.Motors(delay=10.0))
+    assert instability(arm, arm, controller, None, late, (), start, 1.0) == ""
+    with pytest.raises(fa.InputError, match="frames"):
+        fa.loop_margins(controller, arm, hardware=hardware)

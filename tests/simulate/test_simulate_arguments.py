@@ -113,6 +113,8 @@ def broken(**attributes):
         ({"torque": np.zeros((5, 1))}, "torque must hold at least"),
         ({"torque": np.zeros((200, 1)), "torque_interpolation": "spline"}, "torque_interpolation"),
         ({"tip_force": [1.0]}, "tip_force must be"),
+        ({"breaks": "x"}, "breaks must be numbers"),
+        ({"torque_interpolation": "x"}, "torque_interpolation must be one of"),
     ],
 )
 def test_nonsense_is_refused_in_one_form(arguments, message):

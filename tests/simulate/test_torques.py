@@ -293,3 +293,25 @@ def test_constant_tip_force():
     np.testing.assert_allclose(result.kinetic_energy.values, work, rtol=0, atol=1e-10)
     with pytest.raises(fa.InputError, match="tip_force"):
         fa.simulate(arm, 1.0, tip_force=[1.0])
+
+
+@pytest.mark.parametrize("place", [0.4, 0.42])
+def test_breaks_part_the_cubic_through_samples(place):
+    """A small bend that ``find_kinks`` takes for curvature: a cubic across it would ring."""
+    rate, times = 20.0, np.arange(21) / 20.0
+
+    def bent(t):
+        return np.sin(3.0 * t) + 3.0 * np.maximum(t - 0.4, 0.0)
+
+    fine = np.linspace(0.0, 1.0, 2001)
+    errors = [
+        np.abs(
+            sampled_torque(bent(times)[:, None], rate, 1.0, 1, "cubic", given).at(fine)[:, 0]
+            - bent(fine)
+        )
+        for given in ((), (place,))
+    ]
+    near = (fine > 0.4) & (fine < 0.45)
+    assert errors[1][~near].max() < 0.1 * errors[0][~near].max()
+    # Between two samples: the straight line has an error of h^2 / 8 times the curvature.
+    assert errors[1][near].max() < (1e-4 if place == 0.4 else 9.0 * 0.05**2 / 8)

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import UnstableLoopWarning
+from flexarm.errors import FlexarmWarning
 from flexarm.model import locate_study
 from flexarm.output import (
     FIGURE_SUFFIXES,
@@ -60,7 +60,7 @@ def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
     with warnings.catch_warnings():  # told below, beside the names of the runs
-        warnings.simplefilter("ignore", UnstableLoopWarning)
+        warnings.simplefilter("ignore", FlexarmWarning)
         table = prepared.run()
     screen = console()
     for reference in table["reference"].values:

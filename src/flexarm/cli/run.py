@@ -14,6 +14,7 @@ from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
 from flexarm.simulate import prepare
+from flexarm.simulate.compare import INCONSISTENT, inconsistent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,6 +49,8 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
     for name in ("unstable_loop", "warning"):
         if result.attrs[name]:
             warn(result.attrs[name])
+    if inconsistent(result):
+        warn(INCONSISTENT)
     if out is not None:
         write_result(result, out)
         screen.print(f"result in {out}", soft_wrap=True)

@@ -19,6 +19,7 @@ from flexarm.control.base import (
     report_of,
 )
 from flexarm.control.gains import Gains
+from flexarm.control.linear_controller import memory_of
 from flexarm.control.needs import JOINTS
 from flexarm.control.rigid_parameters import RigidParameters
 
@@ -59,13 +60,18 @@ class DisturbanceObserver(Controller):
         if self.compensation > 1.0:
             gains.refuse("compensation", "be at most 1", compensation)
         gains.done()
-        inside = getattr(inner, "memory", None)
-        if inside is not None:
-            self.memory = ("_estimate", "_last", "_asked", *(f"inner.{name}" for name in inside))
         self._model = RigidParameters("DisturbanceObserver", arm)
         self._estimate = np.zeros(arm.joints)
         self._last: FloatArray | None = None
         self._asked = np.zeros(arm.joints)
+
+    @property
+    def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
+        """What it keeps between samples, if the inner controller declares that too."""
+        inside = memory_of(self.inner)
+        if inside is None:
+            return None
+        return ("_estimate", "_last", "_asked", *(f"inner.{name}" for name in inside))
 
     @property
     def sample_time(self) -> float:

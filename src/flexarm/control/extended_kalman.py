@@ -15,9 +15,10 @@ from flexarm.arguments import (
     check_list_of,
     check_mapping,
     check_nonnegative,
-    check_times,
+    check_numbers,
 )
 from flexarm.arm import Arm
+from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.gains import Gains
 from flexarm.control.innovation_test import WINDOW, InnovationTest
 from flexarm.control.instruments import Instrument
@@ -29,9 +30,9 @@ from flexarm.control.payload_hypotheses import (
     reduced,
     split,
 )
-from flexarm.control.predicted_readings import PredictedReadings
+from flexarm.control.predicted_readings import LARGEST, PredictedReadings
 from flexarm.control.rigid_model import RigidModel
-from flexarm.errors import InconsistentEstimateWarning, InputError, Problem, check_array
+from flexarm.errors import InconsistentEstimateWarning, InputError, Problem, check_array, shown
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.sampled_step import SampledStep
 from flexarm.model.variation import varied_spec
@@ -179,26 +180,36 @@ class ExtendedKalmanFilter:
         """Begin at an estimate (dof,), (dof,), kg with a covariance, in place of the first reading.
 
         Raises:
-            InputError: if a shape is wrong, a number NaN or infinite, or the mass negative.
+            InputError: if a shape is wrong, a number NaN, infinite or above 1e9, or the mass
+                negative.
         """
         where, size = "ExtendedKalmanFilter.begin", 2 * self.arm.dof + 1
         parts = [check_array(where, n, v, (self.arm.dof,)) for n, v in (("q", q), ("qd", qd))]
         mass = check_nonnegative(where, "payload_mass", payload_mass)
         given = check_array(where, "covariance", covariance, (size, size))
+        for name, numbers in (("payload_mass", mass), ("covariance", given)):
+            if np.max(np.abs(numbers)) > LARGEST:
+                rule = f"be at most {LARGEST:g}"
+                raise InputError(Problem(where, name, rule, shown(float(np.max(np.abs(numbers))))))
         self._start(np.concatenate([*parts, [mass]]), given)
 
     def correct(self, measurement: Measurement) -> None:
         """Take the readings of this moment.
 
         Raises:
-            InputError: if it is not a `Measurement`.
+            InputError: if it is not a `Measurement`, a reading has the wrong shape, is not finite
+                or above 1e9, or the estimate has diverged.
         """
-        check_kind("ExtendedKalmanFilter.correct", "measurement", measurement, Measurement)
+        where = "ExtendedKalmanFilter.correct"
+        check_kind(where, "measurement", measurement, Measurement)
         from scipy.linalg import cho_factor, cho_solve
 
+        readings = self._readings.stacked(where, measurement)
         if not self._begun:
             self._begin(measurement)
-        readings = self._readings.stacked(measurement)
+        if not all(np.isfinite(part.x).all() and np.isfinite(part.P).all() for part in self._parts):
+            hint = "Correct the arm, the readings or the torques, and call reset."
+            raise InputError(Problem(where, "the estimate", "be finite", "infinite", hint))
         # Weights before the readings: those of the prediction.
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
@@ -254,12 +265,12 @@ class ExtendedKalmanFilter:
         given_by_name = check_mapping(where, "readings", readings, "names and readings")
         arrays = {}
         for item in self.instruments:
-            name, rule = f"readings[{item.label!r}]", "be an array of numbers"
-            given = check_times(where, name, given_by_name.get(item.label, ()), rule)
+            name = f"readings[{item.label!r}]"
+            given = check_numbers(where, name, given_by_name.get(item.label, ()))
             if given.ndim == 0 or len(given) != len(held):
                 rule = f"hold {item.label!r} with one row for each of the {len(held)} torques"
                 raise InputError(Problem(where, "readings", rule, f"of shape {given.shape}"))
-            arrays[item.label] = given
+            arrays[item.label] = check_array(where, name, given, (-1,) * given.ndim)
         self.reset()
         kept = []
         for k in range(len(held)):
@@ -365,6 +376,13 @@ class ExtendedKalmanFilter:
         if not any(arm.spec.gravity):
             q = arm.rest(angles)
             return q, np.zeros_like(q)
+        with one_warning() as bent:
+            found = self._rests(angles)
+        warn_of_first(bent, 5)
+        return found
+
+    def _rests(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+        arm = self.arm
         q = equilibrium(arm, angles).q
         if self.payload_deviation == 0.0:
             return q, np.zeros_like(q)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_each, check_flag, check_mapping, check_positive, check_times
+from flexarm.arguments import check_each, check_flag, check_mapping, check_numbers, check_positive
 from flexarm.control.base import controller_problem
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -85,7 +85,7 @@ class Gains:
     def range(self, name: str, value: object) -> tuple[float, float]:
         """Return a lower and an upper bound; infinite ones are allowed."""
         try:
-            pair = check_times(self._where, name, value)
+            pair = check_numbers(self._where, name, value)
         except InputError:
             pair = np.zeros(0)
         if pair.shape != (2,) or not pair[0] <= pair[1]:
@@ -139,7 +139,7 @@ def check_limits(where: str, name: str, value: ArrayLike) -> FloatArray:
         InputError: one is zero, negative or NaN, or they are no numbers.
     """
     rule = "be a number greater than 0, or one for each joint"
-    numbers = check_times(where, name, value, rule)
+    numbers = check_numbers(where, name, value, rule)
     if numbers.ndim > 1 or not np.all(numbers > 0.0):
         raise InputError(Problem(where, name, rule, shown(value)))
     return numbers

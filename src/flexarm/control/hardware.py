@@ -9,7 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_count, check_kind, check_list_of, check_nonnegative, check_times
+from flexarm.arguments import (
+    check_count,
+    check_kind,
+    check_list_of,
+    check_nonnegative,
+    check_numbers,
+)
 from flexarm.control.gains import check_limits
 from flexarm.control.instruments import Instrument
 from flexarm.errors import InputError, Problem
@@ -94,9 +100,9 @@ class Motors:
     def allowed(self, torque: FloatArray, rate: FloatArray) -> FloatArray:
         """Return what of a torque (joints,) the motors can give at these joint rates (joints,)."""
         if getattr(torque, "dtype", None) != np.float64:
-            torque = check_times("Motors.allowed", "torque", torque, "be torques")
+            torque = check_numbers("Motors.allowed", "torque", torque, _OF_JOINTS)
         if getattr(rate, "dtype", None) != np.float64:
-            rate = check_times("Motors.allowed", "rate", rate, "be joint rates")
+            rate = check_numbers("Motors.allowed", "rate", rate, _OF_JOINTS)
         limit = _numbers(self.torque_limit)
         if self.torque_constant is not None:
             constant = _numbers(self.torque_constant)
@@ -108,6 +114,9 @@ class Motors:
                 least = constant * (-supply - constant * rate) / resistance
                 torque = np.clip(torque, least, most)
         return np.clip(torque, -limit, limit)
+
+
+_OF_JOINTS = "be numbers of shape (joints,)"
 
 
 def _numbers(value: ArrayLike | None) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from flexarm.control.base import Controller, Reference
 from flexarm.control.measurement import FloatArray, Measurement
+from flexarm.errors import InputError, Problem, shown
 
 #: Differences are taken over this, relative to numbers above one: central differences of smooth
 #: controllers are then exact to about 1e-9, and those of linear ones to rounding.
@@ -32,20 +33,23 @@ class LinearController(NamedTuple):
 
 
 class HeldReference:
-    """A reference that stays where another one is at one time: rates and accelerations are zero."""
+    """A reference that stays where another one is at one time: accelerations are zero.
+
+    Joint rates are ``rate`` (rad/s), although the angles stay.
+    """
 
     vectorized = True
 
-    def __init__(self, reference: Any, t: float) -> None:
-        self._reference, self._t = reference, t
+    def __init__(self, reference: Any, t: float, rate: float = 0.0) -> None:
+        self._reference, self._t, self._rate = reference, t, rate
 
     def joint_angle(self, t: Any) -> FloatArray:
         """Joint angles (joints,) or (T, joints), rad."""
         return _tiled(self._reference.joint_angle(self._t), t)
 
     def joint_rate(self, t: Any) -> FloatArray:
-        """Joint rates, zero."""
-        return 0.0 * self.joint_angle(t)
+        """Joint rates, all the same."""
+        return 0.0 * self.joint_angle(t) + self._rate
 
     def joint_acceleration(self, t: Any) -> FloatArray:
         """Joint accelerations, zero."""
@@ -66,9 +70,36 @@ def _tiled(value: Any, t: Any) -> FloatArray:
     return np.array(np.broadcast_to(value, np.shape(t) + value.shape))
 
 
-def has_memory(controller: object) -> bool:
-    """Tell whether a controller declares its memory, without which it cannot be linearised."""
-    return getattr(controller, "memory", None) is not None
+class MemoryNameError(InputError):
+    """A controller's ``memory`` does not name numbers that the controller has."""
+
+
+def memory_of(controller: object) -> tuple[str, ...] | None:
+    """Return the memory that a controller declares, None without a declaration.
+
+    A class that replaces ``update`` may keep other numbers than its base class. The declaration of
+    the base class does not count for it.
+
+    Raises:
+        MemoryNameError: if ``memory`` is not a tuple or list of names.
+    """
+    memory = getattr(controller, "memory", None)
+    if memory is None:
+        return None
+    if "memory" not in getattr(controller, "__dict__", {}):
+        for kind in type(controller).__mro__:
+            if "memory" in vars(kind):
+                break
+            if "update" in vars(kind):
+                return None
+    if not isinstance(memory, tuple | list) or not all(isinstance(name, str) for name in memory):
+        hint = 'Write memory = ("name",) for one attribute.'
+        raise MemoryNameError(_problem(controller, "be a tuple of names", shown(memory), hint))
+    return tuple(memory)
+
+
+def _problem(controller: object, rule: str, value: str, hint: str = "") -> Problem:
+    return Problem(type(controller).__name__, "memory", rule, value, hint)
 
 
 def linear_controller(
@@ -87,6 +118,9 @@ def linear_controller(
         measured: the readings by name, in the order of the columns of B and D.
         reference: one that stands still, see `HeldReference`; None for none.
         t: time of all updates, s.
+
+    Raises:
+        MemoryNameError: if ``memory`` names something that is not a number or an array.
     """
     mine = deepcopy(controller)
     mine.reset()
@@ -125,12 +159,21 @@ class _Memory:
 
     def __init__(self, controller: Any) -> None:
         self._places = []
-        for path in controller.memory:
+        for path in memory_of(controller) or ():
             *owners, name = path.split(".")
-            owner = reduce(getattr, owners, controller)
-            value = getattr(owner, name)
-            if value is not None:  # not in use
-                self._places.append((owner, name, np.shape(value)))
+            try:
+                owner = reduce(getattr, owners, controller)
+                value = getattr(owner, name)
+            except AttributeError:
+                hint = f"There is no attribute {path!r} after the first update."
+                rule = "name attributes of the controller"
+                raise MemoryNameError(_problem(controller, rule, shown(path), hint)) from None
+            if value is None:  # not in use
+                continue
+            if np.asarray(value).dtype.kind not in "iuf":
+                rule = f"name numbers and arrays, which {path!r} is not"
+                raise MemoryNameError(_problem(controller, rule, shown(value)))
+            self._places.append((owner, name, np.shape(value)))
 
     def read(self) -> FloatArray:
         """Return the numbers (n,)."""

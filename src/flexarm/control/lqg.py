@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_kind, check_nonnegative
 from flexarm.arm import Arm
+from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.flexible_model import FlexibleModel
 from flexarm.control.gains import check_sample_time
@@ -126,7 +127,9 @@ class LQG(Controller):
         self._model = FlexibleModel(arm)
         self._strains = strain_matrix(arm)
         self._grid = PostureGrid(where, self.posture, schedule)
-        self.sample_time = sample_time
+        with one_warning() as bent:
+            self.sample_time = sample_time
+        warn_of_first(bent, 3 if type(self).__init__ is LQG.__init__ else 4)
 
     @property
     def sample_time(self) -> float:
@@ -137,8 +140,10 @@ class LQG(Controller):
     def sample_time(self, value: float) -> None:
         where = type(self).__name__
         self._sample_time = check_sample_time(where, value)
-        self.designs = self._design_all(where)
+        with one_warning() as bent:
+            self.designs = self._design_all(where)
         self._prepare(where)
+        warn_of_first(bent)
 
     def _design_all(self, where: str) -> tuple[Design, ...]:
         return tuple(
@@ -311,7 +316,9 @@ class LQG(Controller):
         at = check_array(
             where, "posture", self.posture if posture is None else posture, (self.arm.joints,)
         )
-        poles: FloatArray = loop_at(self, plant, at).poles()
+        with one_warning() as bent:
+            poles: FloatArray = loop_at(self, plant, at).poles()
+        warn_of_first(bent)
         return poles
 
     @classmethod
@@ -340,7 +347,10 @@ class LQG(Controller):
         Raises:
             InputError: as the class; if no design has the margin: the best one found is named.
         """
-        return for_margin(cls, arm, posture, plants, disk_margin, postures, options)
+        with one_warning() as bent:
+            made = for_margin(cls, arm, posture, plants, disk_margin, postures, options)
+        warn_of_first(bent)
+        return made
 
     def at_rest(self) -> LQG:
         """Return itself, or a copy without ``nominal``, which stays where it is found."""

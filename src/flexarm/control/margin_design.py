@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import as_list, check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.control.base import Controller
 from flexarm.control.margins import loop_margins
@@ -42,10 +43,10 @@ def for_margin(
     for name in ("rigidity_uncertainty", "recovery"):
         if name in options:
             raise InputError(Problem(where, name, "be left out: it is searched for", "given"))
+    given: object = [plants] if isinstance(plants, Arm) else as_list(plants)
     if isinstance(plants, Mapping):
-        arms = [arm, *plants.values()]
-    else:
-        arms = [arm, *([plants] if isinstance(plants, Arm) else plants)]
+        given = list(plants.values())
+    arms = [check_kind(where, "arm", arm, Arm), *check_list_of(where, "plants", given, Arm)]
     make: Any = kind
     best, found = -1.0, (0.0, 0.0)
     for unsure, recovery in _TRIED:

@@ -9,14 +9,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.arm import Arm
+from flexarm.bending import one_warning, warn_of_first
 from flexarm.contacts import Contact
-from flexarm.control.base import Controller, Reference, controller_problem, needs_of
+from flexarm.control.base import (
+    Controller,
+    Reference,
+    check_reference,
+    controller_problem,
+    needs_of,
+)
 from flexarm.control.hardware import Hardware
 from flexarm.control.instruments import Instrument
-from flexarm.control.linear_controller import HeldReference, has_memory
+from flexarm.control.linear_controller import HeldReference, memory_of
 from flexarm.control.measurement import FloatArray
-from flexarm.control.plant_model import instruments_of, loop_of, model_at, signals_of
+from flexarm.control.plant_model import instruments_of, loop_of, model_at, signals_of, sliding
 from flexarm.control.sampled_loop import ComplexArray, SampledLoop
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.linear.signals import CHANNEL_OUTPUTS
@@ -66,6 +74,7 @@ def loop_at(
         EquilibriumError: if the arm has no rest there.
     """
     own = getattr(controller, "arm", None)
+    own = own if isinstance(own, Arm) else None
     arm = plant if plant is not None else own
     assert isinstance(arm, Arm)
     still = HeldReference(reference, t) if reference is not None else None
@@ -75,13 +84,14 @@ def loop_at(
         more = [name for name in needs_of(controller, arm, still).measured if name not in names]
         instruments += [Instrument(name) for name in more if name in CHANNEL_OUTPUTS]
     signals = signals_of(instruments)
+    rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
     model = model_at(arm, posture, signals, contacts)
     believed = None
-    if isinstance(own, Arm) and own is not arm:
-        believed = model_at(own, posture, signals, contacts)
+    if mine_of is not arm:
+        believed = model_at(mine_of, posture, signals, contacts)
     stay = getattr(controller, "at_rest", None)
     mine = stay() if callable(stay) else controller
-    return loop_of(mine, model, instruments, hardware, still, t, believed)
+    return loop_of(mine, model, instruments, hardware, still, t, believed, rate)
 
 
 def loop_margins(
@@ -96,7 +106,8 @@ def loop_margins(
     """Return gain, phase, delay and disk margins of a sampled loop, at one motor at a time.
 
     The loop is linearised about the arm at rest and opened at the torque of one joint while the
-    others stay closed. Sampling, the hold, delays and filters are exact.
+    others stay closed. Sampling, the hold, delays and filters are exact. Joints have viscous
+    friction only: near rest, dry friction would count as a damper that moving joints do not have.
 
     Args:
         controller: a controller that declares its ``memory``; all built-in ones do but
@@ -124,19 +135,30 @@ def loop_margins(
             own, or an argument has the wrong shape.
         EquilibriumError: if an arm has no rest in a posture.
 
+    Warns:
+        LargeDeflectionWarning: a link of an arm bends too far at rest, once for all of them.
+
     Seiler, Packard and Gahinet 2020 for the disk margin.
     """
     import xarray as xr
 
+    if hardware is not None:
+        check_kind(_WHERE, "hardware", hardware, Hardware)
+    contacts = check_list_of(_WHERE, "contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(_WHERE, reference)
     arms = _plants(controller, plants)
     places = _places(controller, next(iter(arms.values())), postures, reference)
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth = np.zeros(shape[:2])
+    bent: list[str] = []
     bare = [replace(contact, friction=0.0) for contact in contacts]
     for i, arm in enumerate(arms.values()):
         for k, (t, posture) in enumerate(places):
-            loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
+            with one_warning() as kept:
+                loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
+            bent += kept
             if len(loop.plant.A) > 1:
                 rule = "have no instruments with a sample_time of their own"
                 raise InputError(Problem(_WHERE, "hardware", rule, "one with such"))
@@ -144,6 +166,7 @@ def loop_margins(
             margins = _margins_of(loop, bool(growth[i, k] < _MARGINAL))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
+    warn_of_first(bent)
     first = next(iter(arms.values()))
     table = xr.Dataset(coords={"plant": names, "joint": list(first.joint_numbers)})
     angles = np.array([posture for _, posture in places])
@@ -165,7 +188,7 @@ def _plants(
     problem = controller_problem(_WHERE, "controller", controller)
     if problem is not None:
         raise InputError(problem)
-    if not has_memory(controller):
+    if memory_of(controller) is None:
         rule = "declare its memory, the names of what it keeps between samples"
         raise InputError(Problem(_WHERE, "controller", rule, type(controller).__name__))
     own = getattr(controller, "arm", None)
@@ -177,7 +200,7 @@ def _plants(
     elif isinstance(plants, Mapping):
         named = dict(plants)
     else:
-        listed = [plants] if isinstance(plants, Arm) else list(plants)
+        listed = [plants] if isinstance(plants, Arm) else as_list(plants) or []
         named = {str(k): arm for k, arm in enumerate(listed, start=1)}
     joints = [arm.joints for arm in named.values() if isinstance(arm, Arm)]
     if not named or len(joints) < len(named) or len(set(joints)) > 1:
@@ -195,15 +218,19 @@ def _places(
     """Return times (s) of the reference and postures (joints,) to linearise at."""
     if reference is not None:
         given = getattr(reference, "start_time", 0.0) if postures is None else postures
-        times = check_array(_WHERE, "postures", np.atleast_1d(np.asarray(given)), (-1,))
+        times = np.atleast_1d(check_each(_WHERE, "postures", given))
+        if not times.size:
+            raise InputError(Problem(_WHERE, "postures", "hold one time at least", "empty"))
         return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
     if postures is None:
         designs = getattr(controller, "designs", ())
         listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
         return [(0.0, posture) for posture in listed]
-    angles = np.asarray(postures)
+    angles = check_numbers(_WHERE, "postures", postures, "be numbers of shape (any, joints)")
     angles = angles[None] if angles.ndim == 1 else angles
     checked = check_array(_WHERE, "postures", angles, (-1, arm.joints))
+    if not len(checked):
+        raise InputError(Problem(_WHERE, "postures", "hold one posture at least", "empty"))
     return [(0.0, posture) for posture in checked]
 
 

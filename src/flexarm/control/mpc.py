@@ -54,6 +54,7 @@ class MPC(LQG):
     """
 
     name = "mpc"
+    memory = LQG.memory
     references = "LawsonHanson1974"
 
     def __init__(

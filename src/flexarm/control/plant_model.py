@@ -13,13 +13,21 @@ from flexarm.contacts import Contact
 from flexarm.control.base import Controller, Reference
 from flexarm.control.hardware import Hardware
 from flexarm.control.instruments import Instrument
-from flexarm.control.linear_controller import linear_controller
+from flexarm.control.linear_controller import (
+    HeldReference,
+    LinearController,
+    linear_controller,
+)
 from flexarm.control.measurement import FloatArray
 from flexarm.control.sampled_loop import SampledLoop
 from flexarm.control.sampled_plant import Reading, sampled_plant
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.linearize import linearize
 from flexarm.linear.signals import OutputName, Sensor
+from flexarm.model import Friction
+
+#: Factors on the rate and weights of a mean without terms of first to third order.
+_RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 6.0))
 
 
 class Signal(NamedTuple):
@@ -36,6 +44,59 @@ class PlantModel(NamedTuple):
     A: FloatArray
     B: FloatArray
     signals: dict[OutputName, Signal]
+
+
+class Sliding(NamedTuple):
+    """What a loop is analysed about in place of joints that stick.
+
+    At zero rate regularised dry friction is a viscous damper a hundred times its own size, which
+    no moving joint has. So the arms have none of it, and a controller that compensates friction is
+    linearised at joint rates where that does not change any more.
+
+    Attributes:
+        rate: joint rate (rad/s) to linearise the controller at, zero unless it knows friction.
+        arms: as given, without Coulomb and static friction.
+    """
+
+    rate: float
+    arms: tuple[Arm, ...]
+
+
+def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
+    """Take dry friction out of a loop, except for a controller that needs a reference for that."""
+    believed, inner = [], controller
+    while inner is not None:
+        believed.append(getattr(inner, "arm", None))
+        inner = getattr(inner, "inner", None)
+    rate = max([0.0, *(_sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
+    if rate > 0.0 and reference is None:
+        return Sliding(0.0, arms)
+    free = {id(arm): _without_dry_friction(arm) for arm in arms}
+    return Sliding(rate, tuple(free[id(arm)] for arm in arms))
+
+
+def _sliding_rate(arm: Arm) -> float:
+    """Return a rate (rad/s) above which dry friction is constant to 1e-7, zero without any."""
+    every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
+    rates = [(10.0 * one.smoothing_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
+    return max((max(pair) for pair in rates), default=0.0)
+
+
+def _is_dry(friction: Friction) -> bool:
+    return friction.coulomb > 0.0 or bool(friction.static)
+
+
+def _without_dry_friction(arm: Arm) -> Arm:
+    """Return an arm whose joints have viscous friction only; the same one if that is so."""
+    if not _sliding_rate(arm):
+        return arm
+    joints = [
+        joint.replace(friction=joint.friction.replace(coulomb=0.0, static=None))
+        if joint.friction is not None
+        else joint
+        for joint in arm.spec.joints
+    ]
+    return Arm(arm.spec.replace(joints=joints))
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:
@@ -86,12 +147,17 @@ def loop_of(
     reference: Reference | None = None,
     t: float = 0.0,
     believed: PlantModel | None = None,
+    rate: float = 0.0,
 ) -> SampledLoop:
     """Close the loop of a controller that declares its memory around a linear arm.
 
     The controller is linearised about the readings of the model that it believes in, by default
     the same, and about the force that the ``reference`` requests: errors are zero there, and no
     limit of torques or integrals is reached.
+
+    Args:
+        rate: of all joints (rad/s), see `Sliding`. Slopes of Coriolis and centrifugal torques,
+            proportional to the rate and its square, cancel in a mean over several rates.
     """
     about = model if believed is None else believed
     measured: dict[str, FloatArray] = {}
@@ -112,4 +178,20 @@ def loop_of(
         for item in instruments
     ]
     plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)
-    return SampledLoop(plant, linear_controller(controller, measured, reference, t))
+    if rate == 0.0 or reference is None:
+        return SampledLoop(plant, linear_controller(controller, measured, reference, t))
+    turning = {item.labels[-1] for item in instruments if _is_rate(item)}
+    terms = []
+    for factor, weight in _RATES:
+        now = {k: v + factor * rate if k in turning else v for k, v in measured.items()}
+        moving = HeldReference(reference, t, factor * rate)
+        slopes = linear_controller(controller, now, moving, t)
+        terms.append([weight * slope for slope in slopes])
+    mean = LinearController(*(np.sum(slope, axis=0) for slope in zip(*terms, strict=True)))
+    return SampledLoop(plant, mean)
+
+
+def _is_rate(item: Instrument) -> bool:
+    """Tell whether the last reading of an instrument is of joint rates."""
+    filtered = item.signal == "joint_angle" and len(item.labels) > 1
+    return filtered or item.signal == "joint_rate"

@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexarm.arguments import check_numbers
 from flexarm.arm import Arm
 from flexarm.assemble import IntArray
 from flexarm.control.instruments import Instrument
 from flexarm.control.measurement import FloatArray, Measurement
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, few, shown
 from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS
@@ -20,6 +21,8 @@ from flexarm.linear.sampled_step import state_places
 from flexarm.linear.signals import Sensor
 from flexarm.loads import Load, place_loads
 
+#: Readings, masses and covariances above this, in SI units, are mistakes.
+LARGEST = 1e9
 _SIGNALS = ("joint_angle", "joint_rate", "strain")
 
 
@@ -99,9 +102,25 @@ class PredictedReadings:
         if problems:
             raise InputError(*problems)
 
-    def stacked(self, measurement: Measurement) -> FloatArray:
-        """Return the readings (size,) of a measurement."""
-        return np.concatenate([np.ravel(getattr(measurement, name)) for name in self._labels])
+    def stacked(self, where: str, measurement: Measurement) -> FloatArray:
+        """Return the readings (size,) of a measurement.
+
+        Raises:
+            InputError: if one is missing, of another length, not finite or too large.
+        """
+        given = [measurement.get(name) for name in self._labels]
+        missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
+        if missing:
+            raise InputError(Problem(where, "measurement", f"have {missing[0]!r}", "without it"))
+        pairs = zip(self._labels, given, strict=True)
+        readings = np.concatenate([check_numbers(where, *pair).ravel() for pair in pairs])
+        if readings.size != self.size:
+            rule = f"have {self.size} readings of {', '.join(self._labels)}"
+            raise InputError(Problem(where, "measurement", rule, f"of {readings.size}"))
+        if not np.all(np.abs(readings) < LARGEST):
+            rule = f"hold finite readings below {LARGEST:g}"
+            raise InputError(Problem(where, "measurement", rule, few(readings)))
+        return readings
 
     def predict(
         self,

@@ -12,6 +12,10 @@ from flexarm.control.hardware import Motors
 from flexarm.control.instruments import Instrument, filter_of, ticks_of
 from flexarm.control.linear_design import held
 from flexarm.control.measurement import FloatArray
+from flexarm.errors import InputError, Problem
+
+#: Numbers of the state, and samples after which all instruments repeat, that are analysed at most.
+_MOST_STATES, _MOST_SAMPLES = 1000, 300
 
 #: How much a delay may miss a whole number of samples by: rounding of decimal fractions.
 _GRID = 1e-9
@@ -49,6 +53,9 @@ def sampled_plant(
 
     Delays, the motors' lag, the frames of instruments and their filtered rates count; what is not
     linear (limits, resolution) and noise do not.
+
+    Raises:
+        InputError: if frames repeat too late, or delays need too many states.
     """
     motors = motors or Motors()
     m, lag = B.shape[1], motors.time_constant
@@ -63,6 +70,11 @@ def sampled_plant(
     n = len(A)
     starts = n + m * past + np.cumsum([0, *(count * width for count, width in slots)])
     size = int(starts[-1])
+    period = math.lcm(*(ticks_of(item.instrument, sample_time)[0] for item in readings))
+    if size > _MOST_STATES or period > _MOST_SAMPLES:
+        rule = f"repeat within {_MOST_SAMPLES} samples and have up to {_MOST_STATES} states"
+        value = f"of {period} samples and {size} states with these frames and delays"
+        raise InputError(Problem("loop analysis", "the sampled plant", rule, value))
     # Row j holds the torque asked for j samples ago; that of this sample is the input.
     asked = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
     step, push = np.zeros((size, size)), np.zeros((size, m))
@@ -74,7 +86,6 @@ def sampled_plant(
     for j in range(1, past):
         step[n + m * j : n + m * (j + 1)] = asked[j]
     acting = _places(m, n - m, size) if lag > 0.0 else asked[late + 1]
-    period = math.lcm(*(ticks_of(item.instrument, sample_time)[0] for item in readings))
     steps, outputs = [], []
     for k in range(period):
         now, shown = step.copy(), []

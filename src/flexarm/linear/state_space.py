@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.arguments import check_choice
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array
 from flexarm.linear.transfer import frequency_response, transmission_zeros
 
 if TYPE_CHECKING:
@@ -94,10 +95,7 @@ class LinearModel:
         names: tuple[str, ...] = getattr(self, f"{kind}s")
         if name is None and len(names) == 1:
             return 0
-        if name not in names:
-            rule = f"be one of the {kind}s of the model: {', '.join(names)}"
-            raise InputError(Problem("LinearModel.zeros", kind, rule, shown(name)))
-        return names.index(name)
+        return names.index(check_choice("LinearModel.zeros", kind, name, names))
 
     def to_control(self) -> control.StateSpace:
         """Return a system of python-control with the same names.

@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from flexarm.arguments import check_kind
+from flexarm.errors import InputError, Problem
 from flexarm.plot.signals import series_colors
 from flexarm.plot.style import GREY, Sheet, margins, styled
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.axes import Axes
 
     from flexarm.assemble import FloatArray
@@ -33,8 +35,20 @@ def comparison_figure(table: xr.Dataset) -> Sheet:
     """Draw the numbers of ``flexarm.compare``; one row of panels for each reference.
 
     Runs that stopped early are marked by a cross at the right edge.
+
+    Raises:
+        InputError: if the table is not one of `compare`, or holds no finite number.
     """
+    table = check_kind("comparison_figure", "table", table, xr.Dataset, "a table of compare")
+    needed = ("controller", "plant", "reference", "failure", *(name for name, *_ in _PANELS))
+    missing = [name for name in needed if name not in table.variables]
+    if missing:
+        value = f"without {missing[0]!r}"
+        raise InputError(Problem("comparison_figure", "table", "be a table of compare", value))
     panels = [panel for panel in _PANELS if np.isfinite(table[panel[0]].values).any()]
+    if not panels:
+        rule = "hold the numbers of one run at least"
+        raise InputError(Problem("comparison_figure", "table", rule, "of runs that stopped"))
     names = [str(name) for name in table["controller"].values]
     references = table["reference"].values
     height = _EDGES + (_LINE * len(names) + 0.75) * len(references)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_kind
+from flexarm.errors import check_array
 from flexarm.linear import LinearModel
 from flexarm.plot.style import SERIES, Sheet, legend_above, margins, place_labels, styled
 
@@ -22,18 +24,24 @@ _BESIDE = 1e-4
 _UNDAMPED = 1e-9
 
 
-def response_figure(model: LinearModel, omega: NDArray[np.float64] | None = None) -> Sheet:
+def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet:
     """Draw gain and phase from every input to every output over frequency, the first six of each.
 
     The lines are interrupted at undamped resonances, where the gain has no bound.
 
     Args:
         model: the linear model.
-        omega: rad/s; from a tenth of the slowest vibration to three times that of the fifth by
-            default.
+        omega: (frequencies,) rad/s; from a tenth of the slowest vibration to three times that of
+            the fifth by default.
+
+    Raises:
+        InputError: if the model is not a `LinearModel`, or ``omega`` not finite numbers.
     """
+    model = check_kind("response_figure", "model", model, LinearModel)
     inputs, outputs = model.inputs[:_MOST], model.outputs[:_MOST]
-    omega = _range(model) if omega is None else omega
+    if omega is None:
+        omega = _range(model)
+    omega = check_array("response_figure", "omega", omega, (-1,))
     response = model.frequency_response(omega)
     rows = max(1, len(outputs))
     sheet = Sheet(_WIDTH, _EDGES + (_GAIN + _PHASE) * rows)

@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
+from flexarm.arguments import check_dataset
+from flexarm.errors import InputError, Problem
 from flexarm.plot.style import (
     BLUE,
     GREEN,
@@ -41,7 +43,11 @@ def signals_figure(result: xr.Dataset) -> Sheet:
 
     Tip path, joint angles, tip deflections, joint rates, energies and torques; strains in a row of
     their own if there are gauges.
+
+    Raises:
+        InputError: if the result is not one of `simulate`, or lacks one of these channels.
     """
+    _check(result)
     rows = 4 if "strain" in result else 3
     sheet = Sheet(_WIDTH, _EDGES + _ROW * rows)
     with styled():
@@ -58,6 +64,15 @@ def signals_figure(result: xr.Dataset) -> Sheet:
         for axes in sheet.axes:
             place_labels(axes)
     return sheet
+
+
+def _check(result: xr.Dataset) -> None:
+    result = check_dataset("signals_figure", "result", result)
+    needed = ("tip", "joint_angle", "link_tip_deflection", "joint_rate", *_ENERGIES, "torque")
+    missing = [name for name in needed if name not in result]
+    if missing:
+        value = f"without {missing[0]!r}"
+        raise InputError(Problem("signals_figure", "result", "be a result of simulate", value))
 
 
 def draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from flexarm.arguments import check_count, check_kind
 from flexarm.linear import Modes, ModeTracks
 from flexarm.plot.signals import series_colors
 from flexarm.plot.style import BLUE, GREY, RIGID, Sheet, legend_above, margins, place_labels, styled
@@ -15,7 +16,17 @@ _MOST_NAMES = 6
 
 
 def modes_figure(modes: Modes, count: int = 6) -> Sheet:
-    """Draw the lowest mode shapes: the arm at rest dashed, displaced to both sides."""
+    """Draw the lowest mode shapes: the arm at rest dashed, displaced to both sides.
+
+    Args:
+        modes: as `modes` computes them.
+        count: of the modes to draw.
+
+    Raises:
+        InputError: if ``modes`` is not a `Modes` object, or ``count`` not a whole number from 1 on.
+    """
+    modes = check_kind("modes_figure", "modes", modes, Modes)
+    count = check_count("modes_figure", "count", count)
     shown = min(count, modes.frequency_hz.size)
     rows = max(1, -(-shown // _COLUMNS))
     sheet = Sheet(_WIDTH, _EDGES + _ROW * rows)
@@ -49,7 +60,11 @@ def tracks_figure(tracks: ModeTracks) -> Sheet:
 
     Over a spin it is the Campbell diagram: dashed lines are the spin itself and its multiples,
     whose crossings are resonances of what turns with the arm.
+
+    Raises:
+        InputError: if ``tracks`` is not a `ModeTracks` object.
     """
+    tracks = check_kind("tracks_figure", "tracks", tracks, ModeTracks)
     damped = bool(np.nanmax(np.abs(tracks.damping_ratio), initial=0.0) > 1e-6)
     sheet = Sheet(_WIDTH, 4.2 if not damped else 6.4)
     with styled():

@@ -12,6 +12,8 @@ from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.errors import (
+    AccuracyWarning,
+    InconsistentEstimateWarning,
     InputError,
     LargeDeflectionWarning,
     Problem,
@@ -31,6 +33,11 @@ if TYPE_CHECKING:
 
 #: Times that differ by less than this part of the run are one.
 _ROUNDING = 1e-9
+#: Warning of a run whose filter has failed its test.
+INCONSISTENT = (
+    "the estimator is inconsistent: its errors are larger than its covariance says. Correct its "
+    "arm, or raise torque_noise or the noise of the instruments."
+)
 _DIMS = ("controller", "plant", "reference")
 #: An arm that is simulated; with loads that act on it alone.
 ComparedPlant = Arm | tuple[Arm, Sequence[Load]]
@@ -67,6 +74,7 @@ def compare(
     Returns:
         Dataset (controller, plant, reference) of ``flexarm.simulate.metrics.METRICS``, and
         ``failure``: why a run stopped early, or empty. Numbers of a run that stopped are NaN.
+        ``warning``: what a run warns of (`simulate`, and an inconsistent estimator), or empty.
 
     Raises:
         InputError: no controllers or references, a plant that is neither an arm nor an arm with
@@ -176,8 +184,13 @@ def comparison(
             chosen = [names[dim][k] for dim, k in zip(_DIMS, index, strict=True)]
             try:
                 with warnings.catch_warnings():  # kept with the numbers
-                    warnings.simplefilter("ignore", LargeDeflectionWarning)
-                    warnings.simplefilter("ignore", UnstableLoopWarning)
+                    for kind in (
+                        AccuracyWarning,
+                        InconsistentEstimateWarning,
+                        LargeDeflectionWarning,
+                        UnstableLoopWarning,
+                    ):
+                        warnings.simplefilter("ignore", kind)
                     result, reference = run(*chosen)
             except (SimulationError, InputError) as error:
                 unstable[index] = _unstable(getattr(error, "result", None))
@@ -190,7 +203,8 @@ def comparison(
             if result.attrs["ended_by"] != DURATION:  # its numbers would flatter it
                 failures[index] = f"ended by the event {result.attrs['ended_by']!r}"
                 continue
-            told = (unstable[index], result.attrs["warning"])
+            told = [unstable[index], result.attrs["warning"]]
+            told += [INCONSISTENT] * inconsistent(result)
             bent[index] = " ".join(item for item in told if item)
             for name, value in metrics_of(result, arm, reference, settling).items():
                 values[name][index] = value
@@ -202,6 +216,11 @@ def comparison(
     table["warning"] = (_DIMS, bent.astype(str))
     _warn(names, unstable)
     return table
+
+
+def inconsistent(result: xr.Dataset) -> bool:
+    """Tell whether the filter of a run has failed its test."""
+    return bool(result.attrs.get("estimator_consistent", 1) == 0)
 
 
 def _unstable(result: xr.Dataset | None) -> str:

@@ -49,6 +49,8 @@ def run_through_impacts(run: Run, history_of: Callable[[float], TorqueHistory]) 
     if run.watch is not None and mark is not None:
         run.watch = replace(run.watch, tolerance=run.tolerance)
         run.watch.restore(mark)
+    if run.loads_of is not None:  # the second run's loads are as exact as its torque
+        run.loads = run.loads_of(run.tolerance.relative)
     run_open_loop(run, history_of(run.tolerance.relative))
     run.discarded = first.evaluations
     apart = _apart(run, before, before_times, first.sample)

@@ -9,15 +9,22 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.bending import one_warning
 from flexarm.contacts import Contact, place_contacts
 from flexarm.control import Controller, Hardware, Reference
 from flexarm.control.base import needs_of
 from flexarm.control.instruments import Instrument
-from flexarm.control.linear_controller import HeldReference, has_memory
+from flexarm.control.linear_controller import HeldReference, MemoryNameError, memory_of
 from flexarm.control.measurement import FloatArray
 from flexarm.control.needs import JOINTS
-from flexarm.control.plant_model import PlantModel, Signal, instruments_of, loop_of, signals_of
-from flexarm.errors import FlexarmError
+from flexarm.control.plant_model import (
+    PlantModel,
+    Signal,
+    instruments_of,
+    loop_of,
+    signals_of,
+    sliding,
+)
 from flexarm.linear import equilibrium
 from flexarm.linear.signals import Sensor
 from flexarm.observe import channels_of, contact_forces
@@ -44,13 +51,16 @@ def instability(
 
     An instability that grows less than tenfold within the run does not count. Nothing is said
     of controllers that do not declare their memory, and of instruments that read a `Sensor` or a
-    torque.
+    torque, and of a controller that cannot be copied or fails in the analysis.
 
     Args:
         arm: what the controller believes the plant to be.
         initial: q (dof,) of the plant at the start. duration: of the run, s.
+
+    Raises:
+        MemoryNameError: if the controller's ``memory`` names something that it does not have.
     """
-    if not has_memory(controller):
+    if memory_of(controller) is None:
         return ""
     instruments = instruments_of(plant, hardware, len(contacts))
     signals = signals_of(instruments)
@@ -59,11 +69,14 @@ def instability(
     bare = [replace(contact, friction=0.0) for contact in contacts]
     for t, when in _times(reference, duration):
         try:
-            growth, frequency, size = _worst(
-                (arm, plant), controller, reference, hardware, bare, initial, t, instruments
-            )
-        except (FlexarmError, np.linalg.LinAlgError):
-            continue  # no rest, or a controller that fails there: the run itself reports that
+            with one_warning():  # The run reports its own states.
+                growth, frequency, size = _worst(
+                    (arm, plant), controller, reference, hardware, bare, initial, t, instruments
+                )
+        except MemoryNameError:
+            raise
+        except Exception:  # No rest, or a controller that fails there: the run itself reports that.
+            continue
         if growth * duration > np.log(_NOTICED):
             return (
                 f"the sampled loop is unstable {when}: a pole of magnitude {size:.4g} at "
@@ -93,7 +106,7 @@ def _worst(
     instruments: list[Instrument],
 ) -> tuple[float, float, float]:
     """Return growth (1/s), frequency (Hz) and magnitude of the loop's fastest growing pole."""
-    arm, plant = arms
+    rate, (arm, plant) = sliding(controller, reference, *arms)
     still = HeldReference(reference, t) if reference is not None else None
     presses = bool(contacts) and hasattr(reference, "contact_force")
     angle = plant.joint_angles(initial)
@@ -116,7 +129,7 @@ def _worst(
         return model
 
     believed = model_of(arm) if arm is not plant and len(arm.gauges) == len(plant.gauges) else None
-    loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed)
+    loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed, rate)
     z = loop.multipliers()[0]
     pole = np.log(z) / loop.sample_time
     return float(pole.real), float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))

@@ -18,7 +18,7 @@ from flexarm.simulate.default_step import default_step
 from flexarm.simulate.events import EventLog
 from flexarm.simulate.impacts import ATOL as ATOL
 from flexarm.simulate.impacts import RTOL as RTOL
-from flexarm.simulate.load_history import BaseAcceleration, load_history
+from flexarm.simulate.load_history import BaseAcceleration, LoadHistory, load_history
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.stepping import Run
 from flexarm.simulate.tolerance import tolerance_of
@@ -64,6 +64,14 @@ def new_run(
     tolerance = tolerance_of(arm, state, atol, rtol)
     choice = choose_integrator(integrator, step, arm, tolerance, touch, where)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
+    acting = acting_loads(arm, where, tip_force, loads)
+
+    def loads_of(relative: float) -> LoadHistory:
+        share = max(relative * TORQUE_SHARE, 1e-12)
+        return load_history(
+            arm, acting, base_acceleration, duration, share, touching, where, breaks, spacing
+        )
+
     run = Run(
         arm=arm,
         integrator=choice.integrator,
@@ -72,17 +80,8 @@ def new_run(
         duration=duration,
         sample_times=sample_times,
         samples=np.empty((len(sample_times), *state.shape)),
-        loads=load_history(
-            arm,
-            acting_loads(arm, where, tip_force, loads),
-            base_acceleration,
-            duration,
-            max(rtol * TORQUE_SHARE, 1e-12),
-            touching,
-            where,
-            breaks,
-            spacing,
-        ),
+        loads=loads_of(rtol),
+        loads_of=loads_of,
         meter=meter,
         stations=stations,
         specialized=specialized,

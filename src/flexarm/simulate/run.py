@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arguments import (
+    check_choice,
     check_flag,
     check_function,
     check_kind,
@@ -30,6 +31,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     UnstableLoopWarning,
+    check_array,
     shown,
 )
 from flexarm.integrate import Integrator
@@ -59,6 +61,7 @@ from flexarm.simulate.sections import section_channels
 from flexarm.simulate.start_of_touch import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulate.stepping import Run
 from flexarm.simulate.torque_history import (
+    INTERPOLATIONS,
     TorqueHistory,
     constant_torque,
     function_torque,
@@ -144,8 +147,9 @@ def simulate(
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
         breaks: times (s) at which a function of time given here (torque, factor of a load, base
-            acceleration, prescribed motion) jumps or bends, besides ``breaks`` of its own. Needed
-            for features shorter than the result's attribute ``shortest_feature``.
+            acceleration, prescribed motion) jumps or bends, besides ``breaks`` of its own: for
+            those shorter than the attribute ``shortest_feature``. They part the cubic of ``torque``
+            samples, which is straight from the sample before to the one after.
         specialized: True compiles the hot loop for the sizes of this arm (several seconds, once per
             size and machine; a third faster); None does so in the middle of a long run.
         progress: True or False shows or hides the bar that long runs get on a terminal.
@@ -164,7 +168,8 @@ def simulate(
 
     Warns:
         LargeDeflectionWarning: a link has bent too far for the theory of the arm.
-        AccuracyWarning: impacts on joint stops have amplified errors beyond 1e-4 of the reach.
+        AccuracyWarning: impacts on joint stops have amplified errors to 1 % of the reach. Runs with
+            a controller, or other tolerances, are not checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: the sampled loop is unstable where the motion begins or ends, by a
             factor of ten or more within the run.
     """
@@ -172,28 +177,27 @@ def simulate(
     _check_objects(where, arm, plant, controller, hardware)
     if reference is not None:
         check_reference(where, reference)
-    if torque is not None and controller is not None:
-        raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
     if prescribed is not None:
         check_mapping(where, "prescribed", prescribed, "joint numbers and motions")
     if specialized is not None:
         check_flag(where, "specialized", specialized)
-    if prescribed and controller is not None:
-        rule = "be left out where a controller acts"
-        raise InputError(Problem(where, "prescribed", rule, "given"))
+    for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
+        if given and controller is not None:
+            raise InputError(Problem(where, name, "be left out where a controller acts", "given"))
     duration = check_positive(where, "duration", duration)
     if step is not None and check_positive(where, "step", step) > duration:
         rule = f"be at most the duration of {duration:.6g} s"
         raise InputError(Problem(where, "step", rule, shown(step)))
     rate = check_positive(where, "rate", rate)
+    known = check_array(where, "breaks", breaks, (-1,))
+    check_choice(where, "torque_interpolation", torque_interpolation, INTERPOLATIONS)
     rtol = check_positive(where, "rtol", rtol)
     atol = check_positive(where, "atol", atol)
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
         rule = f"have the {arm.joints} joints of the arm"
         raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
-    fault = sample_fault(duration, rate)
-    if fault is not None:
+    if (fault := sample_fault(duration, rate)) is not None:
         raise InputError(fault.problem(where))
     if type(stations) is not int or stations != 0:
         stations = check_stations(where, stations)
@@ -211,7 +215,7 @@ def simulate(
             tip_force=tip_force,
             loads=loads,
             base_acceleration=base_acceleration,
-            breaks=breaks,
+            breaks=known,
             spacing=1.0 / rate,
             contacts=contacts,
             log=log,
@@ -240,12 +244,12 @@ def simulate(
             def history_of(relative: float) -> TorqueHistory:
                 share = max(relative * TORQUE_SHARE, 1e-12)
                 history = _history(
-                    torque, duration, rate, arm.joints, share, torque_interpolation, breaks
+                    torque, duration, rate, arm.joints, share, torque_interpolation, known
                 )
                 if not prescribed:
                     return history
                 return prescribe(
-                    simulated, prescribed, state, history, duration, share, breaks, 1.0 / rate
+                    simulated, prescribed, state, history, duration, share, known, 1.0 / rate
                 )
 
             run.prescribed = tuple(prescribed or ())
@@ -314,6 +318,7 @@ def _result(
         "atol": run.tolerance.absolute,
         "steps": progress.steps,
         "rejected_steps": progress.rejected,
+        "impact_steps": progress.impacts,
         "evaluations": progress.evaluations + run.discarded,
         "shortest_feature": max(
             run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
@@ -328,8 +333,9 @@ def _result(
     given = drive.at(times) if isinstance(drive, TorqueHistory) else drive.torque_at(times)
     motor, force, moment, inside = run.reactions(times, given)
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
-    forces |= section_channels(inside)
-    forces |= contact_channels(run.arm, run.loads.placed.contacts, run.samples[:count])
+    forces |= section_channels(inside) | contact_channels(
+        run.arm, run.loads.placed.contacts, run.samples[:count]
+    )
     result = make_result(run.arm, times, run.samples[:count], forces, attributes)
     return result if log is None else result.assign(event_variables(run.arm, log))
 
@@ -351,8 +357,7 @@ def _check_objects(
         raise InputError(Problem(where, "hardware", rule, value))
     if controller is None:
         return
-    problem = controller_problem(where, "controller", controller)
-    if problem is not None:
+    if (problem := controller_problem(where, "controller", controller)) is not None:
         raise InputError(problem)
     check_positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
 
@@ -364,7 +369,6 @@ def _initial_state(
     reference: Reference | None,
     torque: Torque | None,
 ) -> FloatArray:
-    where = "simulate"
     motion = reference if reference is not None else getattr(torque, "motion", None)
     straight = np.zeros(arm.joints)
     if initial is None and motion is not None:
@@ -372,8 +376,8 @@ def _initial_state(
         straight = np.asarray(call(name, motion.joint_angle, 0.0))
         if straight.shape != (arm.joints,):
             rule = f"be of an arm with {arm.joints} joints"
-            raise InputError(Problem(where, name, rule, f"of one with {straight.size}"))
-    return initial_state(where, arm, initial, initial_rate, straight)
+            raise InputError(Problem("simulate", name, rule, f"of one with {straight.size}"))
+    return initial_state("simulate", arm, initial, initial_rate, straight)
 
 
 def _history(
@@ -383,7 +387,7 @@ def _history(
     joints: int,
     relative: float,
     interpolation: str,
-    breaks: ArrayLike,
+    breaks: FloatArray,
 ) -> TorqueHistory:
     if torque is None:
         return constant_torque(np.zeros(joints))
@@ -392,4 +396,4 @@ def _history(
     if callable(torque):
         check_function("simulate", "torque", torque)
         return function_torque(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
-    return sampled_torque(torque, rate, duration, joints, interpolation)
+    return sampled_torque(torque, rate, duration, joints, interpolation, breaks)

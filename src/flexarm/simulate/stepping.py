@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,6 +73,7 @@ class Run:
     specialized: bool | None = None  # compile for this model size; None decides by the work ahead
     watch: Watch | None = None  # looks for events
     history: TorqueHistory | None = None  # of a run without a controller
+    loads_of: Callable[[float], LoadHistory] | None = None  # loads to another relative tolerance
     discarded: int = 0  # evaluations that are not part of the result
     doubt: str = ""  # why the result may be less accurate than the defaults promise
     default_step: DefaultStep | None = None  # finds the step of a fixed-step method without one

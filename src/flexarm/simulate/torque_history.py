@@ -23,6 +23,8 @@ INTERPOLATIONS = ("cubic", "linear", "hold")
 #: A second difference that stands out this much from both neighbours is a kink, not curvature:
 #: between samples fine enough for a cubic, curvature changes by far less.
 _KINK = 10.0
+#: Distance from a sample, in samples, at which a break is on it.
+_ON_SAMPLE = 1e-6
 #: Pieces being halved at once. Few jumps keep few pieces open; noise keeps all of them.
 _MOST_PIECES = 50_000
 #: Pieces that a function of time is first cut into.
@@ -88,7 +90,12 @@ def constant_torque(torque: FloatArray) -> TorqueHistory:
 
 
 def sampled_torque(
-    values: ArrayLike, rate: float, duration: float, joints: int, interpolation: str
+    values: ArrayLike,
+    rate: float,
+    duration: float,
+    joints: int,
+    interpolation: str,
+    breaks: ArrayLike = (),
 ) -> TorqueHistory:
     """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero.
 
@@ -98,6 +105,7 @@ def sampled_torque(
         interpolation: "hold" keeps each sample until the next; "linear" joins them; "cubic" is
             the spline with continuous curvature, parted where the samples show a kink. Between
             samples that change sign from one to the next it overshoots them.
+        breaks: times (s) at which the cubic is parted; between two samples it is straight there.
 
     Raises:
         InputError: too few samples, wrong shape, NaN, or an unknown interpolation.
@@ -123,14 +131,17 @@ def sampled_torque(
         bends = np.any(np.diff(samples, n=2, axis=0) != 0.0, axis=1)
         history = TorqueHistory(times, coefficients, times[1:-1][bends])
     else:
-        history = _spline(times, samples)
+        places = np.asarray(breaks, dtype=np.float64) * rate
+        places = places[(places > 0.0) & (places < len(samples) - 1.0)]
+        beside = np.concatenate([np.floor(places + _ON_SAMPLE), np.ceil(places - _ON_SAMPLE)])
+        history = _spline(times, samples, beside.astype(np.intp))
     return history.held_to(duration)
 
 
-def _spline(times: FloatArray, samples: FloatArray) -> TorqueHistory:
+def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) -> TorqueHistory:
     from scipy.interpolate import CubicSpline
 
-    kinks = find_kinks(samples)
+    kinks = np.union1d(find_kinks(samples), parted)
     edges = np.unique(np.concatenate([[0], kinks, [len(times) - 1]]))
     coefficients = np.zeros((len(times) - 1, 4, samples.shape[1]))
     for first, last in pairwise(edges):

@@ -212,3 +212,64 @@ def test_margins_refuse_what_they_cannot_analyse():
     slow = fa.Hardware([fa.Instrument("joint_angle", sample_time=4e-3, rate_cutoff=20.0)])
     with pytest.raises(fa.InputError, match="sample_time"):
         fa.loop_margins(fa.JointPD(1.0, 1.0), arm, hardware=slow)
+
+
+def soft(rigidity, gravity=9.81):
+    rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.5, "elements": 1}
+    rod["gauges"] = [fa.Gauge(station=0.05, distance=0.004)]
+    rod["damping"] = fa.ModalDamping(ratio=0.01)
+    return fa.Arm(
+        links=[fa.Link(length=0.8, **rod), fa.Link(length=0.6, **rod)],
+        joints=[fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.4, hub_inertia=0.05)],
+        gravity=(0.0, -gravity),
+    )
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda arm: fa.LQG(arm, POSTURE),
+        lambda arm: fa.Composite(arm, POSTURE),
+        lambda arm: fa.loop_margins(fa.JointPD(3.0, 0.3), [arm, soft(6.0)], [POSTURE, [0.0, 0.0]]),
+        lambda arm: fa.LQG(soft(6.0, 0.0), POSTURE).loop_poles(arm),
+        lambda arm: fa.LQG.for_margin(arm, POSTURE, plants=[soft(6.0)], disk_margin=0.01),
+        lambda arm: fa.simulate(arm, 0.3, controller=fa.StrainFeedback(30.0, 3.0, 0.1)),
+        lambda arm: fa.ExtendedKalmanFilter(
+            arm, [fa.Instrument("joint_angle", noise=1e-4)], payload_deviation=0.1
+        ).correct(fa.Measurement(joint_angle=np.array(POSTURE))),
+    ],
+)
+def test_one_call_warns_once_of_bending(call):
+    with pytest.warns(fa.LargeDeflectionWarning) as caught:
+        call(soft(5.0))
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"plants": 3}, "plants must be arms"),
+        ({"plants": "x"}, "plants must be arms"),
+        ({"hardware": 3}, "hardware must be a Hardware, but is 3"),
+        ({"contacts": None}, "contacts must be a list of Contact objects, but is nothing"),
+        ({"reference": "x"}, "reference must have the methods"),
+        ({"postures": [[0.1], [0.1, 0.2]]}, "postures must be numbers of shape"),
+        ({"postures": []}, "postures must be numbers of shape"),
+        ({"postures": np.zeros((0, 2))}, "postures must hold one posture at least"),
+        ({"postures": "x"}, "postures must be numbers of shape"),
+    ],
+)
+def test_arguments_of_the_wrong_kind_are_refused(given, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.loop_margins(fa.JointPD(3.0, 0.3), **{"plants": two_links(), **given})
+
+
+def test_times_and_plants_of_the_wrong_kind_are_refused():
+    arm = two_links()
+    motion = fa.joint_motion(arm, [0.1, 0.2], [0.2, 0.3], 1.0)
+    for postures, message in (([], "at least"), ("x", "postures"), ([[0.1], [0.1, 0.2]], "post")):
+        with pytest.raises(fa.InputError, match=message):
+            fa.loop_margins(fa.JointPD(3.0, 0.3), arm, postures, reference=motion)
+    with pytest.raises(fa.InputError, match=r"LQG\.for_margin: plants must be a list of Arm"):
+        fa.LQG.for_margin(arm, plants=3)
