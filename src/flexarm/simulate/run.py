@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arguments import (
-    check_count,
     check_flag,
     check_function,
     check_kind,
@@ -65,7 +64,7 @@ from flexarm.simulate.torque_history import (
     function_torque,
     sampled_torque,
 )
-from flexarm.stations import MOST_STATIONS, check_stations
+from flexarm.stations import check_stations
 
 if TYPE_CHECKING:
     import xarray as xr
