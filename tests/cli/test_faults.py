@@ -68,6 +68,33 @@ def test_a_full_disk_gives_an_error_and_leaves_the_older_file(what, good, tmp_pa
     assert sorted(tmp_path.iterdir()) == sorted([good, path])
 
 
+SAVE_NPZ = """
+import resource, sys
+import flexarm as fa
+arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
+separation = fa.linearize_along(arm, fa.joint_motion(arm, [0.0], [0.5], 1.0), rate=10.0)
+if sys.argv[2:]:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+try:
+    separation.save(sys.argv[1])
+except fa.InputError as error:
+    sys.exit(str(error))
+"""
+
+
+@posix_only
+def test_a_full_disk_leaves_the_older_file_of_a_separation(tmp_path):
+    path = tmp_path / "along.npz"
+    assert run(path, code=SAVE_NPZ).returncode == 0
+    older = path.read_bytes()
+    ended = run(path, "full", code=SAVE_NPZ)
+    assert ended.returncode == 1
+    reason = "not: File too large. The older file is unchanged."
+    assert ended.stderr.strip() == f"{path}: the file must be writable, but is {reason}"
+    assert path.read_bytes() == older
+    assert list(tmp_path.iterdir()) == [path]
+
+
 WAITING = """
 import os, signal, sys
 from flexarm.output import csv_table, netcdf

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from flexarm.output.base import Format
-from flexarm.output.places import AnyPath
+from flexarm.places import AnyPath
 
 if TYPE_CHECKING:
     import xarray as xr

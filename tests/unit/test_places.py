@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from flexarm.errors import InputError
-from flexarm.output import check_place, write_figure, write_text
-from flexarm.output.places import check_folder, write_whole
+from flexarm.output import write_figure
+from flexarm.places import check_folder, check_place, write_text, write_whole
 
 SUFFIXES = (".nc", ".csv")
 
