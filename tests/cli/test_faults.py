@@ -118,6 +118,46 @@ def test_sigterm_while_writing_leaves_no_temporary_file(good, tmp_path):
     assert list(tmp_path.iterdir()) == [good]
 
 
+PRINTED = """
+import os, signal, sys
+from flexarm.cli.failures import end_orderly_when_terminated
+end_orderly_when_terminated()
+sys.stdout = os.fdopen(1, "w")  # buffered, whatever PYTHONUNBUFFERED says
+print("printed")
+os.kill(os.getpid(), signal.SIGTERM)
+print("after the signal")
+"""
+
+
+@posix_only
+def test_sigterm_writes_out_what_was_printed():
+    ended = run(code=PRINTED)
+    assert ended.returncode == 143
+    assert ended.stdout == "printed\n"
+
+
+STALLED = """
+import os, signal, sys
+from flexarm.cli.failures import end_orderly_when_terminated
+end_orderly_when_terminated()
+reading, writing = os.pipe()
+os.set_blocking(writing, False)
+try:
+    while True:
+        os.write(writing, b"x" * 4096)
+except BlockingIOError:
+    os.set_blocking(writing, True)
+sys.stdout = os.fdopen(writing, "w")
+print("printed")
+os.kill(os.getpid(), signal.SIGTERM)
+"""
+
+
+@posix_only
+def test_sigterm_does_not_wait_for_a_reader_that_has_stalled():
+    assert run(code=STALLED).returncode == 143
+
+
 @posix_only
 def test_the_write_after_sigkill_removes_the_temporary_file(good, tmp_path):
     out = tmp_path / "run.nc"
@@ -184,7 +224,22 @@ def test_a_pipe_without_a_writer_is_refused(tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "pipe")
     outcome = invoke("check", tmp_path / "pipe")
     assert outcome.exit_code == 2
-    assert "a pipe into which nobody writes" in outcome.stderr
+    assert "the pipe has no writer" in outcome.stderr
+
+
+@posix_only
+def test_a_pipe_whose_writer_writes_nothing_is_refused(tmp_path, monkeypatch):
+    from flexarm.model import read_bytes
+
+    monkeypatch.setattr(read_bytes, "_WAIT_FOR_CONTENT", 0.05)
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    writer = os.open(tmp_path / "pipe", os.O_WRONLY)
+    os.close(reader)
+    outcome = invoke("check", tmp_path / "pipe")
+    os.close(writer)
+    assert outcome.exit_code == 2
+    assert "nothing was written into the pipe for 0.05 s" in outcome.stderr
 
 
 HOSTILE = {
