@@ -6,6 +6,7 @@ import pytest
 import flexarm as fa
 from flexarm.model import load_scenario
 from flexarm.simulate import prepare
+from flexarm.simulate import start as start_module
 
 ARM = """\
 flexarm: 1
@@ -207,7 +208,7 @@ class TestEquilibrium:
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
 
-        monkeypatch.setattr("flexarm.simulate.start.equilibrium", none)
+        monkeypatch.setattr(start_module, "equilibrium", none)
         with pytest.raises(fa.EquilibriumError, match=r"up to 0\.4 of gravity and loads"):
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 

@@ -17,9 +17,9 @@ FAILED_RUN, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
 @contextmanager
 def failures_told() -> Iterator[None]:
-    """Tell failures on the error stream and leave with the exit status that belongs to them.
+    """Report failures on the error stream and end with the exit status of each.
 
-    Only what flexarm raises on purpose: anything else is a bug, and its traceback is wanted.
+    Only exceptions that flexarm raises on purpose: any other is a bug, and its traceback is wanted.
     """
     try:
         yield

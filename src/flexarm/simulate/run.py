@@ -173,13 +173,13 @@ def simulate(
     if reference is not None:
         check_reference(where, reference)
     if torque is not None and controller is not None:
-        raise InputError(Problem(where, "torque", "be left out where a controller acts", "given"))
+        raise InputError(Problem(where, "torque", "not be combined with a controller", "given"))
     if prescribed is not None:
         check_mapping(where, "prescribed", prescribed, "joint numbers and motions")
     if specialized is not None:
         check_flag(where, "specialized", specialized)
     if prescribed and controller is not None:
-        rule = "be left out where a controller acts"
+        rule = "not be combined with a controller"
         raise InputError(Problem(where, "prescribed", rule, "given"))
     duration = check_positive(where, "duration", duration)
     if step is not None and check_positive(where, "step", step) > duration:
