@@ -31,6 +31,7 @@ def main() -> None:
     arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
     result = fa.simulate(arm, 0.1, rate=200.0)
     figure, model = signals_figure(result), fa.linearize(arm)
+    separation = fa.linearize_along(arm, fa.joint_motion(arm, [0.0], [0.5], 1.0), rate=100.0)
     writers = {
         "full.nc": lambda path: fa.write_result(result, path),
         "full.csv": lambda path: fa.write_result(result, path),
@@ -38,6 +39,7 @@ def main() -> None:
         "full.mat": lambda path: fa.save_linear(model, path),
         "full.json": lambda path: fa.save_linear(model, path),
         "full.yaml": lambda path: fa.save_arm(arm, path),
+        "full.npz": lambda path: separation.save(path),
     }
     report("disk full while writing", full_disk(writers))
     report("SIGKILL while writing", killed(result, signal.SIGKILL))

@@ -64,7 +64,7 @@ def few(values: Any, most: int = 4) -> str:
 
 
 def is_count(value: object) -> bool:
-    """Tell whether a value is a whole number, 1 or more; ``True``, one to Python, is none."""
+    """Return whether a value is a whole number of 1 or more; ``True`` is not."""
     import numpy as np
 
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
-import shutil
+import stat
 from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO
@@ -55,18 +55,19 @@ def replace_file(
     try:
         target = Path(os.path.realpath(path))
         _remove_stale(target)
-        stream = _open_beside(target)
+        mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
+        stream = _open_beside(target, mode)
     except ValueError as error:  # a null character, or half of a surrogate pair
         raise OSError(errno.EINVAL, str(error)) from None
     beside = Path(stream.name)
     try:
         with stream:
+            if mode is not None:
+                os.chmod(beside, mode)  # the process's mask may have removed bits
             stream.writelines(parts)
             stream.flush()
             if durable:
                 os.fsync(stream.fileno())
-            if target.exists():
-                shutil.copymode(target, beside)
             if fcntl is None:
                 stream.close()  # Windows does not rename a file that is open
             os.replace(beside, target)
@@ -81,12 +82,25 @@ def _prefix(target: Path) -> str:
     return f".flexarm-{name}-"
 
 
-def _open_beside(target: Path) -> BinaryIO:
-    """Create and lock a temporary file beside the target."""
+def _open_beside(target: Path, mode: int | None) -> BinaryIO:
+    """Create and lock a temporary file beside the target.
+
+    Args:
+        mode: permissions of the older file, or None. Nobody who may not read the older file may
+            open the new one, not even while it is still empty.
+    """
+
+    def create(path: str, flags: int) -> int:
+        return os.open(path, flags, 0o666 if mode is None else mode & 0o777)
+
     while True:
         beside = target.with_name(f"{_prefix(target)}{os.urandom(6).hex()}.tmp")
         _unfinished.add(beside)
-        stream = open(beside, "xb")  # noqa: SIM115  (closed by the caller)
+        try:
+            stream = open(beside, "xb", opener=create)  # noqa: SIM115  (closed by the caller)
+        except BaseException:
+            _unfinished.discard(beside)
+            raise
         try:
             # Another process may have taken it for stale before it was locked.
             if _lock(stream) and beside.exists():
@@ -94,8 +108,10 @@ def _open_beside(target: Path) -> BinaryIO:
         except BaseException:
             stream.close()
             beside.unlink(missing_ok=True)
+            _unfinished.discard(beside)
             raise
         stream.close()
+        _unfinished.discard(beside)
 
 
 def _lock(stream: BinaryIO) -> bool:
@@ -111,12 +127,18 @@ def _lock(stream: BinaryIO) -> bool:
     return True
 
 
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file for reading; a pipe without waiting for its writer, a link not at all."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
+
+
 def _remove_stale(target: Path) -> None:
     """Remove temporary files for this target that no process is writing any more."""
     for beside in target.parent.glob(f"{_prefix(target)}*.tmp"):
         try:
-            with open(beside, "rb") as stream:
-                if _lock(stream):
+            with open(beside, "rb", opener=_open_at_once) as stream:
+                regular = stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+                if regular and _lock(stream):
                     if fcntl is None:
                         stream.close()
                     beside.unlink()

@@ -330,7 +330,7 @@ def test_side_by_side_they_are_what_they_are_alone(name):
         ({"plant": 3}, "ReachEnv: plant must be an Arm, or a function"),
         (
             {"plant": fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])},
-            "plant must be an Arm of 2 joints and 2 gauges",
+            "plant must have 2 joints and 2 gauges",
         ),
         ({"sample_time": 0.0}, "sample_time must be greater than 0"),
         ({"duration": 0.0}, "duration must be at least sample_time"),

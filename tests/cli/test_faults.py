@@ -68,6 +68,33 @@ def test_a_full_disk_gives_an_error_and_leaves_the_older_file(what, good, tmp_pa
     assert sorted(tmp_path.iterdir()) == sorted([good, path])
 
 
+SAVE_NPZ = """
+import resource, sys
+import flexarm as fa
+arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
+separation = fa.linearize_along(arm, fa.joint_motion(arm, [0.0], [0.5], 1.0), rate=10.0)
+if sys.argv[2:]:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+try:
+    separation.save(sys.argv[1])
+except fa.InputError as error:
+    sys.exit(str(error))
+"""
+
+
+@posix_only
+def test_a_full_disk_leaves_the_older_file_of_a_separation(tmp_path):
+    path = tmp_path / "along.npz"
+    assert run(path, code=SAVE_NPZ).returncode == 0
+    older = path.read_bytes()
+    ended = run(path, "full", code=SAVE_NPZ)
+    assert ended.returncode == 1
+    reason = "not: File too large. The older file is unchanged."
+    assert ended.stderr.strip() == f"{path}: the file must be writable, but is {reason}"
+    assert path.read_bytes() == older
+    assert list(tmp_path.iterdir()) == [path]
+
+
 WAITING = """
 import os, signal, sys
 from flexarm.output import csv_table, netcdf
@@ -89,6 +116,46 @@ def test_sigterm_while_writing_leaves_no_temporary_file(good, tmp_path):
     assert ended.returncode == 143
     assert "Traceback" not in ended.stderr
     assert list(tmp_path.iterdir()) == [good]
+
+
+PRINTED = """
+import os, signal, sys
+from flexarm.cli.failures import end_orderly_when_terminated
+end_orderly_when_terminated()
+sys.stdout = os.fdopen(1, "w")  # buffered, whatever PYTHONUNBUFFERED says
+print("printed")
+os.kill(os.getpid(), signal.SIGTERM)
+print("after the signal")
+"""
+
+
+@posix_only
+def test_sigterm_writes_out_what_was_printed():
+    ended = run(code=PRINTED)
+    assert ended.returncode == 143
+    assert ended.stdout == "printed\n"
+
+
+STALLED = """
+import os, signal, sys
+from flexarm.cli.failures import end_orderly_when_terminated
+end_orderly_when_terminated()
+reading, writing = os.pipe()
+os.set_blocking(writing, False)
+try:
+    while True:
+        os.write(writing, b"x" * 4096)
+except BlockingIOError:
+    os.set_blocking(writing, True)
+sys.stdout = os.fdopen(writing, "w")
+print("printed")
+os.kill(os.getpid(), signal.SIGTERM)
+"""
+
+
+@posix_only
+def test_sigterm_does_not_wait_for_a_reader_that_has_stalled():
+    assert run(code=STALLED).returncode == 143
 
 
 @posix_only
@@ -157,7 +224,22 @@ def test_a_pipe_without_a_writer_is_refused(tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "pipe")
     outcome = invoke("check", tmp_path / "pipe")
     assert outcome.exit_code == 2
-    assert "a pipe into which nobody writes" in outcome.stderr
+    assert "the pipe has no writer" in outcome.stderr
+
+
+@posix_only
+def test_a_pipe_whose_writer_writes_nothing_is_refused(tmp_path, monkeypatch):
+    from flexarm.model import read_bytes
+
+    monkeypatch.setattr(read_bytes, "_WAIT_FOR_CONTENT", 0.05)
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    writer = os.open(tmp_path / "pipe", os.O_WRONLY)
+    os.close(reader)
+    outcome = invoke("check", tmp_path / "pipe")
+    os.close(writer)
+    assert outcome.exit_code == 2
+    assert "nothing was written into the pipe for 0.05 s" in outcome.stderr
 
 
 HOSTILE = {

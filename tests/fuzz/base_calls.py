@@ -1,7 +1,6 @@
-"""Valid arguments for every public callable, to be replaced by wrong values.
+"""Valid keyword arguments of all public callables and methods, to be replaced by wrong values.
 
-For every public name, and for the public methods of what it makes, here are keyword arguments that
-it accepts. `test_calls.py` fails where a public name has none.
+`test_calls.py` fails where a public name has none.
 """
 
 from __future__ import annotations

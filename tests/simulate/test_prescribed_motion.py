@@ -120,7 +120,7 @@ def test_not_beside_a_controller():
     arm = two_links()
     motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, 1.0], 0.1)
     controller = fa.JointPD([1.0, 1.0], [1.0, 1.0], 1e-3)
-    with pytest.raises(fa.InputError, match="prescribed must be left out where a controller acts"):
+    with pytest.raises(fa.InputError, match="prescribed must not be combined with a controller"):
         fa.simulate(
             arm, 0.1, controller=controller, reference=motion, prescribed={1: swing(1.0, 1.0)}
         )

@@ -24,6 +24,9 @@ from flexarm.beams.quadrature import BeamQuadrature, beam_quadrature
 from flexarm.beams.shear import PointShapes, point_shapes, shear_parameters
 from flexarm.errors import InputError, Problem, check_array, shown
 
+#: Dimensions up to this size, and down to its inverse, have powers within the range of floats.
+_LARGEST = 1e50
+
 
 @dataclass(frozen=True, eq=False)
 class LinkConstants:
@@ -289,16 +292,36 @@ def rigid_constants(
 
 @contextmanager
 def _in_range(where: str, table: BeamTable) -> Iterator[None]:
-    """Raise InputError if powers and products of the dimensions overflow, or all round to zero."""
+    """Raise InputError where numbers overflow, round to zero, or leave matrices indefinite."""
     try:
         with np.errstate(divide="raise", over="raise", invalid="raise"):
             yield
-    except (ArithmeticError, np.linalg.LinAlgError):
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        if isinstance(error, np.linalg.LinAlgError) and not _is_extreme(table):
+            rule, value = "be positive definite", f"not: {error}".rstrip(".")
+            hint = "Rigidity or mass may vary by too many orders of magnitude along the link."
+            raise InputError(Problem(where, "the stiffness", rule, value, hint)) from None
         length, mass = table.x[-1], table.mass_per_length.max()
         value = f"of length {length:.3g} m with at most {mass:.3g} kg/m"
         rule = "have dimensions whose powers and products are floating-point numbers"
         hint = "Check the units; all values are in SI."
         raise InputError(Problem(where, "the link", rule, value, hint)) from None
+
+
+def _is_extreme(table: BeamTable) -> bool:
+    """Whether powers and products of the dimensions may leave the range of floats."""
+    shear = [] if table.shear_rigidity is None else [table.shear_rigidity]
+    dimensions = np.concatenate(
+        [
+            table.x[-1:],
+            table.flexural_rigidity,
+            table.mass_per_length,
+            table.rotary_inertia_per_length,
+            *shear,
+        ]
+    )
+    sizes = dimensions[dimensions > 0.0]
+    return bool(sizes.min() < 1.0 / _LARGEST or sizes.max() > _LARGEST)
 
 
 def _rigid_body(table: BeamTable, quadrature: BeamQuadrature) -> tuple[float, float, float, float]:

@@ -12,14 +12,8 @@ from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import FlexarmWarning
 from flexarm.model import locate_study
-from flexarm.output import (
-    FIGURE_SUFFIXES,
-    check_place,
-    encode_netcdf,
-    write_figure,
-    write_text,
-    write_whole,
-)
+from flexarm.output import FIGURE_SUFFIXES, encode_netcdf, write_figure
+from flexarm.places import check_place, write_text, write_whole
 from flexarm.simulate.study import PreparedStudy
 
 if TYPE_CHECKING:

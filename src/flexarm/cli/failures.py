@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import typer
 
@@ -17,9 +17,9 @@ FAILED_RUN, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
 @contextmanager
 def failures_told() -> Iterator[None]:
-    """Tell failures on the error stream and leave with the exit status that belongs to them.
+    """Report failures on the error stream and end with the exit status of each.
 
-    Only what flexarm raises on purpose: anything else is a bug, and its traceback is wanted.
+    Only exceptions that flexarm raises on purpose: any other is a bug, and its traceback is wanted.
     """
     try:
         yield
@@ -48,10 +48,22 @@ def end_orderly_when_terminated() -> None:
         from flexarm.replace_file import remove_unfinished
 
         remove_unfinished()
+        _flush_briefly()
         os._exit(TERMINATED)
 
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, leave)
+
+
+def _flush_briefly() -> None:
+    """Write out what was printed, unless its reader does not take it within a second."""
+    if hasattr(signal, "SIGALRM"):
+        signal.signal(signal.SIGALRM, lambda *_: os._exit(TERMINATED))
+        signal.alarm(1)
+    for stream in (sys.stdout, sys.stderr):
+        # The reader may have gone, or the signal may have arrived within a write to the stream.
+        with suppress(OSError, ValueError, RuntimeError):
+            stream.flush()
 
 
 def warn(message: str) -> None:

@@ -12,13 +12,8 @@ from flexarm.cli.failures import warn
 from flexarm.cli.postures import joint_numbers, told
 from flexarm.cli.tables import console, facts, numbers
 from flexarm.linear import LinearModel, equilibrium, linearize
-from flexarm.output import (
-    FIGURE_SUFFIXES,
-    MODEL_SUFFIXES,
-    check_place,
-    save_linear,
-    write_figure,
-)
+from flexarm.output import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear, write_figure
+from flexarm.places import check_place
 
 _WHERE = "flexarm linearize"
 #: Poles nearer to zero than this part of the largest are rounding.

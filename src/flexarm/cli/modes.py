@@ -16,7 +16,8 @@ from flexarm.errors import InputError, Problem
 from flexarm.linear import Modes, ModeTracks, campbell, equilibrium, track_modes
 from flexarm.linear import modes as modes_of
 from flexarm.linear.held import Joints
-from flexarm.output import FIGURE_SUFFIXES, check_place, write_figure, write_text
+from flexarm.output import FIGURE_SUFFIXES, write_figure
+from flexarm.places import check_place, write_text
 
 _WHERE = "flexarm modes"
 #: Samples along a way, and every how manieth of them the table shows.

@@ -12,7 +12,7 @@ from rich.console import Console, Group, RenderableType
 
 from flexarm.cli.drawing import Drawing, draw_figures
 from flexarm.cli.tables import console, numbers
-from flexarm.output.places import check_folder, write_text
+from flexarm.places import check_folder, write_text
 
 if TYPE_CHECKING:
     from flexarm.paper import PaperCase

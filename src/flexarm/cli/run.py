@@ -12,7 +12,8 @@ from flexarm.cli.failures import say, warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.model import locate_scenario
-from flexarm.output import FIGURE_SUFFIXES, FORMATS, check_place, write_figure, write_result
+from flexarm.output import FIGURE_SUFFIXES, FORMATS, write_figure, write_result
+from flexarm.places import check_place
 from flexarm.simulate import prepare
 from flexarm.simulate.compare import INCONSISTENT, inconsistent
 

@@ -14,6 +14,6 @@ def give_schema(kind: str, out: Path | None) -> None:
     if out is None:
         print(text, end="")
         return
-    from flexarm.output import check_place, write_text
+    from flexarm.places import check_place, write_text
 
     write_text(text, check_place("flexarm schema", "--out", out, (".json",)))

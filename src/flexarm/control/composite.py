@@ -100,7 +100,7 @@ class Composite(LQG):
         where = "Composite"
         for unknown in ("integral", "preview", "nominal"):
             if options.get(unknown) is not None and options[unknown] is not False:
-                problem = Problem(where, unknown, "be left out", "given", "LQG has it.")
+                problem = Problem(where, unknown, "be left out", "given", f"`LQG` has `{unknown}`.")
                 raise InputError(problem)
         if check_kind(where, "arm", arm, Arm).dof == arm.joints:
             raise InputError(Problem(where, "arm", "have links that bend", "rigid"))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import as_list, check_each
+from flexarm.arguments import as_list, check_choice, check_each, check_kind
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.linear.held import Joints
@@ -62,7 +62,10 @@ def shaped(
     """
     where = "shaped"
     motion = check_motion(where, motion)
-    _check(where, motion, arm, method, tolerance, frequency_hz)
+    check_choice(where, "method", method, SHAPERS)
+    if arm is not None:
+        check_kind(where, "arm", arm, Arm)
+    _check(where, motion, arm, tolerance, frequency_hz)
     if frequency_hz is None:
         assert arm is not None
         return _by_modes(where, motion, arm, method, modes, joints, damping_ratio, tolerance)
@@ -112,20 +115,14 @@ def _by_modes(
 def _check(
     where: str,
     motion: Motion,
-    arm: object,
-    method: object,
+    arm: Arm | None,
     tolerance: float,
     frequency_hz: ArrayLike | None,
 ) -> None:
     problems = []
-    if not isinstance(method, str) or method not in SHAPERS:
-        rule = "be one of " + ", ".join(map(repr, SHAPERS))
-        problems.append(Problem(where, "method", rule, shown(method)))
     if not 0.0 < float(check_array(where, "tolerance", tolerance, ())) < 1.0:
         problems.append(Problem(where, "tolerance", "be between 0 and 1", shown(tolerance)))
-    if arm is not None and not isinstance(arm, Arm):
-        problems.append(Problem(where, "arm", "be an Arm", shown(arm)))
-    elif arm is not None and arm.joints != motion.joints:
+    if arm is not None and arm.joints != motion.joints:
         rule = f"have the motion's {motion.joints} joint(s)"
         problems.append(Problem(where, "arm", rule, f"one of {arm.joints} joint(s)"))
     elif arm is None and frequency_hz is None:

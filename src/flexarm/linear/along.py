@@ -7,20 +7,22 @@ Theory page "separation", (D.1) to (D.7).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_choice, check_kind, check_path, check_positive, check_times
+from flexarm.arguments import check_choice, check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array
 from flexarm.model.scenario import sample_fault
 from flexarm.motion import Motion
 from flexarm.motion.dynamics_along import dynamics_along
 from flexarm.motion.motion import check_motion
+from flexarm.places import check_place, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -201,22 +203,17 @@ class Separation:
     def save(self, path: str | PathLike[str]) -> None:
         """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names.
 
-        Missing folders are made.
+        Missing folders are made. The file appears complete or not at all.
 
         Raises:
-            InputError: the name does not end in ``.npz``, or the file cannot be written.
+            InputError: if the name does not end in ``.npz``, or the file cannot be written.
         """
-        path = check_path("Separation.save", "path", path)
-        if path.suffix != ".npz":
-            raise InputError(Problem("Separation.save", "path", "end in .npz", shown(str(path))))
+        place = check_place("Separation.save", "path", path, (".npz",))
         dataset = self.to_dataset()
         arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            np.savez_compressed(path, **arrays)
-        except OSError as error:
-            reason = f"not: {error.strerror or error}"
-            raise InputError(Problem(str(path), "the file", "be writable", reason)) from None
+        content = BytesIO()
+        np.savez_compressed(content, **arrays)
+        write_whole(place, [content.getbuffer()])
 
     def _torque_names(self) -> list[str]:
         return [f"torque_{number}" for number in self.arm.joint_numbers]

@@ -144,7 +144,9 @@ def _right_fields(
         if name in wrong:
             continue
         if name not in data:
-            right[name] = field.get_default(call_default_factory=True)
+            # A key that is not text stops the validation before missing fields are reported.
+            if not field.is_required():
+                right[name] = field.get_default(call_default_factory=True)
             continue
         try:
             right[name] = _field_adapter(cls, name).validate_python(data[name])

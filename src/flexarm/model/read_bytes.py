@@ -1,4 +1,4 @@
-"""Read a file or a pipe once, without waiting for a writer that never comes."""
+"""Read a file or a pipe once, without waiting for ever for what is written into a pipe."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from pathlib import Path
 
 #: Time for somebody to start writing into a named pipe (s).
 _WAIT_FOR_WRITER = 5.0
+#: Time for the writer of a pipe, which may compute first, to write something (s).
+_WAIT_FOR_CONTENT = 60.0
 _AT_ONCE = 1 << 20
 
 
@@ -17,7 +19,7 @@ def read_bytes(file: Path, most: int) -> bytes:
     """Return the content of a file, a pipe or a terminal, at most ``most`` bytes of it.
 
     Raises:
-        OSError: if it cannot be read, or is a pipe into which nobody writes.
+        OSError: if it cannot be read, or is a pipe that has no writer or stays empty.
         ValueError: if the path has a null character or half of a surrogate pair.
     """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
@@ -34,20 +36,24 @@ def read_bytes(file: Path, most: int) -> bytes:
 def _read(descriptor: int, most: int, pipe: bool) -> bytes:
     parts: list[bytes] = []
     length = 0
-    give_up = time.monotonic() + _WAIT_FOR_WRITER
+    start = time.monotonic()
     while length < most:
         try:
             part = os.read(descriptor, min(_AT_ONCE, most - length))
-        except BlockingIOError:  # there is a writer, which has written nothing yet
-            select.select([descriptor], [], [])
+        except BlockingIOError:  # there is a writer, which has written nothing more yet
+            limit = start + _WAIT_FOR_CONTENT - time.monotonic()
+            wait = max(limit, 0.0) if pipe and not parts else None
+            if not select.select([descriptor], [], [], wait)[0]:
+                reason = f"nothing was written into the pipe for {_WAIT_FOR_CONTENT:g} s"
+                raise OSError(reason) from None
             continue
         if part:
             parts.append(part)
             length += len(part)
         elif not pipe or parts:
             break
-        elif time.monotonic() > give_up:
-            raise OSError("it is a pipe into which nobody writes")
+        elif time.monotonic() > start + _WAIT_FOR_WRITER:
+            raise OSError("the pipe has no writer")
         else:
             time.sleep(0.02)
     return b"".join(parts)

@@ -4,18 +4,14 @@ from flexarm.output.figures import FIGURE_SUFFIXES, write_figure
 from flexarm.output.formats import FORMATS, read_result, write_result
 from flexarm.output.linear_model import MODEL_SUFFIXES, save_linear
 from flexarm.output.netcdf import encode_netcdf
-from flexarm.output.places import check_place, write_text, write_whole
 
 __all__ = [
     "FIGURE_SUFFIXES",
     "FORMATS",
     "MODEL_SUFFIXES",
-    "check_place",
     "encode_netcdf",
     "read_result",
     "save_linear",
     "write_figure",
     "write_result",
-    "write_text",
-    "write_whole",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any, Protocol
 
-from flexarm.output.places import AnyPath, check_place, write_whole
+from flexarm.places import AnyPath, check_place, write_whole
 
 #: What a figure's file may end in.
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.errors import InputError, Problem, shown
-from flexarm.output.places import AnyPath, check_place, write_text, write_whole
+from flexarm.places import AnyPath, check_place, write_text, write_whole
 
 if TYPE_CHECKING:
     # Not at run time: processes that only draw figures would load the kernels for nothing.

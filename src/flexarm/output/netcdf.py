@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from flexarm.output.base import Format
-from flexarm.output.places import AnyPath
+from flexarm.places import AnyPath
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,7 +69,7 @@ def _check_digest(path: AnyPath) -> None:
             digest.update(part)
             end -= len(part)
     if digest.digest() != written:
-        raise OSError("its content is not what was written, so it is damaged or was edited")
+        raise OSError("the file is damaged, or another program has changed it")
 
 
 NETCDF = Format("NetCDF", ".nc", encode_netcdf, _read)

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexarm.arguments import check_positive
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate import (
     INTEGRATORS,
     DormandPrince8,
@@ -40,8 +41,8 @@ def check_integrator(
         InputError: no integrator has that name, it does not follow contacts and there are some, the
             step is not a positive time, or it is given beside an object, which has its own.
     """
-    if step is not None and check_array(where, "step", step, ()) <= 0.0:
-        raise InputError(Problem(where, "step", "be greater than 0", shown(step)))
+    if step is not None:
+        check_positive(where, "step", step)
     known = isinstance(asked, str) and asked in ("auto", *INTEGRATORS)
     if not known and not isinstance(asked, Integrator):
         names = ", ".join(repr(name) for name in ("auto", *INTEGRATORS))

@@ -183,7 +183,7 @@ def simulate(
         check_flag(where, "specialized", specialized)
     for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
         if given and controller is not None:
-            raise InputError(Problem(where, name, "be left out where a controller acts", "given"))
+            raise InputError(Problem(where, name, "not be combined with a controller", "given"))
     duration = check_positive(where, "duration", duration)
     if step is not None and check_positive(where, "step", step) > duration:
         rule = f"be at most the duration of {duration:.6g} s"

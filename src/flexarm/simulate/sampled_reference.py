@@ -12,8 +12,8 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 
-#: What is looked up of a reference that knows it, besides the motion of the joints.
 _MOST_TICKS = 1e8  # of a controller in one run; more do not fit into memory
+#: Functions of a reference that are looked up, besides the motion of the joints.
 _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
 
 

@@ -224,3 +224,15 @@ class TestWrongInput:
 def test_a_rigid_link_may_be_massless():
     link = rigid_constants([0.0, 2.0], [0.0, 0.0], [0.0, 0.0])
     assert (link.length, link.mass, link.first_moment, link.inertia) == (2.0, 0.0, 0.0, 0.0)
+
+
+def test_an_indefinite_stiffness_is_not_blamed_on_units():
+    with pytest.raises(InputError, match="the stiffness must be positive definite") as caught:
+        link_constants(
+            [0.0, 0.5 - 1e-9, 0.5, 1.0],
+            [1.0, 1.0, 1e30, 1e30],
+            [1.0, 1.0, 1e-30, 1e-30],
+            [0.0] * 4,
+            elements=4,
+        )
+    assert "units" not in str(caught.value)

@@ -85,8 +85,8 @@ def test_any_time_and_export(tmp_path):
     assert model.B.shape[2] == 0
     other = model.at([0.123, 0.5])
     np.testing.assert_array_equal(other.at(model.time).A, model.A)
-    model.save(tmp_path / "model.npz")
-    with np.load(tmp_path / "model.npz") as stored:
+    model.save(tmp_path / "model.NPZ")
+    with np.load(tmp_path / "model.NPZ") as stored:
         np.testing.assert_array_equal(stored["A"], model.A)
         np.testing.assert_array_equal(stored["time"], model.time)
     data = fa.linearize_along(arm, a_motion(arm), rate=100.0).to_dataset()

@@ -315,3 +315,20 @@ def test_a_scenario_knows_its_lines(tmp_path):
     assert where(("run", "rate")) == f"{tmp_path / 'run.yaml'}:5"
     assert where(("arm", "links", 0, "length")) == f"{tmp_path / 'arm.yaml'}:4"
     assert where(("run", "step")) == f"{tmp_path / 'run.yaml'}:3"  # what should contain it
+
+
+FLOW = "{flexarm: 1, arm: {links: [{length: 2, flexural_rigidity: 100, mass_per_length: 5}]}}"
+LONG = {
+    "block": "\n" * 100_000 + ARM,
+    "flow": "\n" * 100_000 + f"  {FLOW}",
+    "in braces": "{" + "\n" * 100_000 + FLOW[1:],
+    "indented": " " * 100_000 + FLOW,
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_an_arm_file_with_much_blank_space(name, tmp_path):
+    # The search for the key `flexarm` must be linear in the number of blank characters.
+    (tmp_path / "arm.yaml").write_text(LONG[name])
+    (tmp_path / "run.yaml").write_text("flexarm: 1\nrun: {duration: 1}\narm: arm.yaml\n")
+    assert load_scenario(tmp_path / "run.yaml").arm == SPEC

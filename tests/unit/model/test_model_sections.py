@@ -179,3 +179,10 @@ def test_wrong_tables_are_refused_with_every_reason(columns, messages):
     with pytest.raises(ModelError) as caught:
         SectionTable(**{**right, **columns})
     assert str(caught.value).splitlines() == [f"SectionTable: {text}" for text in messages]
+
+
+def test_a_key_that_is_not_text_beside_missing_dimensions():
+    # Such a key stops the validation before missing fields are reported.
+    with pytest.raises(ModelError) as caught:
+        Box(**{"width": 0.01, "thickness": 0.001, "\ud800": 1})
+    assert len(caught.value.problems) == 1

@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.bridges.gymnasium_env.observation import (
     FloatArray,
@@ -235,13 +236,12 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
     def _made(self, arm: object, sample_time: float) -> Plant:
         """Make the plant of an arm that has as many joints and gauges as the one planned with."""
-        known = self.arm
-        if not isinstance(arm, Arm) or (arm.joints, len(arm.gauges)) != (
-            known.joints,
-            len(known.gauges),
-        ):
-            rule = f"be an Arm of {known.joints} joints and {len(known.gauges)} gauges"
-            raise InputError(Problem(type(self).__name__, "plant", rule, shown(arm)))
+        where, known = type(self).__name__, self.arm
+        arm = check_kind(where, "plant", arm, Arm)
+        if (arm.joints, len(arm.gauges)) != (known.joints, len(known.gauges)):
+            rule = f"have {known.joints} joints and {len(known.gauges)} gauges"
+            given = f"{arm.joints} joints and {len(arm.gauges)} gauges"
+            raise InputError(Problem(where, "plant", rule, f"one of {given}"))
         touching = self.contacts()
         return Plant(arm, sample_time, self._hardware, contacts=touching, warn=False)
 
@@ -264,7 +264,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 def _check_objects(
     where: str, arm: object, plant: object, hardware: object, render_mode: object
 ) -> None:
-    """Refuse what is something else than it should be, all of it at once."""
+    """Raise InputError with every argument that is of another class."""
     rules = {
         "arm": ("be an Arm", arm, isinstance(arm, Arm)),
         "plant": (

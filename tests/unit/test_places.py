@@ -11,9 +11,11 @@ from pathlib import Path
 
 import pytest
 
+import flexarm.replace_file as replace_module
 from flexarm.errors import InputError
-from flexarm.output import check_place, write_figure, write_text
-from flexarm.output.places import check_folder, write_whole
+from flexarm.output import write_figure
+from flexarm.places import check_folder, check_place, write_text, write_whole
+from flexarm.replace_file import replace_file
 
 SUFFIXES = (".nc", ".csv")
 
@@ -166,6 +168,48 @@ def test_permissions_of_the_older_file_stay(tmp_path):
     path.chmod(0o640)
     write_text("newer", path)
     assert path.stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX permissions")
+def test_a_private_file_is_private_while_it_is_written(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("older")
+    path.chmod(0o600)
+
+    def parts():
+        (beside,) = tmp_path.glob(".*.tmp")
+        assert beside.stat().st_mode & 0o777 == 0o600
+        yield b"newer"
+
+    write_whole(path, parts())
+    assert path.read_text() == "newer"
+
+
+def test_a_temporary_file_that_cannot_be_opened_is_forgotten(tmp_path):
+    with pytest.raises(OSError, match="No such file"):
+        replace_file(tmp_path / "missing" / "run.csv", [b"content"])
+    assert not replace_module._unfinished
+
+
+FOREIGN = """
+import sys
+from flexarm.replace_file import replace_file
+replace_file(sys.argv[1], [b"newer"])
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
+def test_pipes_and_links_with_the_name_of_a_temporary_file_are_left_alone(tmp_path):
+    path, other = tmp_path / "run.csv", tmp_path / "other"
+    other.write_text("of somebody else")
+    prefix = replace_module._prefix(path)
+    os.mkfifo(tmp_path / f"{prefix}pipe.tmp")
+    (tmp_path / f"{prefix}link.tmp").symlink_to(other)
+    # In a process of its own: opening the pipe would wait for its writer for ever.
+    subprocess.run([sys.executable, "-c", FOREIGN, path], check=True, timeout=600)
+    assert path.read_text() == "newer"
+    assert other.read_text() == "of somebody else"
+    assert len(list(tmp_path.glob(".*.tmp"))) == 2
 
 
 class Picture:

@@ -1,4 +1,4 @@
-"""Where output goes: paths refused before the work, files that appear complete or not at all."""
+"""Paths of output files: checked before the work, written whole or not at all."""
 
 from __future__ import annotations
 
