@@ -1,5 +1,7 @@
 """What a scenario file says beside motion and drive is what the same calls in Python say."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -207,7 +209,7 @@ class TestEquilibrium:
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
 
-        monkeypatch.setattr("flexarm.simulate.start.equilibrium", none)
+        monkeypatch.setattr(import_module("flexarm.simulate.start"), "equilibrium", none)
         with pytest.raises(fa.EquilibriumError, match=r"up to 0\.4 of gravity and loads"):
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 
