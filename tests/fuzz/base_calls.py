@@ -196,11 +196,7 @@ _MOVE = {"arm": arm, "motion": motion}
 #: Other public functions and classes.
 FUNCTIONS: dict[str, dict[str, Any]] = {
     "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
-    "loop_margins": {
-        "controller": lambda: fa.JointPD([20.0, 10.0], [1.0, 0.5]),
-        "plants": arm,
-        "postures": [start],
-    },
+    "loop_margins": {"controller": controller, "plants": arm, "postures": [start]},
     "Arm": {
         "links": [LINK],
         "joints": [{"hub_inertia": 0.1}],
@@ -266,22 +262,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "track_modes": {"arm": arm, "along": [start, end], "count": 2, "samples": 2},
     "varied": {"arm": arm},
     "write_result": {"result": result, "path": lambda: folder() / "written.nc"},
-}
-
-#: Functions of ``fa.plot``.
-FIGURES: dict[str, dict[str, Any]] = {
-    "comparison_figure": {
-        "table": cache(lambda: fa.compare(arm(), {"pd": controller()}, 0.01, {"line": motion()}))
-    },
-    "modes_figure": {"modes": cache(lambda: fa.modes(arm())), "count": 2},
-    "response_figure": {
-        "model": cache(lambda: fa.linearize(arm(), outputs=["joint_angle"])),
-        "omega": [1.0, 10.0],
-    },
-    "signals_figure": {"result": result},
-    "tracks_figure": {
-        "tracks": cache(lambda: fa.track_modes(arm(), [start, end], count=2, samples=2))
-    },
 }
 
 #: Methods of what these make: the object, then arguments by method.

@@ -9,7 +9,8 @@ from typing import Any
 import flexarm as fa
 import flexarm.plot
 from flexarm.model.checks import Record
-from fuzz.base_calls import CONTROLLERS, FIGURES, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
+from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
+from fuzz.figure_calls import FIGURES
 
 #: Classes whose methods are called by a run.
 _CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")

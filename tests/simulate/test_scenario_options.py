@@ -1,12 +1,13 @@
 """What a scenario file says beside motion and drive is what the same calls in Python say."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
 import flexarm as fa
 from flexarm.model import load_scenario
 from flexarm.simulate import prepare
-from flexarm.simulate import start as start_module
 
 ARM = """\
 flexarm: 1
@@ -208,7 +209,7 @@ class TestEquilibrium:
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
 
-        monkeypatch.setattr(start_module, "equilibrium", none)
+        monkeypatch.setattr(import_module("flexarm.simulate.start"), "equilibrium", none)
         with pytest.raises(fa.EquilibriumError, match=r"up to 0\.4 of gravity and loads"):
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 

@@ -355,7 +355,9 @@ class ExtendedKalmanFilter:
         arm, count = self.arm, self.arm.dof
         angle_item = next(i for i in self.instruments if i.signal == "joint_angle")
         angles = np.asarray(measurement[angle_item.label])
-        q, by_mass = self._sag(angles)
+        with one_warning() as bent:
+            q, by_mass = self._sag(angles)
+        warn_of_first(bent, 4)
         stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles))).copy()
         energy = 2.0 * self.energy_deviation
         variance = np.full(2 * count + 1, energy)
@@ -376,13 +378,6 @@ class ExtendedKalmanFilter:
         if not any(arm.spec.gravity):
             q = arm.rest(angles)
             return q, np.zeros_like(q)
-        with one_warning() as bent:
-            found = self._rests(angles)
-        warn_of_first(bent, 5)
-        return found
-
-    def _rests(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-        arm = self.arm
         q = equilibrium(arm, angles).q
         if self.payload_deviation == 0.0:
             return q, np.zeros_like(q)

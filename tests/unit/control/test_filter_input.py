@@ -1,0 +1,45 @@
+"""Readings, masses and torques that make no sense to the extended Kalman filter."""
+
+import numpy as np
+import pytest
+from linear_arm import arm_with_gauges as two_links
+
+import flexarm as fa
+from flexarm.control.measurement import Measurement
+
+ENCODER = fa.Instrument("joint_angle", noise=2e-4)
+
+
+@pytest.mark.parametrize("reading", [np.nan, np.inf, 1e200])
+def test_readings_that_no_instrument_gives_are_refused(reading):
+    arm = two_links()
+    filters = fa.ExtendedKalmanFilter(arm, [ENCODER], payload_deviation=0.1)
+    for _ in range(2):  # the first reading and a later one
+        with pytest.raises(fa.InputError, match=r"ExtendedKalmanFilter\.correct: "):
+            filters.correct(Measurement(joint_angle=np.array([0.1, reading])))
+        filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))
+    assert np.all(np.isfinite(filters.q))
+    with pytest.raises(fa.InputError, match="have 2 readings of joint_angle, but is of 3"):
+        filters.correct(Measurement(joint_angle=np.zeros(3)))
+    record = np.tile([0.1, reading], (3, 1))
+    with pytest.raises(fa.InputError):
+        filters.run(np.zeros((3, 2)), {"joint_angle": record})
+
+
+def test_huge_beginnings_are_refused():
+    arm = two_links()
+    filters = fa.ExtendedKalmanFilter(arm, [ENCODER], payload_deviation=0.1)
+    still, P = np.zeros(arm.dof), np.eye(2 * arm.dof + 1)
+    for mass, covariance, name in ((1e300, P, "payload_mass"), (0.1, 1e300 * P, "covariance")):
+        with pytest.raises(fa.InputError, match=f"{name} must be at most 1e\\+09"):
+            filters.begin(still, still, mass, covariance)
+
+
+def test_an_estimate_that_diverges_is_reported():
+    arm = two_links()
+    filters = fa.ExtendedKalmanFilter(arm, [ENCODER])
+    filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))
+    with np.errstate(all="ignore"):
+        filters.predict([1e250, -1e250])
+    with pytest.raises(fa.InputError, match="the estimate must be finite"):
+        filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))
