@@ -67,7 +67,7 @@ def _tiled(value: Any, t: Any) -> FloatArray:
 
 
 def has_memory(controller: object) -> bool:
-    """Tell whether a controller declares its memory, without which it cannot be linearised."""
+    """Return whether a controller declares its memory, which its linear model needs."""
     return getattr(controller, "memory", None) is not None
 
 

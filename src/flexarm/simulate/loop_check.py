@@ -42,9 +42,8 @@ def instability(
 ) -> str:
     """Say how the sampled loop is unstable at the beginning or the end of a motion, or nothing.
 
-    An instability that grows less than tenfold within the run does not count. Nothing is said
-    of controllers that do not declare their memory, and of instruments that read a `Sensor` or a
-    torque.
+    An instability that grows less than tenfold within the run does not count. Controllers that do
+    not declare their memory, and instruments that read a `Sensor` or a torque, are not judged.
 
     Args:
         arm: what the controller believes the plant to be.
