@@ -53,7 +53,7 @@ def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
         check_place(_WHERE, "--out", out, TABLE_SUFFIXES)
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
-    with warnings.catch_warnings():  # told below, beside the names of the runs
+    with warnings.catch_warnings():  # printed below, beside the names of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
         table = prepared.run()
     screen = console()

@@ -157,7 +157,7 @@ class Composite(LQG):
         slow, rate = np.zeros((2, arm.joints, 2 * arm.dof))
         slow[:, joints], slow[:, elastic] = alone, alone @ carried
         rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
-        # Acceleration that the slow part asks for; its bend moves the slow angles in turn.
+        # Acceleration that the slow part requests; its bend moves the slow angles in turn.
         stiff, damped = self.bandwidth**2, 2.0 * self.damping_ratio * self.bandwidth
         bend = -flexibility @ coupling.T
         moves = alone @ carried @ bend

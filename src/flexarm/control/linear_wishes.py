@@ -1,4 +1,4 @@
-"""What a linear controller is asked for, filled in where its user said nothing."""
+"""Complete the requirements of a linear controller with default values."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def sampled_plant(
     late, part = _delay(motors.delay, sample_time)
     before, push_before = held(A, B, part * sample_time)
     after, push_after = held(A, B, (1.0 - part) * sample_time)
-    past = late + 1  # torques asked for before this sample
+    past = late + 1  # torques requested before this sample
     slots = [_slots(reading, sample_time) for reading in readings]
     n = len(A)
     starts = n + m * past + np.cumsum([0, *(count * width for count, width in slots)])
@@ -75,7 +75,7 @@ def sampled_plant(
         rule = f"repeat within {_MOST_SAMPLES} samples and have up to {_MOST_STATES} states"
         value = f"of {period} samples and {size} states with these frames and delays"
         raise InputError(Problem("loop analysis", "the sampled plant", rule, value))
-    # Row j holds the torque asked for j samples ago; that of this sample is the input.
+    # Row j holds the torque requested j samples ago; that of this sample is the input.
     asked = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
     step, push = np.zeros((size, size)), np.zeros((size, m))
     step[:n, :n] = after @ before

@@ -272,7 +272,7 @@ def _sample(
     for array, given in zip((q, qd, qdd), motion.state(times), strict=True):
         array[:, arm.joint_index] = given
     along = dynamics_along(arm, q, qd, qdd)
-    # On straight links the joints feel what the rigid twin's do: their rows are its torques.
+    # On straight links the rows of the joints are the torques of the rigid counterpart.
     torque = along.force[:, arm.joint_index]
     missing = -along.force
     missing[:, arm.joint_index] = 0.0

@@ -182,9 +182,9 @@ def _force(where: str, given: float | Callable[[float], float]) -> Callable[[flo
 
 
 def _checked_force(where: str, given: float | Callable[[float], float], t: float) -> float:
-    told = given(t) if callable(given) else given
+    value = given(t) if callable(given) else given
     name = f"force at t = {t:g} s" if callable(given) else "force"
-    return check_nonnegative(where, name, told)
+    return check_nonnegative(where, name, value)
 
 
 def _normal(
@@ -197,12 +197,12 @@ def _normal(
 def _unit_normal(
     where: str, given: ArrayLike | Callable[[float], ArrayLike], t: float
 ) -> FloatArray:
-    told = given(t) if callable(given) else given
+    value = given(t) if callable(given) else given
     name = f"normal at t = {t:g} s" if callable(given) else "normal"
-    outward = check_array(where, name, told, (2,))
+    outward = check_array(where, name, value, (2,))
     length = float(np.hypot(*outward))
     if not length > 0.0:
-        raise InputError(Problem(where, name, "have a direction", shown(told)))
+        raise InputError(Problem(where, name, "have a direction", shown(value)))
     return np.asarray(outward / length)
 
 

@@ -74,7 +74,7 @@ def load_scenario(path: AnyPath) -> Scenario:
 def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path], str]]:
     """Read a scenario file, see `load_scenario`; return with it where each key path stands.
 
-    What is only found when the scenario is built is told with ``file:line`` too.
+    With it, problems found only when the scenario is built are reported with ``file:line`` too.
     """
     return _located(Scenario, path)
 
@@ -120,7 +120,7 @@ def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path
 
 
 def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
-    """Say of a study that it is no scenario, and of a scenario that it is no study.
+    """Refuse a study where a scenario is wanted, and a scenario where a study is.
 
     Raises:
         ModelError: it has keys that only the other kind of file has, and none of its own.
@@ -180,7 +180,7 @@ def _checked(
 ) -> R | None:
     """Make a record of the value found at `inside`; add what is wrong with it to `problems`.
 
-    Nothing is said about the place `told`, which has been complained about before.
+    Problems at the place `told` have been reported before and are left out.
     """
     try:
         return kind.model_validate(value)

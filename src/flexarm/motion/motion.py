@@ -150,7 +150,9 @@ class PathMotion(Motion):
         q, slope, curve = self.path(s)
         ds, dds = ds[:, None], dds[:, None]
         rate = slope * (ds / self.duration)
-        return JointState(q, rate, (curve * ds**2 + slope * dds) / self.duration**2)
+        # The product of floats overflows to infinity, their power raises OverflowError.
+        squared = self.duration * self.duration
+        return JointState(q, rate, (curve * ds**2 + slope * dds) / squared)
 
     @cached_property
     def _edges(self) -> Floats:

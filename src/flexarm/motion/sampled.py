@@ -126,7 +126,7 @@ def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
 
 
 def _nodes(start: float, end: float, rate: float) -> Floats:
-    """Return evenly spaced times from start to end, no farther apart than the rate asks for."""
+    """Return evenly spaced times from start to end, at least as close as the rate requires."""
     count = max(int(np.ceil((end - start) * rate * (1.0 - 1e-9))), 1)
     return np.linspace(start, end, count + 1)
 

@@ -45,7 +45,7 @@ class Panel(NamedTuple):
     scale: float  # from SI to the unit of the label
 
 
-#: What the channels of a link's tip are measured from; said once on a page of many plots.
+#: Frame in which the channels of a link's tip are measured, printed once on a page of many plots.
 TIP_FRAME = "relative to root tangent"
 
 #: Figures 5 to 16, in the paper's order.

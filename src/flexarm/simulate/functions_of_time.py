@@ -64,7 +64,7 @@ def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None
         warnings.simplefilter("ignore", LargeDeflectionWarning)
         try:
             failed.result = again()
-        except InputError:  # too short for the step that was asked for
+        except InputError:  # the time is shorter than the given step
             return
     failed.result.attrs |= {"failure": str(failed), "ended_by": FAILURE}
 

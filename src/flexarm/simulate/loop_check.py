@@ -49,9 +49,9 @@ def instability(
 ) -> str:
     """Say how the sampled loop is unstable at the beginning or the end of a motion, or nothing.
 
-    An instability that grows less than tenfold within the run does not count. Nothing is said
-    of controllers that do not declare their memory, and of instruments that read a `Sensor` or a
-    torque, and of a controller that cannot be copied or fails in the analysis.
+    An instability that grows less than tenfold within the run does not count. Not judged are
+    controllers that do not declare their memory, cannot be copied or fail in the analysis, and
+    instruments that read a `Sensor` or a torque.
 
     Args:
         arm: what the controller believes the plant to be.

@@ -48,3 +48,11 @@ def test_may_hold_still():
 def test_refuses_wrong_postures(start, end, message):
     with pytest.raises(InputError, match=message):
         joint_motion(Links(), start, end, 1.0)
+
+
+def test_a_motion_that_takes_nearly_for_ever_stands_still():
+    # The square of its duration is beyond the largest float.
+    angle, rate, acceleration = joint_motion(Links([1.0]), [0.0], [1.0], 1e300).state([0.0, 1.0])
+    np.testing.assert_array_equal(angle, [[0.0], [0.0]])
+    np.testing.assert_array_equal(acceleration, [[0.0], [0.0]])
+    assert np.all(np.abs(rate) < 1e-299)
