@@ -31,9 +31,10 @@ def arm() -> fa.Arm:
     )
 
 
-def _kalman_filter(arm: fa.Arm) -> fa.ExtendedKalmanFilter:
+def _estimator(arm: fa.Arm, payload_deviation: float = 0.0) -> fa.EstimatorController:
     instruments = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("strain", noise=1e-6)]
-    return fa.ExtendedKalmanFilter(arm, instruments)
+    estimator = fa.ExtendedKalmanFilter(arm, instruments, payload_deviation=payload_deviation)
+    return fa.EstimatorController(estimator, fa.JointPD(*_PD))
 
 
 _PD = ([300.0, 80.0], [30.0, 8.0])
@@ -58,22 +59,33 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "composite": lambda arm: fa.Composite(arm, torque_limit=_LIMIT),
     "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),
     "mpc": lambda arm: fa.MPC(arm, torque_limit=_LIMIT, horizon=10),
-    "estimator": lambda arm: fa.EstimatorController(_kalman_filter(arm), fa.JointPD(*_PD)),
+    "estimator": _estimator,
+}
+#: Conditions in which controllers cost more. Without limits, LQG requests up to 28 and 9 N m.
+CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {
+    ("mpc", "torques at their limits, horizon 10"): lambda arm: fa.MPC(
+        arm, torque_limit=[6.0, 2.0], horizon=10
+    ),
+    ("mpc", "torques at their limits, horizon 40"): lambda arm: fa.MPC(
+        arm, torque_limit=[6.0, 2.0]
+    ),
+    ("estimator", "payload unknown"): lambda arm: _estimator(arm, payload_deviation=0.4),
 }
 
 
-def microseconds(repeats: int = 5, duration: float = DURATION) -> dict[str, float]:
-    """Return what one ``update`` of each controller takes: the median of runs taken in turns."""
+def microseconds(repeats: int = 5, duration: float = DURATION) -> dict[tuple[str, str], float]:
+    """Return the time of one ``update`` by name and condition: the median of runs in turns."""
     plant = arm()
     motion = fa.joint_motion(plant, START, END, DURATION)
-    controllers = {name: MAKERS[name](plant) for name in CONTROLLERS}
-    found: dict[str, list[float]] = {name: [] for name in controllers}
+    makers = {(name, ""): MAKERS[name] for name in CONTROLLERS} | CONDITIONS
+    controllers = {key: make(plant) for key, make in sorted(makers.items())}
+    found: dict[tuple[str, str], list[float]] = {key: [] for key in controllers}
     for turn in range(repeats + 1):
-        for name, controller in controllers.items():
+        for key, controller in controllers.items():
             seconds = _per_update(plant, controller, motion, duration)
             if turn > 0:  # the first run loads machine code
-                found[name].append(1e6 * seconds)
-    return {name: statistics.median(values) for name, values in found.items()}
+                found[key].append(1e6 * seconds)
+    return {key: statistics.median(values) for key, values in found.items()}
 
 
 def _per_update(plant: fa.Arm, controller: Controller, motion: fa.Motion, duration: float) -> float:

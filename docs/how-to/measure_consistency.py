@@ -139,22 +139,26 @@ def errors(name, moving, seed):
     return squared, found.consistent
 
 
+def row(name, moving, seeds):
+    """Return a line of the table: means of the normalised errors squared per state, and band."""
+    size = seeds * (2 * ARMS[name][0].dof + 1)
+    low, high = chi2.ppf([0.025, 0.975], size) / size
+    squared, consistent = zip(*(errors(name, moving, seed) for seed in range(seeds)), strict=True)
+    means = " | ".join(f"{mean:.3f}" for mean in np.sum(squared, axis=0) / size)
+    state = "in motion" if moving else "at rest"
+    alarms = seeds - sum(consistent)
+    return f"| {name} | {state} | {means} | {low:.3f} to {high:.3f} | {alarms} |"
+
+
 def main(seeds):
-    """Print a table: mean of the normalised errors squared per state, and its 95 % band."""
+    """Print the table of the page."""
     warnings.simplefilter("ignore")
-    head = "".join(f"{f'at {t} s':>11}" for t in JUDGED)
-    print(f"{'arm':22}{'':12}{head}{'95 % band':>15}{'alarms':>9}")
-    for name, (arm, _) in ARMS.items():
-        size = seeds * (2 * arm.dof + 1)
-        band = chi2.ppf([0.025, 0.975], size) / size
+    heads = " | ".join(f"at {t} s" for t in JUDGED)
+    print(f"| arm | joints | {heads} | 95 % band | inconsistent |")
+    print("| --- " * (4 + len(JUDGED)) + "|")
+    for name in ARMS:
         for moving in (False, True):
-            rows = [errors(name, moving, seed) for seed in range(seeds)]
-            mean = np.sum([row[0] for row in rows], axis=0) / size
-            alarms = sum(not row[1] for row in rows)
-            values = "".join(f"{value:11.3f}" for value in mean)
-            state = "in motion" if moving else "standstill"
-            limits = f"{band[0]:.3f} to {band[1]:.3f}"
-            print(f"{name:22}{state:12}{values}{limits:>17}{alarms:7d}", flush=True)
+            print(row(name, moving, seeds), flush=True)
 
 
 if __name__ == "__main__":

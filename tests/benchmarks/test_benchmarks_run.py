@@ -98,14 +98,14 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         table_one=points,
         raw=[*own, *(point for point in points if point.program != "flexarm")],
         chain=chain,
-        controllers={"joint_pd": 5.0},
+        controllers={("joint_pd", ""): 5.0},
     )
     assert all(math.isfinite(value) and value > 0 for value in measured.links.values())
     report.write(tmp_path, measured)
 
     page = (tmp_path / "index.md").read_text(encoding="utf-8")
     assert "dormand_prince_8, 4 modes, rtol 1e-04" in page
-    assert "| `joint_pd` | 5 |" in page
+    assert "| `joint_pd` |  | 5 | 1 |" in page
     assert "| 256 |" in page
     assert re.search(r"\| exact beams \| 1.2e-04 \| \w+, [34] modes, (step|rtol) .*: ", page)
     assert "no compiler here" in page
