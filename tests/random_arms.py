@@ -28,10 +28,8 @@ from flexarm.model import (
 
 CLAMPED_FREE = 3.516  # (beta L)^2 of the first mode of a uniform cantilever
 
-# Typical deflection of a link over its length. The second-order theory drops terms of its kinetic
-# energy, so that its mass matrix is indefinite beyond a deflection that falls with the mesh:
-# without a hub inertia 2.5, 1.5 and 1 percent for 2, 3 and 4 elements bent into their second shape.
-MODERATE = {"linear": 0.02, "second_order": 0.003}
+# Typical deflection of a link over its length.
+MODERATE = 0.02
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ def random_spec(
 
 def random_state(rng: np.random.Generator, spec: ArmSpec) -> NodalState:
     """Any joint angles, smooth bending of a few percent and a trace of every higher mode."""
-    n, size = len(spec.links), MODERATE[spec.theory]
+    n, size = len(spec.links), MODERATE
     return NodalState(
         angles=rng.uniform(-np.pi, np.pi, n),
         nodal=[random_bending(rng, link, size) for link in spec.links],

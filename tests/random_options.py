@@ -65,7 +65,7 @@ def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
     arm = fa.Arm(spec)
     state = NodalState(
         angles=angles,
-        nodal=bent(rng, spec, MODERATE[spec.theory]),
+        nodal=bent(rng, spec, MODERATE),
         angle_rates=rng.uniform(-2, 2, len(turning)),
         nodal_rates=bent(rng, spec, 0.1),
     )

@@ -71,14 +71,14 @@ def _bodies(c: ArmConstants) -> np.ndarray:
     """Return the numbers of each body in the order of ``recursion.hpp``, (n, numbers)."""
     n, m = c.S.shape
     scalars = [c.mass, c.inverse_mass, c.first_moment_x, c.first_moment_y, c.length]
+    scalars += [c.inertia, c.hub, c.inverse_inertia]
     scalars += [*c.residual_inertia.T, *c.residual_tip.T, *c.N.T, c.tip_mass, c.tip_inertia]
     scalars += [c.joint_damping, c.joint_stiffness, c.joint_rest, c.joint_angle]
     columns = [np.array(scalars).T, c.S, c.a, c.P, c.dP, c.w2, c.damping]
     if c.D0.shape[1]:
-        centrifugal = c.centrifugal if c.centrifugal.shape[1] else np.zeros((n, m, m))
-        columns += [square.reshape(n, m * m) for square in (centrifugal, c.D0, c.G)]
-    elif c.centrifugal.shape[1]:
-        raise ValueError("the templates know no rotary inertia in the linear theory.")
+        columns += [square.reshape(n, m * m) for square in (c.D0, c.D1, c.G)]
+    if c.centrifugal.shape[1]:
+        raise ValueError("the templates know no rotary inertia.")
     return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
 

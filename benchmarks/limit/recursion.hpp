@@ -53,11 +53,12 @@ struct FreeSizes {
 
 // Numbers of one body, in the order of benchmarks/limit/limit.py: scalars, six rows of m, three m x m.
 enum Scalar {
-    MASS, INVERSE_MASS, FIRST_MOMENT_X, FIRST_MOMENT_Y, LENGTH, H_YY, H_YW, H_WW, T_YY, T_YW, T_WY, T_WW,
+    MASS, INVERSE_MASS, FIRST_MOMENT_X, FIRST_MOMENT_Y, LENGTH, INERTIA, HUB, INVERSE_INERTIA,
+    H_YY, H_YW, H_WW, T_YY, T_YW, T_WY, T_WW,
     N_YY, N_YW, N_WW, TIP_MASS, TIP_INERTIA, DAMPING, STIFFNESS, REST, ANGLE, SCALARS
 };
 enum Row { ROW_S, ROW_A, ROW_P, ROW_DP, ROW_W2, ROW_DELTA, ROWS };
-enum Square { CENTRIFUGAL, SQUARE_D0, SQUARE_G, SQUARES };
+enum Square { SQUARE_D0, SQUARE_D1, SQUARE_G, SQUARES };
 
 template <class Sizes>
 struct Body {
@@ -82,17 +83,19 @@ struct Scratch {
     using G = Geometric<Sizes::second_order>;
     double cosine, sine;
     double tip_x, tip_y, bias_x, bias_y;
-    double s, mu, spread;
+    double s, spread;
+    G alpha, beta;
     Vector root_bias;
     double h_f[Sizes::most_modes];
     double D0_eta[Sizes::second_order ? Sizes::most_modes : 1];
+    double D1_eta[Sizes::second_order ? Sizes::most_modes : 1];
     double F_x[Sizes::second_order ? Sizes::most_modes : 1];
     // Left by the inward sweep.
     std::conditional_t<Sizes::second_order, double, One> Txx;
     G Txy, Tyx, Twx, Nxx, Nxy, Nxw;
     double Txw, Tyw;
     double Tyy, Twy, Tww, Nyy, Nyw, Nww;
-    double mu_rates, kappa;  // eta_dot' D0 eta_dot; (R.44), of the second-order theory
+    double mu_rates, kappa;  // (R.46), (R.44), of the second-order theory
     Vector drift, k, gx, gy, gw;  // rows of the gain
     double Hxw, Hyw, inverse, drive;
 };

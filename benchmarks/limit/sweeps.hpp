@@ -21,6 +21,7 @@ inline void rates(const Sizes& sizes, const double* arm, const double* q, const 
         double phi = 0, phi_dot = 0, v = 0, v_dot = 0, s = body[FIRST_MOMENT_Y], s_dot = 0;
         double spread = 0, spread_dot = 0;
         double u = 0, u_dot = 0, u_rates = 0, mu = 0, mu_dot = 0, mu_rates = 0;
+        double chi = 0, chi_dot = 0, a_dot = 0;
         for (int j = 0; j < m; ++j) {
             const double e = eta[j], f = eta_dot[j];
             phi += body.row(ROW_DP)[j] * e;
@@ -29,11 +30,10 @@ inline void rates(const Sizes& sizes, const double* arm, const double* q, const 
             v_dot += body.row(ROW_P)[j] * f;
             s += body.row(ROW_S)[j] * e;
             s_dot += body.row(ROW_S)[j] * f;
-            double turned = e;
             if constexpr (Sizes::second_order) {
-                double G_e = 0, G_f = 0, D_e = 0, D_f = 0;
+                double G_e = 0, G_f = 0, D_e = 0, D_f = 0, D1_e = 0;
                 for (int k = 0; k < m; ++k) {
-                    turned += body.square(CENTRIFUGAL)[j * m + k] * eta[k];
+                    D1_e += body.square(SQUARE_D1)[j * m + k] * eta[k];
                     G_e += body.square(SQUARE_G)[j * m + k] * eta[k];
                     G_f += body.square(SQUARE_G)[j * m + k] * eta_dot[k];
                     D_e += body.square(SQUARE_D0)[j * m + k] * eta[k];
@@ -47,10 +47,14 @@ inline void rates(const Sizes& sizes, const double* arm, const double* q, const 
                 mu_rates += f * D_f;
                 t.F_x[j] = -G_e;
                 t.D0_eta[j] = D_e;
+                t.D1_eta[j] = D1_e;
+                chi -= 0.5 * e * D1_e;
+                chi_dot -= f * D1_e;
+                a_dot += body.row(ROW_A)[j] * f;
             }
-            spread += e * turned;
-            spread_dot += f * turned;
-            t.h_f[j] = body.row(ROW_W2)[j] * e + body.row(ROW_DELTA)[j] * f - w * w * turned;
+            spread += e * e;
+            spread_dot += f * e;
+            t.h_f[j] = body.row(ROW_W2)[j] * e + body.row(ROW_DELTA)[j] * f - w * w * e;
         }
         t.mu_rates = mu_rates;
         t.tip_x = body[LENGTH] + u;
@@ -58,11 +62,33 @@ inline void rates(const Sizes& sizes, const double* arm, const double* q, const 
         t.bias_x = -w * w * t.tip_x - 2.0 * w * v_dot - u_rates;
         t.bias_y = -w * w * v + 2.0 * w * u_dot;
         t.s = s;
-        t.mu = mu;
         t.spread = spread;
         t.root_bias.x = -2.0 * w * s_dot - w * w * (body[FIRST_MOMENT_X] + mu) - mu_rates;
         t.root_bias.y = -w * w * s + 2.0 * w * mu_dot;
         t.root_bias.w = 2.0 * w * spread_dot;
+        if constexpr (Sizes::second_order) {
+            // The rigid motion that stands for the shortening, (L.44).
+            const double mc = body[FIRST_MOMENT_X], mean = body[INVERSE_MASS];
+            const double per = 2.0 * body[INVERSE_INERTIA];
+            const double central = chi - mean * mu * (mc + 0.5 * mu), y = per * central;
+            const double y_dot = per * (chi_dot - mean * mu_dot * (mc + mu));
+            const double turn = std::sqrt(1.0 + y + 0.125 * y * y * y * y);
+            const double by_y = (0.5 + 0.25 * y * y * y) / turn, beta_dot = by_y * y_dot;
+            t.beta = turn - 1.0;
+            t.alpha = mean * (mu - mc * t.beta);
+            const double alpha_dot = mean * (mu_dot - mc * beta_dot);
+            const double across = w * (mc + mu) + s_dot;
+            const double about = w * (mc * t.alpha + (body[INERTIA] - body[HUB]) * turn) + a_dot;
+            const double left = by_y * per * (about - mean * mc * across);
+            t.mu_rates += w * (s_dot + across - (mc + mu) * left);
+            t.spread -= mean * s * s;
+            t.root_bias.w += 2.0 * w * (chi_dot + 0.5 * y * y * central * y_dot);
+            t.root_bias.w += alpha_dot * s_dot + beta_dot * a_dot;
+            t.root_bias.w += mean * (s * mu_rates - mu_dot * s_dot);
+            for (int j = 0; j < m; ++j)
+                t.h_f[j] += w * ((alpha_dot + mean * mu_dot) * body.row(ROW_S)[j] +
+                                 beta_dot * body.row(ROW_A)[j] + left * t.D1_eta[j]);
+        }
         slope = phi;
         rate = w + phi_dot;
     }
@@ -114,12 +140,21 @@ inline void eliminate(const Body<Sizes>& body, double theta, double theta_dot, d
             t.Nxy += F * P;
             t.Nxw += F * slope;
         }
+        // The rigid motion that stands for the shortening goes with that of the root, (R.46).
+        const double alpha = t.alpha, beta = t.beta;
+        da += alpha * dS + beta * da - t.s;
+        ah += alpha * Sh + beta * ah;
+        Fa += alpha * FS + beta * Fa;
+        Tyw += alpha * (Tyy - 1.0) + beta * (Tyw - body[LENGTH]);
+        Tww += alpha * Twy + beta * (Tww - 1.0);
+        Hww += alpha * (alpha * Hyy + 2.0 * (1.0 + beta) * Hyw) + beta * (2.0 + beta) * (Hww - body[HUB]);
+        Hyw += alpha * Hyy + beta * Hyw;
         // The inertia of the mean shortening, (R.44).
         const double left = 1.0 / (1.0 + body[INVERSE_MASS] * dd);
         const double kappa = t.kappa = body[INVERSE_MASS] * left;
         const double lag = kappa * (dh - t.mu_rates);
         Sh -= dS * lag;
-        ah -= da * lag;
+        ah += body[INVERSE_MASS] * t.s * t.mu_rates - da * lag;
         zx -= Fd * lag;
         zy -= dP * lag;
         zw -= ddP * lag;
@@ -153,6 +188,8 @@ inline void eliminate(const Body<Sizes>& body, double theta, double theta_dot, d
         t.Nyw = Nyw;
         t.Nww = Nww;
     }
+    double Hxw_own = -t.s;
+    if constexpr (Sizes::second_order) Hxw_own = da;
     t.Txw = Zero{} - t.tip_y - Fa;
     Tyw += t.tip_x - body[LENGTH];
     t.Tyw = Tyw;
@@ -180,8 +217,8 @@ inline void eliminate(const Body<Sizes>& body, double theta, double theta_dot, d
     Hxx += (Txx * t.gx.x + Tyx * t.gy.x + Twx * t.gw.x);
     const double Hxy = dS + (Txx * t.gx.y + Tyx * t.gy.y + Twx * t.gw.y);
     Hyy += (Txy * t.gx.y + Tyy * t.gy.y + Twy * t.gw.y);
-    const double Hxw = da - t.s + (Txx * t.gx.w + Tyx * t.gy.w + Twx * t.gw.w);
-    Hyw += t.mu + (Txy * t.gx.w + Tyy * t.gy.w + Twy * t.gw.w);
+    const double Hxw = Hxw_own + (Txx * t.gx.w + Tyx * t.gy.w + Twx * t.gw.w);
+    Hyw += (Txy * t.gx.w + Tyy * t.gy.w + Twy * t.gw.w);
     Hww += t.spread + (Txw * t.gx.w + Tyw * t.gy.w + Tww * t.gw.w);
     const double hx = t.root_bias.x + dh + (Txx * k.x + Tyx * k.y + Twx * k.w);
     const double hy = t.root_bias.y - Sh + (Txy * k.x + Tyy * k.y + Twy * k.w);
@@ -226,8 +263,9 @@ inline void accelerate(const Sizes& sizes, const double* arm, const double* grav
         const double fx = t.gx.x * Ax + t.gx.y * Ay + t.gx.w * Aw + t.k.x;
         const double fy = t.gy.x * Ax + t.gy.y * Ay + t.gy.w * Aw + t.k.y;
         const double fw = t.gw.x * Ax + t.gw.y * Ay + t.gw.w * Aw + t.k.w;
+        const double rising = Ay + t.alpha * Aw, turning = Aw + t.beta * Aw;
         for (int j = 0; j < m; ++j) {
-            double total = t.h_f[j] + body.row(ROW_S)[j] * Ay + body.row(ROW_A)[j] * Aw +
+            double total = t.h_f[j] + body.row(ROW_S)[j] * rising + body.row(ROW_A)[j] * turning +
                            body.row(ROW_P)[j] * fy + body.row(ROW_DP)[j] * fw;
             if constexpr (Sizes::second_order) total -= t.D0_eta[j] * Ax - t.F_x[j] * fx;
             eta_ddot[j] = -total;
@@ -237,7 +275,7 @@ inline void accelerate(const Sizes& sizes, const double* arm, const double* grav
         if constexpr (Sizes::second_order) {
             double shortened = 0.0;
             for (int j = 0; j < m; ++j) shortened += t.D0_eta[j] * eta_ddot[j];
-            const double lag = t.kappa * (shortened + t.mu_rates);
+            const double lag = t.kappa * (shortened + t.mu_rates + t.s * Aw);
             for (int j = 0; j < m; ++j) eta_ddot[j] -= lag * t.D0_eta[j];
             Tyy = t.Tyy, Twy = t.Twy, Tww = t.Tww;
             yy = t.Nyy, yw = t.Nyw, ww = t.Nww;

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.beams import LinkConstants, link_constants, rigid_constants
+from flexarm.beams.parts import inverse_inertia
 from flexarm.kernels.layout import ArmConstants
 from flexarm.model import ArmSpec, Joint, Link, RayleighDamping
 
@@ -183,13 +184,15 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
     m = max(piece.shapes.w2.size for piece in pieces)
     second_order = spec.theory == "second_order"
     g = m if second_order else 0
-    c = m if second_order or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
+    c = m if any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     constants = ArmConstants(
         mass=np.zeros(n),
         inverse_mass=np.zeros(n),
         first_moment_x=np.zeros(n),
         first_moment_y=np.zeros(n),
         inertia=np.zeros(n),
+        hub=np.zeros(n),
+        inverse_inertia=np.zeros(n),
         length=np.zeros(n),
         S=np.zeros((n, m)),
         a=np.zeros((n, m)),
@@ -199,6 +202,7 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
         damping=np.zeros((n, m)),
         centrifugal=np.zeros((n, c, c)),
         D0=np.zeros((n, g, g)),
+        D1=np.zeros((n, g, g)),
         G=np.zeros((n, g, g)),
         residual_inertia=np.zeros((n, 3)),
         residual_tip=np.zeros((n, 4)),
@@ -242,6 +246,7 @@ def _has_laws(joint: Joint) -> bool:
 def _place_hub(constants: ArmConstants, i: int, joint: Joint) -> None:
     """What the joint at the root of body i carries: its hub here, its motor on the body before."""
     constants.inertia[i] += joint.hub_inertia
+    constants.hub[i] = joint.hub_inertia
     constants.residual_inertia[i, 2] += joint.hub_inertia
     if joint.fixed:
         constants.joint_angle[i] = joint.rest_angle
@@ -283,6 +288,7 @@ def _place_link(
     constants.inverse_mass[i] = 1.0 / link.mass if link.mass else 0.0
     constants.first_moment_x[i] = link.first_moment
     constants.inertia[i] = link.inertia
+    constants.inverse_inertia[i] = inverse_inertia(link.mass, link.first_moment, link.inertia)
     constants.length[i] = link.length
     for name in ("S", "a", "P", "dP", "w2"):
         getattr(constants, name)[i, :k] = getattr(link, name)
@@ -293,8 +299,8 @@ def _place_link(
     if constants.centrifugal.shape[1]:
         constants.centrifugal[i, :k, :k] = -link.rotary
     if second_order:
-        constants.centrifugal[i, :k, :k] -= link.D1
         constants.D0[i, :k, :k] = link.D0
+        constants.D1[i, :k, :k] = link.D1
         constants.G[i, :k, :k] = link.G
 
 

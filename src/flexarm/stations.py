@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexarm.assemble import FloatArray, IntArray
-from flexarm.beams.parts import PartConstants, part_constants
+from flexarm.beams.parts import PartConstants, inverse_inertia, part_constants
 from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
 from flexarm.errors import InputError, Problem, shown
@@ -113,10 +113,13 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
             mass=whole.mass.copy(),
             first_moment_x=whole.first_moment_x.copy(),
             inertia=whole.inertia.copy(),
+            inverse_mass=whole.inverse_mass.copy(),
+            inverse_inertia=whole.inverse_inertia.copy(),
             S=whole.S.copy(),
             a=whole.a.copy(),
             D0=whole.D0.copy(),
-            # A part has no unit mass matrix: Gamma - 1 is there without rotary inertia too.
+            D1=whole.D1.copy(),
+            # A part has no unit mass matrix: this is there without rotary inertia too.
             centrifugal=np.zeros((n, m, m)),
         )
         stations = Stations(*(np.ascontiguousarray(array[k::count]) for array in placed))
@@ -164,11 +167,15 @@ def _place_part(
     constants: ArmConstants, body: int, parts: PartConstants, row: int, hub_inertia: float
 ) -> None:
     m = parts.S.shape[1]
-    constants.mass[body] = parts.mass[row]
+    mass, inertia = float(parts.mass[row]), float(parts.inertia[row])
+    constants.mass[body] = mass
+    constants.inverse_mass[body] = 1.0 / mass if mass else 0.0
+    constants.inverse_inertia[body] = inverse_inertia(mass, float(parts.first_moment[row]), inertia)
     constants.first_moment_x[body] = parts.first_moment[row]
-    constants.inertia[body] = parts.inertia[row] + hub_inertia
+    constants.inertia[body] = inertia + hub_inertia
     constants.S[body, :m] = parts.S[row]
     constants.a[body, :m] = parts.a[row]
-    constants.centrifugal[body, :m, :m] = parts.spin[row] - np.eye(m)
+    constants.centrifugal[body, :m, :m] = parts.spread[row] - np.eye(m)
     if constants.D0.shape[1]:
         constants.D0[body, :m, :m] = parts.D0[row]
+        constants.D1[body, :m, :m] = parts.D1[row]

@@ -132,7 +132,7 @@ def test_the_arms_are_many_and_various():
 
 @pytest.mark.parametrize("seed", range(200, 212))
 def test_links_that_bend_far(seed):
-    """By 6 % of the length, so that the energy of the mean shortening counts."""
+    """By 40 % of the length, so that the terms of higher order count."""
     d = drawn(seed, theory="second_order", rigid=False, elements=2)
     oracle = LagrangianOracle(d.arm.spec, basis=shapes_of(d.arm))
     q, qd = d.q.copy(), d.qd.copy()

@@ -154,6 +154,14 @@ def sin(x: Any) -> Any:
     return x.sin() if isinstance(x, Jet | Rate) else np.sin(x)
 
 
+def sqrt(x: Any) -> Any:
+    """Square root of a jet or a number."""
+    if not isinstance(x, Jet):
+        return np.sqrt(x)
+    root = np.sqrt(x.value)
+    return x._chain(root, 0.5 / root, -0.25 / (root * x.value))
+
+
 def cos(x: Any) -> Any:
     """Cosine of a jet, a rate or a plain array."""
     return x.cos() if isinstance(x, Jet | Rate) else np.cos(x)

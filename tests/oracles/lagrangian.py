@@ -25,7 +25,7 @@ import numpy as np
 import scipy.linalg
 
 from .chain import cut
-from .jets import Jet, Rate, cos, sin
+from .jets import Jet, Rate, cos, sin, sqrt
 from .joint_laws import joint_energy, joint_loss
 from .load_points import load_points
 from .material_points import MaterialPoints, material_points
@@ -301,12 +301,13 @@ class LagrangianOracle:
         v = points.deflection @ shape
         bend = points.curvature @ shape.value
         total.strain += half(points.rigidity, bend)
-        total.kinetic += half(points.rotary, angle.rate + points.slope @ shape.rate)
+        turn = points.slope @ shape.rate
         if self.spec.theory == "linear":
+            total.kinetic += half(points.rotary, angle.rate + turn)
             self._point_mass(total, points.mass, place(origin, angle, points.x, v))
             return
         u = foreshortening(points.running, points, shape)
-        total.kinetic += truncated_kinetic(points, origin, angle, u, v)
+        total.kinetic += truncated_kinetic(points, origin, angle, u, v, turn)
         total.gravity += self._gravity(points.mass, place(origin, angle, u + points.x, v))
 
 
@@ -340,26 +341,36 @@ def foreshortening(weights: np.ndarray, points: MaterialPoints, shape: Rate) -> 
 
 
 def truncated_kinetic(
-    points: MaterialPoints, origin: tuple[Rate, Rate], angle: Rate, u: Rate, v: Rate
+    points: MaterialPoints, origin: tuple[Rate, Rate], angle: Rate, u: Rate, v: Rate, turn: Any
 ) -> Any:
-    """Kinetic energy of a link up to second order in v and its rate (u is of second order).
+    """Kinetic energy of a link, right to second order in v and its rate (u is of second order).
 
     In body axes, for given velocity (vx, vy) of the root and rate w, a point has the velocity
-    (vx + u_dot - w v, vy + w (x + u) + v_dot). Of its square the terms u_dot^2, w v u_dot,
-    w u v_dot and w^2 u^2 are of third order and more, and left out; but of the energy of u_dot the
-    part that belongs to its mean over the mass is kept.
+    (vx + u_dot - w v, vy + w (x + u) + v_dot); sections turn at the rate w + turn. Here rigid
+    motions stand for the shortening: its mean in place of u_dot, and a translation and a rotation
+    in place of u in w u. These two are such that a link that turns and does not bend has the
+    momentum and the energy that belong to the integrals of u and x u; the energy by a polynomial
+    that is positive, 1 + y + y^4 / 8 for 1 + y.
     """
-    x, w = points.x, angle.rate
+    x, w, mass, rotary = points.x, angle.rate, points.mass, points.rotary
     c, s = cos(angle.value), sin(angle.value)
     vx = c * origin[0].rate + s * origin[1].rate
     vy = c * origin[1].rate - s * origin[0].rate
-    along, across = vx - w * v.value, vy + w * x
-    bending = across + v.rate
-    square = along * along + 2.0 * vx * u.rate + bending * bending + 2.0 * w * u.value * across
-    mass = points.mass.sum()
-    if not mass:
-        return points.mass @ square * 0.5
-    return points.mass @ square * 0.5 + half(mass, points.mass @ u.rate * (1 / mass))
+    whole, moment = mass.sum(), mass @ x
+    turned = w
+    if whole:
+        center = moment / whole
+        drawn = mass @ u.value
+        central = mass @ (x - center) ** 2 + rotary.sum()
+        about_center = (mass * (x - center)) @ u.value * 2.0 - drawn * drawn * (1 / whole)
+        y = about_center * (1 / central)
+        squared = y * y
+        turned = w * sqrt(y + squared * squared * 0.125 + 1.0)
+        # At the centre of mass: the velocity that the mean of u gives it.
+        vy = vy + w * (drawn * (1 / whole) + center) - turned * center
+        vx = vx + mass @ u.rate * (1 / whole)
+    along, across = vx - w * v.value, vy + turned * x + v.rate
+    return half(mass, along) + half(mass, across) + half(rotary, turned + turn)
 
 
 def damping_matrix(link: Any, points: MaterialPoints) -> np.ndarray:

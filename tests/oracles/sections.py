@@ -23,7 +23,7 @@ import flexarm as fa
 
 from .chain import Piece, cut
 from .jets import Jet, cos, sin
-from .lagrangian import LagrangianOracle
+from .lagrangian import Energies, LagrangianOracle
 from .load_points import load_points
 from .material_points import MaterialPoints, material_points
 
@@ -148,14 +148,24 @@ def axis(spec: Any, shapes: Any, running: Any, x: Any, frame: Frame) -> tuple[An
 def beyond(oracle: LagrangianOracle, section: Section) -> list[MaterialPoints]:
     """Material points of all pieces, massless where they are inboard of the section."""
     k, points = section.piece(oracle.pieces), list(oracle.points)
-    for i in range(k + 1):
-        x = section.station - oracle.pieces[i].start
-        here = material_points(
-            oracle.pieces[i].link, oracle.bases[i], oracle.precision, (x,) if i == k else ()
-        )
-        kept = here.x > x if i == k else np.zeros(len(here.x), dtype=bool)
-        points[i] = replace(here, mass=here.mass * kept, rotary=here.rotary * kept)
+    here, inboard = cut_piece(oracle, section, k)
+    points[:k] = [weighing(p, np.zeros(len(p.x))) for p in points[:k]]
+    points[k] = weighing(here, ~inboard)
     return points
+
+
+def cut_piece(
+    oracle: LagrangianOracle, section: Section, k: int
+) -> tuple[MaterialPoints, np.ndarray]:
+    """Material points of the piece that holds the section, and which are inboard of it."""
+    x = section.station - oracle.pieces[k].start
+    here = material_points(oracle.pieces[k].link, oracle.bases[k], oracle.precision, (x,))
+    return here, here.x <= x
+
+
+def weighing(points: MaterialPoints, kept: np.ndarray) -> MaterialPoints:
+    """The points with the masses that are kept, and none elsewhere."""
+    return replace(points, mass=points.mass * kept, rotary=points.rotary * kept)
 
 
 class Lump(NamedTuple):
@@ -246,21 +256,43 @@ def by_lagrange(
 ) -> np.ndarray:
     """Axial force, shear force, bending moment (3,): what holds the slides of the link's joint.
 
-    The joint of the section's link must turn: its coordinate tells the moment.
+    The joint of the section's link must turn: its coordinate tells the moment. What lies beyond
+    the section takes what the link takes from there on, less what its part inboard takes: each has
+    the energy that the theory gives a body of its mass.
     """
-    link = section.link - 1
+    link, oracle = section.link - 1, oracle_of(spec)
+    k = section.piece(oracle.pieces)
+    here, inboard = cut_piece(oracle, section, k)
+    none = [weighing(p, np.zeros(len(p.x))) for p in oracle.points]
     bare = [bare_joint(joint, owner > link) for owner, joint in enumerate(spec.joints)]
-    oracle = copy.copy(oracle_of(spec))
-    oracle.points = beyond(oracle, section)
-    oracle.spec = spec.replace(joints=bare)
-    oracle.pieces, oracle.damping = cut(oracle.spec), 0.0 * oracle.damping
-    (q, qd, qdd), n, slides = motion, oracle.dof, np.zeros(2 * len(spec.links))
-    mass, bias, total = oracle._lagrange(np.append(q, slides), np.append(qd, slides))
-    slides[:2] = base_acceleration
-    acting = oracle._load_force(total, section.loads_beyond(loads), n + len(slides))
-    missing = mass @ np.append(qdd, slides) + bias - acting
+    outer = [*none[:k], here, *oracle.points[k + 1 :]]
+    from_here = spec.replace(joints=bare)
+    missing, total = _taken(oracle, from_here, outer, motion, base_acceleration)
+    acting = oracle._load_force(total, section.loads_beyond(loads), len(missing))
+    bare = [bare_joint(joint, False) for joint in spec.joints]
+    inner = [*none[:k], weighing(here, inboard), *none[k + 1 :]]
+    alone = spec.replace(joints=bare, payload=fa.Payload())
+    missing = missing - acting - _taken(oracle, alone, inner, motion, base_acceleration)[0]
+    n = oracle.dof
     fx, fy = missing[n + 2 * link : n + 2 * link + 2]
     first = next(k for k, piece in enumerate(oracle.pieces) if piece.owner == link)
     x, y = (float(c.value.value) for c in total.roots[first][0])
     moment = missing[oracle.spring_of[link]] + x * fy - y * fx
     return section_forces(spec, section, motion, (fx, fy, moment))
+
+
+def _taken(
+    whole: LagrangianOracle,
+    spec: Any,
+    points: list[MaterialPoints],
+    motion: Sequence[np.ndarray],
+    base_acceleration: Any,
+) -> tuple[np.ndarray, Energies]:
+    """Generalised force that the motion of these points takes, on coordinates and slides."""
+    oracle = copy.copy(whole)
+    oracle.points, oracle.spec = points, spec
+    oracle.pieces, oracle.damping = cut(spec), 0.0 * whole.damping
+    (q, qd, qdd), slides = motion, np.zeros(2 * len(spec.links))
+    mass, bias, total = oracle._lagrange(np.append(q, slides), np.append(qd, slides))
+    slides[:2] = base_acceleration
+    return mass @ np.append(qdd, slides) + bias, total

@@ -45,10 +45,10 @@ def deflections(result, times=TIMES):
 
 def test_second_order_theory_stiffens():
     found = deflections(spun("second_order"))
-    # The problem solved by others is linear in the deflection. The energy of the mean shortening,
-    # of fourth order in it, changes the last value by 7e-5 m and the others by less; without it
-    # the difference was 6e-6 m.
-    np.testing.assert_allclose(found, STIFFENED, rtol=0, atol=8e-5)
+    # The problem solved by others is linear in the deflection of up to 6 % of the length. The terms
+    # of third order that keep the mass matrix positive change these values by 1.8e-4 m, a third of
+    # what the exact beam of the next tests differs by; without them the difference was 6e-6 m.
+    np.testing.assert_allclose(found, STIFFENED, rtol=0, atol=2.5e-4)
 
 
 def test_linear_theory_diverges_as_it_must():
@@ -73,12 +73,12 @@ def test_even_linear_segments_stiffen():
 def test_extremes():
     """The largest deflection, and what is left of it in the steady spin: +-3.646 mm.
 
-    The tolerances leave room for the energy of the mean shortening, as above: 3e-5 m here, and of
-    the amplitude that is left one percent.
+    The tolerances leave room for the terms of third order, as above: 2.4e-4 m here, and of the
+    amplitude that is left two percent.
     """
     result = spun("second_order", 25.0, rate=500)
     bend = result.link_tip_deflection.sel(link=1)
-    assert float(bend.min()) == pytest.approx(-0.574372, abs=4e-5)
+    assert float(bend.min()) == pytest.approx(-0.574372, abs=3e-4)
     assert float(bend.idxmin("time")) == pytest.approx(6.762, abs=3e-3)
     assert float(abs(bend.sel(time=slice(15.5, 25.0))).max()) == pytest.approx(3.646e-3, rel=0.015)
     angle = result.joint_angle.sel(joint=1).values

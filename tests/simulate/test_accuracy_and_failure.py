@@ -101,20 +101,6 @@ def test_partial_result_can_be_written(tmp_path):
     caught.value.result.to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
 
 
-@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
-def test_end_of_the_second_order_theory_is_called_by_its_name():
-    """A soft link bent until the truncated kinetic energy is no longer positive."""
-    link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=4)
-    arm = fa.Arm(links=[link], theory="second_order")
-    with pytest.raises(fa.SimulationError) as caught:
-        fa.simulate(arm, 10.0, torque=lambda t: [5.0 * t], rtol=1e-6)
-    error = caught.value
-    assert "mass matrix" in error.reason
-    assert "link 1" in error.reason
-    assert "modes=" in error.hint
-    assert error.result.sizes["time"] > 1
-
-
 @pytest.mark.parametrize(
     ("options", "name"),
     [

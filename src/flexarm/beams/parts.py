@@ -22,9 +22,8 @@ class PartConstants:
     Attributes:
         mass, first_moment, inertia: (k,) kg, kg m, kg m^2 about the root.
         S, a: (k, m) integrals of mu Phi and of mu x Phi + rho I Psi.
-        D0: (k, m, m) integral of mu g.
-        spin: (k, m, m) Gamma, what a spin sees: integral of mu Phi Phi^T, less that of mu x g
-            where the axis shortens. Rotary inertia has no part in it.
+        D0, D1: (k, m, m) integrals of mu g and of mu x g.
+        spread: (k, m, m) integral of mu Phi Phi^T. Rotary inertia has no part in it.
     """
 
     mass: FloatArray
@@ -33,7 +32,8 @@ class PartConstants:
     S: FloatArray
     a: FloatArray
     D0: FloatArray
-    spin: FloatArray
+    D1: FloatArray
+    spread: FloatArray
 
 
 def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> PartConstants:
@@ -42,8 +42,8 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
     Args:
         link: of m shapes; m = 0 for a rigid link.
         x: (k,) stations, 0 to the length (m).
-        shortening: whether the axis draws back as it bends (second-order theory); D0 is zero if
-            not.
+        shortening: whether the axis draws back as it bends (second-order theory); D0 and D1
+            are zero if not.
     """
     table, m = link.table, link.w2.size
     quadrature = beam_quadrature(np.union1d(table.x, x), link.elements)
@@ -52,10 +52,10 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
     rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
     deflection, slope, rotation = link.deflection(s), link.slope(s), link.rotation(s)
     inside = (s < x[:, None]).astype(np.float64)
-    D0, spin = np.zeros((2, x.size, m, m))
+    D0, D1, spread = np.zeros((3, x.size, m, m))
     for k, end in enumerate(x):
         n = int(inside[k].sum())  # the points ascend
-        spin[k] = _squared(deflection[:n], mass[:n])
+        spread[k] = _squared(deflection[:n], mass[:n])
         if shortening:
             # As for the whole link: a slope shortens what lies between it and the station.
             beyond = [table.outboard_moment(np.array([end]), power)[0] for power in (0, 1)]
@@ -64,7 +64,7 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
                 for power in (0, 1)
             )
             D0[k] = _squared(slope[:n], zeroth)
-            spin[k] -= _squared(slope[:n], first)
+            D1[k] = _squared(slope[:n], first)
     return PartConstants(
         mass=inside @ mass,
         first_moment=inside @ (mass * s),
@@ -72,8 +72,15 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
         S=inside @ (mass[:, None] * deflection),
         a=inside @ ((mass * s)[:, None] * deflection + rotary[:, None] * rotation),
         D0=D0,
-        spin=spin,
+        D1=D1,
+        spread=spread,
     )
+
+
+def inverse_inertia(mass: float, first_moment: float, inertia: float) -> float:
+    """Return 1 / inertia about the centre of mass, 1/(kg m^2), from that about the root; or 0."""
+    central = inertia - first_moment**2 / mass if mass else 0.0
+    return 1.0 / central if central > 0.0 else 0.0
 
 
 def _squared(shapes: FloatArray, density: FloatArray) -> FloatArray:

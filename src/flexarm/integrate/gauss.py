@@ -62,8 +62,8 @@ class Gauss6(Integrator):
     short enough for that: about what an explicit method of high order takes.
 
     Args:
-        step: fixed step (s), shortened to meet every stop; None takes half a radian of the fastest
-            mode, which ``simulate`` halves until the motion agrees.
+        step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
+            (``flexarm.simulate.default_step``).
     """
 
     step: float | None = None

@@ -25,8 +25,8 @@ class GeneralizedAlpha(Integrator):
     The tolerances say how closely the equations of a step are solved, not how far the step errs.
 
     Args:
-        step: fixed step (s), shortened to meet every stop; None takes half a radian of the fastest
-            mode, which ``simulate`` halves until the motion agrees.
+        step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
+            (``flexarm.simulate.default_step``).
         spectral_radius: factor per step on a vibration far too fast for the step: 1 keeps it, 0
             removes it at once.
 

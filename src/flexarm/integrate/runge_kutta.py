@@ -19,9 +19,8 @@ class ExplicitRungeKutta(Integrator):
     """Common part of the explicit methods.
 
     Args:
-        step: fixed step (s) of a method without step control, or the first step to try; None takes
-            half a radian of the fastest mode, and ``simulate`` halves a fixed one until the motion
-            agrees (``flexarm.simulate.default_step``).
+        step: fixed step (s) of a method without step control, or the first step to try; None lets
+            ``simulate`` find a fixed one (``flexarm.simulate.default_step``).
     """
 
     step: float | None = None

@@ -26,8 +26,8 @@ class Cowell4(Integrator):
 
     Args:
         step: longest step (s), shortened to meet every stop, and to what the highest frequency and
-            the fastest damping of the arm, bent or straight, ask for; None takes half a radian of
-            the fastest mode, which ``simulate`` halves until the motion agrees.
+            the fastest damping of the arm, bent or straight, ask for; None lets ``simulate``
+            find one (``flexarm.simulate.default_step``).
     """
 
     step: float | None = None

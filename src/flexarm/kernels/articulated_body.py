@@ -20,6 +20,7 @@ symbol         meaning; all in the axes of the body at hand, wrenches and accele
 ``T``          residual transfer T - F C
 ``N``, ``z``   F F', F times the modal biases
 ``d``          D0 eta: what the modes shorten the body by, in the mean over its mass
+``alpha``      translation and, ``beta``, turn that stand for the shortening, (L.44)
 ``kappa``      the inverse of the modal inertia 1 + d d' / m is 1 - kappa d d', (R.44)
 ``Y``          (1 + W N)^-1 W: the outboard chain behind the springs of the modes
 ``g``          Y T: tip force per root acceleration
@@ -123,15 +124,9 @@ def _inward(
     """From the last body to the first: (R.5) to (R.11)."""
     c = constants
     last = len(sizes.bodies) - 1
-    Wxx = 0.0
-    Wxy = 0.0
-    Wyy = 0.0
-    Wxw = 0.0
-    Wyw = 0.0
-    Www = 0.0
-    kx = 0.0
-    ky = 0.0
-    kw = 0.0
+    Wxx, Wxy, Wyy = 0.0, 0.0, 0.0
+    Wxw, Wyw, Www = 0.0, 0.0, 0.0
+    kx, ky, kw = 0.0, 0.0, 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
         Wxx = Wxx + c.tip_mass[i]
@@ -154,19 +149,10 @@ def _inward(
             ah += c.a[i, j] * h
             zy += c.P[i, j] * h
             zw += c.dP[i, j] * h
-        dh = 0.0
-        dd = 0.0
-        dS = 0.0
-        da = 0.0
-        dP = 0.0
-        ddP = 0.0
-        FS = 0.0
-        Fa = 0.0
-        Fd = 0.0
-        zx = 0.0
-        Nxx = 0.0
-        Nxy = 0.0
-        Nxw = 0.0
+        dh, dd, dS, dP, ddP = 0.0, 0.0, 0.0, 0.0, 0.0
+        da = -work.moment[i, 0]  # d.a - s
+        FS, Fa, Fd, zx = 0.0, 0.0, 0.0, 0.0
+        Nxx, Nxy, Nxw = 0.0, 0.0, 0.0
         for j in range(len(sizes.geometric)):
             h = work.flex_bias[i, j]
             d = c.mobility[i, j] * work.shortening[i, j]
@@ -193,13 +179,24 @@ def _inward(
         v_tip = work.tip[i, 1]
         Hxx = c.mass[i]
         Hyy = c.residual_inertia[i, 0]
-        Hyw = c.residual_inertia[i, 1] + work.moment[i, 1]
-        Hww = c.residual_inertia[i, 2] + work.moment[i, 2]
+        Hyw = c.residual_inertia[i, 1]
+        Hww = c.residual_inertia[i, 2] + work.moment[i, 3]
         Tyy = c.residual_tip[i, 0]
         Tyw = c.residual_tip[i, 1] + u_tip
         Twy = c.residual_tip[i, 2]
         Tww = c.residual_tip[i, 3]
         for _ in range(min(len(sizes.geometric), 1)):
+            # The rigid motion that stands for the shortening goes with that of the root, (R.46).
+            alpha = work.rigid_shortening[i, 0]
+            beta = work.rigid_shortening[i, 1]
+            da += alpha * dS + beta * (da + work.moment[i, 0])
+            ah += alpha * Sh + beta * ah
+            Fa += alpha * FS + beta * Fa
+            Tyw += alpha * (Tyy - 1.0) + beta * (c.residual_tip[i, 1] - c.length[i])
+            Tww += alpha * Twy + beta * (Tww - 1.0)
+            Hww += alpha * (alpha * Hyy + 2.0 * (1.0 + beta) * Hyw)
+            Hww += beta * (2.0 + beta) * (c.residual_inertia[i, 2] - c.hub[i])
+            Hyw += alpha * Hyy + beta * Hyw
             # With the inertia of the mean shortening the products x.y over the modes become
             # x.y - kappa (x.d) (y.d), and those with d itself are multiplied by ``left``.
             left = 1.0 / (1.0 + c.inverse_mass[i] * dd)
@@ -207,7 +204,7 @@ def _inward(
             rates = work.mean_shortening[i, 0]
             lag = kappa * (dh - rates)
             Sh -= dS * lag
-            ah -= da * lag
+            ah += c.inverse_mass[i] * work.moment[i, 0] * rates - da * lag
             zx -= Fd * lag
             zy -= dP * lag
             zw -= ddP * lag
@@ -239,7 +236,7 @@ def _inward(
             work.N[i, 0], work.N[i, 1], work.N[i, 2] = Nxx, Nxy, Nxw
             work.N[i, 3], work.N[i, 4], work.N[i, 5] = Nyy, Nyw, Nww
         Hxy = dS
-        Hxw = da - work.moment[i, 0]
+        Hxw = da
         hx = work.root_bias[i, 0] + dh
         hy = work.root_bias[i, 1] - Sh
         hw = work.root_bias[i, 2] - ah
@@ -364,11 +361,16 @@ def _outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspac
         fx += work.gain[i, 0, 3]
         fy += work.gain[i, 1, 3]
         fw += work.gain[i, 2, 3]
+        rising = Ay
+        turning = Aw
+        for _ in range(min(len(sizes.geometric), 1)):
+            rising += work.rigid_shortening[i, 0] * Aw
+            turning += work.rigid_shortening[i, 1] * Aw
         for j in range(len(sizes.modes)):
             work.acceleration[i, 1 + j] = -c.mobility[i, j] * (
                 work.flex_bias[i, j]
-                + c.S[i, j] * Ay
-                + c.a[i, j] * Aw
+                + c.S[i, j] * rising
+                + c.a[i, j] * turning
                 + c.P[i, j] * fy
                 + c.dP[i, j] * fw
             )

@@ -13,6 +13,7 @@ that belongs to another user, is discarded and compiled again. No fault of the c
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import pickle
@@ -147,7 +148,8 @@ class CodeCache(_Cache):
         except Exception:
             # Whatever another version of a library has written and this one does not understand.
             pass
-        path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the folder may have become read-only
+            path.unlink()
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -170,7 +172,8 @@ class CodeCache(_Cache):
     def flush(self) -> None:
         """Remove the code of this kernel, for all argument types."""
         for path in self._folder.glob(f"{self._name()}-*.code"):
-            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                path.unlink()
 
     def _name(self) -> str:
         name = f"{self._function.__module__}.{self._function.__qualname__}"

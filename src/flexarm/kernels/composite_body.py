@@ -61,15 +61,19 @@ def mass_matrix(
             py = Wyy * P + Wyw * dP
             pw = Wyw * P + Www * dP
             bx = px
+            turning = c.a[i, j]
             for k in range(len(sizes.geometric)):
                 if k == j:
+                    turning += work.rigid_shortening[i, 0] * c.S[i, k]
+                    turning += work.rigid_shortening[i, 1] * c.a[i, k]
+                    turning += c.inverse_mass[i] * work.moment[i, 0] * work.shortening[i, k]
                     Fx = work.Fx[i, k]
                     px += Wxx * Fx
                     py += Wxy * Fx
                     pw += Wxw * Fx
                     bx = px - work.shortening[i, k]
             by = py + c.S[i, j]
-            bw = x_tip * py - v_tip * px + pw + c.a[i, j]
+            bw = x_tip * py - v_tip * px + pw + turning
             M[i, 1 + j, i, 0] = free * bw
             M[i, 0, i, 1 + j] = free * bw
             for k in range(len(sizes.modes)):

@@ -8,7 +8,7 @@ index       meaning
 ==========  =====================================================================================
 ``n``       bodies, from the base outwards
 ``m``       modes of the widest body
-``c``       ``m`` where some body has a centrifugal matrix other than the identity, else 0
+``c``       ``m`` where the sections of some body have rotary inertia, else 0
 ``g``       ``m`` with the second-order theory, else 0
 ``laws``    1 where some joint has friction, stops or a geared rotor, else 0
 ==========  =====================================================================================
@@ -55,6 +55,8 @@ class ArmConstants(NamedTuple):
     first_moment_x: Array  # (n,) kg m, int mu x dx
     first_moment_y: Array  # (n,) kg m, of the undeformed body (a payload beside the axis)
     inertia: Array  # (n,) kg m^2 about the joint, with section rotary inertia and hub
+    hub: Array  # (n,) kg m^2, the hub's part of it
+    inverse_inertia: Array  # (n,) 1/(kg m^2), of the link's own about its centre of mass, or 0
     length: Array  # (n,) m
     S: Array  # (n, m) int mu Phi dx
     a: Array  # (n, m) int mu x Phi dx + int rho I Phi' dx
@@ -62,8 +64,9 @@ class ArmConstants(NamedTuple):
     dP: Array  # (n, m) Phi'(L)
     w2: Array  # (n, m) squared frequencies, rad^2/s^2
     damping: Array  # (n, m) modal damping, 1/s
-    centrifugal: Array  # (n, c, c) Gamma - 1 = -R - D1, theory page equation (L.20)
+    centrifugal: Array  # (n, c, c) -R, theory page equation (L.19)
     D0: Array  # (n, g, g) int mu g(x) dx
+    D1: Array  # (n, g, g) int mu x g(x) dx
     G: Array  # (n, g, g) g(L)
     residual_inertia: Array  # (n, 3) yy, yw, ww: (m, mc, I) less what the modes follow, (R.6)
     residual_tip: Array  # (n, 4) tip yy, yw, wy, ww: T less what the modes follow, (R.6)
@@ -134,11 +137,14 @@ class Workspace(NamedTuple):
     rate: Array  # (n,) w, angular rate of the body axes, rad/s
     tip: Array  # (n, 2) tip position L + u_L, v_L in body axes, m
     tip_bias: Array  # (n, 2) velocity products in the tip's acceleration, body axes, m/s^2
-    moment: Array  # (n, 3) s, mu, eta' Gamma eta: first moments and inertia that bending adds
+    # (n, 4) s, mu, what bending adds to the inertia, and what of that the modes leave
+    moment: Array
     root_bias: Array  # (n, 3) velocity products in the root wrench
     flex_bias: Array  # (n, m) stiffness, damping and velocity products of the modal equations
     shortening: Array  # (n, g) D0 eta
-    mean_shortening: Array  # (n, 6) eta_dot' D0 eta_dot, then terms of (R.45)
+    spin_shortening: Array  # (n, g) D1 eta
+    rigid_shortening: Array  # (n, 2) alpha (m) and beta of (L.44)
+    mean_shortening: Array  # (n, 6) rates of (R.46), then terms of (R.45)
     Fx: Array  # (n, g) first row of F: -G eta
     transfer: Array  # (n, 3, 3) residual transfer from root to tip
     N: Array  # (n, 6) N of the second-order theory: xx, xy, xw, yy, yw, ww
@@ -168,10 +174,12 @@ def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace
         rate=zeros(n),
         tip=zeros(n, 2),
         tip_bias=zeros(n, 2),
-        moment=zeros(n, 3),
+        moment=zeros(n, 4),
         root_bias=zeros(n, 3),
         flex_bias=zeros(n, m),
         shortening=zeros(n, g),
+        spin_shortening=zeros(n, g),
+        rigid_shortening=zeros(n, 2),
         mean_shortening=zeros(n, 6),
         Fx=zeros(n, g),
         transfer=zeros(n, 3, 3),

@@ -96,13 +96,18 @@ def body_wrench(
     ry = work.root_bias[i, 1] + c.mass[i] * Ay + first_moment * Aw + ky
     rw = work.root_bias[i, 2] - s * Ax + first_moment * Ay + inertia * Aw
     rw += work.tip[i, 0] * ky - work.tip[i, 1] * kx + kw
+    rising = Ay
+    turning = Aw
+    for _ in range(min(len(sizes.geometric), 1)):
+        rising += work.rigid_shortening[i, 0] * Aw
+        turning += work.rigid_shortening[i, 1] * Aw
     for j in range(len(sizes.modes)):
         eta_dot_dot = acceleration[i, 1 + j]
         ry += c.S[i, j] * eta_dot_dot
         rw += c.a[i, j] * eta_dot_dot
         work.force[i, 1 + j] = (
-            c.S[i, j] * Ay
-            + c.a[i, j] * Aw
+            c.S[i, j] * rising
+            + c.a[i, j] * turning
             + eta_dot_dot
             + work.flex_bias[i, j]
             + c.P[i, j] * ky
@@ -110,11 +115,14 @@ def body_wrench(
         )
     pull = 0.0  # d . eta''
     for j in range(len(sizes.geometric)):
-        pull += work.shortening[i, j] * acceleration[i, 1 + j]
+        eta_dot_dot = acceleration[i, 1 + j]
+        pull += work.shortening[i, j] * eta_dot_dot
+        rw += work.rigid_shortening[i, 0] * c.S[i, j] * eta_dot_dot
+        rw += work.rigid_shortening[i, 1] * c.a[i, j] * eta_dot_dot
     for j in range(len(sizes.geometric)):
-        along = c.inverse_mass[i] * (pull + work.mean_shortening[i, 0]) - Ax
+        along = c.inverse_mass[i] * (pull + work.mean_shortening[i, 0] + s * Aw) - Ax
         work.force[i, 1 + j] += work.Fx[i, j] * kx + work.shortening[i, j] * along
-    return rx - pull, ry, rw
+    return rx - pull, ry, rw + c.inverse_mass[i] * s * pull
 
 
 @merged

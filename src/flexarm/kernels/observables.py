@@ -11,7 +11,7 @@ from __future__ import annotations
 from flexarm.kernels.cache import compiled
 from flexarm.kernels.joint_law import joint_energy, rotor_energy
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
-from flexarm.kernels.numbers import cos, sin
+from flexarm.kernels.numbers import cos, sin, sqrt
 
 #: Columns of a pose row, see the module's docstring.
 POSE_COLUMNS = 10
@@ -115,23 +115,33 @@ def energies(
             eta_dot = state[1, i, 1 + j]
             s += c.S[i, j] * eta
             s_dot += c.S[i, j] * eta_dot
-            gamma_eta = eta
+            spread_eta = eta
             for k in range(len(sizes.centrifugal)):
-                gamma_eta += c.centrifugal[i, j, k] * state[0, i, 1 + k]
-            spread += eta * gamma_eta
+                spread_eta += c.centrifugal[i, j, k] * state[0, i, 1 + k]
+            spread += eta * spread_eta
             turning += c.a[i, j] * eta_dot
             modal += eta_dot * eta_dot
             strain += 0.5 * c.w2[i, j] * eta * eta
-        first_moment = c.first_moment_x[i]
+        mu = 0.0
         mu_dot = 0.0
+        chi = 0.0
         for j in range(len(sizes.geometric)):
             for k in range(len(sizes.geometric)):
-                first_moment -= 0.5 * state[0, i, 1 + j] * c.D0[i, j, k] * state[0, i, 1 + k]
+                mu -= 0.5 * state[0, i, 1 + j] * c.D0[i, j, k] * state[0, i, 1 + k]
+                chi -= 0.5 * state[0, i, 1 + j] * c.D1[i, j, k] * state[0, i, 1 + k]
                 mu_dot -= state[1, i, 1 + j] * c.D0[i, j, k] * state[0, i, 1 + k]
+        # Rigid motions stand for the shortening, (L.44): they go with that of the root.
+        mean = c.inverse_mass[i]
+        y = 2.0 * c.inverse_inertia[i] * (chi - mean * mu * (c.first_moment_x[i] + 0.5 * mu))
+        beta = sqrt(1.0 + y + 0.125 * y * y * y * y) - 1.0
+        Vx += mean * mu_dot
+        Vy += mean * (mu - c.first_moment_x[i] * beta) * w
+        turn = w + beta * w
         kinetic += 0.5 * c.mass[i] * (Vx * Vx + Vy * Vy)
-        kinetic += Vx * (mu_dot - w * s) + Vy * (w * first_moment + s_dot)
-        kinetic += 0.5 * w * w * (c.inertia[i] + spread) + w * turning + 0.5 * modal
-        kinetic += 0.5 * c.inverse_mass[i] * mu_dot * mu_dot
+        kinetic += Vy * (turn * c.first_moment_x[i] + s_dot) - Vx * w * s
+        kinetic += 0.5 * turn * turn * (c.inertia[i] - c.hub[i]) + turn * turning + 0.5 * modal
+        kinetic += 0.5 * w * w * (c.hub[i] + spread)
+        first_moment = c.first_moment_x[i] + mu
         # Centre of mass times mass, in world axes.
         mx = c.mass[i] * body_poses[i, 0] + cosine * first_moment - sine * s
         my = c.mass[i] * body_poses[i, 1] + sine * first_moment + cosine * s

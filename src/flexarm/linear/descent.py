@@ -22,12 +22,7 @@ _SOFTEST = 1e-12
 
 
 def descent_step(K: FloatArray, M: FloatArray, force: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the step (k,) that the force (k,) makes, downhill, and whether K is stable there.
-
-    Raises:
-        LinAlgError: the mass matrix is not positive definite, as the second-order theory's at large
-            bending.
-    """
+    """Return the step (k,) that the force (k,) makes, downhill, and whether K is stable there."""
     from scipy.linalg import eigh
 
     values, vectors = eigh((K + K.T) / 2.0, M)

@@ -242,7 +242,7 @@ class _Search:
                     if largest_turn(arm, near - q) < LONGEST:
                         return near
             except (np.linalg.LinAlgError, ValueError):
-                reason = "the arm buckles, swings away, or bends more than its mesh allows."
+                reason = "the arm buckles or swings away."
                 raise EquilibriumError(0.0, begin, reason) from None
         raise EquilibriumError(0.0, begin, "going downhill does not come to rest.")
 
@@ -256,7 +256,7 @@ class _Search:
             except (np.linalg.LinAlgError, ValueError):
                 step *= 0.25
                 if at_once or step < _SMALLEST_STEP:
-                    reason = "the arm buckles, swings away, or bends more than its mesh allows."
+                    reason = "the arm buckles or swings away."
                     raise EquilibriumError(done, q, reason) from None
             else:
                 done, step = wanted, 2.0 * step

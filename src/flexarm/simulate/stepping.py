@@ -33,7 +33,6 @@ from flexarm.simulate.load_history import LoadHistory
 from flexarm.simulate.meter import Meter
 from flexarm.simulate.sections import cut_systems, fill_sections
 from flexarm.simulate.torque_history import TorqueHistory, constant_torque
-from flexarm.simulate.validity import weakest_joint
 from flexarm.simulate.watch import Watch
 
 #: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
@@ -241,13 +240,6 @@ class Run:
                 "modes=k on the links; check torques, gains and damping signs."
             )
         )
-        link = weakest_joint(self.arm, self.progress.state)
-        if link is not None:
-            reason += (
-                f" The second-order theory's mass matrix is about to lose its sign at link "
-                f"{link + 1}: it bends more than its mesh allows."
-            )
-            hint = "Give that link segments=2 or more, or modes=2 to 4, or use theory='linear'."
         return SimulationError(self.progress.time, reason, hint, self.state())
 
     def state(self) -> tuple[FloatArray, FloatArray]:

@@ -45,10 +45,10 @@ def test_integrals_as_they_are_defined(link, shortening):
         mu = w * np.interp(s, TABLE, COLUMNS["mass_per_length"])
         rho = w * np.interp(s, TABLE, COLUMNS["rotary_inertia_per_length"])
         phi, psi, g = link.deflection(s), link.rotation(s), shortening_matrices(link, s)
-        spin = np.einsum("p,pi,pj->ij", mu, phi, phi)
-        D0 = 0.0 * spin
+        spread = np.einsum("p,pi,pj->ij", mu, phi, phi)
+        D0, D1 = 0.0 * spread, 0.0 * spread
         if shortening:
-            spin -= np.einsum("p,pij->ij", mu * s, g)
+            D1 = np.einsum("p,pij->ij", mu * s, g)
             D0 = np.einsum("p,pij->ij", mu, g)
         exact = {
             "mass": mu.sum(),
@@ -57,7 +57,8 @@ def test_integrals_as_they_are_defined(link, shortening):
             "S": mu @ phi,
             "a": (mu * s) @ phi + rho @ psi,
             "D0": D0,
-            "spin": spin,
+            "D1": D1,
+            "spread": spread,
         }
         for name, value in exact.items():
             # Rounding of sums over at most a hundred points of numbers up to ten.
@@ -68,15 +69,15 @@ def test_integrals_as_they_are_defined(link, shortening):
 
 def test_the_part_up_to_the_tip_is_the_link(link):
     parts = part_constants(link, np.array([LENGTH]), shortening=True)
-    for name in ("mass", "first_moment", "inertia", "S", "a", "D0"):
+    for name in ("mass", "first_moment", "inertia", "S", "a", "D0", "D1"):
         np.testing.assert_allclose(getattr(parts, name)[0], getattr(link, name), atol=1e-13)
-    gamma = np.eye(link.w2.size) - link.rotary - link.D1
-    np.testing.assert_allclose(parts.spin[0], gamma, atol=1e-12)
+    spread = np.eye(link.w2.size) - link.rotary
+    np.testing.assert_allclose(parts.spread[0], spread, atol=1e-12)
 
 
 def test_at_the_root_there_is_nothing(link):
     parts = part_constants(link, np.array([0.0]), shortening=True)
-    for name in ("mass", "first_moment", "inertia", "S", "a", "D0", "spin"):
+    for name in ("mass", "first_moment", "inertia", "S", "a", "D0", "D1", "spread"):
         np.testing.assert_array_equal(getattr(parts, name), 0.0)
 
 
@@ -84,7 +85,7 @@ def test_a_rigid_link_has_the_numbers_without_shapes():
     link = rigid_constants(TABLE, COLUMNS["mass_per_length"], COLUMNS["rotary_inertia_per_length"])
     parts = part_constants(link, STATIONS, shortening=True)
     assert parts.S.shape == (6, 0)
-    assert parts.spin.shape == (6, 0, 0)
+    assert parts.spread.shape == (6, 0, 0)
     assert parts.mass[-1] == pytest.approx(link.mass, rel=1e-14)
     assert parts.inertia[-1] == pytest.approx(link.inertia, rel=1e-14)
     assert np.all(np.diff(parts.mass) > 0.0)
@@ -96,5 +97,5 @@ def test_stations_in_any_order_and_twice():
     parts = part_constants(link, mixed, shortening=True)
     for k, end in enumerate(mixed):
         alone = part_constants(link, np.array([end]), shortening=True)
-        np.testing.assert_allclose(parts.spin[k], alone.spin[0], atol=1e-14)
+        np.testing.assert_allclose(parts.spread[k], alone.spread[0], atol=1e-14)
         np.testing.assert_allclose(parts.S[k], alone.S[0], atol=1e-14)

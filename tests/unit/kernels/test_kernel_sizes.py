@@ -31,7 +31,7 @@ def test_sizes_count_bodies_and_modes():
         run_time_sizes(arm.assembly.constants),
         compile_time_sizes(arm.assembly.constants),
     ):
-        assert [len(part) for part in sizes] == [2, 3, 3, 3, 0]
+        assert [len(part) for part in sizes] == [2, 3, 0, 3, 0]
     sizes = run_time_sizes(two_link_arm("linear").assembly.constants)
     assert [len(part) for part in sizes] == [2, 3, 0, 0, 0]
 
