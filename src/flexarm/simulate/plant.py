@@ -153,6 +153,7 @@ class Plant:
         if hardware is not None and seed is not None:
             hardware = replace(hardware, seed=seed)
         run, _ = self._new_run(state)
+        run.loads_of = None  # A plant repeats no run, and a user's function cannot be pickled.
         if initial is not None:
             refuse_deep_start("Plant.reset", arm, state, run.loads.placed.contacts)
         self._ticks = Ticks(run, self.sample_time, hardware, keep=False)
