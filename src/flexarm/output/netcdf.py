@@ -35,8 +35,9 @@ def _read(path: AnyPath) -> xr.Dataset:
 
     _check_digest(path)
     try:
-        with h5py.File(path, "r"):  # h5netcdf prints a traceback of its own where this fails
-            pass
+        with h5py.File(path, "r") as file:
+            # h5netcdf begins with this too, and prints a traceback of its own where it fails.
+            file.attrs.get("_nc3_strict")
         return xr.load_dataset(path, engine="h5netcdf")
     except FileNotFoundError:
         raise

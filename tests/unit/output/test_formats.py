@@ -1,8 +1,10 @@
 """Every format of ``FORMATS`` keeps the rules of ``Format``; so will the next one."""
 
 import csv
+import gc
 import os
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -178,3 +180,17 @@ def test_readings_of_instruments_are_kept_in_netcdf_and_left_out_of_tables(tmp_p
     assert len(rows) == 102
     assert "torque_command_1 [N m]" in rows[0]
     assert not any("measured" in name for name in rows[0])
+
+
+def test_damaged_attributes_give_a_message_alone(result, tmp_path, monkeypatch):
+    """No traceback of h5netcdf, whose half-made file fails again when it is deleted."""
+    path = tmp_path / "run.nc"
+    path.write_bytes(result.to_netcdf(engine="h5netcdf"))
+
+    def damaged(*_):
+        raise RuntimeError("unable to read the attribute")
+
+    monkeypatch.setattr(h5py.AttributeManager, "get", damaged)
+    with pytest.raises(InputError, match="unable to read the attribute"):
+        read_result(path)
+    gc.collect()
