@@ -7,6 +7,7 @@ beside their class, `motion.motion.check_motion`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from difflib import get_close_matches
 from os import PathLike, fspath
@@ -71,15 +72,17 @@ def check_positive(where: str, name: str, value: object, unit: str = "") -> floa
     return number
 
 
-def check_nonnegative(where: str, name: str, value: object) -> float:
-    """Return a finite number of zero or more.
+def check_nonnegative(where: str, name: str, value: object, most: float = math.inf) -> float:
+    """Return a finite number of zero or more, and of ``most`` or less.
 
     Raises:
-        InputError: if the value is not a number, not finite, or negative.
+        InputError: if the value is not a number, not finite, negative, or too large.
     """
     number = float(check_array(where, name, value, ()))
     if number < 0.0:
         raise InputError(Problem(where, name, "be at least 0", shown(value)))
+    if number > most:
+        raise InputError(Problem(where, name, f"be at most {most:g}", shown(value)))
     return number
 
 

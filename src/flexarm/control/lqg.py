@@ -32,6 +32,9 @@ from flexarm.errors import InputError, Problem, check_array, shown
 #: Nodes of the preview, and the longest one, s.
 _NODES, _LONGEST = 64, 60.0
 
+#: Largest recovery and uncertainty: from here on a design has no digits left.
+_MOST_UNSURE = 1e6
+
 
 class LQG(Controller):
     """Feedback of the whole state of a flexible arm, estimated from what is measured.
@@ -109,9 +112,9 @@ class LQG(Controller):
         )
         self.wishes = replace(
             self.wishes,
-            recovery=check_nonnegative(where, "recovery", recovery),
+            recovery=check_nonnegative(where, "recovery", recovery, _MOST_UNSURE),
             rigidity_uncertainty=check_nonnegative(
-                where, "rigidity_uncertainty", rigidity_uncertainty
+                where, "rigidity_uncertainty", rigidity_uncertainty, _MOST_UNSURE
             ),
         )
         self.torque_limit = (

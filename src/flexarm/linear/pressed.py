@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind, check_nonnegative, check_positive, check_times
+from flexarm.arguments import (
+    check_function,
+    check_kind,
+    check_nonnegative,
+    check_positive,
+    check_times,
+)
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import one_warning, warn_of_bending
@@ -176,8 +182,9 @@ def pressed_motion(
 
 
 def _force(where: str, given: float | Callable[[float], float]) -> Callable[[float], float]:
-    """Make the force a function of time that refuses what is no force."""
-
+    """Make the force a function of time that refuses negative values."""
+    if callable(given):
+        check_function(where, "force", given)
     return partial(_checked_force, where, given)
 
 
@@ -191,6 +198,8 @@ def _normal(
     where: str, given: ArrayLike | Callable[[float], ArrayLike]
 ) -> Callable[[float], FloatArray]:
     """Make the normal a function of time of length one."""
+    if callable(given):
+        check_function(where, "normal", given)
     return partial(_unit_normal, where, given)
 
 
