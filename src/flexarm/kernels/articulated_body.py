@@ -4,11 +4,10 @@ Theory page "recursion", (R.4) to (R.14). The outboard chain seen at the tip of 
 ``wrench = W A_tip + k`` with a symmetric 3 x 3 ``W``; each body is eliminated in turn, first its
 modes, then its joint.
 
-The modal accelerations are counted from what the modes make of the root's own acceleration,
-``zeta = eta'' + C A``. Over these the inertia of the body is block diagonal, and what is left of
-its rigid inertia and of its transfer from root to tip are constants known to full precision.
-Eliminating ``eta''`` itself would subtract a.a from I, which agree in all but the last digits
-when the mesh is fine.
+The modal accelerations are counted from those that follow the root's acceleration, ``zeta = eta''
++ C A``. Over these the inertia of the body is block diagonal, and the rest of its rigid inertia and
+of its transfer from root to tip are constants with full precision. Eliminating ``eta''`` itself
+would subtract a.a from I, which agree in all but the last digits on a fine mesh.
 
 =============  =================================================================================
 symbol         meaning; all in the axes of the body at hand, wrenches and accelerations (x, y, w)

@@ -81,7 +81,8 @@ def test_contacts_are_the_loads_that_they_put_on(seed):
     found = b.arm.forward_dynamics(*acting, b.loads, b.base_acceleration, contacts)
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * abs(wanted).max())
     free = b.arm.forward_dynamics(*acting, b.loads, b.base_acceleration)
-    assert abs(found - free).max() > 1e-6 * abs(found).max()
+    # They do act, however stiff the modes beside them: the rounding above is far less.
+    assert abs(found - free).max() > 1e-7 * abs(found).max()
     back = b.arm.inverse_dynamics(
         b.q, b.qd, found, b.tip_force, b.loads, b.base_acceleration, contacts
     )
