@@ -37,6 +37,18 @@ def test_gains_too_high_for_the_sample_time_are_announced_and_explain_the_end():
     assert "unstable" in caught.value.result.attrs["unstable_loop"]
 
 
+def test_an_arm_that_hangs_is_judged_where_it_rests():
+    """About straight links, which are not at rest under gravity, this loop has a growing pole."""
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+    rod["damping"] = fa.ModalDamping(ratio=0.01)
+    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
+    arm = fa.Arm(links=links, gravity=(0.0, -9.81))
+    rest = fa.equilibrium(arm, [-0.3, -1.58])
+    controller = fa.JointPD([200.0, 60.0], [2.0, 0.5], feedforward=lambda t: rest.torque)
+    assert instability(arm, arm, controller, None, None, (), rest.q, 10.0) == ""
+    assert float(fa.loop_margins(controller, arm, postures=[[-0.3, -1.58]]).growth.max()) < 0.0
+
+
 def test_slow_growth_within_a_short_run_is_not_announced():
     arm = paper_arm()
     run = fa.simulate(arm, 1e-3, controller=fa.JointPD([4.0, 1.0], [0.2, 0.03]))

@@ -118,6 +118,13 @@ class MPC(LQG):
         self._plan: FloatArray | None = None
         self.limited, self.inaccurate, self.fallback = 0, 0, 0
 
+    def _ignore_rate_limit(self) -> None:
+        """Leave out ``torque_rate``, for `linear_controller`: a linear loop has no limits.
+
+        Small changes of a reading from one update to the next would meet this one.
+        """
+        self._rate_step = None
+
     def report(self) -> dict[str, float]:
         """See ``Controller.report``."""
         names = "limited", "inaccurate", "fallback"

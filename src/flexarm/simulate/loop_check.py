@@ -12,11 +12,9 @@ from flexarm.arm import Arm
 from flexarm.bending import one_warning
 from flexarm.contacts import Contact, place_contacts
 from flexarm.control import Controller, Hardware, Reference
-from flexarm.control.base import needs_of
 from flexarm.control.instruments import Instrument
 from flexarm.control.linear_controller import HeldReference, MemoryNameError, memory_of
 from flexarm.control.measurement import FloatArray
-from flexarm.control.needs import JOINTS
 from flexarm.control.plant_model import (
     PlantModel,
     Signal,
@@ -113,9 +111,8 @@ def _worst(
     if reference is not None and (presses or t > 0.0):
         angle = np.asarray(reference.joint_angle(t))
     touched = contacts if presses else ()
-    # Compiling the search for an equilibrium takes long, and matters to what sees links bend.
-    sees = set(needs_of(controller, plant, reference).measured) - set(JOINTS)
-    bends = presses or (bool(sees) and any(plant.spec.gravity))
+    # Straight links under gravity are not at rest: their stiffness is another one.
+    bends = presses or any(plant.spec.gravity)
     signals = signals_of(instruments)
 
     def model_of(one: Arm) -> PlantModel:

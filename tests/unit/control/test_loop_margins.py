@@ -273,3 +273,12 @@ def test_times_and_plants_of_the_wrong_kind_are_refused():
             fa.loop_margins(fa.JointPD(3.0, 0.3), arm, postures, reference=motion)
     with pytest.raises(fa.InputError, match=r"LQG\.for_margin: plants must be a list of Arm"):
         fa.LQG.for_margin(arm, plants=3)
+
+
+def test_limits_of_torque_rates_are_no_part_of_the_linear_loop():
+    """A change of one reading from one update to the next would meet them."""
+    found = [
+        fa.loop_margins(fa.MPC(robust_arm(), POSTURE, torque_limit=200.0, torque_rate=rate))
+        for rate in (None, 20.0)
+    ]
+    np.testing.assert_array_equal(found[0].growth, found[1].growth)
