@@ -10,7 +10,6 @@ page "link", section 11.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -20,7 +19,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray, Piece
-from flexarm.errors import LargeDeflectionWarning
+from flexarm.errors import LargeDeflectionWarning, warn_caller
 
 #: Error of a link over its length from which on a state is reported: 10 % deflection of a link in
 #: one piece in the linear theory, 20 % in the second-order theory.
@@ -167,24 +166,23 @@ def bending_warning(arm: Arm, q: FloatArray) -> str:
     return too_far_bent(arm, states.reshape(-1, *states.shape[-3:]))
 
 
-def warn_of_bending(arm: Arm, q: FloatArray, stacklevel: int = 3) -> None:
+def warn_of_bending(arm: Arm, q: FloatArray) -> None:
     """Warn once for a call that returns or uses bent states, unless a caller does so itself.
 
     Args:
         q: (dof,), or (samples, dof).
-        stacklevel: as in ``warnings.warn``; 3 points at the caller of the function that calls this.
     """
-    warn_of_first([bending_warning(arm, q)], stacklevel + 1)
+    warn_of_first([bending_warning(arm, q)])
 
 
-def warn_of_first(warnings_kept: list[str], stacklevel: int = 3) -> None:
+def warn_of_first(warnings_kept: list[str]) -> None:
     """Warn of the first text that is not empty, as `warn_of_bending` does."""
     warning = next(filter(None, warnings_kept), "")
     kept = _KEPT.get()
     if kept is not None:
         kept.append(warning)
     elif warning:
-        warnings.warn(warning, LargeDeflectionWarning, stacklevel=stacklevel)
+        warn_caller(warning, LargeDeflectionWarning)
 
 
 @contextmanager

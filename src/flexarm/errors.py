@@ -8,6 +8,8 @@ a state beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loo
 
 from __future__ import annotations
 
+import sys
+import warnings
 from dataclasses import dataclass
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any
@@ -159,6 +161,15 @@ class UnstableLoopWarning(FlexarmWarning):
 
 class InconsistentEstimateWarning(FlexarmWarning):
     """Readings depart from a filter's predictions by more than its covariance allows."""
+
+
+def warn_caller(text: str, category: type[FlexarmWarning]) -> None:
+    """Warn at the line outside this package that led here, however deep the call is."""
+    package = __name__.partition(".")[0]
+    frame, level = sys._getframe(1), 2
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == package:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, category, stacklevel=level)
 
 
 def check_array(

@@ -249,4 +249,9 @@ def test_a_loop_that_runs_away_is_stopped(arm, motion):
     ) as caught:
         fa.simulate(arm, 30.0, controller=Unstable(), initial=arm.rest([0.2, -0.1]))
     assert caught.value.result is not None
-    assert caught.value.time < 30.0
+    stopped = caught.value.time
+    assert stopped < 30.0
+    # Every sample is looked at, the last as well: a run that ends there is stopped, too.
+    with pytest.raises(fa.SimulationError, match="times its length") as caught:
+        fa.simulate(arm, stopped, controller=Unstable(), initial=arm.rest([0.2, -0.1]))
+    assert caught.value.time == pytest.approx(stopped)

@@ -124,6 +124,7 @@ run: {duration: 1.0, rate: 100}
         result = CliRunner().invoke(app, ["check", str(path)])
         assert result.exit_code == 0
         assert ("the sampled loop is unstable" in result.stderr) == warned
+        assert ("ok, but for the warning" in result.stdout) == warned
         assert "ok" in result.stdout
 
 

@@ -53,7 +53,7 @@ def check_file(path: Path) -> None:
     screen.print(facts(found))
     for text in unstable:
         warn(text)
-    screen.print("ok")
+    screen.print("ok, but for the warning" if unstable else "ok")
 
 
 def _about_study(study: Study) -> list[tuple[str, str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -20,7 +19,7 @@ from flexarm.arguments import (
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.gains import Gains
-from flexarm.control.innovation_test import WINDOW, InnovationTest
+from flexarm.control.innovation_test import InnovationTest
 from flexarm.control.instruments import Instrument
 from flexarm.control.measurement import FloatArray, Measurement
 from flexarm.control.payload_hypotheses import (
@@ -32,7 +31,12 @@ from flexarm.control.payload_hypotheses import (
 )
 from flexarm.control.predicted_readings import LARGEST, PredictedReadings
 from flexarm.control.rigid_model import RigidModel
-from flexarm.errors import InconsistentEstimateWarning, InputError, Problem, check_array, shown
+from flexarm.errors import (
+    InputError,
+    Problem,
+    check_array,
+    shown,
+)
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.sampled_step import SampledStep
 from flexarm.model.variation import varied_spec
@@ -322,16 +326,7 @@ class ExtendedKalmanFilter:
         missed = readings - mean
         squared = float(missed @ np.linalg.solve(covariance, missed))
         self._innovation = squared / readings.size
-        passed = self._test.passed
         self._test.add(squared)
-        if passed and not self._test.passed:
-            text = (
-                f"ExtendedKalmanFilter: over {WINDOW} samples the squared innovations are "
-                f"{self._test.ratio:.3g} times as large as the covariance allows, so the errors "
-                "of the estimates are larger than it says. Correct the arm, or raise torque_noise "
-                "or the noise of the instruments."
-            )
-            warnings.warn(text, InconsistentEstimateWarning, stacklevel=3)
 
     def _moments(self) -> tuple[FloatArray, FloatArray]:
         """Return mean and covariance of [q, qd, payload_mass]."""
@@ -357,7 +352,7 @@ class ExtendedKalmanFilter:
         angles = np.asarray(measurement[angle_item.label])
         with one_warning() as bent:
             q, by_mass = self._sag(angles)
-        warn_of_first(bent, 4)
+        warn_of_first(bent)
         stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles))).copy()
         energy = 2.0 * self.energy_deviation
         variance = np.full(2 * count + 1, energy)

@@ -6,6 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from flexarm.errors import InconsistentEstimateWarning, warn_caller
+
 #: Samples over which normalised innovations are averaged.
 WINDOW = 100
 #: Probability that a consistent filter fails in a given window.
@@ -45,9 +47,23 @@ class InnovationTest:
         return not self.worst > self._limit
 
     def add(self, squared: float) -> None:
-        """Take a sample's normalised innovation squared, of ``size`` readings."""
+        """Take a sample's normalised innovation squared, of ``size`` readings.
+
+        Warns:
+            InconsistentEstimateWarning: the first time that a window is not within its
+                distribution.
+        """
+        passed = self.passed
         self._last[self._count % WINDOW] = squared / self._size
         self._count += 1
         if self._count >= WINDOW:
             self.ratio = float(np.mean(self._last))
             self.worst = float(np.fmax(self.worst, self.ratio))
+        if passed and not self.passed:
+            text = (
+                f"ExtendedKalmanFilter: over {WINDOW} samples the squared innovations are "
+                f"{self.ratio:.3g} times as large as the covariance allows, so the errors of the "
+                "estimates are larger than it says. Correct the arm, or raise torque_noise or the "
+                "noise of the instruments."
+            )
+            warn_caller(text, InconsistentEstimateWarning)

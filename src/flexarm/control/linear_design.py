@@ -316,7 +316,10 @@ def _unsolvable(where: str, argument: str) -> Problem:
     rules = {
         "acceptable": (
             "weigh every motion that does not decay by itself",
-            "Name joint_angle, or tip for two joints; and no integral that joints cannot move.",
+            (
+                "Name joint_angle; or tip, of two joints in a posture that is not straight; and "
+                "no integral that the joints cannot move there."
+            ),
         ),
         "measured": (
             "tell every motion that does not decay by itself",

@@ -132,7 +132,7 @@ class LQG(Controller):
         self._grid = PostureGrid(where, self.posture, schedule)
         with one_warning() as bent:
             self.sample_time = sample_time
-        warn_of_first(bent, 3 if type(self).__init__ is LQG.__init__ else 4)
+        warn_of_first(bent)
 
     @property
     def sample_time(self) -> float:

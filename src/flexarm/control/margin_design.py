@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import as_list, check_kind, check_list_of
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import Controller
-from flexarm.control.margins import loop_margins
+from flexarm.control.margins import loop_margins, named_arms
 from flexarm.errors import InputError, Problem, check_array, shown
 
 C = TypeVar("C", bound=Controller)
@@ -43,10 +43,7 @@ def for_margin(
     for name in ("rigidity_uncertainty", "recovery"):
         if name in options:
             raise InputError(Problem(where, name, "be left out: it is searched for", "given"))
-    given: object = [plants] if isinstance(plants, Arm) else as_list(plants)
-    if isinstance(plants, Mapping):
-        given = list(plants.values())
-    arms = [check_kind(where, "arm", arm, Arm), *check_list_of(where, "plants", given, Arm)]
+    arms = [check_kind(where, "arm", arm, Arm), *named_arms(where, plants).values()]
     make: Any = kind
     best, found = -1.0, (0.0, 0.0)
     for unsure, recovery in _TRIED:

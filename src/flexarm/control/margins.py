@@ -195,20 +195,36 @@ def _plants(
     if plants is None and not isinstance(own, Arm):
         rule = "be given with a controller that has no arm of its own"
         raise InputError(Problem(_WHERE, "plants", rule, "nothing"))
-    if plants is None:
-        named: dict[str, Any] = {"nominal": own}
-    elif isinstance(plants, Mapping):
-        named = dict(plants)
-    else:
-        listed = [plants] if isinstance(plants, Arm) else as_list(plants) or []
-        named = {str(k): arm for k, arm in enumerate(listed, start=1)}
-    joints = [arm.joints for arm in named.values() if isinstance(arm, Arm)]
-    if not named or len(joints) < len(named) or len(set(joints)) > 1:
-        rule = "be arms with the same number of joints, at least one"
+    named = named_arms(_WHERE, own if plants is None else plants)
+    joints = [arm.joints for arm in named.values()]
+    if len(set(joints)) > 1:
+        rule = "be arms with the same number of joints"
         raise InputError(Problem(_WHERE, "plants", rule, shown(plants)))
     if isinstance(own, Arm) and own.joints != joints[0]:
         rule = f"have the {own.joints} joints of the controller's arm"
         raise InputError(Problem(_WHERE, "plants", rule, shown(joints[0])))
+    for name, arm in named.items():
+        needs = needs_of(controller, arm, None)
+        if "strain" in needs.measured and needs.gauges not in (None, len(arm.gauges)):
+            rule = f"have the {needs.gauges} gauges that {type(controller).__name__} reads"
+            raise InputError(Problem(_WHERE, "plants", rule, f"{name} with {len(arm.gauges)}"))
+    return named
+
+
+def named_arms(where: str, plants: object) -> dict[str, Arm]:
+    """Return arms by name; those without are numbered from 1.
+
+    Raises:
+        InputError: they are not one arm or more.
+    """
+    if isinstance(plants, Mapping):
+        named = {str(name): arm for name, arm in plants.items()}
+    else:
+        listed = [plants] if isinstance(plants, Arm) else as_list(plants) or []
+        named = {str(k): arm for k, arm in enumerate(listed, start=1)}
+    if not named or not all(isinstance(arm, Arm) for arm in named.values()):
+        rule = "be an Arm, or several, listed or by name"
+        raise InputError(Problem(where, "plants", rule, shown(plants)))
     return named
 
 

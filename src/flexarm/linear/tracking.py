@@ -181,7 +181,7 @@ def _follow(
     for before, at in pairwise(parameter):
         found, chosen, alike = _step(lines, solved, float(before), float(at), 0)
         rows.append(_row(found, chosen, alike))
-    warn_of_bending(arm, np.array(bent), stacklevel=4)
+    warn_of_bending(arm, np.array(bent))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     return ModeTracks(parameter, *named, *columns)
 

@@ -53,7 +53,7 @@ def _read(descriptor: int, most: int, pipe: bool) -> bytes:
         elif not pipe or parts:
             break
         elif time.monotonic() > start + _WAIT_FOR_WRITER:
-            raise OSError("the pipe has no writer")
+            raise OSError("the pipe is empty, and nobody writes into it")
         else:
             time.sleep(0.02)
     return b"".join(parts)

@@ -15,10 +15,7 @@ from flexarm.simulate.fit import misfits
 from flexarm.simulate.sampled_reference import sampled_reference
 from flexarm.simulate.stepping import Run
 from flexarm.simulate.ticks import Ticks
-from flexarm.simulate.validity import runs_away
-
-#: Sample times from one look for a loop that runs away to the next.
-_LOOK_EVERY = 64
+from flexarm.simulate.validity import RunawayWatch
 
 
 class ClosedLoop:
@@ -43,6 +40,7 @@ class ClosedLoop:
         self._controller = controller
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         self._ticks = Ticks(run, controller.sample_time, hardware)
+        self._runaway = RunawayWatch(run.arm)
         self.hardware = hardware
         self.ticks: list[float] = []
         self.asked: list[FloatArray] = []
@@ -63,13 +61,12 @@ class ClosedLoop:
             self.ticks.append(ticks.time)
             self.asked.append(torque)
             ticks.hold(torque)
-            if ticks.tick % _LOOK_EVERY == 0:
-                self._look(ticks.time)
+            self._look(ticks.time)
             if ticks.tick % 256 == 0:
                 run.meter.update(run.progress.time / run.duration)
 
     def _look(self, t: float) -> None:
-        absurd = runs_away(self._run.arm, self._run.progress.state)
+        absurd = self._runaway(self._run.progress.state)
         if absurd:
             reason = f"{absurd}: the loop is unstable."
             hint = "Lower the gains or the sample time, or design for the arm that is there."

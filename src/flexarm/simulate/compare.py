@@ -21,6 +21,7 @@ from flexarm.errors import (
     UnstableLoopWarning,
     check_array,
     shown,
+    warn_caller,
 )
 from flexarm.loads import Load
 from flexarm.model.events import DURATION
@@ -237,4 +238,4 @@ def _warn(names: Mapping[str, Sequence[str]], unstable: Any) -> None:
     ]
     if runs:
         text = f"{', '.join(dict.fromkeys(called))}: {unstable[runs[0]]}"
-        warnings.warn(text, UnstableLoopWarning, stacklevel=3)
+        warn_caller(text, UnstableLoopWarning)

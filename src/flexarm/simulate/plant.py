@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -22,6 +21,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     check_array,
+    warn_caller,
 )
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
@@ -190,7 +190,7 @@ class Plant:
         if not self.warning:
             self.warning = self._bending(ticks.run.progress.state)
             if self.warning and self._warn:
-                warnings.warn(self.warning, LargeDeflectionWarning, stacklevel=2)
+                warn_caller(self.warning, LargeDeflectionWarning)
         return self.measurement
 
     def _check_time(self, until: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -33,6 +32,7 @@ from flexarm.errors import (
     UnstableLoopWarning,
     check_array,
     shown,
+    warn_caller,
 )
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
@@ -237,7 +237,7 @@ def simulate(
                 arm, simulated, controller, reference, hardware, contacts, q, duration
             )
             if unstable:
-                warnings.warn(unstable, UnstableLoopWarning, stacklevel=3)
+                warn_caller(unstable, UnstableLoopWarning)
             result = _closed_loop(run, loop, choice, unstable)
         else:
 
@@ -255,9 +255,9 @@ def simulate(
             run.prescribed = tuple(prescribed or ())
             result = _open_loop(run, history_of, choice)
     if result.attrs["warning"]:
-        warnings.warn(result.attrs["warning"], LargeDeflectionWarning, stacklevel=3)
+        warn_caller(result.attrs["warning"], LargeDeflectionWarning)
     if run.doubt:
-        warnings.warn(run.doubt, AccuracyWarning, stacklevel=3)
+        warn_caller(run.doubt, AccuracyWarning)
         result.attrs["warning"] = " ".join(filter(None, [result.attrs["warning"], run.doubt]))
     return result
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from itertools import pairwise
@@ -22,6 +21,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     check_array,
+    warn_caller,
 )
 from flexarm.linear import modes
 from flexarm.linear.along import Separation, linearize_along
@@ -153,7 +153,7 @@ def simulate_separated(
     attributes["warning"] = too_far_deviated(arm, states)
     result = make_result(arm, times, states, {"torque": torque}, attributes)
     if result.attrs["warning"]:
-        warnings.warn(result.attrs["warning"], LargeDeflectionWarning, stacklevel=2)
+        warn_caller(result.attrs["warning"], LargeDeflectionWarning)
     return result
 
 

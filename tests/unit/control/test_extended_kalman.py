@@ -312,6 +312,7 @@ def test_an_inconsistent_filter_reports_it():
     with pytest.warns(fa.InconsistentEstimateWarning, match="times as large") as caught:
         run = fa.simulate(arm, 0.3, controller=controller, plant=plant, **options)
     assert len(caught) == 1
+    assert caught[0].filename == __file__
     assert run.estimator_consistent == 0
     assert run.estimator_innovation > 2.0
     right = fa.simulate(arm, 0.3, controller=controller, **options)

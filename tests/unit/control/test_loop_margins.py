@@ -214,6 +214,14 @@ def test_margins_refuse_what_they_cannot_analyse():
         fa.loop_margins(fa.JointPD(1.0, 1.0), arm, hardware=slow)
 
 
+def test_plants_need_the_gauges_that_the_controller_reads():
+    bare = fa.Arm(
+        links=[fa.Link(length=1.0, flexural_rigidity=105.0, mass_per_length=0.6) for _ in range(2)]
+    )
+    with pytest.raises(fa.InputError, match="plants must have the 2 gauges that LQG reads"):
+        fa.loop_margins(fa.LQG(robust_arm(), POSTURE), {"bare": bare})
+
+
 def soft(rigidity, gravity=9.81):
     rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.5, "elements": 1}
     rod["gauges"] = [fa.Gauge(station=0.05, distance=0.004)]
@@ -249,8 +257,9 @@ def test_one_call_warns_once_of_bending(call):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"plants": 3}, "plants must be arms"),
-        ({"plants": "x"}, "plants must be arms"),
+        ({"plants": 3}, "plants must be an Arm, or several"),
+        ({"plants": "x"}, "plants must be an Arm, or several"),
+        ({"plants": []}, "plants must be an Arm, or several"),
         ({"hardware": 3}, "hardware must be a Hardware, but is 3"),
         ({"contacts": None}, "contacts must be a list of Contact objects, but is nothing"),
         ({"reference": "x"}, "reference must have the methods"),
@@ -271,7 +280,7 @@ def test_times_and_plants_of_the_wrong_kind_are_refused():
     for postures, message in (([], "at least"), ("x", "postures"), ([[0.1], [0.1, 0.2]], "post")):
         with pytest.raises(fa.InputError, match=message):
             fa.loop_margins(fa.JointPD(3.0, 0.3), arm, postures, reference=motion)
-    with pytest.raises(fa.InputError, match=r"LQG\.for_margin: plants must be a list of Arm"):
+    with pytest.raises(fa.InputError, match=r"LQG\.for_margin: plants must be an Arm, or .* is 3"):
         fa.LQG.for_margin(arm, plants=3)
 
 
