@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexarm.arguments import check_choice
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array
-from flexarm.linear.transfer import frequency_response, transmission_zeros
+from flexarm.linear.transfer import frequency_response, slowest_first, transmission_zeros
 
 if TYPE_CHECKING:
     import control
@@ -58,8 +58,7 @@ class LinearModel:
         """Eigenvalues of A (2 dof,), complex, 1/s, slowest first."""
         from scipy.linalg import eigvals
 
-        found = eigvals(self.A)
-        return found[np.lexsort((found.imag, np.abs(found.imag), np.abs(found)))]
+        return slowest_first(eigvals(self.A))
 
     def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
         """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.

@@ -17,6 +17,18 @@ from flexarm.assemble import FloatArray
 _SINGULAR = 1e13
 
 
+def slowest_first(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return eigenvalues ordered by magnitude; of equal ones stable before not, then by the sign.
+
+    They are compared to nine digits: the last ones differ between machines, and would put a
+    conjugate pair in either order.
+    """
+    size = np.abs(values)
+    direction = np.round(values / np.maximum(size, np.finfo(float).tiny), 9)
+    digits = np.array([float(f"{one:.8e}") for one in size])
+    return values[np.lexsort((values.imag, direction.real, np.abs(direction.imag), digits))]
+
+
 def frequency_response(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, omega: FloatArray
 ) -> NDArray[np.complex128]:
@@ -77,4 +89,4 @@ def transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) ->
             return np.zeros(0, dtype=complex)
         found = eigvals(equations.T @ A @ allowed, equations.T @ allowed)
         found = found[np.isfinite(found)]
-    return found[np.lexsort((found.imag, np.abs(found.imag), np.abs(found)))]
+    return slowest_first(found)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.linear.transfer import slowest_first
 
 LINK = fa.Link(
     length=0.5,
@@ -62,3 +63,15 @@ def test_names_are_checked():
         MODEL.zeros(output="tip[x]")
     with pytest.raises(fa.InputError, match="omega"):
         MODEL.frequency_response([np.nan])
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_order_of_poles_does_not_depend_on_their_last_digit(first):
+    """Either of a conjugate pair may come out larger by rounding."""
+    pair = np.array([-0.05 - 10.0j, -0.05 + 10.0j])
+    pair[first] *= 1.0 + 4e-15
+    still = np.array([1e-16 + 3.0j, -1e-15 - 3.0j])
+    found = slowest_first(np.concatenate([pair[::-1], still, [5.0, 1.0, 0.0]]))
+    assert found.real[:2].tolist() == [0.0, 1.0]
+    np.testing.assert_array_equal(np.sign(found.imag), [0, 0, -1, 1, 0, -1, 1])
+    assert sorted(np.abs(found)) == pytest.approx(np.abs(found), rel=1e-12)
