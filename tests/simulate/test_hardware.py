@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+import scipy.sparse
 from scipy import signal
 from scipy.integrate import solve_ivp
 
@@ -202,6 +203,9 @@ def test_current_and_voltage_limit_the_torque():
     np.testing.assert_allclose(motors.allowed(-asked, np.array([8.0])), [-6.0])
     # Faster than the idle speed, 24 / 2, it can only brake.
     np.testing.assert_allclose(motors.allowed(asked, np.array([13.0])), [-1.0])
+    for wrong in (scipy.sparse.csr_array([[1.0]]), "x", np.ma.masked_array([1.0], [True])):
+        with pytest.raises(fa.InputError, match=r"Motors\.allowed: torque must be numbers"):
+            motors.allowed(wrong, asked)
     arm = fa.Arm(links=[fa.Link(length=0.5, mass_per_length=0.6, flexible=False)])
     spun = fa.simulate(
         arm, 2.0, controller=Script([asked]), hardware=fa.Hardware(motors=motors), rate=100.0

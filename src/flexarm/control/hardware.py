@@ -99,9 +99,9 @@ class Motors:
 
     def allowed(self, torque: FloatArray, rate: FloatArray) -> FloatArray:
         """Return what of a torque (joints,) the motors can give at these joint rates (joints,)."""
-        if getattr(torque, "dtype", None) != np.float64:
+        if type(torque) is not np.ndarray or torque.dtype != np.float64:
             torque = check_numbers("Motors.allowed", "torque", torque, _OF_JOINTS)
-        if getattr(rate, "dtype", None) != np.float64:
+        if type(rate) is not np.ndarray or rate.dtype != np.float64:
             rate = check_numbers("Motors.allowed", "rate", rate, _OF_JOINTS)
         limit = _numbers(self.torque_limit)
         if self.torque_constant is not None:
