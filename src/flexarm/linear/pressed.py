@@ -24,6 +24,7 @@ from flexarm.linear.equilibrium import equilibrium
 from flexarm.motion import Motion
 from flexarm.motion.kinematics import tip_jacobian
 from flexarm.motion.motion import check_motion
+from flexarm.user_functions import call
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -164,6 +165,7 @@ def pressed_motion(
     Raises:
         InputError: a force that is negative or not finite, a normal of no direction, a friction
             that is negative, a motion of another arm, or an arm that cannot follow.
+        SimulationError: a function of time that raises an exception.
     """
     where = "pressed_motion"
     arm = check_kind(where, "arm", arm, Arm)
@@ -189,7 +191,7 @@ def _force(where: str, given: float | Callable[[float], float]) -> Callable[[flo
 
 
 def _checked_force(where: str, given: float | Callable[[float], float], t: float) -> float:
-    value = given(t) if callable(given) else given
+    value = call("the force", given, t) if callable(given) else given
     name = f"force at t = {t:g} s" if callable(given) else "force"
     return check_nonnegative(where, name, value)
 
@@ -206,7 +208,7 @@ def _normal(
 def _unit_normal(
     where: str, given: ArrayLike | Callable[[float], ArrayLike], t: float
 ) -> FloatArray:
-    value = given(t) if callable(given) else given
+    value = call("the normal", given, t) if callable(given) else given
     name = f"normal at t = {t:g} s" if callable(given) else "normal"
     outward = check_array(where, name, value, (2,))
     length = float(np.hypot(*outward))

@@ -15,9 +15,9 @@ from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
-from flexarm.simulate.functions_of_time import call
 from flexarm.simulate.piecewise import cut
 from flexarm.simulate.torque_history import Row, TorqueHistory, function_torque
+from flexarm.user_functions import call
 
 #: What a table of angles does at its ends, and how SciPy calls it.
 ENDS = {"rest": "clamped", "free": "not-a-knot"}

@@ -43,7 +43,7 @@ from flexarm.observe import contact_channels
 from flexarm.simulate.choice import Choice
 from flexarm.simulate.closed_loop import ClosedLoop
 from flexarm.simulate.events import Event, event_log, event_variables
-from flexarm.simulate.functions_of_time import call, computed_until_failure
+from flexarm.simulate.functions_of_time import computed_until_failure
 from flexarm.simulate.impacts import run_through_impacts
 from flexarm.simulate.load_history import BaseAcceleration
 from flexarm.simulate.loop_check import instability
@@ -68,6 +68,7 @@ from flexarm.simulate.torque_history import (
     sampled_torque,
 )
 from flexarm.stations import check_stations
+from flexarm.user_functions import call
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,22 +126,21 @@ def simulate(
             ``torque`` where that comes from a motion, else all angles zero.
         initial_rate: qd (dof,), zero by default.
         tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
-        loads: forces and moments anywhere on the arm, constant or with a factor of time; like all
-            that acts from outside, on the arm that is simulated: no controller knows of them.
-        base_acceleration: (ax, ay) of the base joint, m/s^2, or a function of time that gives it,
-            or a table ``(times, values)``; positions stay relative to the base.
+        loads: forces and moments anywhere on the arm that is simulated, constant or with a factor
+            of time; no controller knows of them, nor of anything else that acts from outside.
+        base_acceleration: (ax, ay) of the base joint, m/s^2, a function of time that gives it, or a
+            table ``(times, values)``; positions stay relative to the base.
         events: what to locate on the way (``Event``, ``joint_event``, ``tip_event``); looked for
             between samples, so that ``rate`` decides what is too brief to be seen. A terminal one
             ends the run, with the event as the last sample.
         contacts: surfaces that points of the arm may touch; they stand still relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
-        rate: samples recorded per second, Hz; where the duration is no whole number of them, the
-            last sample lies before its end.
+        rate: samples recorded per second, Hz; the last one may lie before the end of the run.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
             force, shear force and bending moment; 0 for none.
-        step: fixed step, or first step of a method with step control, s; not beside an integrator
-            object, which has its own. A fixed-step method without one halves its step until the
-            tip differs by at most 1e-4 of the reach from the motion at twice the step.
+        step: fixed step, or first step of a method with step control, s; an integrator object has
+            its own. A fixed-step method without one halves its step until the tip differs by
+            at most 1e-4 of the reach from the motion at twice the step.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
             fixed step only how closely functions of time are followed. At the defaults a run in
             which joints meet their stops is made again at 1e-4 of them.

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arguments import check_choice
 from flexarm.errors import InputError, Problem, check_array
-from flexarm.simulate.functions_of_time import FunctionError, call, first_failure
+from flexarm.user_functions import FunctionError, call, first_failure
 
 FloatArray = NDArray[np.float64]
 

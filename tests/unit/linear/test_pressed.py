@@ -124,10 +124,12 @@ def test_the_normal_may_turn():
         ({"duration": -1.0}, "duration"),
         ({"motion": "a line"}, "motion"),
         ({"force": 1e4}, "reach the path|equilibrium"),
+        ({"force": lambda t: 1.0 / 0.0}, "the force failed with ZeroDivisionError"),
+        ({"normal": lambda: (0.0, 1.0)}, "the normal failed with TypeError"),
     ],
 )
 def test_refused(change, word):
     given = {"motion": LINE, "force": 5.0, "normal": (-1.0, 0.0), **change}
     motion, force, normal = given.pop("motion"), given.pop("force"), given.pop("normal")
-    with pytest.raises((fa.InputError, fa.EquilibriumError), match=word):
+    with pytest.raises(fa.FlexarmError, match=word):
         fa.pressed_motion(ARM, motion, force, normal, **given)
