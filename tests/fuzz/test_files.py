@@ -32,12 +32,14 @@ flexarm: 1
 arm:
   gravity: [0.0, -9.81]
   payload: {mass: 0.1, inertia: 0.001}
-  joints: [{}, {stiffness: 100.0, damping: 0.1, friction: {coulomb: 0.1}}]
+  joints:
+    - {hub_inertia: 0.05}
+    - {hub_inertia: 0.05, stiffness: 100.0, damping: 0.1, friction: {coulomb: 0.1}}
   links:
     - {length: 0.6, flexural_rigidity: 500.0, mass_per_length: 0.4, elements: 2, modes: 2}
     - {length: 0.5, material: steel, section: {kind: circle, diameter: 0.01}, elements: 1}
 motion: {kind: joint, start: [0.0, 0.0], end: [0.2, 0.1], duration: 0.05}
-drive: {kind: joint_pd, proportional: 50.0, derivative: 1.0, sample_time: 0.001}
+drive: {kind: joint_pd, proportional: 5.0, derivative: 0.5, sample_time: 0.001}
 hardware: {seed: 1}
 run: {duration: 0.05, rate: 200}
 """

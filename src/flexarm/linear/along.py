@@ -213,7 +213,7 @@ class Separation:
         arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
         content = BytesIO()
         np.savez_compressed(content, **arrays)
-        write_whole(place, [content.getbuffer()])
+        write_whole(place, [content.getvalue()])
 
     def _torque_names(self) -> list[str]:
         return [f"torque_{number}" for number in self.arm.joint_numbers]

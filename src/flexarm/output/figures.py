@@ -29,4 +29,4 @@ def write_figure(figure: Savable, path: AnyPath) -> None:
     place = check_place("write_figure", "path", path, FIGURE_SUFFIXES)
     picture = BytesIO()
     figure.savefig(picture, format=place.suffix.lower().removeprefix("."))
-    write_whole(place, [picture.getbuffer()])
+    write_whole(place, [picture.getvalue()])

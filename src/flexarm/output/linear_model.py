@@ -44,7 +44,7 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
         write_whole(place, [_mat(model)])
 
 
-def _mat(model: LinearModel) -> memoryview:
+def _mat(model: LinearModel) -> bytes:
     from scipy.io import savemat
 
     cells = {
@@ -53,7 +53,7 @@ def _mat(model: LinearModel) -> memoryview:
     }
     content = BytesIO()
     savemat(content, cells, oned_as="column", do_compression=True)
-    return content.getbuffer()
+    return content.getvalue()
 
 
 def _plain(arrays: dict[str, Any]) -> dict[str, Any]:
