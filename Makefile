@@ -42,6 +42,7 @@ demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper
 test: lint suite ## check everything: lint, then the whole test suite
 
 suite: $(VENV)/.ready-dev ## the whole test suite alone; SEED=7 draws other random examples
+	$(BIN)/flexarm warmup # once, before parallel workers compile the same kernels each
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
 		$(if $(SEED),--hypothesis-profile=random --hypothesis-seed=$(SEED))
 

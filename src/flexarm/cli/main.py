@@ -70,6 +70,15 @@ def paper(
 
 @app.command()
 @failures_told()
+def warmup() -> None:
+    """Compile everything now, so that no later run waits; needed once on a machine."""
+    from flexarm.cli.warmup import compile_everything
+
+    compile_everything()
+
+
+@app.command()
+@failures_told()
 def run(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.yaml", help="What to simulate.")],
     out: Annotated[

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
-import sys
-import time
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -13,7 +10,8 @@ import numba
 from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 
-from flexarm.kernels.code_cache import CodeCache, cache_folder, cache_of
+from flexarm.kernels.code_cache import cache_folder, cache_of
+from flexarm.kernels.compile_notice import CompileNotice
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -121,56 +119,10 @@ def _undecorated(function: Any, done: dict[int, Callable[..., Any]]) -> Callable
     return twin
 
 
-class _CompileNotice(event.Listener):
-    """Say once on the terminal that the first run compiles, and how long it took."""
-
-    def __init__(self) -> None:
-        self._depth = 0
-        self._started = 0.0
-        self._announced = False
-        self.seconds = 0.0
-
-    def _is_ours(self, occurrence: Any) -> bool:
-        function = occurrence.data["dispatcher"].py_func
-        return str(function.__module__).startswith("flexarm.")
-
-    def on_start(self, occurrence: Any) -> None:
-        if not self._is_ours(occurrence):
-            return
-        if self._depth == 0:
-            self._started = time.perf_counter()
-            if not self._announced:
-                self._announced = True
-                print(
-                    "flexarm: compiling for this machine, once; it may take a minute ...",
-                    file=sys.stderr,
-                    flush=True,
-                )
-                atexit.register(self._tell_time)
-        self._depth += 1
-
-    def _tell_time(self) -> None:
-        """Print the time when the process ends: only then is nothing left to compile."""
-        failure = CodeCache.failure
-        kept = "the result is kept for the next start."
-        if CACHE_DIRECTORY is None:
-            kept = "the result is not kept: no folder is writable by this user alone."
-        elif failure:
-            kept = f"the result is not kept: {failure}."
-        print(f"flexarm: compiling took {self.seconds:.0f} s; {kept}", file=sys.stderr)
-
-    def on_end(self, occurrence: Any) -> None:
-        if not self._is_ours(occurrence):
-            return
-        self._depth -= 1
-        if self._depth == 0:
-            self.seconds += time.perf_counter() - self._started
-
-
-_notice = _CompileNotice()
-event.register("numba:compile", _notice)  # type: ignore[no-untyped-call]
+notice = CompileNotice(kept=CACHE_DIRECTORY is not None)
+event.register("numba:compile", notice)  # type: ignore[no-untyped-call]
 
 
 def compile_seconds() -> float:
     """Seconds that this process has spent compiling kernels so far."""
-    return _notice.seconds
+    return notice.seconds

@@ -1,0 +1,178 @@
+"""What can be compiled ahead: small calls that reach every kernel, by the feature that needs it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import cache, partial
+
+import flexarm as fa
+from flexarm.integrate import INTEGRATORS
+from flexarm.kernels.cache import compile_seconds, notice
+from flexarm.kernels.code_cache import CodeCache
+
+_START, _END = [0.4, 0.6], [0.5, 0.5]
+_SAMPLE_TIME = 0.004
+
+
+@cache
+def _arm() -> fa.Arm:
+    gauge = fa.Gauge(station=0.1, distance=0.005)
+    return fa.Arm(
+        links=[
+            fa.Link(
+                length=0.8,
+                flexural_rigidity=90.0,
+                mass_per_length=0.5,
+                elements=1,
+                gauges=[gauge],
+                damping=fa.ModalDamping(ratio=0.01),
+            ),
+            fa.Link(length=0.6, flexural_rigidity=60.0, mass_per_length=0.4, elements=1),
+        ],
+        joints=[fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05)],
+    )
+
+
+@cache
+def _motion() -> fa.Motion:
+    return fa.joint_motion(_arm(), _START, _END, 0.1, start_time=0.5)
+
+
+def _floor() -> fa.Contact:
+    x, y, *_ = _arm().tip(_arm().rest(_START))
+    return fa.Contact(fa.Wall((float(x), float(y) + 1e-4), (0.0, 1.0)), 1e4)
+
+
+def _simulate() -> None:
+    arm = _arm()
+    torque = fa.rigid_torque(arm, _motion())
+    result = fa.simulate(arm, 0.02, torque=torque, initial=arm.rest(_START))
+    fa.simulate(arm, 0.02, torque=lambda t: [0.1, 0.0], stations=3)
+    fa.simulate(arm.rigid(), 0.02)
+    result.load()
+    arm.energy(arm.rest(_START), arm.rest(_START))
+    arm.mass_matrix(arm.rest(_START))
+
+
+def _dynamics() -> None:
+    arm = _arm()
+    q, none = arm.rest(_START), [0.0] * arm.dof
+    arm.forward_dynamics(q, none, [0.1, 0.0])
+    arm.inverse_dynamics(q, none, none)
+    arm.inverse_dynamics_many([q], [none], [none])
+    arm.derivatives(q, none, [0.1, 0.0])
+    arm.section_forces(q, none, none, stations=3)
+    arm.joint_reactions(q, none, none)
+    arm.shape(q, stations=3)
+    arm.strain(q)
+    arm.tip_velocity(q, none)
+
+
+def _integrate(name: str) -> None:
+    step = None if INTEGRATORS[name].adaptive else 1e-4
+    fa.simulate(_arm(), 0.002, torque=lambda t: [0.1, 0.0], integrator=name, step=step)
+
+
+def _loop() -> None:
+    for controller in (
+        fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME),
+        fa.ComputedTorque(_arm(), 0.3, 0.5, sample_time=_SAMPLE_TIME),
+    ):
+        _controlled(controller)
+
+
+def _controlled(controller: fa.Controller) -> None:
+    fa.simulate(
+        _arm(), 0.02, controller=controller, reference=_motion(), initial=_arm().rest(_START)
+    )
+
+
+def _linearize() -> None:
+    fa.modes(_arm())
+    falling = fa.Arm(_arm().spec.model_copy(update={"gravity": (0.0, -9.81)}))
+    fa.linearize(falling, fa.equilibrium(falling))
+    fa.linearize(_arm(), outputs=[fa.Sensor("acceleration", 2)])
+
+
+def _linear_control() -> None:
+    _controlled(fa.LQG(_arm(), _START, sample_time=_SAMPLE_TIME))
+
+
+def _adaptive_control() -> None:
+    _controlled(fa.Adaptive(_arm(), 2.0, [0.8, 0.2], 0.003, sample_time=_SAMPLE_TIME))
+    _controlled(fa.RBFAdaptive(_arm(), 8.0, [0.8, 0.3], 0.001, -1.0, 1.0, sample_time=_SAMPLE_TIME))
+    held = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME)
+    _controlled(fa.DisturbanceObserver(_arm(), held, 0.2))
+
+
+def _contacts() -> None:
+    fa.simulate(_arm(), 0.01, contacts=[_floor()], initial=_arm().rest(_START))
+
+
+def _force_control() -> None:
+    pressed = fa.pressed_motion(_arm(), _motion(), 0.1, [0.0, 1.0], interval=0.05)
+    fa.simulate(
+        _arm(),
+        0.01,
+        controller=fa.HybridForce(_arm(), frequency=1.5, sample_time=_SAMPLE_TIME),
+        reference=pressed,
+        contacts=[_floor()],
+        initial=pressed.initial,
+    )
+
+
+def _estimate() -> None:
+    felt = fa.Sensor("acceleration", 2)
+    instruments = [
+        fa.Instrument("joint_angle", noise=1e-4),
+        fa.Instrument(felt, noise=0.01, name="felt"),
+    ]
+    found = fa.ExtendedKalmanFilter(
+        _arm(), instruments, sample_time=_SAMPLE_TIME, payload_deviation=0.1
+    )
+    found.run([[0.0, 0.0]] * 2, {"joint_angle": [_START] * 2, "felt": [[0.0, 0.0]] * 2})
+    q = _arm().rest(_START)
+    for method in ("rk4", "kennedy_carpenter_4"):
+        fa.step_jacobian(_arm(), q, q, [0.0, 0.0], 1e-4, method=method)
+
+
+def _invert() -> None:
+    fa.tip_inversion(_arm(), _motion())
+    fa.linearize_along(_arm(), _motion(), rate=3.0)
+
+
+def _prescribe() -> None:
+    held = fa.PrescribedAngle.hold(0.4)
+    fa.simulate(_arm(), 0.01, prescribed={1: held}, initial=_arm().rest(_START))
+
+
+#: Calls by name; those that take longest come first, so that the last process is not alone.
+FEATURES: dict[str, Callable[[], None]] = {
+    "forward dynamics and derivatives": _dynamics,
+    "simulate": _simulate,
+    **{f"integrator {name}": partial(_integrate, name) for name in INTEGRATORS},
+    "force control": _force_control,
+    "state estimation": _estimate,
+    "tip inversion": _invert,
+    "linearize and modes": _linearize,
+    "contacts": _contacts,
+    "adaptive control": _adaptive_control,
+    "linear control": _linear_control,
+    "closed loops": _loop,
+    "prescribed joints": _prescribe,
+}
+
+
+def compile_feature(name: str) -> tuple[float, str]:
+    """Compile what a feature needs, or load it.
+
+    Returns:
+        Seconds of compiling, and why machine code could not be kept; empty if it was.
+    """
+    notice.silent = True
+    before = compile_seconds()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.FlexarmWarning)  # of the small arm, not the user's
+        FEATURES[name]()
+    return compile_seconds() - before, CodeCache.failure

@@ -1,0 +1,47 @@
+"""``flexarm warmup``: compile every kernel ahead, in as many processes as there are cores."""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from flexarm.cli.features import FEATURES, compile_feature
+from flexarm.cli.tables import console
+from flexarm.errors import InputError, Problem
+from flexarm.kernels.cache import CACHE_DIRECTORY
+
+
+def compile_everything() -> None:
+    """Compile all features and keep the machine code; print how long it took.
+
+    Raises:
+        InputError: the machine code cannot be kept.
+    """
+    rule = "be writable, by this user alone"
+    if CACHE_DIRECTORY is None:
+        raise InputError(Problem("flexarm warmup", "the cache folder", rule, "missing"))
+    screen = console()
+    started = time.perf_counter()
+    compiled = 0.0
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    bar = Progress(*columns, TimeElapsedColumn(), console=screen, transient=True)
+    workers = min(os.cpu_count() or 1, len(FEATURES))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    with bar, pool:
+        task = bar.add_task("compiling", total=len(FEATURES))
+        waiting = {pool.submit(compile_feature, name): name for name in FEATURES}
+        for done in as_completed(waiting):
+            seconds, failure = done.result()
+            if failure:
+                raise InputError(Problem("flexarm warmup", str(CACHE_DIRECTORY), rule, failure))
+            compiled += seconds
+            bar.update(task, advance=1, description=f"compiled: {waiting[done]}")
+    took = time.perf_counter() - started
+    screen.print(
+        f"{len(FEATURES)} features are ready after {took:.0f} s; "
+        f"{compiled:.0f} s of compiling in {workers} processes."
+    )

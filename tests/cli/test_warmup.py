@@ -1,0 +1,60 @@
+"""``flexarm warmup``, and what a terminal shows while kernels compile."""
+
+import io
+from types import SimpleNamespace
+
+from typer.testing import CliRunner
+
+from flexarm.cli import warmup
+from flexarm.cli.failures import WRONG_INPUT
+from flexarm.cli.main import app
+from flexarm.kernels.compile_notice import CompileNotice
+
+
+def test_warmup_says_what_is_ready():
+    outcome = CliRunner().invoke(app, ["warmup"])
+    assert outcome.exit_code == 0, outcome.output
+    words = " ".join(outcome.stdout.split())
+    assert f"{len(warmup.FEATURES)} features are ready after " in words
+
+
+def test_warmup_needs_a_place_for_the_code(monkeypatch):
+    monkeypatch.setattr(warmup, "CACHE_DIRECTORY", None)
+    outcome = CliRunner().invoke(app, ["warmup"])
+    assert outcome.exit_code == WRONG_INPUT
+    assert "the cache folder must be writable" in outcome.stderr
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def compiling(notice, name):
+    """Let a notice see a kernel of flexarm compile."""
+    function = SimpleNamespace(__module__="flexarm.kernels.any", __name__=name)
+    seen = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=function)})
+    notice.on_start(seen)
+    notice.on_end(seen)
+
+
+def test_a_terminal_shows_the_kernel_at_hand(monkeypatch):
+    monkeypatch.setattr("flexarm.kernels.compile_notice.atexit", SimpleNamespace(register=id))
+    for stream, shown in ((Terminal(), True), (io.StringIO(), False)):
+        monkeypatch.setattr("sys.stderr", stream)
+        notice = CompileNotice(kept=True)
+        compiling(notice, "poses")
+        compiling(notice, "energies")
+        assert notice.kernels == 2
+        assert stream.getvalue().count("compiling for this machine, once") == 1
+        assert ("energies (1 compiled" in stream.getvalue()) == shown
+
+
+def test_a_silent_notice_shows_nothing(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr("sys.stderr", stream)
+    notice = CompileNotice(kept=True)
+    notice.silent = True
+    compiling(notice, "poses")
+    assert stream.getvalue() == ""
+    assert notice.kernels == 1

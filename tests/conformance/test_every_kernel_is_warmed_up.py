@@ -1,0 +1,54 @@
+"""`flexarm warmup` reaches every kernel that is compiled on its own."""
+
+import subprocess
+import sys
+
+PROGRAM = """
+import pkgutil
+import sys
+from importlib import import_module
+
+import flexarm
+from flexarm.cli.features import FEATURES, compile_feature
+
+for name in FEATURES:
+    compile_feature(name)
+LAYERS = ("flexarm.kernels.", "flexarm.integrate.", "flexarm.simulate.", "flexarm.control.")
+for module in pkgutil.walk_packages(flexarm.__path__, "flexarm."):
+    if module.name.startswith(LAYERS):
+        import_module(module.name)
+kernels = [
+    kernel
+    for name, module in sorted(sys.modules.items())
+    for kernel in (vars(module).values() if name.startswith(LAYERS) else ())
+    if hasattr(kernel, "overloads") and kernel.__module__ == name
+]
+ready = set()
+
+
+def reach(kernel):
+    # A kernel that comes from disk brings those with it that it calls.
+    if kernel not in ready:
+        ready.add(kernel)
+        for name in kernel.py_func.__code__.co_names:
+            called = kernel.py_func.__globals__.get(name)
+            if hasattr(called, "overloads"):
+                reach(called)
+
+
+for kernel in kernels:
+    if kernel.overloads:
+        reach(kernel)
+for kernel in kernels:
+    print(f"{kernel.__module__}.{kernel.__name__}", kernel in ready)
+"""
+
+
+def test_every_kernel_is_warmed_up():
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    ready = dict(line.split() for line in done.stdout.splitlines())
+    assert "flexarm.integrate.explicit.advance_explicit" in ready
+    assert [name for name, there in ready.items() if there != "True"] == []
