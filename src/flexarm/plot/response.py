@@ -56,6 +56,12 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
                 _draw(gain, phase, omega, values, color=SERIES[column], label=name)
             gain.set(ylabel=f"{output}\n[{_gain_unit(model, output)}]")
             gain.tick_params(labelbottom=False)
+            for axes in (gain, phase):
+                axes.set_xlim(omega.min() / (2.0 * np.pi), omega.max() / (2.0 * np.pi))
+            if not (np.abs(response[:, row]) > 0.0).any():  # zero, or no number at a resonance
+                gain.set_yticks([])
+                words = "zero: no input moves it here"
+                gain.text(0.5, 0.5, words, ha="center", transform=gain.transAxes)
             phase.set(ylabel="phase [°]")
             if row == 0:
                 legend_above(gain)

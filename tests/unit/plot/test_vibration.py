@@ -76,3 +76,12 @@ def test_responses_are_interrupted_at_undamped_resonances():
     at_rest = response_figure(model, np.array([0.0, 1.0])).axes[0].get_lines()[0].get_ydata()
     assert np.isnan(at_rest[0])  # a free joint under a constant torque turns without end
     assert np.isfinite(at_rest[1])
+
+
+def test_an_output_that_nothing_moves_says_so():
+    """The tip of a straight arm does not move along it."""
+    figure = response_figure(fa.linearize(fa.Arm(links=[LINK, LINK]), outputs="tip"))
+    along, _, across, _ = figure.axes
+    assert [text.get_text() for text in along.texts] == ["zero: no input moves it here"]
+    assert not across.texts
+    assert along.get_xlim() == across.get_xlim()
