@@ -44,6 +44,8 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
     omega = check_array("response_figure", "omega", omega, (-1,))
     response = model.frequency_response(omega)
     rows = max(1, len(outputs))
+    hertz = np.abs(omega[omega != 0.0]) / (2.0 * np.pi)
+    shown = (float(hertz.min()), float(hertz.max())) if hertz.size > 1 else None
     sheet = Sheet(_WIDTH, _EDGES + (_GAIN + _PHASE) * rows)
     with styled():
         grid = sheet.add_gridspec(rows, 1)
@@ -56,8 +58,8 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
                 _draw(gain, phase, omega, values, color=SERIES[column], label=name)
             gain.set(ylabel=f"{output}\n[{_gain_unit(model, output)}]")
             gain.tick_params(labelbottom=False)
-            for axes in (gain, phase):
-                axes.set_xlim(omega.min() / (2.0 * np.pi), omega.max() / (2.0 * np.pi))
+            gain.set_xlim(shown)
+            phase.set_xlim(shown)
             if not (np.abs(response[:, row]) > 0.0).any():  # zero, or no number at a resonance
                 gain.set_yticks([])
                 words = "zero: no input moves it here"
