@@ -45,6 +45,7 @@ from flexarm.integrate.steps import (
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
 from flexarm.kernels.articulated_body import solve_implicit
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array
 
 #: Points that the formulas look back on; the first ones of a span come from a one-step method.
@@ -115,10 +116,13 @@ def _predict(
             known[0, i, j] = step
             known[1, i, j] = rate
             if j > 0:
-                force[i, j] = c.w2[i, j - 1] * (q - q0 - step) + c.damping[i, j - 1] * (v - rate)
+                force[i, j] = c.mode[i, j - 1, W2] * (q - q0 - step) + c.mode[
+                    i, j - 1, MODE_DAMPING
+                ] * (v - rate)
             else:
-                torque[i] += c.free[i] * (
-                    c.joint_stiffness[i] * (q - q0 - step) + c.joint_damping[i] * (v - rate)
+                torque[i] += c.body[i, FREE] * (
+                    c.body[i, JOINT_STIFFNESS] * (q - q0 - step)
+                    + c.body[i, JOINT_DAMPING] * (v - rate)
                 )
 
 

@@ -46,6 +46,7 @@ from flexarm.integrate.steps import (
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.columns import MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array
 
 #: Passes after which a step has failed; two or three are usual.
@@ -92,7 +93,10 @@ def _predict(
             known[1, i, j] = v + h * ((1.0 - gamma) * mean + gamma * rest)
             stiff = False
             if j > 0:
-                stiff = h * max(math.sqrt(c.w2[i, j - 1]), c.damping[i, j - 1]) > RESOLVED
+                stiff = (
+                    h * max(math.sqrt(c.mode[i, j - 1, W2]), c.mode[i, j - 1, MODE_DAMPING])
+                    > RESOLVED
+                )
             # The acceleration of a mode that the step does not resolve predicts nothing.
             smooth[0, i, j] = q if stiff else q + h * (v + 0.5 * h * a)
             smooth[1, i, j] = v if stiff else v + h * a

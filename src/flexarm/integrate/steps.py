@@ -11,6 +11,7 @@ import math
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.columns import FREE, JOINT_UW, W2
 from flexarm.kernels.layout import Array, Sizes
 
 DONE, PAUSED, STEP_UNDERFLOW, NOT_FINITE, INERTIA_LOST, NOT_CONVERGED = 0, 1, 2, 3, 4, 5
@@ -181,8 +182,8 @@ def inertia_left(system: System) -> bool:
     """Whether every free joint felt a positive inertia when the dynamics was evaluated last."""
     lowest = 1.0
     for i in range(len(system.sizes.bodies)):
-        if system.constants.free[i] != 0.0:
-            lowest = min(lowest, system.work.joint[i, 2])
+        if system.constants.body[i, FREE] != 0.0:
+            lowest = min(lowest, system.work.body[i, JOINT_UW])
     return lowest > 0.0
 
 
@@ -279,7 +280,7 @@ def between_ends(
             a1 = stages[s, 1, i, j]
             stiff = False
             if j > 0:
-                stiff = h * h * system.constants.w2[i, j - 1] > RESOLVED * RESOLVED
+                stiff = h * h * system.constants.mode[i, j - 1, W2] > RESOLVED * RESOLVED
             if stiff:
                 sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
                 sample[1, i, j] = v0 + x * (v1 - v0)
