@@ -205,8 +205,6 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
     else:
         constants.tip_mass[-1] += spec.payload.mass
         constants.tip_inertia[-1] += spec.payload.inertia
-    for array in constants:
-        array.setflags(write=False)
     return constants
 
 

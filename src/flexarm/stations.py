@@ -128,9 +128,6 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
                 cut = cuts[station % count]
                 cut.reach[piece.body] = placed.x[station]
                 _place_part(cut.constants, piece.body, parts, row, hub)
-    for cut in cuts:
-        for array in cut.constants:
-            array.setflags(write=False)
     return tuple(cuts)
 
 

@@ -41,7 +41,7 @@ from flexarm.integrate.steps import (
 )
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import compiled, inner, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
@@ -80,7 +80,7 @@ def shift_forces(
             ] * (smooth[1, i, 1 + j] - v[i, 1 + j])
 
 
-@merged
+@inner
 def additive_step(
     system: System, softened: ArmConstants, AE: Array, AI: Array, c: Array, t: float, h: float,
     state: Array, smooth: Array, known: Array, added: Array, force: Array, torque: Array,
@@ -200,8 +200,9 @@ def advance_additive(
                 combine(system.sizes, new, stages, AE, zero, zero, 0.0, samples[counts[0]])
             else:
                 between_ends(
-                    system, tolerance, state, new, stages, (asked - t) / h, h, samples[counts[0]]
-                )
+                    system.sizes, system.constants, tolerance, state, new, stages, (asked - t) / h,
+                    h, samples[counts[0]],
+                )  # fmt: skip
             counts[0] += 1
         for level in range(2):
             for i in range(len(system.sizes.bodies)):

@@ -222,7 +222,7 @@ def advance_collocation(
         if not inertia_left(system):
             return INERTIA_LOST
         _new_point(system, b, bA, h, state, stages, lost, new)
-        status = followed(system, tolerance, new, h)
+        status = followed(system.sizes, tolerance, new, h)
         if status != DONE:
             return status
 
@@ -238,8 +238,9 @@ def advance_collocation(
                     counts[3] += 2
                     between = True
                 between_ends(
-                    system, tolerance, state, new, ends, (asked - t) / h, h, samples[counts[0]]
-                )
+                    system.sizes, system.constants, tolerance, state, new, ends, (asked - t) / h,
+                    h, samples[counts[0]],
+                )  # fmt: skip
             counts[0] += 1
         for i in range(len(system.sizes.bodies)):
             for j in range(1 + len(system.sizes.modes)):

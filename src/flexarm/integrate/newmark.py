@@ -202,7 +202,7 @@ def advance_newmark(
                 break
         if not (solved or norm == 0.0):
             return NOT_CONVERGED
-        status = followed(system, tolerance, new, h)
+        status = followed(system.sizes, tolerance, new, h)
         if status != DONE:
             return status
         if not inertia_left(system):
@@ -219,8 +219,9 @@ def advance_newmark(
                 combine(system.sizes, new, ends, added, zero, zero, 0.0, samples[counts[0]])
             else:
                 between_ends(
-                    system, tolerance, state, new, ends, (asked - t) / h, h, samples[counts[0]]
-                )
+                    system.sizes, system.constants, tolerance, state, new, ends, (asked - t) / h,
+                    h, samples[counts[0]],
+                )  # fmt: skip
             counts[0] += 1
         for i in range(len(system.sizes.bodies)):
             for j in range(1 + len(system.sizes.modes)):

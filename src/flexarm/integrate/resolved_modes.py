@@ -14,7 +14,7 @@ import numpy as np
 
 from flexarm.integrate.base import System
 from flexarm.kernels.articulated_body import implicit_dynamics
-from flexarm.kernels.cache import merged
+from flexarm.kernels.cache import inner, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
@@ -41,7 +41,7 @@ _ITERATIONS = 25
 _NEAR = 0.5
 
 
-@merged
+@inner
 def _largest(
     system: System, stiff: Array, of_damping: bool, state: Array, bent: float, rest: Array,
     force: Array, direction: Array, unforced: Array, torque: Array,
@@ -95,7 +95,7 @@ def _stable_step(square: float, rate: float, stable: float) -> float:
     return 1.0 / (half + root) if half + root > 0.0 else 0.0
 
 
-@merged
+@inner
 def longest_step(
     system: System, state: Array, smooth: Array, known: Array, force: Array, torque: Array,
     stiff: Array, bounds: Array, h: float, span: float,
@@ -152,7 +152,7 @@ def longest_step(
     return min(h, longest) if longest > 0.0 else h
 
 
-@merged
+@inner
 def soften(system: System, softened: ArmConstants, stiff: Array, added: Array, h: float) -> None:
     """Add the implicit parts of springs, bending and damping at steps of h to the mass."""
     c = system.constants

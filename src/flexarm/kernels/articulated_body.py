@@ -32,7 +32,7 @@ symbol         meaning; all in the axes of the body at hand, wrenches and accele
 
 from __future__ import annotations
 
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import compiled, merged, merged_and_called
 from flexarm.kernels.columns import FLEX_BIAS
 from flexarm.kernels.external import apply_loads
 from flexarm.kernels.inward import inward
@@ -41,7 +41,7 @@ from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.outward import outward
 
 
-@merged
+@merged_and_called
 def forward_dynamics(
     sizes: Sizes,
     constants: ArmConstants,

@@ -74,7 +74,12 @@ class _ArmArrays(NamedTuple):
 
 
 class ArmConstants(_ArmArrays):
-    """Numbers of one arm. Body axes: origin at the joint, x along the clamped root tangent."""
+    """Numbers of one arm. Body axes: origin at the joint, x along the clamped root tangent.
+
+    Nobody writes into the constants of an arm. The arrays are not marked as read-only: for Numba
+    they would be of another type than those of an implicit step, which change, and every kernel
+    would be compiled for both.
+    """
 
     __slots__ = ()
 

@@ -109,7 +109,6 @@ class Run:
             return constants
         body = constants.body.copy()
         body[self.arm.assembly.joint_body[self._moved()], FREE] = 0.0
-        body.setflags(write=False)
         return constants._replace(body=body)
 
     def reactions(
