@@ -42,7 +42,7 @@ class Limit:
     def __init__(self, arm: fa.Arm, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> None:
         constants = arm.assembly.constants
         n, m = constants.S.shape
-        if m > 64 or constants.joint_laws.size or not constants.free.all():
+        if m > 64 or constants.has_joint_laws or not constants.free.all():
             raise ValueError("the templates know free joints without laws and 64 modes at most.")
         self._second_order = int(constants.D0.shape[1] > 0)
         self._sizes = n, m

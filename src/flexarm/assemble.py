@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from flexarm.beams import LinkConstants, link_constants, rigid_constants
 from flexarm.beams.parts import inverse_inertia
-from flexarm.kernels.layout import ArmConstants
+from flexarm.kernels.columns import HAS_JOINT_LAWS
+from flexarm.kernels.layout import ArmConstants, empty_constants
 from flexarm.model import ArmSpec, Joint, Link, RayleighDamping
 
 FloatArray = NDArray[np.float64]
@@ -185,43 +186,13 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
     second_order = spec.theory == "second_order"
     g = m if second_order else 0
     c = m if any(np.any(piece.shapes.rotary) for piece in pieces) else 0
-    constants = ArmConstants(
-        mass=np.zeros(n),
-        inverse_mass=np.zeros(n),
-        first_moment_x=np.zeros(n),
-        first_moment_y=np.zeros(n),
-        inertia=np.zeros(n),
-        hub=np.zeros(n),
-        inverse_inertia=np.zeros(n),
-        length=np.zeros(n),
-        S=np.zeros((n, m)),
-        a=np.zeros((n, m)),
-        P=np.zeros((n, m)),
-        dP=np.zeros((n, m)),
-        w2=np.zeros((n, m)),
-        damping=np.zeros((n, m)),
-        centrifugal=np.zeros((n, c, c)),
-        D0=np.zeros((n, g, g)),
-        D1=np.zeros((n, g, g)),
-        G=np.zeros((n, g, g)),
-        residual_inertia=np.zeros((n, 3)),
-        residual_tip=np.zeros((n, 4)),
-        N=np.zeros((n, 3)),
-        mobility=np.ones((n, m)),
-        joint_added=np.zeros(n),
-        tip_mass=np.zeros(n),
-        tip_inertia=np.zeros(n),
-        free=np.zeros(n),
-        joint_damping=np.zeros(n),
-        joint_stiffness=np.zeros(n),
-        joint_rest=np.zeros(n),
-        joint_angle=np.zeros(n),
-        friction=np.tile([0.0, 0.0, 1.0, 1.0, 0.0], (n, 1)),
-        limits=np.tile([-1.0, 1.0, 0.0, 0.0], (n, 1)),
-        rotor=np.tile([0.0, 1.0], (n, 1)),
-        joint_laws=np.zeros(int(any(_has_laws(joint) for joint in spec.joints))),
-        gravity=np.array(spec.gravity, dtype=np.float64),
-    )
+    constants = empty_constants(n, m, c, g)
+    constants.arm[HAS_JOINT_LAWS] = float(any(_has_laws(joint) for joint in spec.joints))
+    constants.gravity[:] = spec.gravity
+    constants.mobility[:] = 1.0
+    constants.friction[:] = 0.0, 0.0, 1.0, 1.0, 0.0
+    constants.limits[:] = -1.0, 1.0, 0.0, 0.0
+    constants.rotor[:] = 0.0, 1.0
     for piece in pieces:
         damping = _modal_damping(spec.links[piece.link], piece.shapes)
         _place_link(constants, piece.body, piece.shapes, damping, second_order)
@@ -234,8 +205,6 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
     else:
         constants.tip_mass[-1] += spec.payload.mass
         constants.tip_inertia[-1] += spec.payload.inertia
-    for array in constants:
-        array.setflags(write=False)
     return constants
 
 

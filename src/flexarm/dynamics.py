@@ -197,7 +197,7 @@ class Dynamics(Coordinates):
         acting = acting_loads(self, where, tip_force, loads)
         placed = place_outside(self, where, acting, None, contacts)
         touching = placed.contacts.body.size
-        if np.any(constants.gravity) or constants.joint_laws.size or acting or touching:
+        if np.any(constants.gravity) or constants.has_joint_laws or acting or touching:
             K = np.zeros((n, width, n, width))
             work = self._work(complex)
             at_rest = np.zeros((n, width))

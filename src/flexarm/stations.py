@@ -110,15 +110,9 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
     cuts = []
     for k in range(count):
         constants = whole._replace(
-            mass=whole.mass.copy(),
-            first_moment_x=whole.first_moment_x.copy(),
-            inertia=whole.inertia.copy(),
-            inverse_mass=whole.inverse_mass.copy(),
-            inverse_inertia=whole.inverse_inertia.copy(),
-            S=whole.S.copy(),
-            a=whole.a.copy(),
-            D0=whole.D0.copy(),
-            D1=whole.D1.copy(),
+            body=whole.body.copy(),
+            mode=whole.mode.copy(),
+            shortening=whole.shortening.copy(),
             # A part has no unit mass matrix: this is there without rotary inertia too.
             centrifugal=np.zeros((n, m, m)),
         )
@@ -134,9 +128,6 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
                 cut = cuts[station % count]
                 cut.reach[piece.body] = placed.x[station]
                 _place_part(cut.constants, piece.body, parts, row, hub)
-    for cut in cuts:
-        for array in cut.constants:
-            array.setflags(write=False)
     return tuple(cuts)
 
 

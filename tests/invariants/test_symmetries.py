@@ -9,7 +9,7 @@ import flexarm as fa
 from arm_states import changed, drawn, parts, state_array
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.composite_body import mass_matrix
-from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.kernels.layout import ArmConstants, new_workspace, run_time_sizes
 from flexarm.loads import place_loads, tip_load
 from strategies import between
 
@@ -93,7 +93,8 @@ def test_gravity_is_an_accelerated_base(seed, gx, gy):
     np.testing.assert_allclose(moving, resting, rtol=0, atol=1e-13 * size)
 
 
-MODAL = ("S", "a", "P", "dP", "w2", "damping", "mobility")
+#: Axes over the modes, of arrays that have one.
+MODAL = {"mode": [1], "centrifugal": [1, 2], "shortening": [1, 2], "rows": [1], "slopes": [1]}
 
 
 def widened(arrays, extra):
@@ -104,12 +105,14 @@ def widened(arrays, extra):
             wide.append(widened(array, extra))
             continue
         growing = [(0, 0)] * array.ndim
-        for axis in range(1, array.ndim):
-            modal = name in (*MODAL, "rows", "slopes")
-            square = array.ndim == 3 and array.shape[axis] > 0
-            growing[axis] = (0, extra if modal or square else 0)
-        wide.append(np.pad(array, growing, constant_values=float(name == "mobility")))
-    return type(arrays)(*wide)
+        for axis in MODAL.get(name, ()):
+            square = name in ("centrifugal", "shortening")
+            growing[axis] = (0, 0 if square and array.shape[axis] == 0 else extra)
+        wide.append(np.pad(array, growing))
+    found = type(arrays)(*wide)
+    if isinstance(found, ArmConstants):
+        found.mobility[found.mobility == 0.0] = 1.0
+    return found
 
 
 @settings(max_examples=30)

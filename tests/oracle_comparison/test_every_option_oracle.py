@@ -12,6 +12,7 @@ import pytest
 
 from arm_states import parts, state_array
 from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.columns import FREE
 from flexarm.loads import place_loads
 from oracles.joint_laws import passive_torque
 from oracles.lagrangian import LagrangianOracle
@@ -78,14 +79,14 @@ def test_accelerations_of_reduced_segments(seed):
 def prescribed_accelerations(b):
     """Accelerations (dof,) with the joints of ``b.given`` made to follow."""
     sizes, constants, work = parts(b.arm)
-    free, drive = constants.free.copy(), b.torque.copy()
+    body, drive = constants.body.copy(), b.torque.copy()
     for joint, acceleration in b.given.items():
         index = b.arm.joint_numbers.tolist().index(joint)
-        free[b.arm.assembly.joint_body[index]] = 0.0
+        body[b.arm.assembly.joint_body[index], FREE] = 0.0
         drive[index] = acceleration
     loads = place_loads(b.arm, "test", b.all_loads, b.base_acceleration)
     state, torque = state_array(b.arm, b.q, b.qd), b.arm.padded_torque(drive)
-    forward_dynamics(sizes, constants._replace(free=free), state, torque, loads, work)
+    forward_dynamics(sizes, constants._replace(body=body), state, torque, loads, work)
     return b.arm.unpadded(work.acceleration)
 
 

@@ -12,6 +12,7 @@ from flexarm.arm import Arm
 from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.cache import Entry
+from flexarm.kernels.columns import HAS_JOINT_LAWS
 from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
 from flexarm.kernels.rigid_terms import SET_COLUMNS, momentum, regressor
 from flexarm.model.wording import nearest
@@ -209,7 +210,8 @@ def _writable(constants: ArmConstants) -> ArmConstants:
     """Copies that kernels may write into, with joint laws whether the arm has them or not."""
     copies = ArmConstants(*(array.copy() for array in constants))
     copies.friction[constants.friction[:, 3] == 1.0, 3] = SMOOTHING_RATE
-    return copies._replace(joint_laws=np.zeros(1))
+    copies.arm[HAS_JOINT_LAWS] = 1.0
+    return copies
 
 
 #: Of friction that a controller learns at a joint whose description has none, rad/s.

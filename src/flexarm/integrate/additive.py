@@ -41,7 +41,8 @@ from flexarm.integrate.steps import (
 )
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import compiled, inner, merged
+from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
 
@@ -56,9 +57,9 @@ def soften_for(
     """Add ``damping`` (s) times D and ``stiffness`` (s^2) times K to the mass matrix."""
     c = system.constants
     for i in range(len(system.sizes.bodies)):
-        added[i, 0] = damping * c.joint_damping[i] + stiffness * c.joint_stiffness[i]
+        added[i, 0] = damping * c.body[i, JOINT_DAMPING] + stiffness * c.body[i, JOINT_STIFFNESS]
         for j in range(len(system.sizes.modes)):
-            added[i, 1 + j] = damping * c.damping[i, j] + stiffness * c.w2[i, j]
+            added[i, 1 + j] = damping * c.mode[i, j, MODE_DAMPING] + stiffness * c.mode[i, j, W2]
     add_to_diagonal(system.sizes, c, added, softened)
 
 
@@ -69,17 +70,17 @@ def shift_forces(
     """Move bending, springs and damping from the smooth state (2, n, 1 + m) to the one at q, v."""
     c = system.constants
     for i in range(len(system.sizes.bodies)):
-        torque[i] += c.free[i] * (
-            c.joint_stiffness[i] * (smooth[0, i, 0] - q[i, 0])
-            + c.joint_damping[i] * (smooth[1, i, 0] - v[i, 0])
+        torque[i] += c.body[i, FREE] * (
+            c.body[i, JOINT_STIFFNESS] * (smooth[0, i, 0] - q[i, 0])
+            + c.body[i, JOINT_DAMPING] * (smooth[1, i, 0] - v[i, 0])
         )
         for j in range(len(system.sizes.modes)):
-            force[i, 1 + j] = c.w2[i, j] * (smooth[0, i, 1 + j] - q[i, 1 + j]) + c.damping[i, j] * (
-                smooth[1, i, 1 + j] - v[i, 1 + j]
-            )
+            force[i, 1 + j] = c.mode[i, j, W2] * (smooth[0, i, 1 + j] - q[i, 1 + j]) + c.mode[
+                i, j, MODE_DAMPING
+            ] * (smooth[1, i, 1 + j] - v[i, 1 + j])
 
 
-@merged
+@inner
 def additive_step(
     system: System, softened: ArmConstants, AE: Array, AI: Array, c: Array, t: float, h: float,
     state: Array, smooth: Array, known: Array, added: Array, force: Array, torque: Array,
@@ -199,8 +200,9 @@ def advance_additive(
                 combine(system.sizes, new, stages, AE, zero, zero, 0.0, samples[counts[0]])
             else:
                 between_ends(
-                    system, tolerance, state, new, stages, (asked - t) / h, h, samples[counts[0]]
-                )
+                    system.sizes, system.constants, tolerance, state, new, stages, (asked - t) / h,
+                    h, samples[counts[0]],
+                )  # fmt: skip
             counts[0] += 1
         for level in range(2):
             for i in range(len(system.sizes.bodies)):

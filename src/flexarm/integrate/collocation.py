@@ -47,6 +47,7 @@ from flexarm.integrate.steps import (
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array
 
 #: Sweeps after which a step has failed; three to ten are usual.
@@ -90,10 +91,10 @@ def _sweep(
                     rate += A[s, p] * stages[p, i, j]
                 inner[0, i, j] = state[0, i, j] + h * rise
                 inner[1, i, j] = state[1, i, j] + h * rate
-            added = h * drag * k.joint_damping[i] + h * h * pull * k.joint_stiffness[i]
-            torque[i] += k.free[i] * added * stages[s, i, 0]
+            added = h * drag * k.body[i, JOINT_DAMPING] + h * h * pull * k.body[i, JOINT_STIFFNESS]
+            torque[i] += k.body[i, FREE] * added * stages[s, i, 0]
             for j in range(len(system.sizes.modes)):
-                added = h * drag * k.damping[i, j] + h * h * pull * k.w2[i, j]
+                added = h * drag * k.mode[i, j, MODE_DAMPING] + h * h * pull * k.mode[i, j, W2]
                 force[i, 1 + j] = added * stages[s, i, 1 + j]
         solve_implicit(
             system.sizes, softened, inner, force, torque, system.drive.loads, system.work
@@ -221,7 +222,7 @@ def advance_collocation(
         if not inertia_left(system):
             return INERTIA_LOST
         _new_point(system, b, bA, h, state, stages, lost, new)
-        status = followed(system, tolerance, new, h)
+        status = followed(system.sizes, tolerance, new, h)
         if status != DONE:
             return status
 
@@ -237,8 +238,9 @@ def advance_collocation(
                     counts[3] += 2
                     between = True
                 between_ends(
-                    system, tolerance, state, new, ends, (asked - t) / h, h, samples[counts[0]]
-                )
+                    system.sizes, system.constants, tolerance, state, new, ends, (asked - t) / h,
+                    h, samples[counts[0]],
+                )  # fmt: skip
             counts[0] += 1
         for i in range(len(system.sizes.bodies)):
             for j in range(1 + len(system.sizes.modes)):

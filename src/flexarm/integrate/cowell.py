@@ -44,8 +44,9 @@ from flexarm.integrate.steps import (
 )
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
 from flexarm.kernels.articulated_body import solve_implicit
-from flexarm.kernels.cache import compiled, merged
-from flexarm.kernels.layout import ArmConstants, Array
+from flexarm.kernels.cache import compiled, inner, merged
+from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
+from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
 #: Points that the formulas look back on; the first ones of a span come from a one-step method.
 _STARTED = 3
@@ -115,10 +116,13 @@ def _predict(
             known[0, i, j] = step
             known[1, i, j] = rate
             if j > 0:
-                force[i, j] = c.w2[i, j - 1] * (q - q0 - step) + c.damping[i, j - 1] * (v - rate)
+                force[i, j] = c.mode[i, j - 1, W2] * (q - q0 - step) + c.mode[
+                    i, j - 1, MODE_DAMPING
+                ] * (v - rate)
             else:
-                torque[i] += c.free[i] * (
-                    c.joint_stiffness[i] * (q - q0 - step) + c.joint_damping[i] * (v - rate)
+                torque[i] += c.body[i, FREE] * (
+                    c.body[i, JOINT_STIFFNESS] * (q - q0 - step)
+                    + c.body[i, JOINT_DAMPING] * (v - rate)
                 )
 
 
@@ -144,14 +148,14 @@ def _correct(
             past[new, 2, i, j] = x
 
 
-@merged
+@inner
 def _remember(
-    system: System, stiff: Array, past: Array, rise: Array, k: int, h: float, state: Array,
+    sizes: Sizes, stiff: Array, past: Array, rise: Array, k: int, h: float, state: Array,
     stage: Array,
 ) -> None:  # fmt: skip
     """Store point k of a span that a one-step method has made."""
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             rise[i, j] = state[0, i, j] - past[(k - 1) & 3, 0, i, j]
             if stiff[i, j] != 0.0:  # both formulas start with the same momentum
                 change = stage[1, i, j] - past[(k - 1) & 3, 2, i, j]
@@ -161,12 +165,12 @@ def _remember(
             past[k & 3, 2, i, j] = stage[1, i, j]
 
 
-@merged
-def _restore(system: System, past: Array, k: int, state: Array) -> None:
+@inner
+def _restore(sizes: Sizes, past: Array, k: int, state: Array) -> None:
     """Write point k of the span into the state."""
     for level in range(2):
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
                 state[level, i, j] = past[k & 3, level, i, j]
 
 
@@ -194,9 +198,9 @@ def _follows(
     return not (missed[0] > least and missed[0] > _MISSED * missed[1])
 
 
-@merged
+@inner
 def _between(
-    system: System, tolerance: Tolerance, stiff: Array, past: Array, k: int, h: float, x: float,
+    sizes: Sizes, tolerance: Tolerance, stiff: Array, past: Array, k: int, h: float, x: float,
     sample: Array,
 ) -> None:  # fmt: skip
     """Sample at x (0 to 1) between points k - 1 and k: Hermite; cubic Lagrange of stiff modes."""
@@ -206,8 +210,8 @@ def _between(
     first = (k - 3) & 3
     y = x - 1.0
     fine = h * tolerance.fastest > SHORT
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             if stiff[i, j] != 0.0 and k >= 3:
                 for level in range(2):
                     sample[level, i, j] = (
@@ -285,7 +289,7 @@ def advance_cowell(
             soften(system, softened, stiff, added, span[LENGTH])
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[3] += 1
-            _remember(system, stiff, past, rise, zero, 0.0, state, stages[0])
+            _remember(system.sizes, stiff, past, rise, zero, 0.0, state, stages[0])
         h = span[LENGTH]
         k = int(span[PLACE])
         lands = span[PLACE] + 1.0 >= span[COUNT]
@@ -297,12 +301,12 @@ def advance_cowell(
                 system, starter, AE, AI, c, t, h, state, smooth, known, added, force, torque,
                 stages, clock,
             )  # fmt: skip
-            status = followed(system, tolerance, smooth, h)
+            status = followed(system.sizes, tolerance, smooth, h)
             if status != DONE:
                 return status
             slope_at(system, t_new, from_left, smooth, torque, stages, zero)
             combine(system.sizes, smooth, stages, AE, zero, zero, 0.0, state)
-            _remember(system, stiff, past, rise, k + 1, h, state, stages[0])
+            _remember(system.sizes, stiff, past, rise, k + 1, h, state, stages[0])
             counts[3] += last_stage
         else:
             piece = piece_after(system.drive.breaks, t_new, piece)
@@ -315,38 +319,39 @@ def advance_cowell(
             )
             counts[3] += 1
             _correct(system, stiff, past, rise, k, h, known)
-            status = followed(system, tolerance, past[(k + 1) & 3], h)
+            status = followed(system.sizes, tolerance, past[(k + 1) & 3], h)
             if status != DONE:
-                _restore(system, past, k, state)
+                _restore(system.sizes, past, k, state)
                 return status
         if not inertia_left(system):
-            _restore(system, past, k, state)
+            _restore(system.sizes, past, k, state)
             return INERTIA_LOST
         if lands:
-            _restore(system, past, k + 1, state)
+            _restore(system.sizes, past, k + 1, state)
         if k >= _STARTED:
             missed[2] += 1.0
         if missed[2] >= _LOOK:
             missed[2] = 0.0
-            _restore(system, past, k + 1, smooth)
+            _restore(system.sizes, past, k + 1, smooth)
             slope_at(system, t_new, from_left, smooth, torque, stages, last_stage)
             counts[3] += 1
             if not _follows(system, tolerance, past, k + 1, h, stages[last_stage], missed):
-                _restore(system, past, k, state)
+                _restore(system.sizes, past, k, state)
                 return NOT_FOLLOWED
         while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t_new:
             asked = sample_times[counts[0]]
             if asked == t_new:
-                _restore(system, past, k + 1, samples[counts[0]])
+                _restore(system.sizes, past, k + 1, samples[counts[0]])
             else:
                 _between(
-                    system, tolerance, stiff, past, k + 1, h, (asked - t) / h, samples[counts[0]]
-                )
+                    system.sizes, tolerance, stiff, past, k + 1, h, (asked - t) / h,
+                    samples[counts[0]],
+                )  # fmt: skip
             counts[0] += 1
         t = t_new
         clock[TIME] = t
         span[PLACE] += 1.0
         counts[1] += 1
     if span[PLACE] < span[COUNT]:
-        _restore(system, past, int(span[PLACE]), state)
+        _restore(system.sizes, past, int(span[PLACE]), state)
     return DONE if t >= until else PAUSED

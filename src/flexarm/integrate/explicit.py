@@ -116,7 +116,7 @@ def advance_explicit(
                     return status
                 continue
         else:
-            status = followed(system, tolerance, new, h)
+            status = followed(system.sizes, tolerance, new, h)
             if status != DONE:
                 return status
         if last == s:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 from flexarm.integrate.base import System
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.columns import FREE, JOINT_UW, LOWER_STOP, STOP_STIFFNESS
 from flexarm.kernels.layout import Array
 
 #: A corner may lie inside a step by this part of the time in which the stop turns the joint back.
@@ -57,7 +58,7 @@ def _crossing(
     return math.inf
 
 
-@compiled
+@inner
 def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -> float:
     """Length of the step from t after which a joint meets or leaves a stop; h where none does.
 
@@ -68,14 +69,14 @@ def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -
     longest = h
     for _ in range(len(system.sizes.joint_laws)):
         for i in range(len(system.sizes.bodies)):
-            stiffness = c.limits[i, 2] * c.free[i]
+            stiffness = c.body[i, STOP_STIFFNESS] * c.body[i, FREE]
             if stiffness <= 0.0:
                 continue
-            inertia = max(system.work.joint[i, 2], 0.0)
+            inertia = max(system.work.body[i, JOINT_UW], 0.0)
             allowed = max(_SHARE * math.sqrt(inertia / stiffness), _ROUNDING * abs(t))
             for side in range(2):
                 found = _crossing(
-                    c.limits[i, side], h, state[0, i, 0], state[1, i, 0], new[0, i, 0],
+                    c.body[i, LOWER_STOP + side], h, state[0, i, 0], state[1, i, 0], new[0, i, 0],
                     new[1, i, 0], allowed,
                 )  # fmt: skip
                 # Aim beyond the corner: a step that ends before it needs a tiny one after it.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import inner, merged
 from flexarm.kernels.contact import (
     BEND,
     DAMPING,
@@ -95,7 +95,7 @@ def step_on(contacts: Contacts) -> None:
             contacts.seen[0, k, column] = contacts.seen[1, k, column]
 
 
-@compiled
+@inner
 def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
     """Longest step (s) that sees every touch, after one of length h: h itself if that stands.
 

@@ -46,6 +46,7 @@ from flexarm.integrate.steps import (
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.columns import MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array
 
 #: Passes after which a step has failed; two or three are usual.
@@ -92,7 +93,10 @@ def _predict(
             known[1, i, j] = v + h * ((1.0 - gamma) * mean + gamma * rest)
             stiff = False
             if j > 0:
-                stiff = h * max(math.sqrt(c.w2[i, j - 1]), c.damping[i, j - 1]) > RESOLVED
+                stiff = (
+                    h * max(math.sqrt(c.mode[i, j - 1, W2]), c.mode[i, j - 1, MODE_DAMPING])
+                    > RESOLVED
+                )
             # The acceleration of a mode that the step does not resolve predicts nothing.
             smooth[0, i, j] = q if stiff else q + h * (v + 0.5 * h * a)
             smooth[1, i, j] = v if stiff else v + h * a
@@ -198,7 +202,7 @@ def advance_newmark(
                 break
         if not (solved or norm == 0.0):
             return NOT_CONVERGED
-        status = followed(system, tolerance, new, h)
+        status = followed(system.sizes, tolerance, new, h)
         if status != DONE:
             return status
         if not inertia_left(system):
@@ -215,8 +219,9 @@ def advance_newmark(
                 combine(system.sizes, new, ends, added, zero, zero, 0.0, samples[counts[0]])
             else:
                 between_ends(
-                    system, tolerance, state, new, ends, (asked - t) / h, h, samples[counts[0]]
-                )
+                    system.sizes, system.constants, tolerance, state, new, ends, (asked - t) / h,
+                    h, samples[counts[0]],
+                )  # fmt: skip
             counts[0] += 1
         for i in range(len(system.sizes.bodies)):
             for j in range(1 + len(system.sizes.modes)):

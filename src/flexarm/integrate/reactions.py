@@ -6,6 +6,13 @@ from flexarm.integrate.base import System
 from flexarm.integrate.torque import loads_at
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled
+from flexarm.kernels.columns import (
+    GEAR_RATIO,
+    ROOT_ACCELERATION_W,
+    ROOT_ACCELERATION_X,
+    WRENCH_W,
+    WRENCH_X,
+)
 from flexarm.kernels.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.layout import Array, Stations
 from flexarm.kernels.newton_euler import inverse_dynamics
@@ -40,13 +47,13 @@ def reactions_many(
         inverse_dynamics(sizes, constants, states[k], accelerations[k], system.drive.loads, work)
         for i in range(len(sizes.bodies)):
             for p in range(3):
-                reactions[k, i, p] = work.wrench[i, p]
-                root_accelerations[k, i, p] = work.root_acceleration[i, p]
+                reactions[k, i, p] = work.body[i, WRENCH_X + p]
+                root_accelerations[k, i, p] = work.body[i, ROOT_ACCELERATION_X + p]
             passive = passive_torque(sizes, constants, i, states[k, 0, i, 0], states[k, 1, i, 0])
             relative = accelerations[k, i, 0]
-            carrier = work.root_acceleration[i, 2] - relative
+            carrier = work.body[i, ROOT_ACCELERATION_W] - relative
             rotor = rotor_moment(sizes, constants, i, carrier, relative)
-            motor[k, i] = work.wrench[i, 2] + constants.rotor[i, 1] * rotor - passive
+            motor[k, i] = work.body[i, WRENCH_W] + constants.body[i, GEAR_RATIO] * rotor - passive
 
 
 @compiled
@@ -70,8 +77,8 @@ def section_forces_many(
         loads_at(system, times[k], False)
         for i in range(len(sizes.bodies)):
             for p in range(3):
-                work.wrench[i, p] = reactions[k, i, p]
-                work.root_acceleration[i, p] = root_accelerations[k, i, p]
+                work.body[i, WRENCH_X + p] = reactions[k, i, p]
+                work.body[i, ROOT_ACCELERATION_X + p] = root_accelerations[k, i, p]
         section_forces(
             sizes,
             constants,

@@ -14,7 +14,8 @@ import numpy as np
 
 from flexarm.integrate.base import System
 from flexarm.kernels.articulated_body import implicit_dynamics
-from flexarm.kernels.cache import merged
+from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
 
@@ -40,7 +41,7 @@ _ITERATIONS = 25
 _NEAR = 0.5
 
 
-@merged
+@inner
 def _largest(
     system: System, stiff: Array, of_damping: bool, state: Array, bent: float, rest: Array,
     force: Array, direction: Array, unforced: Array, torque: Array,
@@ -73,10 +74,10 @@ def _largest(
         if square == 0.0:
             return 0.0
         for i in range(len(system.sizes.bodies)):
-            pull = c.joint_damping[i] if of_damping else c.joint_stiffness[i]
-            torque[i] = -c.free[i] * pull * direction[i, 0] / square
+            pull = c.body[i, JOINT_DAMPING] if of_damping else c.body[i, JOINT_STIFFNESS]
+            torque[i] = -c.body[i, FREE] * pull * direction[i, 0] / square
             for j in range(len(system.sizes.modes)):
-                pull = c.damping[i, j] if of_damping else c.w2[i, j]
+                pull = c.mode[i, j, MODE_DAMPING] if of_damping else c.mode[i, j, W2]
                 pull *= 1.0 - stiff[i, 1 + j]
                 force[i, 1 + j] = -pull * direction[i, 1 + j] / square
         implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
@@ -94,7 +95,7 @@ def _stable_step(square: float, rate: float, stable: float) -> float:
     return 1.0 / (half + root) if half + root > 0.0 else 0.0
 
 
-@merged
+@inner
 def longest_step(
     system: System, state: Array, smooth: Array, known: Array, force: Array, torque: Array,
     stiff: Array, bounds: Array, h: float, span: float,
@@ -109,15 +110,17 @@ def longest_step(
     damped = 0.0
     for i in range(len(system.sizes.bodies)):
         stiff[i, 0] = 0.0
-        damped = max(damped, c.joint_damping[i])
+        damped = max(damped, c.body[i, JOINT_DAMPING])
         for j in range(len(system.sizes.modes)):
-            dying = c.damping[i, j] * c.damping[i, j] > _DYING * c.w2[i, j]
-            part = h * h * c.w2[i, j] / _STABLE + h * c.damping[i, j] / _DAMPED
+            dying = (
+                c.mode[i, j, MODE_DAMPING] * c.mode[i, j, MODE_DAMPING] > _DYING * c.mode[i, j, W2]
+            )
+            part = h * h * c.mode[i, j, W2] / _STABLE + h * c.mode[i, j, MODE_DAMPING] / _DAMPED
             stiff[i, 1 + j] = 1.0 if dying and part > 1.0 else 0.0
             if stiff[i, 1 + j] != 0.0:
                 found_for = h
             else:
-                damped = max(damped, c.damping[i, j])
+                damped = max(damped, c.mode[i, j, MODE_DAMPING])
     part = h * h * bounds[0] / _RESTARTED + h * bounds[1] / _DAMPED
     if bounds[2] == found_for and part < _NEAR:
         return h
@@ -149,14 +152,14 @@ def longest_step(
     return min(h, longest) if longest > 0.0 else h
 
 
-@merged
+@inner
 def soften(system: System, softened: ArmConstants, stiff: Array, added: Array, h: float) -> None:
     """Add the implicit parts of springs, bending and damping at steps of h to the mass."""
     c = system.constants
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
-            damping = c.joint_damping[i] if j == 0 else c.damping[i, j - 1]
-            stiffness = c.joint_stiffness[i] if j == 0 else c.w2[i, j - 1]
+            damping = c.body[i, JOINT_DAMPING] if j == 0 else c.mode[i, j - 1, MODE_DAMPING]
+            stiffness = c.body[i, JOINT_STIFFNESS] if j == 0 else c.mode[i, j - 1, W2]
             beta = BETA
             gamma = BETA + GAMMA
             if stiff[i, j] != 0.0:

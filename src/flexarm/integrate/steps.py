@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.kernels.cache import compiled, merged
-from flexarm.kernels.layout import Array, Sizes
+from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.columns import FREE, JOINT_UW, W2
+from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
 DONE, PAUSED, STEP_UNDERFLOW, NOT_FINITE, INERTIA_LOST, NOT_CONVERGED = 0, 1, 2, 3, 4, 5
 NOT_FOLLOWED, DIVERGED = 8, 9
@@ -92,7 +93,7 @@ def accept_step(clock: Array, h: float, norm: float, order: int, lands: bool) ->
     clock[STEP] = h * grow
 
 
-@compiled
+@inner
 def combine(
     sizes: Sizes, state: Array, stages: Array, weights: Array, row: int, count: int, h: float,
     out: Array,
@@ -158,15 +159,15 @@ def error_norm(
     return worst / math.sqrt(1.0 + 0.01 * (worst_low / worst) ** 2)
 
 
-@merged
-def followed(system: System, tolerance: Tolerance, new: Array, h: float) -> int:
+@inner
+def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
     """Judge the end (2, n, 1 + m) of a fixed step of length h: not ``DONE`` if it cannot be right.
 
     A fixed step has no error estimate, so without this a run that diverges goes on to overflow.
     """
     furthest = _ABSURD / tolerance.unit[0, 0, 0]
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             if not (math.isfinite(new[0, i, j]) and math.isfinite(new[1, i, j])):
                 return NOT_FINITE
             if j > 0 and abs(new[0, i, j]) > furthest * tolerance.unit[0, i, j]:
@@ -181,8 +182,8 @@ def inertia_left(system: System) -> bool:
     """Whether every free joint felt a positive inertia when the dynamics was evaluated last."""
     lowest = 1.0
     for i in range(len(system.sizes.bodies)):
-        if system.constants.free[i] != 0.0:
-            lowest = min(lowest, system.work.joint[i, 2])
+        if system.constants.body[i, FREE] != 0.0:
+            lowest = min(lowest, system.work.body[i, JOINT_UW])
     return lowest > 0.0
 
 
@@ -258,10 +259,10 @@ def rate_between(
     return rate
 
 
-@merged
+@inner
 def between_ends(
-    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, x: float,
-    h: float, sample: Array,
+    sizes: Sizes, constants: ArmConstants, tolerance: Tolerance, state: Array, new: Array,
+    stages: Array, x: float, h: float, sample: Array,
 ) -> None:  # fmt: skip
     """Sample at x (0 to 1) of a step from the values and the first and last slopes of ``stages``.
 
@@ -269,8 +270,8 @@ def between_ends(
     """
     s = stages.shape[0] - 1
     fine = h * tolerance.fastest > SHORT
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             q0 = state[0, i, j]
             v0 = state[1, i, j]
             a0 = stages[0, 1, i, j]
@@ -279,7 +280,7 @@ def between_ends(
             a1 = stages[s, 1, i, j]
             stiff = False
             if j > 0:
-                stiff = h * h * system.constants.w2[i, j - 1] > RESOLVED * RESOLVED
+                stiff = h * h * constants.mode[i, j - 1, W2] > RESOLVED * RESOLVED
             if stiff:
                 sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
                 sample[1, i, j] = v0 + x * (v1 - v0)

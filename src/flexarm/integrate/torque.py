@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.integrate.base import System
-from flexarm.kernels.articulated_body import accelerate
+from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.layout import Array
 
@@ -87,7 +87,7 @@ def rates_of(
 ) -> None:
     """Write the time derivative of a state (2, n, 1 + m) into ``stages[stage]``."""
     drive_at(system, t, from_left, torque)
-    accelerate(system.sizes, system.constants, state, torque, system.drive.loads, system.work)
+    forward_dynamics(system.sizes, system.constants, state, torque, system.drive.loads, system.work)
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             stages[stage, 0, i, j] = state[1, i, j]

@@ -10,6 +10,32 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.columns import (
+    ALPHA,
+    BENT_INERTIA,
+    BETA,
+    COSINE,
+    D0_ETA,
+    DP,
+    FIRST_MOMENT_X,
+    FREE,
+    FX,
+    GEAR_RATIO,
+    INERTIA,
+    INVERSE_MASS,
+    MASS,
+    MOMENT_MU,
+    MOMENT_S,
+    ROTOR_INERTIA,
+    SINE,
+    TIP_INERTIA,
+    TIP_MASS,
+    TIP_X,
+    TIP_Y,
+    A,
+    P,
+    S,
+)
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
 
@@ -30,61 +56,63 @@ def mass_matrix(
     Www = 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
-        Wxx = Wxx + c.tip_mass[i]
-        Wyy = Wyy + c.tip_mass[i]
-        Www = Www + c.tip_inertia[i]
-        x_tip = work.tip[i, 0]
-        v_tip = work.tip[i, 1]
+        Wxx = Wxx + c.body[i, TIP_MASS]
+        Wyy = Wyy + c.body[i, TIP_MASS]
+        Www = Www + c.body[i, TIP_INERTIA]
+        x_tip = work.body[i, TIP_X]
+        v_tip = work.body[i, TIP_Y]
         tx = x_tip * Wxy - v_tip * Wxx + Wxw
         ty = x_tip * Wyy - v_tip * Wxy + Wyw
         tw = x_tip * Wyw - v_tip * Wxw + Www
-        Hxx = c.mass[i] + Wxx
+        Hxx = c.body[i, MASS] + Wxx
         Hxy = Wxy
-        Hyy = c.mass[i] + Wyy
-        Hxw = tx - work.moment[i, 0]
-        Hyw = ty + c.first_moment_x[i] + work.moment[i, 1]
-        Hww = c.inertia[i] + work.moment[i, 2] + x_tip * ty - v_tip * tx + tw
-        free = c.free[i]
+        Hyy = c.body[i, MASS] + Wyy
+        Hxw = tx - work.body[i, MOMENT_S]
+        Hyw = ty + c.body[i, FIRST_MOMENT_X] + work.body[i, MOMENT_MU]
+        Hww = c.body[i, INERTIA] + work.body[i, BENT_INERTIA] + x_tip * ty - v_tip * tx + tw
+        free = c.body[i, FREE]
         # The rotor turns with its carrier, and with its own joint in its gear's ratio.
         rotor = 0.0
         geared = 0.0
         for _ in range(len(sizes.joint_laws)):
-            rotor = c.rotor[i, 0]
-            geared = c.rotor[i, 0] * c.rotor[i, 1]
-        M[i, 0, i, 0] = free * (Hww + geared * c.rotor[i, 1]) + (1.0 - free)
+            rotor = c.body[i, ROTOR_INERTIA]
+            geared = c.body[i, ROTOR_INERTIA] * c.body[i, GEAR_RATIO]
+        M[i, 0, i, 0] = free * (Hww + geared * c.body[i, GEAR_RATIO]) + (1.0 - free)
         _carry(sizes, c, work, M, i, 0, Hxw * free, Hyw * free, (Hww + geared) * free)
         for j in range(len(sizes.modes)):
-            P = c.P[i, j]
-            dP = c.dP[i, j]
+            deflection = c.mode[i, j, P]
+            slope = c.mode[i, j, DP]
             # Wrench at the tip of a unit modal acceleration, then at the root.
-            px = Wxy * P + Wxw * dP
-            py = Wyy * P + Wyw * dP
-            pw = Wyw * P + Www * dP
+            px = Wxy * deflection + Wxw * slope
+            py = Wyy * deflection + Wyw * slope
+            pw = Wyw * deflection + Www * slope
             bx = px
-            turning = c.a[i, j]
+            turning = c.mode[i, j, A]
             for k in range(len(sizes.geometric)):
                 if k == j:
-                    turning += work.rigid_shortening[i, 0] * c.S[i, k]
-                    turning += work.rigid_shortening[i, 1] * c.a[i, k]
-                    turning += c.inverse_mass[i] * work.moment[i, 0] * work.shortening[i, k]
-                    Fx = work.Fx[i, k]
+                    turning += work.body[i, ALPHA] * c.mode[i, k, S]
+                    turning += work.body[i, BETA] * c.mode[i, k, A]
+                    turning += (
+                        c.body[i, INVERSE_MASS] * work.body[i, MOMENT_S] * work.mode[i, k, D0_ETA]
+                    )
+                    Fx = work.mode[i, k, FX]
                     px += Wxx * Fx
                     py += Wxy * Fx
                     pw += Wxw * Fx
-                    bx = px - work.shortening[i, k]
-            by = py + c.S[i, j]
+                    bx = px - work.mode[i, k, D0_ETA]
+            by = py + c.mode[i, j, S]
             bw = x_tip * py - v_tip * px + pw + turning
             M[i, 1 + j, i, 0] = free * bw
             M[i, 0, i, 1 + j] = free * bw
             for k in range(len(sizes.modes)):
-                M[i, 1 + k, i, 1 + j] = c.P[i, k] * py + c.dP[i, k] * pw
+                M[i, 1 + k, i, 1 + j] = c.mode[i, k, P] * py + c.mode[i, k, DP] * pw
             for k in range(len(sizes.geometric)):
-                mean = c.inverse_mass[i] * work.shortening[i, k]
-                M[i, 1 + k, i, 1 + j] += work.Fx[i, k] * px + mean * work.shortening[i, j]
+                mean = c.body[i, INVERSE_MASS] * work.mode[i, k, D0_ETA]
+                M[i, 1 + k, i, 1 + j] += work.mode[i, k, FX] * px + mean * work.mode[i, j, D0_ETA]
             M[i, 1 + j, i, 1 + j] += 1.0
             _carry(sizes, c, work, M, i, 1 + j, bx, by, bw)
-        cosine = work.rotation[i, 0]
-        sine = work.rotation[i, 1]
+        cosine = work.body[i, COSINE]
+        sine = work.body[i, SINE]
         cross = 2.0 * cosine * sine * Hxy
         Wxx = cosine * cosine * Hxx - cross + sine * sine * Hyy
         Wyy = sine * sine * Hxx + cross + cosine * cosine * Hyy
@@ -111,19 +139,19 @@ def _carry(
     for back in range(body):
         outer = body - back
         i = outer - 1
-        cosine = work.rotation[outer, 0]
-        sine = work.rotation[outer, 1]
+        cosine = work.body[outer, COSINE]
+        sine = work.body[outer, SINE]
         kx = cosine * rx - sine * ry
         ky = sine * rx + cosine * ry
         kw = rw
         for j in range(len(sizes.modes)):
-            M[i, 1 + j, body, column] = c.P[i, j] * ky + c.dP[i, j] * kw
+            M[i, 1 + j, body, column] = c.mode[i, j, P] * ky + c.mode[i, j, DP] * kw
         for j in range(len(sizes.geometric)):
-            M[i, 1 + j, body, column] += work.Fx[i, j] * kx
+            M[i, 1 + j, body, column] += work.mode[i, j, FX] * kx
         rx = kx
         ry = ky
-        rw = kw + work.tip[i, 0] * ky - work.tip[i, 1] * kx
-        M[i, 0, body, column] = c.free[i] * rw
+        rw = kw + work.body[i, TIP_X] * ky - work.body[i, TIP_Y] * kx
+        M[i, 0, body, column] = c.body[i, FREE] * rw
         M[body, column, i, 0] = M[i, 0, body, column]
         for j in range(len(sizes.modes)):
             M[body, column, i, 1 + j] = M[i, 1 + j, body, column]

@@ -27,7 +27,22 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import compiled, inner, merged
+from flexarm.kernels.columns import (
+    COSINE,
+    FX,
+    RATE,
+    SINE,
+    TIP_X,
+    TIP_Y,
+    WORLD_COSINE,
+    WORLD_SINE,
+    WORLD_X,
+    WORLD_X_RATE,
+    WORLD_Y,
+    WORLD_Y_RATE,
+    P,
+)
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspace
 from flexarm.kernels.numbers import exp, log, positive_part, real, sqrt, tanh
@@ -149,52 +164,43 @@ def _power(depth: Any, exponent: Any) -> Any:
 
 
 @merged
-def _place_bodies(
-    sizes: Sizes,
-    P: Array,
-    state: Array,
-    rotation: Array,
-    rate: Array,
-    tip: Array,
-    Fx: Array,
-    world: Array,
-) -> None:
-    """Fill ``world``: angle, position and velocity of each body's root in world axes."""
-    cosine = 1.0 + 0.0 * rotation[0, 0]
+def _place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
+    """Fill WORLD columns: angle, position and velocity of each body's root in world axes."""
+    cosine = 1.0 + 0.0 * work.body[0, COSINE]
     sine = 0.0 * cosine
     x = 0.0 * cosine
     y = 0.0 * cosine
     x_dot = 0.0 * cosine
     y_dot = 0.0 * cosine
     for i in range(len(sizes.bodies)):
-        turned = cosine * rotation[i, 0] - sine * rotation[i, 1]
-        sine = sine * rotation[i, 0] + cosine * rotation[i, 1]
+        turned = cosine * work.body[i, COSINE] - sine * work.body[i, SINE]
+        sine = sine * work.body[i, COSINE] + cosine * work.body[i, SINE]
         cosine = turned
-        world[i, 0] = cosine
-        world[i, 1] = sine
-        world[i, 2] = x
-        world[i, 3] = y
-        world[i, 4] = x_dot
-        world[i, 5] = y_dot
+        work.body[i, WORLD_COSINE] = cosine
+        work.body[i, WORLD_SINE] = sine
+        work.body[i, WORLD_X] = x
+        work.body[i, WORLD_Y] = y
+        work.body[i, WORLD_X_RATE] = x_dot
+        work.body[i, WORLD_Y_RATE] = y_dot
         u_dot = 0.0
         v_dot = 0.0
         for j in range(len(sizes.modes)):
-            v_dot += P[i, j] * state[1, i, 1 + j]
+            v_dot += constants.mode[i, j, P] * state[1, i, 1 + j]
         for j in range(len(sizes.geometric)):
-            u_dot += Fx[i, j] * state[1, i, 1 + j]
-        vx = u_dot - rate[i] * tip[i, 1]
-        vy = v_dot + rate[i] * tip[i, 0]
-        x = x + cosine * tip[i, 0] - sine * tip[i, 1]
-        y = y + sine * tip[i, 0] + cosine * tip[i, 1]
+            u_dot += work.mode[i, j, FX] * state[1, i, 1 + j]
+        vx = u_dot - work.body[i, RATE] * work.body[i, TIP_Y]
+        vy = v_dot + work.body[i, RATE] * work.body[i, TIP_X]
+        x = x + cosine * work.body[i, TIP_X] - sine * work.body[i, TIP_Y]
+        y = y + sine * work.body[i, TIP_X] + cosine * work.body[i, TIP_Y]
         x_dot = x_dot + cosine * vx - sine * vy
         y_dot = y_dot + sine * vx + cosine * vy
 
 
 @merged
 def _motion_of_point(
-    sizes: Sizes, contacts: Contacts, k: int, state: Array, rate: Array, world: Array
+    sizes: Sizes, contacts: Contacts, k: int, state: Array, work: Workspace
 ) -> tuple[Any, Any, Any, Any]:
-    """World position and velocity of the point of contact k; ``world`` has been filled."""
+    """World position and velocity of the point of contact k, after ``_place_bodies``."""
     i = contacts.body[k]
     v = 0.0
     v_dot = 0.0
@@ -209,15 +215,15 @@ def _motion_of_point(
             drawn += contacts.shortening[k, j, p] * state[0, i, 1 + p]
         x -= 0.5 * state[0, i, 1 + j] * drawn
         u_dot -= state[1, i, 1 + j] * drawn
-    cosine = world[i, 0]
-    sine = world[i, 1]
-    vx = u_dot - rate[i] * v
-    vy = v_dot + rate[i] * x
+    cosine = work.body[i, WORLD_COSINE]
+    sine = work.body[i, WORLD_SINE]
+    vx = u_dot - work.body[i, RATE] * v
+    vy = v_dot + work.body[i, RATE] * x
     return (
-        world[i, 2] + cosine * x - sine * v,
-        world[i, 3] + sine * x + cosine * v,
-        world[i, 4] + cosine * vx - sine * vy,
-        world[i, 5] + sine * vx + cosine * vy,
+        work.body[i, WORLD_X] + cosine * x - sine * v,
+        work.body[i, WORLD_Y] + sine * x + cosine * v,
+        work.body[i, WORLD_X_RATE] + cosine * vx - sine * vy,
+        work.body[i, WORLD_Y_RATE] + sine * vx + cosine * vy,
     )
 
 
@@ -245,24 +251,26 @@ def _force(
     return normal * nx + rub * ny, normal * ny - rub * nx
 
 
-@compiled
-def touch(sizes: Sizes, P: Array, contacts: Contacts, state: Array, work: Workspace) -> None:
+@inner
+def touch(
+    sizes: Sizes, constants: ArmConstants, contacts: Contacts, state: Array, work: Workspace
+) -> None:
     """Take the forces of contacts from the biases that ``link_terms`` has left.
 
-    ``P`` (n, m) of the arm's constants. Real parts of motion, force and gap stay in ``seen``.
+    Real parts of motion, force and gap stay in ``seen``.
     """
-    _place_bodies(sizes, P, state, work.rotation, work.rate, work.tip, work.Fx, work.world)
+    _place_bodies(sizes, constants, state, work)
     for k in range(contacts.body.shape[0]):
-        x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work.rate, work.world)
+        x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work)
         gap, nx, ny, bend = _near(contacts, k, x, y)
         fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
         i = contacts.body[k]
         weight = contacts.law[k, WEIGHT]
-        along = weight * (work.world[i, 0] * fx + work.world[i, 1] * fy)
-        across = weight * (work.world[i, 0] * fy - work.world[i, 1] * fx)
+        along = weight * (work.body[i, WORLD_COSINE] * fx + work.body[i, WORLD_SINE] * fy)
+        across = weight * (work.body[i, WORLD_COSINE] * fy - work.body[i, WORLD_SINE] * fx)
         push_at(
             sizes, contacts.rows, contacts.shortening, k, i, 1.0, contacts.law[k, LEVER], along,
-            across, state, work.root_bias, work.flex_bias,
+            across, state, work,
         )  # fmt: skip
         contacts.seen[1, k, FORCE] = real(fx)
         contacts.seen[1, k, FORCE + 1] = real(fy)
@@ -285,11 +293,9 @@ def look_many(
     for sample in range(states.shape[0]):
         state = states[sample]
         link_terms(sizes, constants, state, work)
-        _place_bodies(
-            sizes, constants.P, state, work.rotation, work.rate, work.tip, work.Fx, work.world
-        )
+        _place_bodies(sizes, constants, state, work)
         for k in range(contacts.body.shape[0]):
-            x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work.rate, work.world)
+            x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work)
             gap, nx, ny, bend = _near(contacts, k, x, y)
             fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
             above = contacts.law[k, EXPONENT] + 1.0

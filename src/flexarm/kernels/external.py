@@ -8,42 +8,42 @@ that too: this is how axial loads stiffen and buckle. Contacts push at their poi
 from __future__ import annotations
 
 from flexarm.kernels.cache import merged
+from flexarm.kernels.columns import COSINE, FLEX_BIAS, ROOT_BIAS_W, SINE, WORLD_COSINE, WORLD_SINE
 from flexarm.kernels.contact import touch
-from flexarm.kernels.layout import Array, Loads, Sizes, Workspace
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.push import push_at
 
 
 @merged
-def apply_loads(sizes: Sizes, P: Array, loads: Loads, state: Array, work: Workspace) -> None:
-    """Take loads and contacts from the biases of roots and modes that ``link_terms`` has left.
-
-    ``P`` (n, m) of the arm's constants.
-    """
+def apply_loads(
+    sizes: Sizes, constants: ArmConstants, loads: Loads, state: Array, work: Workspace
+) -> None:
+    """Take loads and contacts from the biases of roots and modes that ``link_terms`` has left."""
     if loads.contacts.body.shape[0] > 0:
-        touch(sizes, P, loads.contacts, state, work)
+        touch(sizes, constants, loads.contacts, state, work)
     if loads.body.shape[0] == 0:
         return
     cosine = 1.0
     sine = 0.0
     for i in range(len(sizes.bodies)):
-        turned = cosine * work.rotation[i, 0] - sine * work.rotation[i, 1]
-        sine = sine * work.rotation[i, 0] + cosine * work.rotation[i, 1]
+        turned = cosine * work.body[i, COSINE] - sine * work.body[i, SINE]
+        sine = sine * work.body[i, COSINE] + cosine * work.body[i, SINE]
         cosine = turned
-        work.world[i, 0] = cosine
-        work.world[i, 1] = sine
+        work.body[i, WORLD_COSINE] = cosine
+        work.body[i, WORLD_SINE] = sine
     for k in range(loads.body.shape[0]):
         i = loads.body[k]
         # The identity turns a follower load: cosine 1, sine 0.
-        cosine = work.world[i, 0] * (1.0 - loads.follower[k]) + loads.follower[k]
-        sine = work.world[i, 1] * (1.0 - loads.follower[k])
+        cosine = work.body[i, WORLD_COSINE] * (1.0 - loads.follower[k]) + loads.follower[k]
+        sine = work.body[i, WORLD_SINE] * (1.0 - loads.follower[k])
         fx = cosine * loads.value[k, 0] + sine * loads.value[k, 1]
         fy = cosine * loads.value[k, 1] - sine * loads.value[k, 0]
         # Weight 0 takes a load away, with its moment.
         moment = loads.weight[k] * loads.value[k, 2]
         for j in range(len(sizes.modes)):
-            work.flex_bias[i, j] -= loads.slopes[k, j] * moment
-        work.root_bias[i, 2] -= moment
+            work.mode[i, j, FLEX_BIAS] -= loads.slopes[k, j] * moment
+        work.body[i, ROOT_BIAS_W] -= moment
         push_at(
             sizes, loads.rows, loads.shortening, k, i, loads.weight[k], loads.lever[k], fx, fy,
-            state, work.root_bias, work.flex_bias,
+            state, work,
         )  # fmt: skip

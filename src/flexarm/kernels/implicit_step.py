@@ -14,21 +14,31 @@ terms, as accurate for Delta = 1 as for large ones.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from flexarm.kernels.cache import compiled
+from flexarm.kernels.columns import (
+    DP,
+    JOINT_ADDED,
+    MODE_MOBILITY,
+    N_WW,
+    N_YW,
+    N_YY,
+    RESIDUAL_TIP_WW,
+    RESIDUAL_TIP_WY,
+    RESIDUAL_TIP_YW,
+    RESIDUAL_TIP_YY,
+    RESIDUAL_WW,
+    RESIDUAL_YW,
+    RESIDUAL_YY,
+    A,
+    P,
+    S,
+)
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
-
-#: What an implicit step changes of an arm's constants.
-_CHANGED = ("mobility", "joint_added", "residual_inertia", "residual_tip", "N")
 
 
 def constants_to_soften(constants: ArmConstants) -> ArmConstants:
     """Return the constants with arrays of their own where ``add_to_diagonal`` writes."""
-    own: dict[str, Any] = {name: np.array(getattr(constants, name)) for name in _CHANGED}
-    return constants._replace(**own)
+    return constants._replace(body=constants.body.copy(), mode=constants.mode.copy())
 
 
 @compiled
@@ -38,38 +48,38 @@ def add_to_diagonal(
     """Make ``softened`` the constants of ``M + added``; ``added`` (n, 1 + m) is not negative."""
     c = constants
     for i in range(len(sizes.bodies)):
-        softened.joint_added[i] = added[i, 0]
-        yy = c.residual_inertia[i, 0]
-        yw = c.residual_inertia[i, 1]
-        ww = c.residual_inertia[i, 2]
-        tip_yy = c.residual_tip[i, 0]
-        tip_yw = c.residual_tip[i, 1]
-        tip_wy = c.residual_tip[i, 2]
-        tip_ww = c.residual_tip[i, 3]
+        softened.body[i, JOINT_ADDED] = added[i, 0]
+        yy = c.body[i, RESIDUAL_YY]
+        yw = c.body[i, RESIDUAL_YW]
+        ww = c.body[i, RESIDUAL_WW]
+        tip_yy = c.body[i, RESIDUAL_TIP_YY]
+        tip_yw = c.body[i, RESIDUAL_TIP_YW]
+        tip_wy = c.body[i, RESIDUAL_TIP_WY]
+        tip_ww = c.body[i, RESIDUAL_TIP_WW]
         Nyy = 0.0
         Nyw = 0.0
         Nww = 0.0
         for j in range(len(sizes.modes)):
             mobility = 1.0 / (1.0 + added[i, 1 + j])
             share = added[i, 1 + j] * mobility
-            softened.mobility[i, j] = mobility
-            yy += share * c.S[i, j] * c.S[i, j]
-            yw += share * c.S[i, j] * c.a[i, j]
-            ww += share * c.a[i, j] * c.a[i, j]
-            tip_yy += share * c.P[i, j] * c.S[i, j]
-            tip_yw += share * c.P[i, j] * c.a[i, j]
-            tip_wy += share * c.dP[i, j] * c.S[i, j]
-            tip_ww += share * c.dP[i, j] * c.a[i, j]
-            Nyy += mobility * c.P[i, j] * c.P[i, j]
-            Nyw += mobility * c.P[i, j] * c.dP[i, j]
-            Nww += mobility * c.dP[i, j] * c.dP[i, j]
-        softened.residual_inertia[i, 0] = yy
-        softened.residual_inertia[i, 1] = yw
-        softened.residual_inertia[i, 2] = ww
-        softened.residual_tip[i, 0] = tip_yy
-        softened.residual_tip[i, 1] = tip_yw
-        softened.residual_tip[i, 2] = tip_wy
-        softened.residual_tip[i, 3] = tip_ww
-        softened.N[i, 0] = Nyy
-        softened.N[i, 1] = Nyw
-        softened.N[i, 2] = Nww
+            softened.mode[i, j, MODE_MOBILITY] = mobility
+            yy += share * c.mode[i, j, S] * c.mode[i, j, S]
+            yw += share * c.mode[i, j, S] * c.mode[i, j, A]
+            ww += share * c.mode[i, j, A] * c.mode[i, j, A]
+            tip_yy += share * c.mode[i, j, P] * c.mode[i, j, S]
+            tip_yw += share * c.mode[i, j, P] * c.mode[i, j, A]
+            tip_wy += share * c.mode[i, j, DP] * c.mode[i, j, S]
+            tip_ww += share * c.mode[i, j, DP] * c.mode[i, j, A]
+            Nyy += mobility * c.mode[i, j, P] * c.mode[i, j, P]
+            Nyw += mobility * c.mode[i, j, P] * c.mode[i, j, DP]
+            Nww += mobility * c.mode[i, j, DP] * c.mode[i, j, DP]
+        softened.body[i, RESIDUAL_YY] = yy
+        softened.body[i, RESIDUAL_YW] = yw
+        softened.body[i, RESIDUAL_WW] = ww
+        softened.body[i, RESIDUAL_TIP_YY] = tip_yy
+        softened.body[i, RESIDUAL_TIP_YW] = tip_yw
+        softened.body[i, RESIDUAL_TIP_WY] = tip_wy
+        softened.body[i, RESIDUAL_TIP_WW] = tip_ww
+        softened.body[i, N_YY] = Nyy
+        softened.body[i, N_YW] = Nyw
+        softened.body[i, N_WW] = Nww

@@ -7,6 +7,14 @@ one can ask what a wanted motion takes, and how that changes.
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled
+from flexarm.kernels.columns import (
+    COSINE,
+    GRAVITY_X,
+    GRAVITY_Y,
+    SINE,
+    TIP_ACCELERATION_X,
+    TIP_ACCELERATION_Y,
+)
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
 from flexarm.kernels.observables import poses
@@ -31,20 +39,20 @@ def tip_motion(
     """
     poses(sizes, constants, state, body_poses, pose)
     last = len(sizes.bodies) - 1
-    cosine = 1.0 + 0.0 * work.rotation[last, 0]
-    sine = 0.0 * work.rotation[last, 0]
+    cosine = 1.0 + 0.0 * work.body[last, COSINE]
+    sine = 0.0 * work.body[last, COSINE]
     for i in range(len(sizes.bodies)):
-        turned = cosine * work.rotation[i, 0] - sine * work.rotation[i, 1]
-        sine = sine * work.rotation[i, 0] + cosine * work.rotation[i, 1]
+        turned = cosine * work.body[i, COSINE] - sine * work.body[i, SINE]
+        sine = sine * work.body[i, COSINE] + cosine * work.body[i, SINE]
         cosine = turned
-    Ax = work.tip_acceleration[last, 0]
-    Ay = work.tip_acceleration[last, 1]
+    Ax = work.body[last, TIP_ACCELERATION_X]
+    Ay = work.body[last, TIP_ACCELERATION_Y]
     tip[0] = pose[0]
     tip[1] = pose[1]
     tip[2] = pose[3]
     tip[3] = pose[4]
-    tip[4] = cosine * Ax - sine * Ay + constants.gravity[0] - loads.base_acceleration[0]
-    tip[5] = sine * Ax + cosine * Ay + constants.gravity[1] - loads.base_acceleration[1]
+    tip[4] = cosine * Ax - sine * Ay + constants.arm[GRAVITY_X] - loads.base_acceleration[0]
+    tip[5] = sine * Ax + cosine * Ay + constants.arm[GRAVITY_Y] - loads.base_acceleration[1]
 
 
 @compiled

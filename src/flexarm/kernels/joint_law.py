@@ -9,6 +9,22 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.kernels.cache import merged
+from flexarm.kernels.columns import (
+    COULOMB,
+    GEAR_RATIO,
+    JOINT_DAMPING,
+    JOINT_REST,
+    JOINT_STIFFNESS,
+    LOWER_STOP,
+    ROTOR_INERTIA,
+    SMOOTHING_RATE,
+    STATIC_RISE,
+    STOP_DAMPING,
+    STOP_STIFFNESS,
+    STRIBECK_RATE,
+    UPPER_STOP,
+    VISCOUS,
+)
 from flexarm.kernels.layout import ArmConstants, Sizes
 from flexarm.kernels.numbers import exp, positive_part, tanh
 
@@ -22,17 +38,19 @@ PUSH = 1e-6
 def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, rate: Any) -> Any:
     """Torque (N m) that the joint of body i gives by itself at a relative angle and rate."""
     c = constants
-    torque = -c.joint_damping[i] * rate - c.joint_stiffness[i] * (angle - c.joint_rest[i])
+    torque = -c.body[i, JOINT_DAMPING] * rate - c.body[i, JOINT_STIFFNESS] * (
+        angle - c.body[i, JOINT_REST]
+    )
     for _ in range(len(sizes.joint_laws)):
-        ratio = rate / c.friction[i, 2]
-        level = c.friction[i, 0] + c.friction[i, 1] * exp(-ratio * ratio)
-        torque -= level * tanh(rate / c.friction[i, 3]) + c.friction[i, 4] * rate
-        below = positive_part(c.limits[i, 0] - angle, CORNER)
-        above = positive_part(angle - c.limits[i, 1], CORNER)
+        ratio = rate / c.body[i, STRIBECK_RATE]
+        level = c.body[i, COULOMB] + c.body[i, STATIC_RISE] * exp(-ratio * ratio)
+        torque -= level * tanh(rate / c.body[i, SMOOTHING_RATE]) + c.body[i, VISCOUS] * rate
+        below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
+        above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
         # A stop pushes, it never pulls, however fast the joint leaves it.
-        rise = c.limits[i, 3] * rate
-        torque += c.limits[i, 2] * below * positive_part(1.0 - rise, PUSH)
-        torque -= c.limits[i, 2] * above * positive_part(1.0 + rise, PUSH)
+        rise = c.body[i, STOP_DAMPING] * rate
+        torque += c.body[i, STOP_STIFFNESS] * below * positive_part(1.0 - rise, PUSH)
+        torque -= c.body[i, STOP_STIFFNESS] * above * positive_part(1.0 + rise, PUSH)
     return torque
 
 
@@ -40,12 +58,12 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
 def joint_energy(sizes: Sizes, constants: ArmConstants, i: int, angle: Any) -> Any:
     """Energy (J) stored in the spring and the stops of the joint of body i."""
     c = constants
-    turned = angle - c.joint_rest[i]
-    energy = 0.5 * c.joint_stiffness[i] * turned * turned
+    turned = angle - c.body[i, JOINT_REST]
+    energy = 0.5 * c.body[i, JOINT_STIFFNESS] * turned * turned
     for _ in range(len(sizes.joint_laws)):
-        below = positive_part(c.limits[i, 0] - angle, CORNER)
-        above = positive_part(angle - c.limits[i, 1], CORNER)
-        energy += 0.5 * c.limits[i, 2] * (below * below + above * above)
+        below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
+        above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
+        energy += 0.5 * c.body[i, STOP_STIFFNESS] * (below * below + above * above)
     return energy
 
 
@@ -59,8 +77,9 @@ def rotor_moment(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, re
     """
     moment = 0.0 * relative
     for _ in range(len(sizes.joint_laws)):
-        rotor = constants.rotor
-        moment += rotor[i, 0] * (carrier + rotor[i, 1] * relative)
+        moment += constants.body[i, ROTOR_INERTIA] * (
+            carrier + constants.body[i, GEAR_RATIO] * relative
+        )
     return moment
 
 
@@ -69,7 +88,6 @@ def rotor_energy(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, re
     """Kinetic energy (J) of that rotor at these angular rates, rad/s."""
     energy = 0.0 * relative
     for _ in range(len(sizes.joint_laws)):
-        rotor = constants.rotor
-        rate = carrier + rotor[i, 1] * relative
-        energy += 0.5 * rotor[i, 0] * rate * rate
+        rate = carrier + constants.body[i, GEAR_RATIO] * relative
+        energy += 0.5 * constants.body[i, ROTOR_INERTIA] * rate * rate
     return energy

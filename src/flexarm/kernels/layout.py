@@ -25,6 +25,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.kernels import columns
+
 Array = NDArray[Any]
 
 #: Numbers of one contact: their places are named in ``kernels.contact``.
@@ -47,44 +49,89 @@ class Sizes(NamedTuple):
     joint_laws: Any
 
 
-class ArmConstants(NamedTuple):
-    """Numbers of one arm. Body axes: origin at the joint, x along the clamped root tangent."""
+class Columns:
+    """Columns of an array of a record under a name of their own, as a view, for Python code.
 
-    mass: Array  # (n,) kg
-    inverse_mass: Array  # (n,) 1/kg; 0 of a body without mass
-    first_moment_x: Array  # (n,) kg m, int mu x dx
-    first_moment_y: Array  # (n,) kg m, of the undeformed body (a payload beside the axis)
-    inertia: Array  # (n,) kg m^2 about the joint, with section rotary inertia and hub
-    hub: Array  # (n,) kg m^2, the hub's part of it
-    inverse_inertia: Array  # (n,) 1/(kg m^2), of the link's own about its centre of mass, or 0
-    length: Array  # (n,) m
-    S: Array  # (n, m) int mu Phi dx
-    a: Array  # (n, m) int mu x Phi dx + int rho I Phi' dx
-    P: Array  # (n, m) Phi(L)
-    dP: Array  # (n, m) Phi'(L)
-    w2: Array  # (n, m) squared frequencies, rad^2/s^2
-    damping: Array  # (n, m) modal damping, 1/s
+    Kernels name the array and the column: ``constants.body[i, MASS]``, not ``constants.mass[i]``.
+    """
+
+    def __init__(self, array: str, first: int, count: int = 0) -> None:
+        self._array = array
+        self._columns = slice(first, first + count) if count else first
+
+    def __get__(self, record: Any, owner: type | None = None) -> Array:
+        """Return the view: without the last axis for one column, (..., count) for several."""
+        view: Array = getattr(record, self._array)[..., self._columns]
+        return view
+
+
+class _ArmArrays(NamedTuple):
+    arm: Array  # (ARM_COLUMNS,)
+    body: Array  # (n, BODY_COLUMNS)
+    mode: Array  # (n, m, MODE_COLUMNS)
     centrifugal: Array  # (n, c, c) -R, theory page equation (L.19)
-    D0: Array  # (n, g, g) int mu g(x) dx
-    D1: Array  # (n, g, g) int mu x g(x) dx
-    G: Array  # (n, g, g) g(L)
-    residual_inertia: Array  # (n, 3) yy, yw, ww: (m, mc, I) less what the modes follow, (R.6)
-    residual_tip: Array  # (n, 4) tip yy, yw, wy, ww: T less what the modes follow, (R.6)
-    N: Array  # (n, 3) P.P, P.dP, dP.dP
-    mobility: Array  # (n, m) acceleration per modal force: 1, or 1 / Delta of an implicit step
-    joint_added: Array  # (n,) kg m^2 on the joint's diagonal: 0, but in an implicit step
-    tip_mass: Array  # (n,) kg, point mass carried by the body's tip
-    tip_inertia: Array  # (n,) kg m^2, turning with the tip section
-    free: Array  # (n,) 1.0 for a joint moved by forces, 0.0: fixed, or its motion is given
-    joint_damping: Array  # (n,) N m s/rad
-    joint_stiffness: Array  # (n,) N m/rad, spring beside the motor
-    joint_rest: Array  # (n,) rad, where that spring is free
-    joint_angle: Array  # (n,) rad, added to the angle in the state: a fixed joint's
-    friction: Array  # (n, 5) Coulomb, rise to static N m, Stribeck, smoothing rate rad/s, viscous
-    limits: Array  # (n, 4) lower, upper rad, stiffness N m/rad, damping s/rad
-    rotor: Array  # (n, 2) rotary inertia kg m^2 of the motor's rotor, and its gear ratio
-    joint_laws: Array  # (1,) where some joint has friction, stops or a rotor, else (0,)
-    gravity: Array  # (2,) m/s^2, world axes
+    shortening: Array  # (n, g, g, SHORTENING_COLUMNS)
+
+
+class ArmConstants(_ArmArrays):
+    """Numbers of one arm. Body axes: origin at the joint, x along the clamped root tangent.
+
+    Nobody writes into the constants of an arm. The arrays are not marked as read-only: for Numba
+    they would be of another type than those of an implicit step, which change, and every kernel
+    would be compiled for both.
+    """
+
+    __slots__ = ()
+
+    gravity = Columns("arm", columns.GRAVITY_X, 2)
+    mass = Columns("body", columns.MASS)
+    inverse_mass = Columns("body", columns.INVERSE_MASS)
+    first_moment_x = Columns("body", columns.FIRST_MOMENT_X)
+    first_moment_y = Columns("body", columns.FIRST_MOMENT_Y)
+    inertia = Columns("body", columns.INERTIA)
+    hub = Columns("body", columns.HUB)
+    inverse_inertia = Columns("body", columns.INVERSE_INERTIA)
+    length = Columns("body", columns.LENGTH)
+    residual_inertia = Columns("body", columns.RESIDUAL_YY, 3)  # yy, yw, ww
+    residual_tip = Columns("body", columns.RESIDUAL_TIP_YY, 4)  # yy, yw, wy, ww
+    N = Columns("body", columns.N_YY, 3)  # yy, yw, ww
+    tip_mass = Columns("body", columns.TIP_MASS)
+    tip_inertia = Columns("body", columns.TIP_INERTIA)
+    free = Columns("body", columns.FREE)
+    joint_added = Columns("body", columns.JOINT_ADDED)
+    joint_damping = Columns("body", columns.JOINT_DAMPING)
+    joint_stiffness = Columns("body", columns.JOINT_STIFFNESS)
+    joint_rest = Columns("body", columns.JOINT_REST)
+    joint_angle = Columns("body", columns.JOINT_ANGLE)
+    friction = Columns("body", columns.COULOMB, 5)  # from COULOMB to VISCOUS
+    limits = Columns("body", columns.LOWER_STOP, 4)  # from LOWER_STOP to STOP_DAMPING
+    rotor = Columns("body", columns.ROTOR_INERTIA, 2)  # ROTOR_INERTIA, GEAR_RATIO
+    S = Columns("mode", columns.S)
+    a = Columns("mode", columns.A)
+    P = Columns("mode", columns.P)
+    dP = Columns("mode", columns.DP)
+    w2 = Columns("mode", columns.W2)
+    damping = Columns("mode", columns.MODE_DAMPING)
+    mobility = Columns("mode", columns.MODE_MOBILITY)
+    D0 = Columns("shortening", columns.D0)
+    D1 = Columns("shortening", columns.D1)
+    G = Columns("shortening", columns.G)
+
+    @property
+    def has_joint_laws(self) -> bool:
+        """Whether some joint has friction, stops or a geared rotor."""
+        return bool(self.arm[columns.HAS_JOINT_LAWS] != 0.0)
+
+
+def empty_constants(n: int, m: int, c: int, g: int) -> ArmConstants:
+    """Allocate the constants of an arm, to be filled in: all zero."""
+    return ArmConstants(
+        arm=np.zeros(columns.ARM_COLUMNS),
+        body=np.zeros((n, columns.BODY_COLUMNS)),
+        mode=np.zeros((n, m, columns.MODE_COLUMNS)),
+        centrifugal=np.zeros((n, c, c)),
+        shortening=np.zeros((n, g, g, columns.SHORTENING_COLUMNS)),
+    )
 
 
 class Contacts(NamedTuple):
@@ -127,69 +174,30 @@ class Stations(NamedTuple):
     shortening: Array  # (k, g, g) g(x)
 
 
-class Workspace(NamedTuple):
-    """Scratch and results of one evaluation; one per thread. Wrenches are (Fx, Fy, Mz)."""
-
+class _WorkArrays(NamedTuple):
     acceleration: Array  # (n, 1 + m) second derivatives of the coordinates
     force: Array  # (n, 1 + m) generalised forces (inverse dynamics)
-    wrench: Array  # (n, 3) what the joint gives to its body, body axes, N and N m
-    rotation: Array  # (n, 2) cosine, sine of the turn from the previous body's axes to these
-    rate: Array  # (n,) w, angular rate of the body axes, rad/s
-    tip: Array  # (n, 2) tip position L + u_L, v_L in body axes, m
-    tip_bias: Array  # (n, 2) velocity products in the tip's acceleration, body axes, m/s^2
-    # (n, 4) s, mu, what bending adds to the inertia, and what of that the modes leave
-    moment: Array
-    root_bias: Array  # (n, 3) velocity products in the root wrench
-    flex_bias: Array  # (n, m) stiffness, damping and velocity products of the modal equations
-    shortening: Array  # (n, g) D0 eta
-    spin_shortening: Array  # (n, g) D1 eta
-    rigid_shortening: Array  # (n, 2) alpha (m) and beta of (L.44)
-    mean_shortening: Array  # (n, 6) rates of (R.46), then terms of (R.45)
-    Fx: Array  # (n, g) first row of F: -G eta
-    transfer: Array  # (n, 3, 3) residual transfer from root to tip
-    N: Array  # (n, 6) N of the second-order theory: xx, xy, xw, yy, yw, ww
-    drift: Array  # (n, 3) tip acceleration at zero root acceleration and zero tip force
-    gain: Array  # (n, 3, 4) tip force per root acceleration, and at none
-    joint: Array  # (n, 6) U_x, U_y, U_w, free / D, tau - h_w, given acceleration
-    root_acceleration: Array  # (n, 3) of the joint less gravity, body axes (inverse dynamics)
-    tip_acceleration: Array  # (n, 3) of the tip, likewise
-    # (n, 6) cosine, sine of the absolute angle of the body axes (with loads); x, y of the body's
-    # root and their rates, world axes (with contacts)
-    world: Array
+    body: Array  # (n, WORK_BODY_COLUMNS)
+    mode: Array  # (n, m, WORK_MODE_COLUMNS)
+
+
+class Workspace(_WorkArrays):
+    """Scratch and results of one evaluation; one per thread. Wrenches are (Fx, Fy, Mz)."""
+
+    __slots__ = ()
+
+    rotation = Columns("body", columns.COSINE, 2)  # cosine, sine
+    wrench = Columns("body", columns.WRENCH_X, 3)
 
 
 def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace:
     """Allocate scratch for an arm and a number type (``complex``, ``object``, ...)."""
-    n, m = constants.S.shape
-    g = constants.D0.shape[1]
-
-    def zeros(*shape: int) -> Array:
-        return np.zeros(shape, dtype=dtype)
-
+    n, m = constants.mode.shape[:2]
     return Workspace(
-        acceleration=zeros(n, 1 + m),
-        force=zeros(n, 1 + m),
-        wrench=zeros(n, 3),
-        rotation=zeros(n, 2),
-        rate=zeros(n),
-        tip=zeros(n, 2),
-        tip_bias=zeros(n, 2),
-        moment=zeros(n, 4),
-        root_bias=zeros(n, 3),
-        flex_bias=zeros(n, m),
-        shortening=zeros(n, g),
-        spin_shortening=zeros(n, g),
-        rigid_shortening=zeros(n, 2),
-        mean_shortening=zeros(n, 6),
-        Fx=zeros(n, g),
-        transfer=zeros(n, 3, 3),
-        N=zeros(n, 6),
-        drift=zeros(n, 3),
-        gain=zeros(n, 3, 4),
-        joint=zeros(n, 6),
-        root_acceleration=zeros(n, 3),
-        tip_acceleration=zeros(n, 3),
-        world=zeros(n, 6),
+        acceleration=np.zeros((n, 1 + m), dtype=dtype),
+        force=np.zeros((n, 1 + m), dtype=dtype),
+        body=np.zeros((n, columns.WORK_BODY_COLUMNS), dtype=dtype),
+        mode=np.zeros((n, m, columns.WORK_MODE_COLUMNS), dtype=dtype),
     )
 
 
@@ -200,7 +208,7 @@ def no_loads(constants: ArmConstants) -> Loads:
 
 def empty_loads(constants: ArmConstants, count: int) -> Loads:
     """Allocate ``count`` loads of no magnitude on the first body's root, to be filled in."""
-    m, g = constants.S.shape[1], constants.D0.shape[1]
+    m, g = constants.mode.shape[1], constants.shortening.shape[1]
     return Loads(
         body=np.zeros(count, dtype=np.intp),
         weight=np.zeros(count),
@@ -217,7 +225,7 @@ def empty_loads(constants: ArmConstants, count: int) -> Loads:
 
 def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts:
     """Allocate ``count`` contacts on the first body's root, to be filled in."""
-    m, g = constants.S.shape[1], constants.D0.shape[1]
+    m, g = constants.mode.shape[1], constants.shortening.shape[1]
     return Contacts(
         body=np.zeros(count, dtype=np.intp),
         rows=np.zeros((count, m)),
@@ -240,6 +248,6 @@ def compile_time_sizes(constants: ArmConstants) -> Sizes:
 
 
 def _counts(constants: ArmConstants) -> tuple[int, ...]:
-    n, m = constants.S.shape
-    c, g = constants.centrifugal.shape[1], constants.D0.shape[1]
-    return n, m, c, g, constants.joint_laws.size
+    n, m = constants.mode.shape[:2]
+    c, g = constants.centrifugal.shape[1], constants.shortening.shape[1]
+    return n, m, c, g, int(constants.has_joint_laws)

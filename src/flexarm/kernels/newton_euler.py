@@ -13,6 +13,17 @@ from flexarm.kernels.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
+# isort: off
+from flexarm.kernels.columns import (
+    A, ALPHA, BENT_INERTIA, BETA, COSINE, D0_ETA, DP, FIRST_MOMENT_X, FLEX_BIAS, FREE, FX,
+    GEAR_RATIO, GRAVITY_X, GRAVITY_Y, INERTIA, INVERSE_MASS, MASS, MEAN_RATES, MOMENT_MU,
+    MOMENT_S, P, ROOT_ACCELERATION_W, ROOT_ACCELERATION_X, ROOT_ACCELERATION_Y, ROOT_BIAS_W,
+    ROOT_BIAS_X, ROOT_BIAS_Y, S, SINE, TIP_ACCELERATION_W, TIP_ACCELERATION_X,
+    TIP_ACCELERATION_Y, TIP_BIAS_X, TIP_BIAS_Y, TIP_INERTIA, TIP_MASS, TIP_X, TIP_Y, WRENCH_W,
+    WRENCH_X, WRENCH_Y,
+)  # fmt: skip
+# isort: on
+
 
 @compiled
 def inverse_dynamics(
@@ -23,13 +34,13 @@ def inverse_dynamics(
     loads: Loads,
     work: Workspace,
 ) -> None:
-    """Write generalised forces (n, 1 + m) into ``work.force`` and reactions into ``work.wrench``.
+    """Write generalised forces (n, 1 + m) into ``work.force`` and reactions into WRENCH columns.
 
     ``acceleration`` (n, 1 + m). The force is M qdd + bias: with stiffness, damping and gravity. The
     wrench (n, 3) is what the joint gives to its body, at the joint, in the body's axes.
     """
     link_terms(sizes, constants, state, work)
-    apply_loads(sizes, constants.P, loads, state, work)
+    apply_loads(sizes, constants, loads, state, work)
     _accelerations(sizes, constants, acceleration, loads, work)
     _wrenches(sizes, constants, state, acceleration, work)
 
@@ -40,33 +51,33 @@ def _accelerations(
 ) -> None:
     """Outwards: accelerations of each body's root and tip, in the body's axes."""
     c = constants
-    Ax = loads.base_acceleration[0] - c.gravity[0]
-    Ay = loads.base_acceleration[1] - c.gravity[1]
+    Ax = loads.base_acceleration[0] - c.arm[GRAVITY_X]
+    Ay = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
     Aw = 0.0
     for i in range(len(sizes.bodies)):
-        cosine = work.rotation[i, 0]
-        sine = work.rotation[i, 1]
+        cosine = work.body[i, COSINE]
+        sine = work.body[i, SINE]
         turned = cosine * Ax + sine * Ay
         Ay = cosine * Ay - sine * Ax
         Ax = turned
         Aw = Aw + acceleration[i, 0]
-        work.root_acceleration[i, 0] = Ax
-        work.root_acceleration[i, 1] = Ay
-        work.root_acceleration[i, 2] = Aw
-        tip_x = Ax - work.tip[i, 1] * Aw + work.tip_bias[i, 0]
-        tip_y = Ay + work.tip[i, 0] * Aw + work.tip_bias[i, 1]
+        work.body[i, ROOT_ACCELERATION_X] = Ax
+        work.body[i, ROOT_ACCELERATION_Y] = Ay
+        work.body[i, ROOT_ACCELERATION_W] = Aw
+        tip_x = Ax - work.body[i, TIP_Y] * Aw + work.body[i, TIP_BIAS_X]
+        tip_y = Ay + work.body[i, TIP_X] * Aw + work.body[i, TIP_BIAS_Y]
         tip_w = Aw
         for j in range(len(sizes.modes)):
-            tip_y += c.P[i, j] * acceleration[i, 1 + j]
-            tip_w += c.dP[i, j] * acceleration[i, 1 + j]
+            tip_y += c.mode[i, j, P] * acceleration[i, 1 + j]
+            tip_w += c.mode[i, j, DP] * acceleration[i, 1 + j]
         for j in range(len(sizes.geometric)):
-            tip_x += work.Fx[i, j] * acceleration[i, 1 + j]
+            tip_x += work.mode[i, j, FX] * acceleration[i, 1 + j]
         Ax = tip_x
         Ay = tip_y
         Aw = tip_w
-        work.tip_acceleration[i, 0] = tip_x
-        work.tip_acceleration[i, 1] = tip_y
-        work.tip_acceleration[i, 2] = tip_w
+        work.body[i, TIP_ACCELERATION_X] = tip_x
+        work.body[i, TIP_ACCELERATION_Y] = tip_y
+        work.body[i, TIP_ACCELERATION_W] = tip_w
 
 
 @merged
@@ -86,43 +97,43 @@ def body_wrench(
     ``apply_loads``, with the accelerations of roots. Writes the modes' forces, (R.17), too.
     """
     c = constants
-    Ax = work.root_acceleration[i, 0]
-    Ay = work.root_acceleration[i, 1]
-    Aw = work.root_acceleration[i, 2]
-    s = work.moment[i, 0]
-    first_moment = c.first_moment_x[i] + work.moment[i, 1]
-    inertia = c.inertia[i] + work.moment[i, 2]
-    rx = work.root_bias[i, 0] + c.mass[i] * Ax - s * Aw + kx
-    ry = work.root_bias[i, 1] + c.mass[i] * Ay + first_moment * Aw + ky
-    rw = work.root_bias[i, 2] - s * Ax + first_moment * Ay + inertia * Aw
-    rw += work.tip[i, 0] * ky - work.tip[i, 1] * kx + kw
+    Ax = work.body[i, ROOT_ACCELERATION_X]
+    Ay = work.body[i, ROOT_ACCELERATION_Y]
+    Aw = work.body[i, ROOT_ACCELERATION_W]
+    s = work.body[i, MOMENT_S]
+    first_moment = c.body[i, FIRST_MOMENT_X] + work.body[i, MOMENT_MU]
+    inertia = c.body[i, INERTIA] + work.body[i, BENT_INERTIA]
+    rx = work.body[i, ROOT_BIAS_X] + c.body[i, MASS] * Ax - s * Aw + kx
+    ry = work.body[i, ROOT_BIAS_Y] + c.body[i, MASS] * Ay + first_moment * Aw + ky
+    rw = work.body[i, ROOT_BIAS_W] - s * Ax + first_moment * Ay + inertia * Aw
+    rw += work.body[i, TIP_X] * ky - work.body[i, TIP_Y] * kx + kw
     rising = Ay
     turning = Aw
     for _ in range(min(len(sizes.geometric), 1)):
-        rising += work.rigid_shortening[i, 0] * Aw
-        turning += work.rigid_shortening[i, 1] * Aw
+        rising += work.body[i, ALPHA] * Aw
+        turning += work.body[i, BETA] * Aw
     for j in range(len(sizes.modes)):
         eta_dot_dot = acceleration[i, 1 + j]
-        ry += c.S[i, j] * eta_dot_dot
-        rw += c.a[i, j] * eta_dot_dot
+        ry += c.mode[i, j, S] * eta_dot_dot
+        rw += c.mode[i, j, A] * eta_dot_dot
         work.force[i, 1 + j] = (
-            c.S[i, j] * rising
-            + c.a[i, j] * turning
+            c.mode[i, j, S] * rising
+            + c.mode[i, j, A] * turning
             + eta_dot_dot
-            + work.flex_bias[i, j]
-            + c.P[i, j] * ky
-            + c.dP[i, j] * kw
+            + work.mode[i, j, FLEX_BIAS]
+            + c.mode[i, j, P] * ky
+            + c.mode[i, j, DP] * kw
         )
     pull = 0.0  # d . eta''
     for j in range(len(sizes.geometric)):
         eta_dot_dot = acceleration[i, 1 + j]
-        pull += work.shortening[i, j] * eta_dot_dot
-        rw += work.rigid_shortening[i, 0] * c.S[i, j] * eta_dot_dot
-        rw += work.rigid_shortening[i, 1] * c.a[i, j] * eta_dot_dot
+        pull += work.mode[i, j, D0_ETA] * eta_dot_dot
+        rw += work.body[i, ALPHA] * c.mode[i, j, S] * eta_dot_dot
+        rw += work.body[i, BETA] * c.mode[i, j, A] * eta_dot_dot
     for j in range(len(sizes.geometric)):
-        along = c.inverse_mass[i] * (pull + work.mean_shortening[i, 0] + s * Aw) - Ax
-        work.force[i, 1 + j] += work.Fx[i, j] * kx + work.shortening[i, j] * along
-    return rx - pull, ry, rw + c.inverse_mass[i] * s * pull
+        along = c.body[i, INVERSE_MASS] * (pull + work.body[i, MEAN_RATES] + s * Aw) - Ax
+        work.force[i, 1 + j] += work.mode[i, j, FX] * kx + work.mode[i, j, D0_ETA] * along
+    return rx - pull, ry, rw + c.body[i, INVERSE_MASS] * s * pull
 
 
 @merged
@@ -141,19 +152,19 @@ def _wrenches(
     kw = 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
-        kx = kx + c.tip_mass[i] * work.tip_acceleration[i, 0]
-        ky = ky + c.tip_mass[i] * work.tip_acceleration[i, 1]
-        kw = kw + c.tip_inertia[i] * work.tip_acceleration[i, 2]
+        kx = kx + c.body[i, TIP_MASS] * work.body[i, TIP_ACCELERATION_X]
+        ky = ky + c.body[i, TIP_MASS] * work.body[i, TIP_ACCELERATION_Y]
+        kw = kw + c.body[i, TIP_INERTIA] * work.body[i, TIP_ACCELERATION_W]
         rx, ry, rw = body_wrench(sizes, c, i, acceleration, kx, ky, kw, work)
         passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
         relative = acceleration[i, 0]
-        rotor = rotor_moment(sizes, c, i, work.root_acceleration[i, 2] - relative, relative)
-        work.force[i, 0] = c.free[i] * (rw + c.rotor[i, 1] * rotor - passive)
-        work.wrench[i, 0] = rx
-        work.wrench[i, 1] = ry
-        work.wrench[i, 2] = rw
-        cosine = work.rotation[i, 0]
-        sine = work.rotation[i, 1]
+        rotor = rotor_moment(sizes, c, i, work.body[i, ROOT_ACCELERATION_W] - relative, relative)
+        work.force[i, 0] = c.body[i, FREE] * (rw + c.body[i, GEAR_RATIO] * rotor - passive)
+        work.body[i, WRENCH_X] = rx
+        work.body[i, WRENCH_Y] = ry
+        work.body[i, WRENCH_W] = rw
+        cosine = work.body[i, COSINE]
+        sine = work.body[i, SINE]
         kx = cosine * rx - sine * ry
         ky = sine * rx + cosine * ry
         kw = rw + rotor

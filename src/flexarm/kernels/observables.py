@@ -9,6 +9,29 @@ rates; then deflection and slope of its tip from the root tangent (m, rad), and 
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled
+from flexarm.kernels.columns import (
+    D0,
+    D1,
+    DP,
+    FIRST_MOMENT_X,
+    FIRST_MOMENT_Y,
+    GRAVITY_X,
+    GRAVITY_Y,
+    HUB,
+    INERTIA,
+    INVERSE_INERTIA,
+    INVERSE_MASS,
+    JOINT_ANGLE,
+    LENGTH,
+    MASS,
+    TIP_INERTIA,
+    TIP_MASS,
+    W2,
+    A,
+    G,
+    P,
+    S,
+)
 from flexarm.kernels.joint_law import joint_energy, rotor_energy
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.numbers import cos, sin, sqrt
@@ -30,23 +53,23 @@ def poses(
     y_dot = 0.0
     rate = 0.0
     for i in range(len(sizes.bodies)):
-        angle = angle + c.joint_angle[i] + state[0, i, 0]
+        angle = angle + c.body[i, JOINT_ANGLE] + state[0, i, 0]
         rate = rate + state[1, i, 0]
         phi = 0.0
         phi_dot = 0.0
         v_tip = 0.0
         v_tip_dot = 0.0
         for j in range(len(sizes.modes)):
-            phi += c.dP[i, j] * state[0, i, 1 + j]
-            phi_dot += c.dP[i, j] * state[1, i, 1 + j]
-            v_tip += c.P[i, j] * state[0, i, 1 + j]
-            v_tip_dot += c.P[i, j] * state[1, i, 1 + j]
+            phi += c.mode[i, j, DP] * state[0, i, 1 + j]
+            phi_dot += c.mode[i, j, DP] * state[1, i, 1 + j]
+            v_tip += c.mode[i, j, P] * state[0, i, 1 + j]
+            v_tip_dot += c.mode[i, j, P] * state[1, i, 1 + j]
         u_tip = 0.0
         u_tip_dot = 0.0
         for j in range(len(sizes.geometric)):
             for k in range(len(sizes.geometric)):
-                u_tip -= 0.5 * state[0, i, 1 + j] * c.G[i, j, k] * state[0, i, 1 + k]
-                u_tip_dot -= state[1, i, 1 + j] * c.G[i, j, k] * state[0, i, 1 + k]
+                u_tip -= 0.5 * state[0, i, 1 + j] * c.shortening[i, j, k, G] * state[0, i, 1 + k]
+                u_tip_dot -= state[1, i, 1 + j] * c.shortening[i, j, k, G] * state[0, i, 1 + k]
         body_poses[i, 0] = x
         body_poses[i, 1] = y
         body_poses[i, 2] = angle
@@ -59,7 +82,7 @@ def poses(
         body_poses[i, 9] = phi_dot
         cosine = cos(angle)
         sine = sin(angle)
-        x_tip = c.length[i] + u_tip
+        x_tip = c.body[i, LENGTH] + u_tip
         vx = u_tip_dot - rate * v_tip
         vy = v_tip_dot + rate * x_tip
         x = x + cosine * x_tip - sine * v_tip
@@ -105,7 +128,7 @@ def energies(
         sine = sin(angle)
         Vx = cosine * body_poses[i, 3] + sine * body_poses[i, 4]
         Vy = cosine * body_poses[i, 4] - sine * body_poses[i, 3]
-        s = c.first_moment_y[i]
+        s = c.body[i, FIRST_MOMENT_Y]
         s_dot = 0.0
         spread = 0.0
         turning = 0.0  # a . eta_dot
@@ -113,38 +136,44 @@ def energies(
         for j in range(len(sizes.modes)):
             eta = state[0, i, 1 + j]
             eta_dot = state[1, i, 1 + j]
-            s += c.S[i, j] * eta
-            s_dot += c.S[i, j] * eta_dot
+            s += c.mode[i, j, S] * eta
+            s_dot += c.mode[i, j, S] * eta_dot
             spread_eta = eta
             for k in range(len(sizes.centrifugal)):
                 spread_eta += c.centrifugal[i, j, k] * state[0, i, 1 + k]
             spread += eta * spread_eta
-            turning += c.a[i, j] * eta_dot
+            turning += c.mode[i, j, A] * eta_dot
             modal += eta_dot * eta_dot
-            strain += 0.5 * c.w2[i, j] * eta * eta
+            strain += 0.5 * c.mode[i, j, W2] * eta * eta
         mu = 0.0
         mu_dot = 0.0
         chi = 0.0
         for j in range(len(sizes.geometric)):
             for k in range(len(sizes.geometric)):
-                mu -= 0.5 * state[0, i, 1 + j] * c.D0[i, j, k] * state[0, i, 1 + k]
-                chi -= 0.5 * state[0, i, 1 + j] * c.D1[i, j, k] * state[0, i, 1 + k]
-                mu_dot -= state[1, i, 1 + j] * c.D0[i, j, k] * state[0, i, 1 + k]
+                mu -= 0.5 * state[0, i, 1 + j] * c.shortening[i, j, k, D0] * state[0, i, 1 + k]
+                chi -= 0.5 * state[0, i, 1 + j] * c.shortening[i, j, k, D1] * state[0, i, 1 + k]
+                mu_dot -= state[1, i, 1 + j] * c.shortening[i, j, k, D0] * state[0, i, 1 + k]
         # Rigid motions stand for the shortening, (L.44): they go with that of the root.
-        mean = c.inverse_mass[i]
-        y = 2.0 * c.inverse_inertia[i] * (chi - mean * mu * (c.first_moment_x[i] + 0.5 * mu))
+        mean = c.body[i, INVERSE_MASS]
+        y = (
+            2.0
+            * c.body[i, INVERSE_INERTIA]
+            * (chi - mean * mu * (c.body[i, FIRST_MOMENT_X] + 0.5 * mu))
+        )
         beta = sqrt(1.0 + y + 0.125 * y * y * y * y) - 1.0
         Vx += mean * mu_dot
-        Vy += mean * (mu - c.first_moment_x[i] * beta) * w
+        Vy += mean * (mu - c.body[i, FIRST_MOMENT_X] * beta) * w
         turn = w + beta * w
-        kinetic += 0.5 * c.mass[i] * (Vx * Vx + Vy * Vy)
-        kinetic += Vy * (turn * c.first_moment_x[i] + s_dot) - Vx * w * s
-        kinetic += 0.5 * turn * turn * (c.inertia[i] - c.hub[i]) + turn * turning + 0.5 * modal
-        kinetic += 0.5 * w * w * (c.hub[i] + spread)
-        first_moment = c.first_moment_x[i] + mu
+        kinetic += 0.5 * c.body[i, MASS] * (Vx * Vx + Vy * Vy)
+        kinetic += Vy * (turn * c.body[i, FIRST_MOMENT_X] + s_dot) - Vx * w * s
+        kinetic += (
+            0.5 * turn * turn * (c.body[i, INERTIA] - c.body[i, HUB]) + turn * turning + 0.5 * modal
+        )
+        kinetic += 0.5 * w * w * (c.body[i, HUB] + spread)
+        first_moment = c.body[i, FIRST_MOMENT_X] + mu
         # Centre of mass times mass, in world axes.
-        mx = c.mass[i] * body_poses[i, 0] + cosine * first_moment - sine * s
-        my = c.mass[i] * body_poses[i, 1] + sine * first_moment + cosine * s
+        mx = c.body[i, MASS] * body_poses[i, 0] + cosine * first_moment - sine * s
+        my = c.body[i, MASS] * body_poses[i, 1] + sine * first_moment + cosine * s
         # What the tip carries.
         if i == last:
             tx = tip[0]
@@ -158,11 +187,11 @@ def energies(
             ty_dot = body_poses[i + 1, 4]
         kinetic += rotor_energy(sizes, c, i, w - state[1, i, 0], state[1, i, 0])
         tip_rate = w + body_poses[i, 9]
-        kinetic += 0.5 * c.tip_mass[i] * (tx_dot * tx_dot + ty_dot * ty_dot)
-        kinetic += 0.5 * c.tip_inertia[i] * tip_rate * tip_rate
-        mx += c.tip_mass[i] * tx
-        my += c.tip_mass[i] * ty
-        potential -= c.gravity[0] * mx + c.gravity[1] * my
+        kinetic += 0.5 * c.body[i, TIP_MASS] * (tx_dot * tx_dot + ty_dot * ty_dot)
+        kinetic += 0.5 * c.body[i, TIP_INERTIA] * tip_rate * tip_rate
+        mx += c.body[i, TIP_MASS] * tx
+        my += c.body[i, TIP_MASS] * ty
+        potential -= c.arm[GRAVITY_X] * mx + c.arm[GRAVITY_Y] * my
     energy[0] = kinetic
     energy[1] = strain
     energy[2] = potential

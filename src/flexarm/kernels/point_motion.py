@@ -13,6 +13,14 @@ symbol             meaning
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled
+from flexarm.kernels.columns import (
+    GRAVITY_X,
+    GRAVITY_Y,
+    RATE,
+    ROOT_ACCELERATION_W,
+    ROOT_ACCELERATION_X,
+    ROOT_ACCELERATION_Y,
+)
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
 from flexarm.kernels.numbers import cos, sin
@@ -62,10 +70,14 @@ def point_motions(
             x -= 0.5 * state[0, i, 1 + j] * drawn
             u_dot -= state[1, i, 1 + j] * drawn
             u_dot_dot -= acceleration[i, 1 + j] * drawn + state[1, i, 1 + j] * drawn_dot
-        w = work.rate[i]
-        w_dot = work.root_acceleration[i, 2]
-        along = work.root_acceleration[i, 0] - w_dot * v - w * w * x - 2.0 * w * v_dot + u_dot_dot
-        across = work.root_acceleration[i, 1] + w_dot * x - w * w * v + 2.0 * w * u_dot + v_dot_dot
+        w = work.body[i, RATE]
+        w_dot = work.body[i, ROOT_ACCELERATION_W]
+        along = (
+            work.body[i, ROOT_ACCELERATION_X] - w_dot * v - w * w * x - 2.0 * w * v_dot + u_dot_dot
+        )
+        across = (
+            work.body[i, ROOT_ACCELERATION_Y] + w_dot * x - w * w * v + 2.0 * w * u_dot + v_dot_dot
+        )
         vx = u_dot - w * v
         vy = v_dot + w * x
         cosine = cos(body_poses[i, 2])
@@ -74,7 +86,7 @@ def point_motions(
         motions[k, 1] = body_poses[i, 1] + sine * x + cosine * v
         motions[k, 2] = body_poses[i, 3] + cosine * vx - sine * vy
         motions[k, 3] = body_poses[i, 4] + sine * vx + cosine * vy
-        motions[k, 4] = cosine * along - sine * across + constants.gravity[0]
-        motions[k, 5] = sine * along + cosine * across + constants.gravity[1]
+        motions[k, 4] = cosine * along - sine * across + constants.arm[GRAVITY_X]
+        motions[k, 5] = sine * along + cosine * across + constants.arm[GRAVITY_Y]
         motions[k, 6] = along
         motions[k, 7] = across

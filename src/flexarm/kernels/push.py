@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.kernels.cache import merged
-from flexarm.kernels.layout import Array, Sizes
+from flexarm.kernels.columns import FLEX_BIAS, ROOT_BIAS_W, ROOT_BIAS_X, ROOT_BIAS_Y
+from flexarm.kernels.layout import Array, Sizes, Workspace
 
 
 @merged
@@ -20,8 +21,7 @@ def push_at(
     fx: Any,
     fy: Any,
     state: Array,
-    root_bias: Array,
-    flex_bias: Array,
+    work: Workspace,
 ) -> None:
     """Apply (fx, fy), axes of body i, at place k of ``rows`` (Phi) and ``shortening`` (g).
 
@@ -31,14 +31,14 @@ def push_at(
     v = 0.0
     for j in range(len(sizes.modes)):
         v += rows[k, j] * state[0, i, 1 + j]
-        flex_bias[i, j] -= rows[k, j] * fy
+        work.mode[i, j, FLEX_BIAS] -= rows[k, j] * fy
     x = lever
     for j in range(len(sizes.geometric)):
         drawn = 0.0
         for p in range(len(sizes.geometric)):
             drawn += shortening[k, j, p] * state[0, i, 1 + p]
         x -= 0.5 * state[0, i, 1 + j] * drawn
-        flex_bias[i, j] += drawn * fx
-    root_bias[i, 0] -= weight * fx
-    root_bias[i, 1] -= weight * fy
-    root_bias[i, 2] -= x * fy - v * fx
+        work.mode[i, j, FLEX_BIAS] += drawn * fx
+    work.body[i, ROOT_BIAS_X] -= weight * fx
+    work.body[i, ROOT_BIAS_Y] -= weight * fy
+    work.body[i, ROOT_BIAS_W] -= x * fy - v * fx

@@ -12,6 +12,23 @@ Constants are the rigid twin's, in arrays of the caller's own that may be writte
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.columns import (
+    COULOMB,
+    FIRST_MOMENT_X,
+    FIRST_MOMENT_Y,
+    GRAVITY_X,
+    GRAVITY_Y,
+    INERTIA,
+    JOINT_DAMPING,
+    JOINT_STIFFNESS,
+    MASS,
+    ROTOR_INERTIA,
+    STATIC_RISE,
+    STOP_STIFFNESS,
+    TIP_INERTIA,
+    TIP_MASS,
+    VISCOUS,
+)
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
 
@@ -23,19 +40,19 @@ SET_COLUMNS = 13
 @merged
 def _write(constants: ArmConstants, sets: Array, k: int, i: int) -> None:
     """Write the numbers of body i in set k into the constants."""
-    constants.mass[i] = sets[k, i, 0]
-    constants.first_moment_x[i] = sets[k, i, 1]
-    constants.first_moment_y[i] = sets[k, i, 2]
-    constants.inertia[i] = sets[k, i, 3]
-    constants.tip_mass[i] = sets[k, i, 4]
-    constants.tip_inertia[i] = sets[k, i, 5]
-    constants.rotor[i, 0] = sets[k, i, 6]
-    constants.joint_damping[i] = sets[k, i, 7]
-    constants.joint_stiffness[i] = sets[k, i, 8]
-    constants.friction[i, 0] = sets[k, i, 9]
-    constants.friction[i, 1] = sets[k, i, 10]
-    constants.friction[i, 4] = sets[k, i, 11]
-    constants.limits[i, 2] = sets[k, i, 12]
+    constants.body[i, MASS] = sets[k, i, 0]
+    constants.body[i, FIRST_MOMENT_X] = sets[k, i, 1]
+    constants.body[i, FIRST_MOMENT_Y] = sets[k, i, 2]
+    constants.body[i, INERTIA] = sets[k, i, 3]
+    constants.body[i, TIP_MASS] = sets[k, i, 4]
+    constants.body[i, TIP_INERTIA] = sets[k, i, 5]
+    constants.body[i, ROTOR_INERTIA] = sets[k, i, 6]
+    constants.body[i, JOINT_DAMPING] = sets[k, i, 7]
+    constants.body[i, JOINT_STIFFNESS] = sets[k, i, 8]
+    constants.body[i, COULOMB] = sets[k, i, 9]
+    constants.body[i, STATIC_RISE] = sets[k, i, 10]
+    constants.body[i, VISCOUS] = sets[k, i, 11]
+    constants.body[i, STOP_STIFFNESS] = sets[k, i, 12]
 
 
 @merged
@@ -68,16 +85,16 @@ def _difference(
         state[1, i, 0] = first[j] + second[j]
         acceleration[i, 0] = per_acceleration * torque[j]
     # Inverse dynamics see the base's acceleration less gravity.
-    loads.base_acceleration[0] = (1.0 - gravities) * constants.gravity[0]
-    loads.base_acceleration[1] = (1.0 - gravities) * constants.gravity[1]
+    loads.base_acceleration[0] = (1.0 - gravities) * constants.arm[GRAVITY_X]
+    loads.base_acceleration[1] = (1.0 - gravities) * constants.arm[GRAVITY_Y]
     inverse_dynamics(sizes, constants, state, acceleration, loads, work)
     for j in range(bodies.shape[0]):
         i = bodies[j]
         state[1, i, 0] = first[j] - second[j]
         acceleration[i, 0] = -per_acceleration * torque[j]
         torque[j] = 0.25 * work.force[i, 0]
-    loads.base_acceleration[0] = (1.0 + gravities) * constants.gravity[0]
-    loads.base_acceleration[1] = (1.0 + gravities) * constants.gravity[1]
+    loads.base_acceleration[0] = (1.0 + gravities) * constants.arm[GRAVITY_X]
+    loads.base_acceleration[1] = (1.0 + gravities) * constants.arm[GRAVITY_Y]
     inverse_dynamics(sizes, constants, state, acceleration, loads, work)
     for j in range(bodies.shape[0]):
         torque[j] -= 0.25 * work.force[bodies[j], 0]
@@ -162,8 +179,8 @@ def momentum(
     ax = loads.base_acceleration[0]
     ay = loads.base_acceleration[1]
     # A base that falls freely feels no gravity.
-    loads.base_acceleration[0] = constants.gravity[0]
-    loads.base_acceleration[1] = constants.gravity[1]
+    loads.base_acceleration[0] = constants.arm[GRAVITY_X]
+    loads.base_acceleration[1] = constants.arm[GRAVITY_Y]
     for j in range(bodies.shape[0]):
         state[0, bodies[j], 0] = angle[j]
         state[1, bodies[j], 0] = 0.0

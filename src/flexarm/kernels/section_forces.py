@@ -9,6 +9,7 @@ section.
 from __future__ import annotations
 
 from flexarm.kernels.cache import compiled
+from flexarm.kernels.columns import WRENCH_W, WRENCH_X, WRENCH_Y
 from flexarm.kernels.external import apply_loads
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Stations, Workspace
@@ -32,17 +33,17 @@ def section_forces(
     What the part outboard of a section gives to the part inboard of it, along and across the normal
     of the section. ``part``: constants of bodies that end at their stations, one at most on each
     body; ``loads``: those inboard of them. ``work`` comes from ``inverse_dynamics`` of the whole
-    arm with the same ``state`` and ``acceleration`` (n, 1 + m); its ``wrench`` and
-    ``root_acceleration`` are read, the rest is overwritten.
+    arm with the same ``state`` and ``acceleration`` (n, 1 + m); its WRENCH and
+    ROOT_ACCELERATION are read, the rest is overwritten.
     """
     link_terms(sizes, part, state, work)
-    apply_loads(sizes, part.P, loads, state, work)
+    apply_loads(sizes, part, loads, state, work)
     for k in range(stations.x.shape[0]):
         i = stations.body[k]
         fx, fy, moment = body_wrench(sizes, part, i, acceleration, 0.0, 0.0, 0.0, work)
-        fx = fx - work.wrench[i, 0]
-        fy = fy - work.wrench[i, 1]
-        moment = moment - work.wrench[i, 2]
+        fx = fx - work.body[i, WRENCH_X]
+        fy = fy - work.body[i, WRENCH_Y]
+        moment = moment - work.body[i, WRENCH_W]
         x = stations.x[k]
         v = 0.0
         phi = 0.0

@@ -169,7 +169,7 @@ def _place(
 def _small_motion(
     arm: Arm, q: FloatArray, spin: float, loads: list[Load], contacts: Sequence[Contact]
 ) -> Tangent:
-    if spin == 0.0 and not contacts and not arm.assembly.constants.joint_laws.size:
+    if spin == 0.0 and not contacts and not arm.assembly.constants.has_joint_laws:
         # At rest the rates enter through constant dampers alone, and K may be diagonal.
         K = arm.stiffness_matrix(q, loads=loads)
         return Tangent(arm.mass_matrix(q), arm.damping_matrix(), K)

@@ -21,6 +21,7 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many
+from flexarm.kernels.columns import FREE
 from flexarm.kernels.layout import (
     ArmConstants,
     compile_time_sizes,
@@ -106,10 +107,9 @@ class Run:
         constants = self.arm.assembly.constants
         if not self.prescribed:
             return constants
-        free = constants.free.copy()
-        free[self.arm.assembly.joint_body[self._moved()]] = 0.0
-        free.setflags(write=False)
-        return constants._replace(free=free)
+        body = constants.body.copy()
+        body[self.arm.assembly.joint_body[self._moved()], FREE] = 0.0
+        return constants._replace(body=body)
 
     def reactions(
         self, times: FloatArray, given: FloatArray

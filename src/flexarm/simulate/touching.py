@@ -10,6 +10,7 @@ from flexarm.arm import Arm
 from flexarm.contacts import Contact, place_contacts
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.nearness import turning_time
+from flexarm.kernels.cache import undecorated
 from flexarm.kernels.contact import MOBILITY
 from flexarm.kernels.layout import Contacts
 
@@ -53,5 +54,6 @@ def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
 
 def touch_frequency(placed: Contacts) -> float:
     """Highest frequency (rad/s) of the arm on a surface that it may touch; 0 without contacts."""
-    times = [turning_time(placed, k, _SPEED) for k in range(placed.body.size)]
+    turning = undecorated(turning_time)
+    times = [turning(placed, k, _SPEED) for k in range(placed.body.size)]
     return max((1.0 / time for time in times), default=0.0)
