@@ -8,6 +8,7 @@ a state beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loo
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from dataclasses import dataclass
@@ -188,6 +189,12 @@ def check_array(
     """
     import numpy as np
 
+    if type(value) is np.ndarray and value.dtype is np.dtype(np.float64) and value.shape == shape:
+        # The most frequent argument. A square may overflow, in which case all is checked below.
+        if value.ndim == 1 and math.isfinite(value.dot(value)):
+            return value.copy()
+    elif type(value) is float and shape == () and math.isfinite(value):
+        return np.array(value)
     try:
         raw = np.asarray(value)
     except Exception:  # rows of different lengths, objects that fail to make an array of themselves
