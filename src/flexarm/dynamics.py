@@ -164,10 +164,20 @@ class Dynamics(Coordinates):
             "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration, contacts
         )
 
-    def _force(self, where: str, *given: Any) -> FloatArray:
-        """Return the generalised force (dof,) of a motion; arguments as ``_newton_euler``."""
-        scratch = self._inverse_scratch()
-        work = self._newton_euler(where, *given, scratch=scratch)
+    def _force(
+        self,
+        where: str,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
+    ) -> FloatArray:
+        """Return the generalised force (dof,) of a motion, from scratch that is used again."""
+        scratch, outside = self._inverse_scratch(), (tip_force, loads, base_acceleration, contacts)
+        work = self._newton_euler(where, q, qd, qdd, *outside, scratch=scratch)
         force: FloatArray = work.force.take(self.assembly.coordinates)
         self._inverse.append(scratch)
         return force
@@ -210,7 +220,7 @@ class Dynamics(Coordinates):
         placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
         constants, work = self.assembly.constants, scratch.work
         self._entries.inverse(self._sizes, constants, scratch.state, scratch.third, placed, work)
-        if not is_finite(work.force.ravel()):
+        if not is_finite(work.force):
             check_result(where, work.force, q, qd, qdd)
         return work
 

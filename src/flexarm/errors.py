@@ -190,9 +190,8 @@ def check_array(
     import numpy as np
 
     if type(value) is np.ndarray and value.dtype is np.dtype(np.float64) and value.shape == shape:
-        # The most frequent argument. A square may overflow, in which case all is checked below.
-        if value.ndim == 1 and math.isfinite(value.dot(value)):
-            return value.copy()
+        if np.count_nonzero(np.isfinite(value)) == value.size:  # the most frequent argument
+            return value.copy(order="K")
     elif type(value) is float and shape == () and math.isfinite(value):
         return np.array(value)
     try:
