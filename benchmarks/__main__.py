@@ -13,6 +13,7 @@ from benchmarks import (
     report,
     startup,
     table_one,
+    whole_call,
 )
 from benchmarks.limit import compiler
 
@@ -38,6 +39,8 @@ def main() -> None:
         raw=_announced("Table I arm, steps alone", lambda: raw.beside_peers(points)),
         chain=_announced("chain of 64 links", long_chain.work_precision),
         controllers=controllers.microseconds(),
+        simulations=whole_call.simulations(),
+        calls=whole_call.microseconds(),
     )
     report.write(FOLDER, measured)
     print((FOLDER / "index.md").read_text(encoding="utf-8"))

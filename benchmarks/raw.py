@@ -91,11 +91,11 @@ def _steps_alone(case: programs.Case, arm: programs.fa.Arm, name: str, **how: An
     """Run flexarm; the time is what its compiled steps took, without what is made before them."""
     step = {"step": how.pop("step")} if "step" in how else {}
     method = INTEGRATORS[name](**step)
-    spent = _stopwatch(method)
+    spent = stopwatch(method)
     return Outcome(programs.simulate(case, arm, integrator=method, **how).path, sum(spent))
 
 
-def _stopwatch(method: Integrator) -> list[float]:
+def stopwatch(method: Integrator) -> list[float]:
     """Let an integrator note the seconds of each call of ``advance`` in the list returned."""
     advance, spent = method.advance, []
 

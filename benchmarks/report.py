@@ -15,6 +15,7 @@ from benchmarks.forward_dynamics import Comparison
 from benchmarks.long_chain import TIGHT
 from benchmarks.startup import Wait
 from benchmarks.table_one import EXACT, PAPER
+from benchmarks.whole_call import GOAL, GOALS, Whole
 from benchmarks.work_precision import Point, fastest
 
 #: Errors at which programs are compared, m: those that peers reached cheaply.
@@ -35,6 +36,8 @@ class Measured(NamedTuple):
     raw: list[Point]  # the scan of raw.py and the peers beside it
     chain: list[Point]
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
+    simulations: list[Whole]
+    calls: dict[str, float]  # microseconds
 
 
 def machine() -> str:
@@ -149,6 +152,19 @@ so for up to 25 Gaussians.
 
 {_controllers_table(m.controllers)}
 
+## Whole calls
+
+Two seconds of the two-link arm of Table I with four modes on each link. Beside its steps
+`simulate` checks its arguments, finds the fastest vibration, computes and labels the channels, and
+estimates the error of bent states. That includes compiled code that computes the channels of each
+sample. Runs of the same arm share the labels if their samples are at the same times.
+
+{whole_table(m.simulations)}
+
+Calls from Python, an argument of every kind as an array:
+
+{calls_table(m.calls)}
+
 ## Start-up
 
 {_startup_table(m)}
@@ -253,6 +269,23 @@ def _controllers_table(found: dict[tuple[str, str], float]) -> str:
         for (name, condition), time in found.items()
     ]
     return _table(("controller", "condition", "microseconds", "times `joint_pd`"), rows)
+
+
+def whole_table(found: list[Whole]) -> str:
+    """Return the table of what ``whole_call.simulations`` measured."""
+    rows = [
+        (name, *(f"{1e3 * value:.2f}" for value in times), f"{GOAL:g}") for name, *times in found
+    ]
+    return _table(("run", "steps (ms)", "whole call (ms)", "beside its steps (ms)", "goal"), rows)
+
+
+def calls_table(found: dict[str, float]) -> str:
+    """Return the table of what ``whole_call.microseconds`` measured."""
+    rows = [
+        (name, f"{value:.3g}", f"{goal:g}" if (goal := GOALS[name]) else "")
+        for name, value in found.items()
+    ]
+    return _table(("call", "microseconds", "goal"), rows)
 
 
 def _startup_table(m: Measured) -> str:

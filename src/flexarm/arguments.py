@@ -65,6 +65,8 @@ def check_positive(where: str, name: str, value: object, unit: str = "") -> floa
     Raises:
         InputError: if the value is not a number, not finite, or not greater than 0.
     """
+    if type(value) is float and _SMALLEST <= value < math.inf:
+        return value
     number = float(check_array(where, name, value, ()))
     if number < _SMALLEST:
         rule = f"be greater than 0 {unit}".rstrip()

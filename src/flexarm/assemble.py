@@ -6,7 +6,7 @@ The only place where the two meet: the model layer knows no arrays, the kernels 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flexarm.beams import LinkConstants, link_constants, rigid_constants
 from flexarm.beams.parts import inverse_inertia
+from flexarm.errors import InputError
 from flexarm.kernels.columns import HAS_JOINT_LAWS
 from flexarm.kernels.layout import ArmConstants, empty_constants
 from flexarm.model import ArmSpec, Joint, Link, RayleighDamping
@@ -135,7 +136,7 @@ def assemble(spec: ArmSpec) -> Assembly:
             body += joint.elastic
         link_body.append(body)
         start, rows = 0.0, 0
-        for shapes in _segments(link, f"arm.links[{index}]"):
+        for shapes in _kept_segments(link, f"arm.links[{index}]"):
             count = shapes.elements
             piece = Piece(index, body, start, shapes, len(places), slice(rows, rows + count))
             pieces.append(piece)
@@ -150,6 +151,24 @@ def assemble(spec: ArmSpec) -> Assembly:
         link_body=np.array(link_body, dtype=np.intp),
         coordinates=np.array([i * stride + column for i, column in places], dtype=np.intp),
     )
+
+
+def _kept_segments(link: Link, where: str) -> tuple[LinkConstants, ...]:
+    """Return the constants of a link's segments; those of a link known before are not computed.
+
+    Raises:
+        InputError: as ``assemble``, with the place of this link.
+    """
+    try:
+        return _of_links(link)
+    except (InputError, TypeError):  # TypeError: a copy that holds a list has no hash
+        return tuple(_segments(link, where))
+
+
+@lru_cache(maxsize=64)
+def _of_links(link: Link) -> tuple[LinkConstants, ...]:
+    """Constants of the links used last: arrays that cannot be written to."""
+    return tuple(_segments(link, "arm.links"))
 
 
 def _segments(link: Link, where: str) -> list[LinkConstants]:

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from flexarm.errors import LargeDeflectionWarning, warn_caller
 LARGEST_ERROR = 0.006
 #: Error of the second-order theory over delta sqrt(delta/L).
 _THIRD_ORDER = 1.7
+#: A bound below this part of the largest error is below it in spite of rounding.
+_CLEARLY = 0.99
 #: Shortening over length at most, which keeps the estimate finite.
 _LARGEST = 1e6
 #: States examined together, which bounds the scratch memory of long runs.
@@ -59,6 +62,10 @@ class BendingErrors:
         beyond = np.append(np.cumsum(lengths[::-1])[::-1], 0.0)[1:]
         self._lever = beyond / lengths
         self._lengths = lengths
+        rows = np.zeros((arm.assembly.bodies, arm.assembly.modes))
+        rows[self._body] = np.abs(self._G).sum(axis=2) / 2.0
+        self._rows = rows.ravel()
+        self._clearly_small = _CLEARLY * LARGEST_ERROR * float(lengths.min())
 
     def of_links(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the errors of the links' tips (samples, links) and of the arm's (samples,), m."""
@@ -78,6 +85,8 @@ class BendingErrors:
 
     def too_large(self, states: FloatArray) -> tuple[float, int, int] | None:
         """Return the largest error of the tip (m), the link (from 0) and the state, or None."""
+        if self.surely_small(np.abs(states[:, 0, :, 1:]).max(axis=0, initial=0.0).ravel()):
+            return None
         largest, found = 0.0, None
         tip = 0.0
         for k in range(0, len(states), _CHUNK):
@@ -88,6 +97,29 @@ class BendingErrors:
                 at, link = np.unravel_index(int(np.argmax(relative)), relative.shape)
                 largest, found = float(relative[at, link]), (int(link), k + int(at))
         return None if found is None else (tip, *found)
+
+    def surely_small(self, eta: FloatArray) -> bool:
+        """Return whether a bound, much faster than the estimate, excludes large errors.
+
+        Args:
+            eta: modal coordinates of all bodies, flattened (n m,); or the largest values of each.
+
+        The errors of all links together are at most the shortening of all pieces, and eta^T G eta
+        is at most the sum of eta^2 times the sums of the rows of abs(G).
+        """
+        # Runs that fail hold states of any size: unlike other products, einsum does not warn.
+        return bool(np.einsum("i,i,i", eta, eta, self._rows) < self._clearly_small)
+
+
+#: Errors of each arm's own theory.
+_of_arms: WeakKeyDictionary[Arm, BendingErrors] = WeakKeyDictionary()
+
+
+def _own_errors(arm: Arm) -> BendingErrors:
+    errors = _of_arms.get(arm)
+    if errors is None:
+        errors = _of_arms[arm] = BendingErrors(arm)
+    return errors
 
 
 class _Bent(NamedTuple):
@@ -111,7 +143,7 @@ def too_far_bent(arm: Arm, states: FloatArray) -> str:
     Args:
         states: (samples, 2, n, 1 + m).
     """
-    found = _description(arm, BendingErrors(arm), states)
+    found = _description(arm, _own_errors(arm), states)
     if not found:
         return ""
     fact, link, error = found

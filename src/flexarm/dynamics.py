@@ -15,13 +15,13 @@ from flexarm.assemble import FloatArray, assemble
 from flexarm.contacts import Contact, place_outside
 from flexarm.coordinates import Coordinates
 from flexarm.errors import check_array, check_result
-from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.composite_body import mass_matrix
-from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.newton_euler import inverse_dynamics, inverse_dynamics_many
-from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
+from flexarm.kernels.layout import Loads, Workspace, new_workspace, no_loads
+from flexarm.kernels.newton_euler import inverse_dynamics_many
+from flexarm.kernels.sensitivity import potential_hessian
 from flexarm.loads import Load, acting_loads
 from flexarm.model import ArmSpec
+from flexarm.scratch import Scratch, entries_of, is_finite, is_plain
 
 
 class Derivatives(NamedTuple):
@@ -37,12 +37,73 @@ class Dynamics(Coordinates):
 
     def __init__(self, spec: ArmSpec) -> None:
         super().__init__(spec, assemble(spec))
-        self._sizes = run_time_sizes(self.assembly.constants)
+        self._entries = entries_of(self.assembly.constants)
+        self._sizes = self._entries.sizes
+        self._unloaded = no_loads(self.assembly.constants)
+        self._vector, self._torques = (self.dof,), (self.joints,)
+        # Free scratch. Each call takes its own, so that threads do not share any.
+        self._forward: list[Scratch] = []
+        self._inverse: list[Scratch] = []
 
     def _state(self, where: str, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
         coordinates = check_array(where, "q", q, (self.dof,))
         rates = np.zeros(self.dof) if qd is None else check_array(where, "qd", qd, (self.dof,))
         return self.padded(np.stack([coordinates, rates]))
+
+    def _forward_scratch(self) -> Scratch:
+        """Take scratch for accelerations under torques; the caller puts it back."""
+        try:
+            return self._forward.pop()
+        except IndexError:
+            a = self.assembly
+            return Scratch(a, (a.bodies,), a.joint_body)
+
+    def _inverse_scratch(self) -> Scratch:
+        """Take scratch for forces of accelerations; the caller puts it back if done with it."""
+        try:
+            return self._inverse.pop()
+        except IndexError:
+            a = self.assembly
+            return Scratch(a, (a.bodies, 1 + a.modes), a.coordinates)
+
+    def _place(
+        self,
+        where: str,
+        scratch: Scratch,
+        q: ArrayLike,
+        qd: ArrayLike,
+        name: str,
+        third: ArrayLike,
+        shape: tuple[int, ...],
+    ) -> None:
+        """Check q, qd and a third vector and place them in the kernels' arrays.
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+        """
+        vector = self._vector
+        plain = is_plain(q, vector) and is_plain(qd, vector) and is_plain(third, shape)
+        if not (plain and scratch.fill(q, qd, third)):  # type: ignore[arg-type]
+            scratch.fill(
+                check_array(where, "q", q, vector),
+                check_array(where, "qd", qd, vector),
+                check_array(where, name, third, shape),
+            )
+
+    def _outside(
+        self,
+        where: str,
+        tip_force: ArrayLike | None,
+        loads: Sequence[Load],
+        base_acceleration: ArrayLike | None,
+        contacts: Sequence[Contact],
+    ) -> Loads:
+        """Place what acts from outside: the same arrays again where nothing does."""
+        nothing = tip_force is None and base_acceleration is None
+        if nothing and type(loads) is tuple is type(contacts) and not (loads or contacts):
+            return self._unloaded
+        acting = acting_loads(self, where, tip_force, loads)
+        return place_outside(self, where, acting, base_acceleration, contacts)
 
     def _work(self, dtype: Any = np.float64) -> Workspace:
         return new_workspace(self.assembly.constants, dtype)
@@ -73,13 +134,16 @@ class Dynamics(Coordinates):
         Theory page "recursion", (R.4) to (R.14): O(links x modes), no matrix is formed.
         """
         where = "Arm.forward_dynamics"
-        state = self._state(where, q, qd)
-        tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
-        work = self._work()
-        acting = acting_loads(self, where, tip_force, loads)
-        placed = place_outside(self, where, acting, base_acceleration, contacts)
-        forward_dynamics(self._sizes, self.assembly.constants, state, tau, placed, work)
-        return check_result(where, self.unpadded(work.acceleration), q, qd, torque)
+        scratch = self._forward_scratch()
+        self._place(where, scratch, q, qd, "torque", torque, self._torques)
+        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
+        constants, work = self.assembly.constants, scratch.work
+        self._entries.forward(self._sizes, constants, scratch.state, scratch.third, placed, work)
+        result: FloatArray = work.acceleration.take(self.assembly.coordinates)
+        if not is_finite(result):  # nothing that is not finite stays in scratch to be used again
+            return check_result(where, result, q, qd, torque)
+        self._forward.append(scratch)
+        return result
 
     def inverse_dynamics(
         self,
@@ -96,11 +160,27 @@ class Dynamics(Coordinates):
         Its entries at ``joint_index`` are joint torques (N m). Arguments as in
         ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
         """
-        return self.unpadded(
-            self._newton_euler(
-                "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration, contacts
-            ).force
+        return self._force(
+            "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration, contacts
         )
+
+    def _force(
+        self,
+        where: str,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
+    ) -> FloatArray:
+        """Return the generalised force (dof,) of a motion, from scratch that is used again."""
+        scratch, outside = self._inverse_scratch(), (tip_force, loads, base_acceleration, contacts)
+        work = self._newton_euler(where, q, qd, qdd, *outside, scratch=scratch)
+        force: FloatArray = work.force.take(self.assembly.coordinates)
+        self._inverse.append(scratch)
+        return force
 
     def inverse_dynamics_many(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> FloatArray:
         """Return generalised forces for many states at once: arrays (samples, dof)."""
@@ -132,14 +212,16 @@ class Dynamics(Coordinates):
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
+        scratch: Scratch | None = None,
     ) -> Workspace:
-        state = self._state(where, q, qd)
-        acceleration = self.padded(check_array(where, "qdd", qdd, (self.dof,)))
-        work = self._work()
-        acting = acting_loads(self, where, tip_force, loads)
-        placed = place_outside(self, where, acting, base_acceleration, contacts)
-        inverse_dynamics(self._sizes, self.assembly.constants, state, acceleration, placed, work)
-        check_result(where, work.force, q, qd, qdd)
+        """Return the workspace of inverse dynamics; without ``scratch`` one of its own."""
+        scratch = scratch or self._inverse_scratch()
+        self._place(where, scratch, q, qd, "qdd", qdd, self._vector)
+        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
+        constants, work = self.assembly.constants, scratch.work
+        self._entries.inverse(self._sizes, constants, scratch.state, scratch.third, placed, work)
+        if not is_finite(work.force):
+            check_result(where, work.force, q, qd, qdd)
         return work
 
     def joint_reactions(
@@ -222,8 +304,7 @@ class Dynamics(Coordinates):
 
         It includes velocity products, stiffness, damping and gravity.
         """
-        zero = np.zeros(self.dof)
-        return self.unpadded(self._newton_euler("Arm.bias_force", q, qd, zero, None).force)
+        return self._force("Arm.bias_force", q, qd, np.zeros(self.dof))
 
     def derivatives(
         self,
@@ -241,25 +322,49 @@ class Dynamics(Coordinates):
         (``kernels.sensitivity``): exact to rounding.
         """
         where = "Arm.derivatives"
-        state = self._state(where, q, qd).astype(complex)
-        tau = self.padded_torque(check_array(where, "torque", torque, (self.joints,)))
-        acting = acting_loads(self, where, tip_force, loads)
-        placed = place_outside(self, where, acting, base_acceleration, contacts)
-        n, width = self.assembly.bodies, 1 + self.assembly.modes
-        by_state = np.zeros((n, width, 2, n, width))
-        by_torque = np.zeros((n, width, n))
-        forward_jacobian(
+        scratch = self._forward_scratch()
+        self._place(where, scratch, q, qd, "torque", torque, self._torques)
+        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
+        if scratch.more is None:
+            scratch.more = _ComplexBuffers(self)
+        more: _ComplexBuffers = scratch.more
+        more.state[...] = scratch.state
+        more.torque[...] = scratch.third
+        self._entries.jacobian(
             self._sizes,
             self.assembly.constants,
-            state,
-            tau.astype(complex),
+            more.state,
+            more.torque,
             placed,
-            self._work(complex),
-            by_state,
-            by_torque,
+            more.work,
+            more.by_state,
+            more.by_torque,
         )
-        check_result(where, by_state, q, qd, torque)
-        kept = self.assembly.coordinates
-        jacobian = by_state.reshape(n * width, 2, n * width)[kept]
-        torques = by_torque.reshape(n * width, n)[np.ix_(kept, self.assembly.joint_body)]
-        return Derivatives(jacobian[:, 0, kept], jacobian[:, 1, kept], torques)
+        flat = more.by_state.ravel()
+        if not is_finite(flat):
+            check_result(where, flat, q, qd, torque)
+        found = Derivatives(
+            flat.take(more.places_q).T,
+            flat.take(more.places_qd).T,
+            more.by_torque.take(more.places_torque),
+        )
+        self._forward.append(scratch)
+        return found
+
+
+class _ComplexBuffers:
+    """Arrays that ``Arm.derivatives`` fills, and where its results are in them."""
+
+    def __init__(self, arm: Dynamics) -> None:
+        assembly = arm.assembly
+        n, width = assembly.bodies, 1 + assembly.modes
+        self.state = np.zeros((2, n, width), dtype=complex)
+        self.torque = np.zeros(n, dtype=complex)
+        self.work = new_workspace(assembly.constants, complex)
+        self.by_state = np.zeros((n, width, 2, n, width))
+        self.by_torque = np.zeros((n, width, n))
+        kept, size = assembly.coordinates, n * width
+        # Transposed: products with the matrices, which users form, round as they always did.
+        self.places_q = kept * (2 * size) + kept[:, None]
+        self.places_qd = self.places_q + size
+        self.places_torque = kept[:, None] * n + assembly.joint_body

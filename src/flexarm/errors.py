@@ -8,6 +8,7 @@ a state beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loo
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from dataclasses import dataclass
@@ -188,6 +189,11 @@ def check_array(
     """
     import numpy as np
 
+    if type(value) is np.ndarray and value.dtype is np.dtype(np.float64) and value.shape == shape:
+        if np.count_nonzero(np.isfinite(value)) == value.size:  # the most frequent argument
+            return value.copy(order="K")
+    elif type(value) is float and shape == () and math.isfinite(value):
+        return np.array(value)
     try:
         raw = np.asarray(value)
     except Exception:  # rows of different lengths, objects that fail to make an array of themselves

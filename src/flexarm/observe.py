@@ -25,6 +25,8 @@ _CHUNK = 4096
 
 def channels_of(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     """Compute every channel but the torque from states (samples, 2, n, 1 + m)."""
+    if len(states) <= _CHUNK:
+        return _chunk(arm, states)
     chunks = [_chunk(arm, states[k : k + _CHUNK]) for k in range(0, len(states), _CHUNK)]
     return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
 

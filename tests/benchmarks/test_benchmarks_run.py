@@ -14,7 +14,16 @@ from benchmarks.limit import Limit, compiler
 from benchmarks.work_precision import Point, fastest, measure
 
 import flexarm as fa
-from benchmarks import forward_dynamics, long_chain, programs, raw, report, startup, table_one
+from benchmarks import (
+    forward_dynamics,
+    long_chain,
+    programs,
+    raw,
+    report,
+    startup,
+    table_one,
+    whole_call,
+)
 from flexarm.integrate import INTEGRATORS
 
 
@@ -99,6 +108,8 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         raw=[*own, *(point for point in points if point.program != "flexarm")],
         chain=chain,
         controllers={("joint_pd", ""): 5.0},
+        simulations=whole_call.simulations(repeats=1, duration=0.1),
+        calls=whole_call.microseconds(repeats=1, calls=1),
     )
     assert all(math.isfinite(value) and value > 0 for value in measured.links.values())
     report.write(tmp_path, measured)
@@ -107,6 +118,11 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
     assert "dormand_prince_8, 4 modes, rtol 1e-04" in page
     assert "| `joint_pd` |  | 5 | 1 |" in page
     assert "| 256 |" in page
+    assert re.search(r"\| torque samples, 100 per second \| \d.* \| \d.* \| \d.* \| 2 \|", page)
+    assert re.search(r"\| `Arm.forward_dynamics` \| [\d.e+]+ \| 8 \|", page)
+    for _, steps, whole, beside in measured.simulations:
+        assert 0.0 < steps < whole
+        assert 0.0 < beside < whole
     assert re.search(r"\| exact beams \| 1.2e-04 \| \w+, [34] modes, (step|rtol) .*: ", page)
     assert "no compiler here" in page
     for figure in ("scaling.png", "work-precision.png", "chain.png"):

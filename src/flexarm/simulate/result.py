@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,6 +19,33 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from flexarm.simulate.closed_loop import ClosedLoop
+
+
+class _Labels(NamedTuple):
+    """Dimensions, coordinates and attributes of a result, with data that take no memory."""
+
+    times: FloatArray
+    shapes: dict[str, tuple[int, ...]]
+    dataset: xr.Dataset
+
+
+#: Labels of each arm's last result: the next one often has the same.
+_labels_of: WeakKeyDictionary[Arm, _Labels] = WeakKeyDictionary()
+_texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
+
+
+@cache
+def package_version() -> str:
+    """Return the version of this package, which is looked up once: that takes a millisecond."""
+    return version("flexarm")
+
+
+def arm_text(arm: Arm) -> str:
+    """Return the text of an arm's file, written once for each arm."""
+    text = _texts.get(arm)
+    if text is None:
+        text = _texts[arm] = file_text(arm.spec)
+    return text
 
 
 def make_result(
@@ -32,12 +62,37 @@ def make_result(
             and reactions.
         attributes: plain numbers and strings, so that every file format can keep them.
     """
-    import xarray as xr
-
     values = channels_of(arm, states)
     values |= forces
+    if "bending_moment" in values:  # the coordinate `position` is an array that users may change
+        dataset = _labelled(arm, times, values)
+    else:
+        labels = _labels_of.get(arm)
+        shapes = {name: array.shape for name, array in values.items()}
+        if (
+            labels is None
+            or list(labels.shapes.items()) != list(shapes.items())
+            or not np.array_equal(labels.times, times)
+        ):
+            labels = _labels_of[arm] = _new_labels(arm, times, shapes)
+        dataset = labels.dataset.copy(data=values)
+    dataset.attrs = {**attributes, "arm": arm_text(arm)}
+    return dataset
+
+
+def _new_labels(arm: Arm, times: FloatArray, shapes: dict[str, tuple[int, ...]]) -> _Labels:
+    times = times.copy()
+    times.setflags(write=False)  # results share the index of the time
+    nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
+    return _Labels(times, shapes, _labelled(arm, times, nothing))
+
+
+def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
+    """Label the values of channels at times (samples,)."""
+    import xarray as xr
+
     variables = {
-        name: (("time", *CHANNELS[name].dims), array, _labels(name))
+        name: (("time", *CHANNELS[name].dims), array, _channel_labels(name))
         for name, array in values.items()
     }
     coordinates = _coordinates(arm, times)
@@ -47,9 +102,7 @@ def make_result(
         numbers = np.arange(1, values["contact_gap"].shape[1] + 1)
         meaning = "contact, counted as given"
         coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
-    dataset = xr.Dataset(variables, coords=coordinates)
-    dataset.attrs = {**attributes, "arm": file_text(arm.spec)}
-    return dataset
+    return xr.Dataset(variables, coords=coordinates)
 
 
 def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
@@ -61,8 +114,10 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     dataset.attrs["controller_calls"] = len(loop.ticks)
     dataset.attrs["controller_seconds"] = loop.seconds
     dataset.attrs |= loop.report()
-    asked = loop.asked_at(dataset["time"].values)
-    dataset["torque_command"] = (("time", "joint"), asked, _labels("torque_command"))
+    if "torque_command" not in dataset.variables:
+        asked = loop.asked_at(dataset["time"].values)
+        labels = _channel_labels("torque_command")
+        dataset["torque_command"] = (("time", "joint"), asked, labels)
     if loop.hardware is None:
         return dataset
     times = np.asarray(loop.ticks)
@@ -76,7 +131,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     return dataset.assign_coords(tick_time=ticks)
 
 
-def _labels(name: str) -> dict[str, str]:
+def _channel_labels(name: str) -> dict[str, str]:
     return {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,7 +55,7 @@ from flexarm.simulate.new_run import (
     new_run,
 )
 from flexarm.simulate.prescribed import Prescribed, prescribe
-from flexarm.simulate.result import add_loop, make_result
+from flexarm.simulate.result import add_loop, make_result, package_version
 from flexarm.simulate.sections import section_channels
 from flexarm.simulate.start_of_touch import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulate.stepping import Run
@@ -311,7 +310,7 @@ def _result(
     reason = choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
     attributes: dict[str, Any] = {
-        "flexarm_version": version("flexarm"),
+        "flexarm_version": package_version(),
         "integrator": integrator.name,
         "integrator_reason": reason,
         "rtol": run.tolerance.relative,
@@ -336,6 +335,8 @@ def _result(
     forces |= section_channels(inside) | contact_channels(
         run.arm, run.loads.placed.contacts, run.samples[:count]
     )
+    if isinstance(drive, ClosedLoop) and log is None:  # with a log it follows after the events
+        forces["torque_command"] = drive.asked_at(times)
     result = make_result(run.arm, times, run.samples[:count], forces, attributes)
     return result if log is None else result.assign(event_variables(run.arm, log))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from importlib.metadata import version
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ from flexarm.motion import Motion, gauss, rigid_torque
 from flexarm.motion.motion import check_motion
 from flexarm.simulate.new_run import RTOL as CLOSE
 from flexarm.simulate.new_run import TORQUE_SHARE
-from flexarm.simulate.result import make_result
+from flexarm.simulate.result import make_result, package_version
 from flexarm.simulate.torque_history import TorqueHistory, function_torque
 
 if TYPE_CHECKING:
@@ -135,7 +134,7 @@ def simulate_separated(
         dq, dqd = path.at(times)
         attributes |= {"steps": len(path.edges) - 1, "step": float(np.max(np.diff(path.edges)))}
     attributes |= {
-        "flexarm_version": version("flexarm"),
+        "flexarm_version": package_version(),
         "integrator": "gauss6" if method == "dynamic" else "quasi_static",
         "references": "HairerWanner1996" if method == "dynamic" else "",
     }

@@ -84,7 +84,9 @@ class Run:
         constants = self._constants()
         coefficients = self.arm.padded_torque(history.coefficients)
         loads, contacts = self.loads, self.loads.placed.contacts
-        stops = np.unique(np.concatenate([history.stops, loads.factors.stops]))
+        stops = history.stops
+        if stops.size or loads.factors.stops.size:
+            stops = np.unique(np.concatenate([stops, loads.factors.stops]))
         drive = Drive(
             history.breaks,
             coefficients,
@@ -138,8 +140,10 @@ class Run:
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
         # A torque that was given is the motor's to the last digit.
-        taken = motor[:, arm.assembly.joint_body]
-        return np.where(self._moved(), taken, given), force, wrench[:, bodies, 2], inside
+        torque = np.array(given)
+        if self.prescribed:
+            torque = np.where(self._moved(), motor[:, arm.assembly.joint_body], given)
+        return torque, force, wrench[:, bodies, 2], inside
 
     def _moved(self) -> NDArray[np.bool_]:
         """Which of the joints that turn follow a given motion, (joints,)."""

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray, Tolerance
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
+from flexarm.kernels.layout import new_workspace, no_loads
+from flexarm.scratch import entries_of
 
 #: A mode that hardly moves the tip still bends the link: its own amplitude counts this much.
 _INTERIOR = 0.1
 _POWER_ITERATIONS = 40
+
+#: ``Tolerance.unit`` of each arm, and the frequency that was found last, with its posture.
+_units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
+_frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
 def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) -> Tolerance:
@@ -20,6 +26,14 @@ def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) 
     A joint angle moves the tip by the outboard reach; a mode by its deflection there and its slope
     times the reach beyond. Rates are weighed as displacements at the mode's own frequency.
     """
+    unit = _units.get(arm)
+    if unit is None:
+        unit = _units[arm] = _unit(arm)
+    return Tolerance(absolute, relative, unit.copy(), fastest_frequency(arm, state))
+
+
+def _unit(arm: Arm) -> FloatArray:
+    """Coordinates and rates (2, n, 1 + m) per metre of tip displacement."""
     c = arm.assembly.constants
     n, m = c.S.shape
     reach = np.cumsum(c.length[::-1])[::-1]
@@ -35,37 +49,48 @@ def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) 
     unit[1, :, 1:] = unit[0, :, 1:] * frequency
     slowest = float(frequency[real].min()) if real.any() else 1.0
     unit[1, :, 0] = unit[0, :, 0] * slowest
-    return Tolerance(absolute, relative, unit, fastest_frequency(arm, state))
+    return unit
 
 
 def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     """Estimate the highest frequency (rad/s) at a posture, from below, within a few per cent.
 
-    Power iteration on the change of the accelerations by a change of the coordinates; at least 1.
+    At least 1. Runs that start at the same posture as the one before take over its frequency.
     """
     c = arm.assembly.constants
     if not (np.any(c.w2) or np.any(c.joint_stiffness)):
         return 1.0
-    sizes, work = run_time_sizes(c), new_workspace(c)
-    n = c.mass.size
-    no_torque, unloaded = np.zeros(n), no_loads(c)
-    at_rest = np.stack([state[0], np.zeros_like(state[0])])
+    posture = state[0].tobytes()
+    known = _frequencies.get(arm)
+    if known is None or known[0] != posture:
+        known = _frequencies[arm] = posture, _power_iteration(arm, state)
+    return known[1]
 
-    def accelerations(coordinates: FloatArray) -> FloatArray:
-        moved = np.stack([coordinates, np.zeros_like(coordinates)])
-        forward_dynamics(sizes, c, moved, no_torque, unloaded, work)
-        return work.acceleration.copy()
 
-    origin = accelerations(at_rest[0])
+def _power_iteration(arm: Arm, state: FloatArray) -> float:
+    """Iterate on the change of the accelerations by a change of the coordinates."""
+    c = arm.assembly.constants
+    entries, work = entries_of(c), new_workspace(c)
+    no_torque, unloaded = np.zeros(c.mass.size), no_loads(c)
+    at_rest = np.zeros_like(state)
+    at_rest[0] = state[0]
+    moved, acceleration = at_rest.copy(), work.acceleration
+    find, sizes = entries.forward, entries.sizes
+    find(sizes, c, at_rest, no_torque, unloaded, work)
+    origin = acceleration.copy()
     direction = np.zeros_like(origin)
     direction[:, 1:] = np.sqrt(c.w2)
     direction[:, 0] = np.sqrt(c.joint_stiffness)
-    square = 0.0
+    flat, fixed = direction.reshape(-1), np.flatnonzero(c.free == 0.0)
+    # The sums of `np.linalg.norm`, without its checks.
+    length = np.sqrt(flat.dot(flat))
     for _ in range(_POWER_ITERATIONS):
         # Small enough to stay linear, large enough to stand clear of rounding.
-        direction *= 1e-6 / np.linalg.norm(direction)
-        change = accelerations(at_rest[0] + direction) - origin
-        change[c.free == 0.0, 0] = 0.0
-        square = float(np.linalg.norm(change)) / 1e-6
-        direction = change
-    return max(1.0, float(np.sqrt(square)))
+        direction *= 1e-6 / length
+        np.add(at_rest[0], direction, out=moved[0])
+        find(sizes, c, moved, no_torque, unloaded, work)
+        np.subtract(acceleration, origin, out=direction)
+        if fixed.size:
+            direction[fixed, 0] = 0.0
+        length = np.sqrt(flat.dot(flat))
+    return max(1.0, float(np.sqrt(length / 1e-6)))

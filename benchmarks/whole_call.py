@@ -1,0 +1,116 @@
+"""What calls from Python cost: `simulate` beside its steps, and single evaluations.
+
+`python -m benchmarks.whole_call` prints the tables alone.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import flexarm as fa
+from benchmarks.arms import moving_state, table_one
+from benchmarks.measure import in_turns
+from benchmarks.raw import stopwatch
+from flexarm.integrate import INTEGRATORS
+
+#: Time that `simulate` may take beside its steps (ms).
+GOAL = 2.0
+#: Times that single calls may take (microseconds), on an idle machine.
+GOALS = {
+    "`Arm.forward_dynamics`": 8.0,
+    "`Arm.inverse_dynamics`": None,
+    "`Arm.derivatives`": 30.0,
+    "`Plant.step` of 1 ms": 20.0,
+    "`Arm(...)`": 2000.0,
+}
+_DURATION = 2.0
+
+
+class Whole(NamedTuple):
+    """Medians of the calls of `simulate` for one run, s."""
+
+    name: str
+    steps: float
+    whole: float
+    beside: float  # median of the differences
+
+
+def arm() -> fa.Arm:
+    """Return the paper's arm with four modes on each link."""
+    return table_one(elements=(2, 2))
+
+
+def _runs(arm: fa.Arm, duration: float) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Integrator and arguments of each run."""
+    initial = arm.rest([0.3, -0.5])
+    times = np.arange(int(duration * 100.0) + 1) / 100.0
+    torque = 0.1 * np.stack([np.sin(3.0 * times), np.cos(3.0 * times)], axis=1)
+    low = {"rate": 100.0, "initial": initial}
+    implicit = "kennedy_carpenter_5"
+    return {
+        "no torque, 100 samples per second": ("dormand_prince_8", low),
+        "torque samples, 100 per second": (implicit, low | {"torque": torque}),
+        "no torque, 1000 samples per second": ("dormand_prince_8", {"initial": initial}),
+    }
+
+
+def simulations(repeats: int = 60, duration: float = _DURATION) -> list[Whole]:
+    """Time calls of `simulate` in turns."""
+    plant = arm()
+    calls = {}
+    for name, (integrator, options) in _runs(plant, duration).items():
+        method = INTEGRATORS[integrator]()
+        options = options | {"integrator": method, "progress": False, "rtol": 1e-4}
+        calls[name] = partial(fa.simulate, plant, duration, **options), stopwatch(method)
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in calls}
+    for turn in range(repeats + 5):
+        for name, (call, spent) in calls.items():
+            spent.clear()
+            started = time.perf_counter()
+            call()
+            whole = time.perf_counter() - started
+            if turn >= 5:  # the first calls load machine code and find types
+                times[name].append((sum(spent), whole))
+    median = statistics.median
+    return [
+        Whole(
+            name,
+            median(steps for steps, _ in found),
+            median(whole for _, whole in found),
+            median(whole - steps for steps, whole in found),
+        )
+        for name, found in times.items()
+    ]
+
+
+def microseconds(repeats: int = 200, calls: int = 20) -> dict[str, float]:
+    """Time single calls in turns."""
+    plant = arm()
+    q, qd, torque = moving_state(plant)
+    stepped = fa.Plant(plant, 1e-3, warn=False)
+    candidates: Mapping[str, Callable[[], object]] = {
+        "`Arm.forward_dynamics`": partial(plant.forward_dynamics, q, qd, torque),
+        "`Arm.inverse_dynamics`": partial(plant.inverse_dynamics, q, qd, qd),
+        "`Arm.derivatives`": partial(plant.derivatives, q, qd, torque),
+        "`Plant.step` of 1 ms": partial(stepped.step, 0.01 * torque),
+    }
+    found = in_turns(candidates, repeats, calls)
+    found |= in_turns({"`Arm(...)`": arm}, max(repeats // 4, 1))
+    return {name: 1e6 * found[name] for name in GOALS}
+
+
+def main() -> None:
+    """Print the tables."""
+    from benchmarks.report import calls_table, whole_table
+
+    print(whole_table(simulations()), calls_table(microseconds()), sep="\n\n")
+
+
+if __name__ == "__main__":
+    main()
