@@ -99,6 +99,8 @@ def squared_frequencies(arm: fa.Arm, angles: Any, locked: list[int]) -> np.ndarr
     q = arm.rest(angles)
     kept = np.setdiff1d(np.arange(arm.dof), arm.joint_index[locked])
     part = np.ix_(kept, kept)
+    if kept.size == 0:  # `eigh` of older versions of SciPy fails
+        return np.zeros(0)
     M, K = arm.mass_matrix(q)[part], arm.stiffness_matrix(q)[part]
     # The largest values of the inverse problem are the lowest frequencies, and keep their digits.
     inverse = eigh(M, K + M, eigvals_only=True)[::-1]

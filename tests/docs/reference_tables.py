@@ -132,9 +132,10 @@ def _scalar(schema: dict[str, Any], many: bool) -> str:
     word = {"number": "number", "integer": "whole number"}.get(schema["type"], "text")
     word += "s" * many
     if "minimum" in schema and "maximum" in schema:
-        return f"{word} from {schema['minimum']} to {schema['maximum']}"
+        return f"{word} from {schema['minimum']:g} to {schema['maximum']:g}"
+    # Whole numbers are floats in the schemas of some versions of Pydantic, not in others.
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-    bounds = [f"{sign} {schema[name]}" for name, sign in signs.items() if name in schema]
+    bounds = [f"{sign} {schema[name]:g}" for name, sign in signs.items() if name in schema]
     return f"{word} {', '.join(bounds)}".strip()
 
 

@@ -79,7 +79,7 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
 
 def inverse_inertia(mass: float, first_moment: float, inertia: float) -> float:
     """Return 1 / inertia about the centre of mass, 1/(kg m^2), from that about the root; or 0."""
-    central = inertia - first_moment**2 / mass if mass else 0.0
+    central = inertia - first_moment / mass * first_moment if mass else 0.0
     return 1.0 / central if central > 0.0 else 0.0
 
 

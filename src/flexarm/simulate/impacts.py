@@ -18,9 +18,9 @@ from flexarm.simulate.torque_history import TorqueHistory
 #: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
 RTOL, ATOL = 1e-7, 1e-9
 #: Those of the second run are smaller by this factor.
-_TIGHT = 1e-4
+_TIGHT = 1e-5
 #: Difference of both runs, as a part of the reach, from which the second gets a warning. Its own
-#: error is 1e-4 of a small difference, and was a hundredth of one of this size at most.
+#: error is 1e-5 of a small difference, and was a hundredth of one of this size at most.
 _PARTED = 1e-2
 
 

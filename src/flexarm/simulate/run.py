@@ -142,7 +142,7 @@ def simulate(
             at most 1e-4 of the reach from the motion at twice the step.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
             fixed step only how closely functions of time are followed. At the defaults a run in
-            which joints meet their stops is made again at 1e-4 of them.
+            which joints meet their stops is made again at 1e-5 of them.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
         breaks: times (s) at which a function of time given here (torque, factor of a load, base
