@@ -82,3 +82,11 @@ def test_everything_wrong_is_told_at_once():
         fa.varied(arm(), payload_factor=2.0, payload_mass=1.0)
     with pytest.raises(fa.InputError, match="number"):
         fa.varied(arm(), flexural_rigidity_factor=float("nan"))
+
+
+def test_masses_whose_square_overflows_are_no_crash():
+    heavy = fa.varied(
+        fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)]), mass_factor=1e200
+    )
+    inverse = heavy.assembly.constants.inverse_inertia[0]
+    assert inverse == pytest.approx(12e-200, rel=1e-12)  # 1 / (m L^2 / 12)
