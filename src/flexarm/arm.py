@@ -82,7 +82,7 @@ class Arm(Dynamics):
         return Arm(self.spec.model_copy(update={"links": links, "joints": joints}))
 
     def __reduce__(self) -> tuple[type[Arm], tuple[ArmSpec]]:
-        # Made anew: copied arrays could be written to, which kernels would be compiled for again.
+        # Made anew from its specification: its arrays have the types that kernels know.
         return type(self), (self.spec,)
 
     def __repr__(self) -> str:
