@@ -35,7 +35,7 @@ _known: dict[tuple[int, ...], Entries] = {}
 def entries_of(constants: ArmConstants) -> Entries:
     """Return the entry points for an arm, which all arms of the same sizes share.
 
-    Their arrays have the same types: the constants cannot be written to, buffers are contiguous.
+    Their arrays have the same types: all are contiguous and may be written to.
     """
     sizes = run_time_sizes(constants)
     entries = Entries(
