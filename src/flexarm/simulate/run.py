@@ -125,7 +125,7 @@ def simulate(
             ``torque`` where that comes from a motion, else all angles zero.
         initial_rate: qd (dof,), zero by default.
         tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
-        loads: forces and moments anywhere on the arm that is simulated; no controller knows of them.
+        loads: forces and moments anywhere on the simulated arm; no controller knows of them.
         base_acceleration: (ax, ay) of the base joint, m/s^2, a function of time that gives it, or a
             table ``(times, values)``; positions stay relative to the base.
         events: what to locate on the way (``Event``, ``joint_event``, ``tip_event``); looked for
