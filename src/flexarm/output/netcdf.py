@@ -24,7 +24,8 @@ _AT_ONCE = 1 << 20
 
 def encode_netcdf(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:
     """Yield the content of the NetCDF file of a dataset, its digest last."""
-    content = dataset.to_netcdf(engine="h5netcdf")
+    # A copy: a view that outlives its buffer, as in an error's traceback, ends in a message.
+    content = bytes(dataset.to_netcdf(engine="h5netcdf"))
     yield content
     yield _MARK + hashlib.sha256(content).digest()
 
