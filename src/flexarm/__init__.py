@@ -219,6 +219,9 @@ _HOME = {
     "varied": "arm",
 }
 
+#: Deprecated public names: the new name, and the version that removes the old one.
+_RENAMED: dict[str, tuple[str, str]] = {}
+
 __all__ = sorted(_HOME)
 
 
@@ -229,6 +232,12 @@ def __getattr__(name: str) -> Any:
         return version("flexarm")
     if name == "plot":
         return import_module("flexarm.plot")
+    if name in _RENAMED:
+        from flexarm.errors import warn_deprecated
+
+        new, removal = _RENAMED[name]
+        warn_deprecated(f"flexarm.{name}", f"flexarm.{new}", removal)
+        return getattr(sys.modules[__name__], new)  # not kept, so that every use warns
     if name not in _HOME:
         raise AttributeError(f"module 'flexarm' has no attribute {name!r}")
     value = getattr(import_module(f"flexarm.{_HOME[name]}"), name)
