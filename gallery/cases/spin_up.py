@@ -113,8 +113,10 @@ REASONS = {
     "softened": "16 elements; their error grows with time, and at 10 s the whole solution diverges",
     "elastica": "8 segments; the error decreases as the cube of their length",
 }
-RESIDUAL = 1.8, "as for the other numbers of this theory; the residual is a small part of the "
-"motion"
+RESIDUAL = (
+    1.8,
+    "as for the other numbers of this theory; the residual is a small part of the motion",
+)
 
 
 def quantities() -> list[Row]:
