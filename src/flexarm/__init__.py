@@ -12,7 +12,7 @@ from typing import Any
 import lazy_loader
 
 _load, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
-__all__ = sorted({*_names} - {"plot"})  # noqa: PLE0605  (a star does not import the module)
+__all__ = sorted({*_names} - {"plot"})
 
 #: Deprecated public names: the new name, and the version that removes the old one.
 _RENAMED: dict[str, tuple[str, str]] = {}

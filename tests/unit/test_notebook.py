@@ -36,9 +36,7 @@ def test_an_arm_shows_its_links_and_its_payload(arm: fa.Arm) -> None:
 
 
 def test_a_property_that_varies_along_a_link_shows_its_range() -> None:
-    table = fa.SectionTable(
-        x=[0.0, 1.0], flexural_rigidity=[10.0, 5.0], mass_per_length=[1.0, 1.0]
-    )
+    table = fa.SectionTable(x=[0.0, 1.0], flexural_rigidity=[10.0, 5.0], mass_per_length=[1.0, 1.0])
     rows = cells(fa.Arm(links=[fa.Link(length=1.0, table=table)]))
     assert rows[1][2:4] == ["5 to 10", "1"]
 
