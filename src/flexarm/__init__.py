@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from flexarm.arm import load_arm as load_arm
     from flexarm.arm import save_arm as save_arm
     from flexarm.arm import varied as varied
+    from flexarm.bridges.symbolic.casadi_model import to_casadi as to_casadi
+    from flexarm.bridges.symbolic.jax_model import to_jax as to_jax
     from flexarm.contacts import Contact as Contact
     from flexarm.control import LQG as LQG
     from flexarm.control import MPC as MPC
@@ -216,6 +218,8 @@ _HOME = {
     "step_jacobian": "linear.step_jacobian",
     "tip_event": "simulate.events",
     "tip_inversion": "simulate.tip_inversion",
+    "to_casadi": "bridges.symbolic.casadi_model",
+    "to_jax": "bridges.symbolic.jax_model",
     "varied": "arm",
 }
 

@@ -30,6 +30,8 @@ from flexarm.cli.main import app
 from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario, locate_study
 
 RUNNING = ("yaml", "python", "bash")
+#: Libraries of extras without which a page that imports them is skipped.
+OPTIONAL = ("jax", "diffrax")
 PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
 _LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 1.0}
 
@@ -46,6 +48,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_of_page(page: str, folder: Path) -> None:
+    for library in OPTIONAL:
+        if any(f"import {library}\n" in b.text for b in blocks(page) if b.language == "python"):
+            pytest.importorskip(library, reason=f"{library} is not installed: {page} was not run")
     scope: dict[str, Any] = {"__name__": "__main__"}
     printed: str | None = None
     for block in blocks(page):
