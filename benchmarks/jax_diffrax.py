@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import diffrax
 import jax
@@ -13,52 +12,8 @@ import numpy as np
 from peers.arms import TORQUE_ENDS, Case, steps_per_sample
 
 import flexarm as fa
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.cache import undecorated
-from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 
 jax.config.update("jax_enable_x64", True)
-
-
-class _Scalar:
-    """A number of JAX that NumPy takes for a number, in an array of objects."""
-
-    def __init__(self, value: Any) -> None:
-        self.value = value
-
-    def sin(self) -> _Scalar:
-        return _Scalar(jnp.sin(self.value))
-
-    def cos(self) -> _Scalar:
-        return _Scalar(jnp.cos(self.value))
-
-    def __neg__(self) -> _Scalar:
-        return _Scalar(-self.value)
-
-    def __add__(self, other: Any) -> _Scalar:
-        return _Scalar(self.value + _value(other))
-
-    def __sub__(self, other: Any) -> _Scalar:
-        return _Scalar(self.value - _value(other))
-
-    def __rsub__(self, other: Any) -> _Scalar:
-        return _Scalar(_value(other) - self.value)
-
-    def __mul__(self, other: Any) -> _Scalar:
-        return _Scalar(self.value * _value(other))
-
-    def __truediv__(self, other: Any) -> _Scalar:
-        return _Scalar(self.value / _value(other))
-
-    def __rtruediv__(self, other: Any) -> _Scalar:
-        return _Scalar(_value(other) / self.value)
-
-    __radd__ = __add__
-    __rmul__ = __mul__
-
-
-def _value(number: Any) -> Any:
-    return number.value if isinstance(number, _Scalar) else number
 
 
 def prepare(
@@ -66,8 +21,8 @@ def prepare(
 ) -> Callable[[], np.ndarray]:
     """Return what gives the states (samples, 2 dof), compiled at the first call with such a case.
 
-    The equations are those of ``arm``, written by our kernels over JAX's numbers: what XLA makes
-    of them is one loop without calls. The classical method of Runge and Kutta with steps of
+    The equations are those of ``arm``, by ``flexarm.to_jax``: what XLA makes of them is one loop
+    without calls. The classical method of Runge and Kutta with steps of
     ``step`` s, or that of Dormand and Prince of order 8 in Diffrax with relative tolerance
     ``rtol``.
     """
@@ -87,18 +42,13 @@ def _compiled(
 
 def _rates(case: Case, arm: fa.Arm) -> Callable[..., jax.Array]:
     """Return the derivative of y = (q, qd) as a function that JAX can trace."""
-    constants = arm.assembly.constants
-    accelerate = undecorated(forward_dynamics)
-    sizes, loads = run_time_sizes(constants), no_loads(constants)
+    accelerate = fa.to_jax(arm).forward_dynamics
+    amplitude = jnp.array(case.amplitude)
 
     def rates(t: jax.Array, y: jax.Array, _: None = None) -> jax.Array:
         wave = jnp.where(t <= TORQUE_ENDS, jnp.sin(2.0 * np.pi * t), 0.0)
-        q, qd = _entries(list(y)).reshape(2, arm.dof)
-        state = np.stack([arm.padded(q), arm.padded(qd)])
-        drive = arm.padded_torque(_entries([value * wave for value in case.amplitude]))
-        work = new_workspace(constants, object)
-        accelerate(sizes, constants, state, drive, loads, work)
-        return jnp.stack([_value(entry) for entry in [*qd, *arm.unpadded(work.acceleration)]])
+        q, qd = y[: arm.dof], y[arm.dof :]
+        return jnp.concatenate([qd, accelerate(q, qd, wave * amplitude)])
 
     return rates
 
@@ -152,9 +102,3 @@ def _diffrax(
         return solution.ys
 
     return solve
-
-
-def _entries(scalars: list[jax.Array]) -> np.ndarray:
-    array = np.empty(len(scalars), dtype=object)
-    array[:] = [_Scalar(scalar) for scalar in scalars]
-    return array

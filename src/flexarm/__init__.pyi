@@ -5,6 +5,8 @@ from .arm import Arm as Arm
 from .arm import load_arm as load_arm
 from .arm import save_arm as save_arm
 from .arm import varied as varied
+from .bridges.symbolic.casadi_model import to_casadi as to_casadi
+from .bridges.symbolic.jax_model import to_jax as to_jax
 from .contacts import Contact as Contact
 from .control.base import Controller as Controller
 from .control.requirements import Needs as Needs

@@ -5,6 +5,7 @@ The only place where the two meet: the model layer knows no arrays, the kernels 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -199,6 +200,13 @@ def _segments(link: Link, where: str) -> list[LinkConstants]:
 
 
 def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> ArmConstants:
+    constants = constants_of_links(spec, pieces)
+    place_joints_and_payload(constants, spec, pieces, seats)
+    return constants
+
+
+def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
+    """Allocate the constants of an arm and fill in the links, without their damping."""
     payload_body = spec.payload.mass > 0 and any(spec.payload.offset)
     n = pieces[-1].body + 1 + payload_body
     m = max(piece.shapes.w2.size for piece in pieces)
@@ -207,41 +215,52 @@ def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> Arm
     c = m if any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     constants = empty_constants(n, m, c, g)
     constants.arm[HAS_JOINT_LAWS] = float(any(_has_laws(joint) for joint in spec.joints))
-    constants.gravity[:] = spec.gravity
     constants.mobility[:] = 1.0
+    for piece in pieces:
+        _place_link(constants, piece.body, piece.shapes, second_order)
+    return constants
+
+
+def place_joints_and_payload(
+    constants: ArmConstants, spec: ArmSpec, pieces: Sequence[Piece], seats: Sequence[Seat]
+) -> None:
+    """Complete ``constants_of_links``: joints, payload, gravity, and the damping of links.
+
+    The numbers of ``spec`` may be symbols if the arrays hold objects: no branch depends on one.
+    """
+    constants.gravity[:] = spec.gravity
     constants.friction[:] = 0.0, 0.0, 1.0, 1.0, 0.0
     constants.limits[:] = -1.0, 1.0, 0.0, 0.0
     constants.rotor[:] = 0.0, 1.0
-    for piece in pieces:
-        damping = _modal_damping(spec.links[piece.link], piece.shapes)
-        _place_link(constants, piece.body, piece.shapes, damping, second_order)
+    for before, piece in zip((None, *pieces[:-1]), pieces, strict=True):
+        i, k = piece.body, piece.shapes.w2.size
+        constants.damping[i, :k] = _modal_damping(spec.links[piece.link], constants.w2[i, :k])
         if piece.start == 0.0:
-            _place_hub(constants, piece.body, spec.joints[piece.link])
+            inboard = None if before is None else before.body
+            _place_hub(constants, i, inboard, spec.joints[piece.link])
     for seat in seats:
         _place_motor(constants, seat, spec.joints[seat.link])
-    if payload_body:
+    if constants.mass.size > pieces[-1].body + 1:
         _place_payload_body(constants, spec)
     else:
         constants.tip_mass[-1] += spec.payload.mass
         constants.tip_inertia[-1] += spec.payload.inertia
-    return constants
 
 
 def _has_laws(joint: Joint) -> bool:
     return bool(joint.friction or joint.limits or joint.rotor_inertia)
 
 
-def _place_hub(constants: ArmConstants, i: int, joint: Joint) -> None:
-    """What the joint at the root of body i carries: its hub here, its motor on the body before."""
+def _place_hub(constants: ArmConstants, i: int, inboard: int | None, joint: Joint) -> None:
+    """Place the hub of the joint at the root of body i, and its motor on the body inboard."""
     constants.inertia[i] += joint.hub_inertia
     constants.hub[i] = joint.hub_inertia
     constants.residual_inertia[i, 2] += joint.hub_inertia
     if joint.fixed:
         constants.joint_angle[i] = joint.rest_angle
-    before = i - 1 - joint.elastic
-    if before >= 0:
-        constants.tip_mass[before] += joint.mass
-        constants.tip_inertia[before] += joint.housing_inertia
+    if inboard is not None:
+        constants.tip_mass[inboard] += joint.mass
+        constants.tip_inertia[inboard] += joint.housing_inertia
 
 
 def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
@@ -249,7 +268,7 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
     i = seat.body
     constants.free[i] = 1.0
     spring = i
-    if joint.elastic:
+    if seat.twist is not None:
         spring = i + 1
         constants.free[spring] = 1.0
         # The motor's end of the spring: a body without length or mass passes everything on.
@@ -268,9 +287,7 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
         constants.limits[i] = stops.lower, stops.upper, stops.stiffness, stops.damping
 
 
-def _place_link(
-    constants: ArmConstants, i: int, link: LinkConstants, damping: FloatArray, second_order: bool
-) -> None:
+def _place_link(constants: ArmConstants, i: int, link: LinkConstants, second_order: bool) -> None:
     k = link.w2.size
     constants.mass[i] = link.mass
     constants.inverse_mass[i] = 1.0 / link.mass if link.mass else 0.0
@@ -280,7 +297,6 @@ def _place_link(
     constants.length[i] = link.length
     for name in ("S", "a", "P", "dP", "w2"):
         getattr(constants, name)[i, :k] = getattr(link, name)
-    constants.damping[i, :k] = damping
     constants.residual_inertia[i] = link.residual_inertia
     constants.residual_tip[i] = link.residual_tip.ravel()
     constants.N[i] = link.P @ link.P, link.P @ link.dP, link.dP @ link.dP
@@ -305,11 +321,11 @@ def _place_payload_body(constants: ArmConstants, spec: ArmSpec) -> None:
     constants.free[-1] = 0.0
 
 
-def _modal_damping(link: Link, shapes: LinkConstants) -> FloatArray:
+def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:
     """Diagonal of the damping matrix over the link's modes (1/s): Rayleigh or by ratio."""
     if link.damping is None:
-        return np.zeros_like(shapes.w2)
+        return np.zeros(w2.shape)
     if isinstance(link.damping, RayleighDamping):
-        return link.damping.mass_coefficient + link.damping.stiffness_coefficient * shapes.w2
-    ratio = np.array(link.damping.ratios(shapes.w2.size))
-    return 2.0 * ratio * np.sqrt(shapes.w2)
+        return link.damping.mass_coefficient + link.damping.stiffness_coefficient * w2
+    ratio = np.array(link.damping.ratios(w2.size))
+    return np.asarray(2.0 * ratio * w2**0.5)

@@ -254,6 +254,8 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
     "smoothed": {"motion": motion, "duration": 0.1},
     "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},
+    "to_casadi": {"arm": arm, "parameters": ["payload.mass"]},
+    "to_jax": {"arm": arm, "parameters": ["payload.mass"]},
     "tip_event": {"arm": arm, "point": [1.0, 0.0], "normal": [1.0, 0.0]},
     "tip_inversion": {
         "arm": arm,

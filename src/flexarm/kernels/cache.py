@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
@@ -129,13 +129,17 @@ class Entry:
         return Entry, (self.kernel,)  # a copy finds its machine code anew
 
 
-def undecorated(function: Callable[..., Any]) -> Callable[..., Any]:
+def undecorated(
+    function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]] = {}
+) -> Callable[..., Any]:
     """Return the plain Python function behind a kernel, and behind every kernel that it calls.
 
     The result runs the very same source over any number type that knows ``+ - * /``: symbolic
-    scalars in object arrays, for example. Nothing is compiled.
+    scalars in object arrays, for example. Nothing is compiled. ``instead``: functions to call in
+    place of kernels.
     """
-    return _undecorated(function, {})
+    known = {id(getattr(kernel, "py_func", kernel)): other for kernel, other in instead.items()}
+    return _undecorated(function, known)
 
 
 def _undecorated(function: Any, done: dict[int, Callable[..., Any]]) -> Callable[..., Any]:

@@ -20,7 +20,7 @@ from flexarm.model import RayleighDamping
 
 #: Powers by which the constants of a body grow with a factor on its whole link. Those left out do
 #: not change. ``inertia`` and ``residual_inertia`` are the link's own, without the hub's.
-_POWERS: dict[str, dict[str, Any]] = {
+POWERS: dict[str, dict[str, Any]] = {
     "length": {
         "mass": 1.0,
         "inverse_mass": -1.0,
@@ -62,7 +62,7 @@ _PAYLOAD = ("payload.mass", "payload.inertia")
 
 def parameter_names(arm: Arm) -> tuple[str, ...]:
     """Return every parameter that ``constants_by`` knows of this arm."""
-    links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in _POWERS]
+    links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in POWERS]
     return (*links, *_PAYLOAD)
 
 
@@ -98,7 +98,7 @@ def constants_by(arm: Arm, where: str, parameter: str) -> ArmConstants:
 
 def _scale(arm: Arm, by: ArmConstants, piece: Piece, name: str) -> None:
     i, constants, shapes = piece.body, arm.assembly.constants, piece.shapes
-    for field, power in _POWERS[name].items():
+    for field, power in POWERS[name].items():
         own = {"inertia": shapes.inertia, "residual_inertia": shapes.residual_inertia}
         value = own.get(field, getattr(constants, field)[i])
         getattr(by, field)[i] = np.asarray(power) * value
@@ -106,7 +106,7 @@ def _scale(arm: Arm, by: ArmConstants, piece: Piece, name: str) -> None:
     if isinstance(damping, RayleighDamping):
         by.damping[i] = damping.stiffness_coefficient * by.w2[i]
     elif damping is not None:
-        by.damping[i] = 0.5 * _POWERS[name]["w2"] * constants.damping[i]
+        by.damping[i] = 0.5 * POWERS[name]["w2"] * constants.damping[i]
 
 
 def _check_length(arm: Arm, where: str, piece: Piece, parameter: str) -> None:

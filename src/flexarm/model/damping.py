@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -32,7 +32,7 @@ class ModalDamping(Record):
 
     def ratios(self, modes: int) -> tuple[float, ...]:
         """Return the ratio of each of a link's `modes`, from the lowest."""
-        if isinstance(self.ratio, float):
+        if not isinstance(self.ratio, Sequence):
             return (self.ratio,) * modes
         missing = modes - len(self.ratio)
         return (*self.ratio[:modes], *(self.ratio[-1],) * missing)

@@ -131,7 +131,7 @@ class Link(Record):
             zero where switched off; `shear_rigidity` for the Timoshenko element alone; a rigid
             link may have neither `flexural_rigidity` nor `shear_rigidity`.
         """
-        x, rigidity, mass, rotary, shear = self._columns()
+        x, rigidity, mass, rotary, shear = self.columns()
         if self.rotary_inertia is False or rotary is None:
             rotary = (0.0,) * len(x)
         return SectionTable(
@@ -142,10 +142,13 @@ class Link(Record):
             shear_rigidity=shear if self.element == "timoshenko" else None,
         )
 
-    def _columns(
+    def columns(
         self,
     ) -> tuple[_Column, _Column | None, _Column, _Column | None, _Column | None]:
-        """Return x, flexural rigidity, mass, rotary inertia per length, and shear rigidity."""
+        """Return x, flexural rigidity, mass, rotary inertia per length, and shear rigidity.
+
+        Columns of `beam` as they are described, unchecked: formulas of the link's own numbers.
+        """
         if self.table is not None:
             # The last point may differ from the length by the rounding of whoever computed it.
             x = (*self.table.x[:-1], self.length)

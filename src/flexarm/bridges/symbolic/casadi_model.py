@@ -1,0 +1,166 @@
+"""The equations of an arm as functions of CasADi."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arguments import check_kind
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.bridges.symbolic.kernel_calls import KernelCalls
+from flexarm.bridges.symbolic.parameters import ParametricArm
+from flexarm.bridges.symbolic.scalars import library_missing, objects, plain
+
+if TYPE_CHECKING:
+    import casadi
+
+
+@dataclass(frozen=True, eq=False)
+class CasadiModel:
+    """Equations of one arm as ``casadi.Function``s of named inputs and outputs.
+
+    Every function ends with the input ``parameters``, of size 0 if the model has none. Inputs that
+    a call by name leaves out are NaN, but for ``tip_force``, which is zero. World axes; SI units.
+
+    ==============  ======================  =====================================================
+    input           size                    meaning
+    ==============  ======================  =====================================================
+    ``q``           dof                     coordinates: rad, m sqrt(kg)
+    ``qd``          dof                     their rates
+    ``qdd``         dof                     their accelerations
+    ``torque``      joints                  N m; rad/s^2 of a prescribed joint
+    ``tip_force``   3                       Fx, Fy (N) and Mz (N m) on the last tip
+    ``parameters``  number of parameters    in the units of the file
+    ==============  ======================  =====================================================
+
+    Attributes:
+        arm: the arm.
+        parameters: paths of the parameters.
+        nominal: their values in the arm.
+        forward_dynamics: (q, qd, torque, tip_force, parameters) -> qdd.
+        residual: (q, qd, qdd, torque, tip_force, parameters) -> residual (dof,), zero on a motion:
+            M qdd + bias - torque; N m in the rows of joints.
+        inverse_dynamics: (q, qd, qdd, tip_force, parameters) -> force (dof,), M qdd + bias.
+        bias_force: (q, qd, parameters) -> bias (dof,), with gravity and stiffness.
+        mass_matrix: (q, parameters) -> M (dof, dof).
+        energy: (q, qd, parameters) -> kinetic, strain, gravity (J).
+        tip: (q, parameters) -> tip (3,): x, y (m), angle (rad).
+        tip_velocity: (q, qd, parameters) -> tip_velocity (3,), the rates of ``tip``.
+        strain: (q, parameters) -> strain (gauges,).
+        joint_reactions: (q, qd, qdd, tip_force, parameters) -> reactions (links, 3): what the joint
+            at its root gives to each link, Fx, Fy (N), Mz (N m).
+    """
+
+    arm: Arm
+    parameters: tuple[str, ...]
+    nominal: FloatArray
+    forward_dynamics: casadi.Function
+    residual: casadi.Function
+    inverse_dynamics: casadi.Function
+    bias_force: casadi.Function
+    mass_matrix: casadi.Function
+    energy: casadi.Function
+    tip: casadi.Function
+    tip_velocity: casadi.Function
+    strain: casadi.Function
+    joint_reactions: casadi.Function
+
+
+def to_casadi(
+    arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()
+) -> CasadiModel:
+    """Write the equations of an arm as functions of CasADi.
+
+    The kernels' own source runs over CasADi's scalars: the functions equal the arm's methods to
+    rounding, with every option of joints and links. Contacts are not part of them.
+
+    Args:
+        arm: the arm.
+        parameters: paths of numbers that become inputs: ``payload.mass``,
+            ``joints[1].friction.coulomb``, ``links[0].flexural_rigidity``. Any number of joints,
+            payload, gravity, gauges and damping; of links those that multiply rigidity, mass or
+            length as a whole, which keeps the form of the modes.
+        prescribed: numbers of joints that follow given accelerations: entries of ``torque`` in
+            ``forward_dynamics`` that are rad/s^2.
+
+    Raises:
+        InputError: if CasADi is not installed, a path is not that of a number, a number changes the
+            form of the modes, or a joint of ``prescribed`` does not turn.
+    """
+    try:
+        import casadi
+    except ImportError:
+        raise library_missing("to_casadi", "CasADi", "casadi") from None
+    check_kind("to_casadi", "arm", arm, Arm)
+    return _Writer(casadi, ParametricArm("to_casadi", arm, parameters, prescribed)).model()
+
+
+class _Writer:
+    """Makes the functions of one arm; ``casadi`` is the module."""
+
+    def __init__(self, casadi: Any, parametric: ParametricArm) -> None:
+        self.casadi, self.parametric = casadi, parametric
+        arm = parametric.arm
+        sizes = {"q": arm.dof, "qd": arm.dof, "qdd": arm.dof, "torque": arm.joints, "tip_force": 3}
+        sizes["parameters"] = len(parametric.paths)
+        self.symbols = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}
+        self.entries = {
+            name: objects(casadi.vertsplit(symbol) if symbol.numel() else [], casadi)
+            for name, symbol in self.symbols.items()
+        }
+
+    def model(self) -> CasadiModel:
+        """Return all functions."""
+        calls = self.parametric.at(list(self.entries["parameters"]))
+        functions = {
+            name: self.function(calls, name, inputs, outputs)
+            for name, (inputs, outputs) in _FUNCTIONS.items()
+        }
+        parametric = self.parametric
+        return CasadiModel(parametric.arm, parametric.paths, parametric.nominal, **functions)
+
+    def function(
+        self, calls: KernelCalls, name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]
+    ) -> Any:
+        """Return a ``casadi.Function``; several outputs are the numbers of one vector."""
+        values = getattr(calls, name)(*(self.entries[one] for one in inputs))
+        names = [*inputs, "parameters"]
+        # CasADi takes zero for an input that a call leaves out: silently a wrong state.
+        default = [0.0 if one == "tip_force" else math.nan for one in names]
+        return self.casadi.Function(
+            name,
+            [self.symbols[one] for one in names],
+            [self.matrix(part) for part in (values if len(outputs) > 1 else [values])],
+            names,
+            list(outputs),
+            {"default_in": default},
+        )
+
+    def matrix(self, values: Any) -> Any:
+        """Return a number, a vector or a matrix of objects as one expression."""
+        sx, array = self.casadi.SX, np.atleast_1d(np.asarray(values, dtype=object))
+        if array.size == 0:  # an arm without gauges
+            return sx(0, 1)
+        rows = [[sx(plain(one)) for one in row] for row in array.reshape(len(array), -1)]
+        return self.casadi.vertcat(*(self.casadi.horzcat(*row) for row in rows))
+
+
+_STATE, _MOTION = ("q", "qd"), ("q", "qd", "qdd")
+#: Inputs, but for the parameters, and outputs of each function.
+_FUNCTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "forward_dynamics": ((*_STATE, "torque", "tip_force"), ("qdd",)),
+    "residual": ((*_MOTION, "torque", "tip_force"), ("residual",)),
+    "inverse_dynamics": ((*_MOTION, "tip_force"), ("force",)),
+    "bias_force": (_STATE, ("bias",)),
+    "mass_matrix": (("q",), ("M",)),
+    "energy": (_STATE, ("kinetic", "strain", "gravity")),
+    "tip": (("q",), ("tip",)),
+    "tip_velocity": (_STATE, ("tip_velocity",)),
+    "strain": (("q",), ("strain",)),
+    "joint_reactions": ((*_MOTION, "tip_force"), ("reactions",)),
+}

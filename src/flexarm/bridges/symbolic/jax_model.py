@@ -1,0 +1,197 @@
+"""The equations of an arm as functions of JAX."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from flexarm.arguments import check_kind
+from flexarm.arm import Arm, Energy
+from flexarm.assemble import FloatArray
+from flexarm.bridges.symbolic.parameters import ParametricArm
+from flexarm.bridges.symbolic.scalars import library_missing, objects, plain
+from flexarm.errors import InputError, Problem, shown
+
+if TYPE_CHECKING:
+    from jax import Array
+    from jax.typing import ArrayLike
+
+
+class JaxModel:
+    """Equations of one arm as functions of JAX arrays, compiled by XLA at their first call.
+
+    ``jit``, ``vmap``, ``grad``, ``jvp`` and the rest of JAX's transformations apply. Numbers are
+    computed in the floating-point type of the arguments: float32 but where
+    ``jax.config.update("jax_enable_x64", True)`` allows float64. World axes; SI units.
+
+    Arguments that methods share:
+
+    ==============  =============  =============================================================
+    argument        shape          meaning
+    ==============  =============  =============================================================
+    ``q``           (dof,)         coordinates: rad, m sqrt(kg)
+    ``qd``          (dof,)         their rates
+    ``qdd``         (dof,)         their accelerations
+    ``torque``      (joints,)      N m; rad/s^2 of a prescribed joint
+    ``tip_force``   (3,)           Fx, Fy (N) and Mz (N m) on the last tip; None for no force
+    ``parameters``  (parameters,)  in the units of the file; None for those of the arm
+    ==============  =============  =============================================================
+
+    Attributes:
+        arm: the arm.
+        parameters: paths of the parameters.
+        nominal: their values in the arm.
+
+    Raises:
+        InputError: by every method, if an argument does not have its shape.
+    """
+
+    def __init__(self, parametric: ParametricArm) -> None:
+        import jax
+
+        self.arm = parametric.arm
+        self.parameters: tuple[str, ...] = parametric.paths
+        self.nominal: FloatArray = parametric.nominal
+        self._parametric = parametric
+        self._run = jax.jit(self._trace, static_argnums=0)
+        sizes = {"q": self.arm.dof, "qd": self.arm.dof, "qdd": self.arm.dof}
+        sizes |= {"torque": self.arm.joints, "tip_force": 3, "parameters": len(self.parameters)}
+        self._sizes = sizes
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        torque: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        parameters: ArrayLike | None = None,
+    ) -> Array:
+        """Return the accelerations qdd (dof,) under joint torques."""
+        given = {"q": q, "qd": qd, "torque": torque, "tip_force": tip_force}
+        return self._call("forward_dynamics", given, parameters)
+
+    def residual(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        torque: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        parameters: ArrayLike | None = None,
+    ) -> Array:
+        """Return M qdd + bias - torque (dof,): zero on a motion; N m in the rows of joints."""
+        given = {"q": q, "qd": qd, "qdd": qdd, "torque": torque, "tip_force": tip_force}
+        return self._call("residual", given, parameters)
+
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        parameters: ArrayLike | None = None,
+    ) -> Array:
+        """Return the generalised force (dof,) that a motion takes, M qdd + bias."""
+        given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
+        return self._call("inverse_dynamics", given, parameters)
+
+    def bias_force(self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None) -> Array:
+        """Return the force (dof,) at zero acceleration, with stiffness, damping and gravity."""
+        return self._call("bias_force", {"q": q, "qd": qd}, parameters)
+
+    def mass_matrix(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
+        """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd."""
+        return self._call("mass_matrix", {"q": q}, parameters)
+
+    def energy(self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None) -> Energy:
+        """Return kinetic, strain and gravity energy (J), and their ``total``."""
+        return Energy(*self._call("energy", {"q": q, "qd": qd}, parameters))
+
+    def tip(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
+        """Return x, y (m) and angle (rad) of the last tip, (3,)."""
+        return self._call("tip", {"q": q}, parameters)
+
+    def tip_velocity(
+        self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None
+    ) -> Array:
+        """Return the rates of x, y (m/s) and angle (rad/s) of the last tip, (3,)."""
+        return self._call("tip_velocity", {"q": q, "qd": qd}, parameters)
+
+    def strain(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
+        """Return the strain at each gauge, (gauges,)."""
+        return self._call("strain", {"q": q}, parameters)
+
+    def joint_reactions(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        parameters: ArrayLike | None = None,
+    ) -> Array:
+        """Return what the joint at its root gives to each link: (links, 3), Fx, Fy N, Mz N m."""
+        given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
+        return self._call("joint_reactions", given, parameters)
+
+    def _call(self, name: str, given: dict[str, Any], parameters: Any) -> Any:
+        """Check the arguments of a method and evaluate it in their common type."""
+        import jax.numpy as jnp
+
+        given["parameters"] = self.nominal if parameters is None else parameters
+        arrays = {
+            argument: self._array(f"JaxModel.{name}", argument, value)
+            for argument, value in given.items()
+            if not (value is None and argument == "tip_force")
+        }
+        # Numbers that NumPy keeps in float64 take the type of the state.
+        dtype = jnp.promote_types(arrays["q"].dtype, jnp.float32)
+        return self._run(name, {key: array.astype(dtype) for key, array in arrays.items()})
+
+    def _array(self, where: str, name: str, value: Any) -> Any:
+        import jax.numpy as jnp
+
+        shape = (self._sizes[name],)
+        try:
+            array = jnp.asarray(value)
+        except Exception:  # rows of different lengths, text, objects
+            array = None
+        if array is None or array.shape != shape or array.dtype.kind not in "iuf":
+            told = shown(value) if array is None else f"of shape {array.shape}"
+            rule = f"be numbers of shape ({shape[0]},)"
+            raise InputError(Problem(where, name, rule, told))
+        return array
+
+    def _trace(self, name: str, arrays: dict[str, Any]) -> Any:
+        """Run a kernel over the scalars of traced arrays."""
+        import jax.numpy as jnp
+
+        scalars = {
+            key: objects([array[k] for k in range(self._sizes[key])], jnp)
+            for key, array in arrays.items()
+        }
+        calls = self._parametric.at(list(scalars.pop("parameters")))
+        values = getattr(calls, name)(**scalars)
+        dtype = arrays["q"].dtype
+        flat = [jnp.asarray(plain(value), dtype) for value in values.ravel()]
+        return jnp.stack(flat).reshape(values.shape) if flat else jnp.zeros(values.shape, dtype)
+
+
+def to_jax(arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()) -> JaxModel:
+    """Write the equations of an arm as functions of JAX.
+
+    The kernels' own source runs over JAX's traced scalars: the functions equal the arm's methods to
+    rounding, with every option of joints and links. Contacts are not part of them. On a GPU they
+    run many arms at once, by ``vmap``.
+
+    Args:
+        arm, parameters, prescribed: as in ``to_casadi``.
+
+    Raises:
+        InputError: if JAX is not installed, or as ``to_casadi``.
+    """
+    try:
+        import jax  # noqa: F401
+    except ImportError:
+        raise library_missing("to_jax", "JAX", "jax") from None
+    check_kind("to_jax", "arm", arm, Arm)
+    return JaxModel(ParametricArm("to_jax", arm, parameters, prescribed))

@@ -1,0 +1,184 @@
+"""The kernels as plain Python functions over arrays of objects; their layout is known here alone.
+
+Arguments and results are arrays of objects in the coordinates of the arm: q, qd, qdd (dof,),
+torque (joints,), tip_force (3,). Entries are `Scalar`s or numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.bridges.symbolic.scalars import Objects
+from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.cache import undecorated
+from flexarm.kernels.composite_body import mass_matrix
+from flexarm.kernels.layout import (
+    ArmConstants,
+    Loads,
+    Workspace,
+    new_workspace,
+    no_loads,
+    run_time_sizes,
+)
+from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernels.numbers import tanh
+from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
+from flexarm.kernels.shapes import gauge_strains
+from flexarm.loads import place_loads, tip_load
+
+
+@cache
+def _plain(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    # The kernels' tanh is made for complex numbers. Differentiated at 0 by rules, it gives 0.
+    return undecorated(kernel, {tanh: np.tanh})
+
+
+Force = Objects | None
+
+
+class KernelCalls:
+    """Kernels of one arm over objects.
+
+    Args:
+        arm: the arm.
+        constants: its constants as arrays of objects.
+        gauge_bodies, gauge_rows: bodies (gauges,) and strain per modal coordinate (gauges, m).
+        free: (n,) numbers in place of the constants' in ``forward_dynamics``: 0 for a joint with
+            a prescribed acceleration.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        constants: ArmConstants,
+        gauge_bodies: Any,
+        gauge_rows: Objects,
+        free: Any,
+    ) -> None:
+        self.arm, self.constants = arm, constants
+        self.gauge_bodies, self.gauge_rows = gauge_bodies, gauge_rows
+        self.free = free
+        self._sizes = run_time_sizes(arm.assembly.constants)
+
+    def forward_dynamics(
+        self, q: Objects, qd: Objects, torque: Objects, tip_force: Force = None
+    ) -> Objects:
+        """Return qdd (dof,); the torque of a prescribed joint is its acceleration."""
+        constants = self.constants._replace(body=self.constants.body.copy())
+        constants.free[:] = self.free
+        work, drive = self._work(), self.arm.padded_torque(torque)
+        state, loads = self._state(q, qd), self._loads(tip_force)
+        _plain(forward_dynamics)(self._sizes, constants, state, drive, loads, work)
+        return self.arm.unpadded(work.acceleration)
+
+    def inverse_dynamics(
+        self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force = None
+    ) -> Objects:
+        """Return the generalised force M qdd + bias (dof,)."""
+        return self.arm.unpadded(self._newton_euler(q, qd, qdd, tip_force).force)
+
+    def residual(
+        self, q: Objects, qd: Objects, qdd: Objects, torque: Objects, tip_force: Force = None
+    ) -> Objects:
+        """Return M qdd + bias - torque (dof,)."""
+        force = self.inverse_dynamics(q, qd, qdd, tip_force)
+        force[self.arm.joint_index] -= torque
+        return force
+
+    def bias_force(self, q: Objects, qd: Objects) -> Objects:
+        """Return the force (dof,) at zero acceleration."""
+        return self.inverse_dynamics(q, qd, _zeros(q))
+
+    def joint_reactions(
+        self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force = None
+    ) -> Objects:
+        """Return what each link's joint gives to it: (links, 3), Fx, Fy, Mz in world axes."""
+        work = self._newton_euler(q, qd, qdd, tip_force)
+        world = np.zeros((len(work.wrench), 3), dtype=object)
+        cosine, sine = 1.0, 0.0
+        for i, (turn_cosine, turn_sine) in enumerate(work.rotation):
+            turned = cosine * turn_cosine - sine * turn_sine
+            cosine, sine = turned, sine * turn_cosine + cosine * turn_sine
+            x, y, moment = work.wrench[i]
+            world[i] = cosine * x - sine * y, sine * x + cosine * y, moment
+        return world[self.arm.assembly.link_body]
+
+    def mass_matrix(self, q: Objects) -> Objects:
+        """Return M (dof, dof)."""
+        n, width = self.arm.assembly.bodies, 1 + self.arm.assembly.modes
+        M = np.zeros((n, width, n, width), dtype=object)
+        state = self._state(q, _zeros(q))
+        _plain(mass_matrix)(self._sizes, self.constants, state, self._work(), M)
+        kept = self.arm.assembly.coordinates
+        matrix: Objects = M.reshape(n * width, n * width)[np.ix_(kept, kept)]
+        return matrix
+
+    def energy(self, q: Objects, qd: Objects) -> Objects:
+        """Return kinetic, strain and gravity energy (3,)."""
+        body_poses, tip = self._poses()
+        values = np.zeros(3, dtype=object)
+        state = self._state(q, qd)
+        _plain(energies)(self._sizes, self.constants, state, body_poses, tip, values)
+        return values
+
+    def tip(self, q: Objects) -> Objects:
+        """Return x, y and angle of the last tip (3,)."""
+        return self._tip(q, _zeros(q))[:3]
+
+    def tip_velocity(self, q: Objects, qd: Objects) -> Objects:
+        """Return the rates of ``tip`` (3,)."""
+        return self._tip(q, qd)[3:]
+
+    def strain(self, q: Objects) -> Objects:
+        """Return the strain at each gauge (gauges,)."""
+        strains = np.zeros((1, len(self.gauge_bodies)), dtype=object)
+        states = self._state(q, _zeros(q))[None]
+        _plain(gauge_strains)(self._sizes, states, self.gauge_bodies, self.gauge_rows, strains)
+        values: Objects = strains[0]
+        return values
+
+    def _tip(self, q: Objects, qd: Objects) -> Objects:
+        body_poses, tip = self._poses()
+        _plain(poses)(self._sizes, self.constants, self._state(q, qd), body_poses, tip)
+        return tip
+
+    def _newton_euler(self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force) -> Workspace:
+        work, acceleration = self._work(), self.arm.padded(qdd)
+        state, loads = self._state(q, qd), self._loads(tip_force)
+        _plain(inverse_dynamics)(self._sizes, self.constants, state, acceleration, loads, work)
+        return work
+
+    def _state(self, q: Objects, qd: Objects) -> Objects:
+        return np.asarray(self.arm.padded(np.stack([q, qd])))
+
+    def _work(self) -> Workspace:
+        return new_workspace(self.constants, object)
+
+    def _poses(self) -> tuple[Objects, Objects]:
+        n = self.arm.assembly.bodies
+        return np.zeros((n, POSE_COLUMNS), dtype=object), np.zeros(6, dtype=object)
+
+    def _loads(self, force: Force) -> Loads:
+        """Place a force (3,) on the last tip; None for no force."""
+        if force is None:
+            return no_loads(self.arm.assembly.constants)
+        where = "KernelCalls"
+        placed = place_loads(self.arm, where, tip_load(self.arm, where, np.ones(3)))
+        i, own = placed.body, self.constants
+        # The shapes at the tip may depend on parameters.
+        return placed._replace(
+            lever=own.length[i],
+            rows=own.P[i],
+            slopes=own.dP[i],
+            shortening=own.G[i],
+            value=force[None],
+        )
+
+
+def _zeros(q: Objects) -> Objects:
+    return np.zeros(len(q), dtype=object)

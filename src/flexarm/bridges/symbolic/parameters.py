@@ -1,0 +1,188 @@
+"""Constants of an arm as functions of parameters, which are given by their paths in its file.
+
+Numbers of joints, payload, gravity, gauges and damping enter the constants by formulas: those of
+`assemble`, run over symbols. Numbers of a link enter through its modes. Where a number multiplies
+the link's rigidity, mass or length as a whole, the modes keep their form and the constants follow
+powers of the factor; theory page "separation", (D.15). Any other number of a link changes the form
+of the modes, for which there is no formula, and is refused.
+
+Whether the formulas hold is not deduced from names: each parameter is multiplied by four, and the
+constants by formula are compared with those of an arm with that number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from flexarm.arguments import check_count, check_list_of
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray, constants_of_links, place_joints_and_payload
+from flexarm.bridges.symbolic.kernel_calls import KernelCalls
+from flexarm.bridges.symbolic.scalars import Objects
+from flexarm.errors import InputError, Problem, shown
+from flexarm.kernels.layout import ArmConstants
+from flexarm.linear.parameters import POWERS
+from flexarm.model import ArmSpec, Link
+from flexarm.model.paths import number_at, number_paths, with_number
+from flexarm.stations import place_gauges
+
+#: Relative difference between formula and arm that is rounding. Both start from the same numbers,
+#: and a factor of four is exact in binary; sections compute with it, and round.
+_ROUNDING = 1e-9
+_MOST_LISTED = 12
+
+
+class ParametricArm:
+    """An arm whose constants follow parameters.
+
+    Args:
+        where: the call, for messages.
+        arm: the arm.
+        paths: of the parameters.
+        prescribed: numbers of the joints with prescribed accelerations.
+
+    Attributes:
+        paths: as given. nominal: (k,) values of the parameters in the arm.
+
+    Raises:
+        InputError: if a path is not that of a number, is repeated, or has no exact formula; or
+            if a joint does not exist or is fixed.
+    """
+
+    def __init__(
+        self, where: str, arm: Arm, paths: Sequence[str], prescribed: Sequence[int]
+    ) -> None:
+        self.arm = arm
+        self.paths = tuple(check_list_of(where, "parameters", paths, str))
+        names = [f"parameters[{k}]" for k in range(len(self.paths))]
+        self.nominal = np.array(
+            [
+                number_at(where, name, arm.spec, path)
+                for name, path in zip(names, self.paths, strict=True)
+            ]
+        )
+        for k, path in enumerate(self.paths):
+            if path in self.paths[:k]:
+                raise InputError(Problem(where, names[k], "not be repeated", shown(path)))
+            if not _is_exact(arm, path):
+                raise _not_exact(where, names[k], arm, path)
+        self._free = _free(where, arm, prescribed)
+
+    def at(self, values: Sequence[Any]) -> KernelCalls:
+        """Return the kernels for values of the parameters, `Scalar`s or numbers."""
+        given = dict(zip(self.paths, values, strict=True))
+        constants, rows = _constants(self.arm, given)
+        bodies = place_gauges(self.arm, self.arm.gauges)[1]
+        return KernelCalls(self.arm, constants, bodies, rows, self._free)
+
+
+def _constants(arm: Arm, values: Mapping[str, Any]) -> tuple[ArmConstants, Objects]:
+    """Return the constants and the rows of gauges (gauges, m) as arrays of objects."""
+    spec, assembly = arm.spec, arm.assembly
+    for path, value in values.items():
+        spec = with_number(spec, path, value, checked=False)
+    own = constants_of_links(arm.spec, assembly.pieces)
+    constants = ArmConstants(*(array.astype(object) for array in own))
+    scales = [_scales(arm.spec.links[i], spec.links[i]) for i in range(arm.links)]
+    for piece in assembly.pieces:
+        for law, factor in scales[piece.link].items():
+            for field, power in POWERS[law].items():
+                column = getattr(constants, field)
+                column[piece.body] = _scaled(column[piece.body], factor, power)
+    place_joints_and_payload(constants, spec, assembly.pieces, assembly.seats)
+    return constants, _gauge_rows(arm, spec, scales)
+
+
+def _gauge_rows(arm: Arm, spec: ArmSpec, scales: list[dict[str, Any]]) -> Objects:
+    at_unit_distance = [(i, station, 1.0) for i, station, _ in arm.gauges]
+    rows = place_gauges(arm, at_unit_distance)[0].astype(object)
+    distances = [gauge.distance for link in spec.links for gauge in link.gauges]
+    for row, distance, (i, _, _) in zip(rows, distances, arm.gauges, strict=True):
+        # Shapes become smaller as the mass that they are normalised with grows: as at the tip.
+        mass = scales[i].get("mass", 1.0)
+        row[:] = _scaled(row * distance, mass, POWERS["mass"]["P"])
+    return rows
+
+
+def _scales(link: Link, changed: Link) -> dict[str, Any]:
+    """Return the factors on a link's length, mass and rigidity, by the names of `POWERS`."""
+    if changed is link:
+        return {}
+    factors = {}
+    columns = zip(("length", "rigidity", "mass"), link.columns(), changed.columns(), strict=False)
+    for law, before, after in columns:
+        if before is None or after is None:
+            continue
+        place = next((k for k in reversed(range(len(before))) if before[k]), None)
+        if place is not None and after[place] is not before[place]:
+            factors[law] = after[place] / before[place]
+    return factors
+
+
+def _scaled(value: Any, factor: Any, power: Any) -> Any:
+    """Multiply a number or an array by a power of a factor; by one power each if several."""
+    if isinstance(power, tuple):
+        return [number * factor**one for number, one in zip(value, power, strict=True)]
+    return value * factor**power
+
+
+def _is_exact(arm: Arm, path: str) -> bool:
+    """Compare the constants by formula with those of an arm with another value."""
+    value = number_at("", "", arm.spec, path)
+    for other in (4.0 * value, 0.25 * value) if value else (0.25, -0.25):
+        try:
+            changed = Arm(with_number(arm.spec, path, other))
+        except InputError:  # a rule limits the number on one side
+            continue
+        constants, rows = _constants(arm, {path: other})
+        places = arm.assembly.coordinates, changed.assembly.coordinates
+        exact = (*changed.assembly.constants, place_gauges(changed, changed.gauges)[0])
+        return np.array_equal(*places) and all(
+            _agree(found.astype(np.float64), wanted)
+            for found, wanted in zip((*constants, rows), exact, strict=True)
+        )
+    return False
+
+
+def _agree(found: FloatArray, wanted: FloatArray) -> bool:
+    if found.shape != wanted.shape:
+        return False
+    difference = np.abs(found - wanted)
+    # Entries of a column have one unit, and may be the rounding of larger ones.
+    scale = np.abs(wanted)
+    if wanted.ndim > 1:
+        scale = scale.max(axis=tuple(range(wanted.ndim - 1)), initial=0.0)
+    return bool(np.all(difference <= _ROUNDING * scale))
+
+
+def _not_exact(where: str, name: str, arm: Arm, path: str) -> InputError:
+    rule = "be a number that the equations depend on by a formula"
+    if number_at(where, name, arm.spec, path) == 0.0:
+        hint = "It is 0 in this arm: terms that it multiplies are left out, or it has to be 0."
+        return InputError(Problem(where, name, rule, shown(path), hint))
+    root = path.partition(".")[0]
+    near = [p for p in number_paths(arm.spec) if p.partition(".")[0] == root]
+    possible = [p for p in near[:64] if _is_exact(arm, p)]
+    listed = ", ".join(possible[:_MOST_LISTED]) or "none"
+    hint = (
+        f"It changes the form of the modes of a link, or moves a gauge. Possible for {root}: "
+        f"{listed}. For other values create another Arm."
+    )
+    return InputError(Problem(where, name, rule, shown(path), hint))
+
+
+def _free(where: str, arm: Arm, prescribed: Sequence[int]) -> FloatArray:
+    """Return which joints forces move, (n,) by bodies: 1, or 0 for prescribed and fixed ones."""
+    free = arm.assembly.constants.free.copy()
+    numbers = check_list_of(where, "prescribed", prescribed, int)
+    for k, joint in enumerate(numbers):
+        number = check_count(where, f"prescribed[{k}]", joint, 1, arm.links)
+        seat = next((seat for seat in arm.assembly.seats if seat.link == number - 1), None)
+        if seat is None:
+            rule = "be the number of a joint that turns"
+            raise InputError(Problem(where, f"prescribed[{k}]", rule, shown(joint)))
+        free[seat.body] = 0.0
+    return free

@@ -1,0 +1,124 @@
+"""Scalars of another library that NumPy and the kernels' source calculate with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.errors import InputError, Problem
+
+Objects = NDArray[np.object_]
+
+
+def _of_numbers(method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Leave an operation with an array to NumPy, which applies it to each entry."""
+
+    def operation(self: Any, other: Any) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else method(self, other)
+
+    return operation
+
+
+class Scalar:
+    """A scalar of CasADi or JAX in an array of objects.
+
+    NumPy takes the library's own scalars for arrays. Sums with 0 and products with 0 and 1, which
+    padded modes cause by the hundred, are left out.
+
+    Args:
+        value: the scalar. library: module with its functions, ``casadi`` or ``jax.numpy``.
+    """
+
+    __slots__ = ("library", "value")
+
+    def __init__(self, value: Any, library: Any) -> None:
+        self.value = value
+        self.library = library
+
+    def _new(self, value: Any) -> Scalar:
+        return Scalar(value, self.library)
+
+    def __neg__(self) -> Scalar:
+        return self._new(-self.value)
+
+    @_of_numbers
+    def __add__(self, other: Any) -> Scalar:
+        return self if _is(other, 0.0) else self._new(self.value + plain(other))
+
+    __radd__ = __add__
+
+    @_of_numbers
+    def __sub__(self, other: Any) -> Scalar:
+        return self if _is(other, 0.0) else self._new(self.value - plain(other))
+
+    @_of_numbers
+    def __rsub__(self, other: Any) -> Scalar:
+        return -self if _is(other, 0.0) else self._new(plain(other) - self.value)
+
+    @_of_numbers
+    def __mul__(self, other: Any) -> Any:
+        if _is(other, 0.0):
+            return 0.0
+        return self if _is(other, 1.0) else self._new(self.value * plain(other))
+
+    __rmul__ = __mul__
+
+    @_of_numbers
+    def __truediv__(self, other: Any) -> Scalar:
+        return self if _is(other, 1.0) else self._new(self.value / plain(other))
+
+    @_of_numbers
+    def __rtruediv__(self, other: Any) -> Any:
+        return 0.0 if _is(other, 0.0) else self._new(plain(other) / self.value)
+
+    def __pow__(self, exponent: float) -> Any:
+        if exponent == 0.0:
+            return 1.0
+        return self if exponent == 1.0 else self._new(self.value**exponent)
+
+    # NumPy calls these for its functions of an object.
+    def sin(self) -> Scalar:
+        """Sine."""
+        return self._new(self.library.sin(self.value))
+
+    def cos(self) -> Scalar:
+        """Cosine."""
+        return self._new(self.library.cos(self.value))
+
+    def exp(self) -> Scalar:
+        """Exponential."""
+        return self._new(self.library.exp(self.value))
+
+    def sqrt(self) -> Scalar:
+        """Square root."""
+        return self._new(self.library.sqrt(self.value))
+
+    def tanh(self) -> Scalar:
+        """Hyperbolic tangent."""
+        return self._new(self.library.tanh(self.value))
+
+
+def _is(other: Any, number: float) -> bool:
+    return isinstance(other, int | float) and other == number
+
+
+def plain(number: Any) -> Any:
+    """Return the library's own scalar, or a number as it is."""
+    return number.value if isinstance(number, Scalar) else number
+
+
+def objects(scalars: Iterable[Any], library: Any) -> Objects:
+    """Return scalars of a library as an array of objects (k,)."""
+    listed = [Scalar(scalar, library) for scalar in scalars]
+    array = np.empty(len(listed), dtype=object)
+    array[:] = listed
+    return array
+
+
+def library_missing(where: str, name: str, extra: str) -> InputError:
+    """Return the error for a library that is not installed."""
+    hint = f"pip install 'flexarm[{extra}]' brings it."
+    return InputError(Problem(where, name, "be installed", "not", hint))

@@ -1,0 +1,114 @@
+"""Numbers of a record by their path in a file: ``links[0].flexural_rigidity``, ``payload.mass``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import Any, TypeVar
+
+from flexarm.errors import InputError, Problem, shown
+from flexarm.model.checks import Record
+
+R = TypeVar("R", bound=Record)
+
+_PART = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
+
+
+def number_at(where: str, name: str, record: Record, path: object) -> float:
+    """Return the number at a path.
+
+    Args:
+        where, name: the call and its argument, for messages.
+
+    Raises:
+        InputError: if the record has no such path, or no number there: nothing, a whole number
+            that counts, a switch, or text.
+    """
+    rule = "be the path of a number of the arm"
+    if not isinstance(path, str):
+        hint = "A path is text such as 'links[0].flexural_rigidity' or 'payload.mass'."
+        raise InputError(Problem(where, name, rule, shown(path), hint))
+    parts = _parts(path)
+    value: Any = record if parts else None
+    walked = ""
+    for part in parts:
+        known = _names(value)
+        if part not in known:
+            near = get_close_matches(str(part), [str(k) for k in known], n=1)
+            hint = f"{walked or 'The arm'} has no {part}" + (
+                f"; did you mean {near[0]}?" if near else "."
+            )
+            raise InputError(Problem(where, name, rule, shown(path), hint))
+        value = _inside(value, part)
+        walked = _joined(walked, part)
+    if isinstance(value, float):
+        return value
+    told = "nothing" if value is None else shown(value)
+    hint = f"It is {told} there." if parts else "An example is 'links[0].flexural_rigidity'."
+    raise InputError(Problem(where, name, rule, shown(path), hint))
+
+
+def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
+    """Return a copy with another number at a path that ``number_at`` accepts.
+
+    Args:
+        checked: whether the copy is validated. Symbols can only be placed unchecked.
+
+    Raises:
+        ModelError: if the changed record breaks a rule.
+    """
+    changed: R = _with(record, _parts(path), value, checked)
+    return changed
+
+
+def number_paths(record: Record) -> Iterator[str]:
+    """Yield the paths of all numbers of a record."""
+    yield from _number_paths(record, "")
+
+
+def _number_paths(value: Any, walked: str) -> Iterator[str]:
+    for part in _names(value):
+        inside, path = _inside(value, part), _joined(walked, part)
+        if isinstance(inside, float):
+            yield path
+        else:
+            yield from _number_paths(inside, path)
+
+
+def _parts(path: str) -> list[str | int]:
+    """Split a path; empty if it is not one."""
+    parts: list[str | int] = []
+    end = 0
+    for match in _PART.finditer(path):
+        if match.start() != end:
+            return []
+        parts.append(int(match[2]) if match[1] is None else match[1])
+        end = match.end()
+    return parts if end == len(path) and not path.startswith(".") else []
+
+
+def _names(value: Any) -> list[str | int]:
+    if isinstance(value, Record):
+        return list(type(value).model_fields)
+    return list(range(len(value))) if isinstance(value, tuple) else []
+
+
+def _inside(value: Any, part: str | int) -> Any:
+    return getattr(value, part) if isinstance(part, str) else value[part]
+
+
+def _joined(walked: str, part: str | int) -> str:
+    if isinstance(part, int):
+        return f"{walked}[{part}]"
+    return f"{walked}.{part}" if walked else part
+
+
+def _with(value: Any, parts: list[str | int], number: Any, checked: bool) -> Any:
+    if not parts:
+        return number
+    first, *rest = parts
+    inside = _with(_inside(value, first), rest, number, checked)
+    if isinstance(first, int):
+        return (*value[:first], inside, *value[first + 1 :])
+    return value.replace(**{first: inside}) if checked else value.model_copy(update={first: inside})

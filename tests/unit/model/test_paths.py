@@ -1,0 +1,56 @@
+"""Numbers of a record by their path in a file."""
+
+import pytest
+
+import flexarm as fa
+from flexarm.model.paths import number_at, number_paths, with_number
+
+
+@pytest.fixture
+def spec():
+    return fa.Arm(
+        links=[
+            {"length": 0.5, "flexural_rigidity": 3.0, "mass_per_length": 1.0},
+            {"length": 0.6, "material": "steel", "section": fa.Circle(diameter=0.01)},
+        ],
+        joints=[{"friction": {"coulomb": 0.1}}, {}],
+    ).spec
+
+
+def test_every_path_reads_and_writes_its_number(spec):
+    paths = list(number_paths(spec))
+    assert len(paths) == len(set(paths))
+    assert {"links[1].section.diameter", "joints[0].friction.coulomb", "gravity[1]"} <= set(paths)
+    for path in paths:
+        changed = with_number(spec, path, 7.0, checked=False)
+        assert number_at("test", "path", changed, path) == 7.0
+        others = [other for other in paths if other != path]
+        for other in others:
+            before = number_at("test", "path", spec, other)
+            assert number_at("test", "path", changed, other) == before
+
+
+def test_a_checked_copy_keeps_the_rules(spec):
+    assert with_number(spec, "payload.mass", 2.0).payload.mass == 2.0
+    with pytest.raises(fa.ModelError, match="length"):
+        with_number(spec, "links[0].length", -1.0)
+
+
+@pytest.mark.parametrize(
+    ("path", "hint"),
+    [
+        ("link[0].length", "The arm has no link; did you mean links?"),
+        ("links[2].length", "links has no 2"),
+        ("links[0].section.width", "links[0].section has no width"),
+        ("links[0].flexible", "It is True there."),
+        ("links[0].modes", "It is nothing there."),
+        (".payload.mass", "An example is"),
+        ("payload..mass", "An example is"),
+        ("", "An example is"),
+        (3, "A path is text"),
+    ],
+)
+def test_other_paths_are_refused(spec, path, hint):
+    with pytest.raises(fa.InputError) as error:
+        number_at("test", "path", spec, path)
+    assert hint in str(error.value)
