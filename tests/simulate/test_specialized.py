@@ -5,6 +5,7 @@ import itertools
 import pytest
 
 import flexarm as fa
+from flexarm.kernels.layout import run_time_sizes
 from flexarm.simulate import stepping
 
 
@@ -15,7 +16,7 @@ def compiled(monkeypatch):
 
     def count(constants):
         switches.append(constants)
-        return stepping.run_time_sizes(constants)
+        return run_time_sizes(constants)
 
     monkeypatch.setattr(stepping, "compile_time_sizes", count)
     return switches
