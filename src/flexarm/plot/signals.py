@@ -12,6 +12,7 @@ from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from flexarm.arguments import check_dataset
+from flexarm.engine.channels import CHANNELS
 from flexarm.errors import InputError, Problem
 from flexarm.plot.style import (
     BLUE,
@@ -26,7 +27,6 @@ from flexarm.plot.style import (
     place_labels,
     styled,
 )
-from flexarm.simulate.channels import CHANNELS
 
 if TYPE_CHECKING:
     import xarray as xr
