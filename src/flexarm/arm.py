@@ -14,7 +14,8 @@ from flexarm.assemble import FloatArray
 from flexarm.contacts import Contact, place_outside
 from flexarm.dynamics import Dynamics
 from flexarm.errors import check_result
-from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
+from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.observables import energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
 from flexarm.loads import Load, acting_loads
 from flexarm.model import ArmSpec, Friction, load_arm_spec, save_arm_spec
@@ -118,19 +119,19 @@ class Arm(Dynamics):
         """Return kinetic, strain and gravity energy (J), and their ``total``."""
         where = "Arm.energy"
         state = self._state(where, q, qd)
-        body_poses, tip, values = self._pose_arrays()
-        energies(self._sizes, self.assembly.constants, state, body_poses, tip, values)
+        kernels, values = self._kernels.take(), np.zeros(3)
+        kernels.call(energies, state, *kernels.pose_arrays(), values)
+        self._kernels.append(kernels)
         return Energy(*(float(value) for value in check_result(where, values, q, qd)))
-
-    def _pose_arrays(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return np.zeros((self.assembly.bodies, POSE_COLUMNS)), np.zeros(6), np.zeros(3)
 
     def _poses(
         self, where: str, q: ArrayLike, qd: ArrayLike | None = None
     ) -> tuple[FloatArray, ...]:
         state = self._state(where, q, qd)
-        body_poses, tip, _ = self._pose_arrays()
-        poses(self._sizes, self.assembly.constants, state, body_poses, tip)
+        kernels = self._kernels.take()
+        body_poses, tip = kernels.pose_arrays()
+        kernels.call(poses, state, body_poses, tip)
+        self._kernels.append(kernels)
         check_result(where, tip, q, qd)
         return state, body_poses, tip
 
@@ -155,7 +156,7 @@ class Arm(Dynamics):
         state, body_poses, _ = self._poses("Arm.shape", q)
         points = np.zeros((self.links * stations, 2))
         axis_points(
-            self._sizes,
+            run_time_sizes(self.assembly.constants),
             state,
             body_poses,
             placed.body,
@@ -180,7 +181,8 @@ class Arm(Dynamics):
         shape = (2, self.assembly.bodies, 1 + self.assembly.modes)
         states = check_last_axes("Arm.strains", "states", states, shape, axes=4)
         strains = np.zeros((len(states), len(self.gauges)), dtype=states.dtype)
-        gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
+        sizes = run_time_sizes(self.assembly.constants)
+        gauge_strains(sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
 
     def section_forces(
@@ -206,10 +208,12 @@ class Arm(Dynamics):
         if len(self._cuts) != check_stations(where, stations):
             self._cuts = cuts_at(self, int(stations))
         acting = acting_loads(self, where, tip_force, loads)
-        work = self._newton_euler(where, q, qd, qdd, None, acting, base_acceleration, contacts)
         placed = place_outside(self, where, acting, base_acceleration, contacts)
-        motion = self._state(where, q, qd), self.padded(np.asarray(qdd, np.float64))
-        return forces_at(self, self._cuts, *motion, acting, placed, work)
+        scratch = self._newton_euler(where, q, qd, qdd, placed)
+        motion = scratch.state, scratch.third
+        forces = forces_at(self, self._cuts, *motion, acting, placed, scratch.work)
+        self._inverse.append(scratch)
+        return forces
 
 
 def varied(

@@ -6,7 +6,7 @@ They check shapes, place coordinates and take them back.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,13 +15,14 @@ from flexarm.assemble import FloatArray, assemble
 from flexarm.contacts import Contact, place_outside
 from flexarm.coordinates import Coordinates
 from flexarm.errors import check_array, check_result
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.composite_body import mass_matrix
-from flexarm.kernels.layout import Loads, Workspace, new_workspace, no_loads
+from flexarm.kernels.layout import Loads, no_loads
 from flexarm.kernels.newton_euler import inverse_dynamics_many
-from flexarm.kernels.sensitivity import potential_hessian
+from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
 from flexarm.loads import Load, acting_loads
 from flexarm.model import ArmSpec
-from flexarm.scratch import Scratch, entries_of, is_finite, is_plain
+from flexarm.scratch import Pool, Scratch, is_finite, is_plain
 
 
 class Derivatives(NamedTuple):
@@ -37,34 +38,18 @@ class Dynamics(Coordinates):
 
     def __init__(self, spec: ArmSpec) -> None:
         super().__init__(spec, assemble(spec))
-        self._entries = entries_of(self.assembly.constants)
-        self._sizes = self._entries.sizes
-        self._unloaded = no_loads(self.assembly.constants)
+        a = self.assembly
+        self._unloaded = no_loads(a.constants)
         self._vector, self._torques = (self.dof,), (self.joints,)
-        # Free scratch. Each call takes its own, so that threads do not share any.
-        self._forward: list[Scratch] = []
-        self._inverse: list[Scratch] = []
+        self._kernels = Pool(lambda: KernelView(a.constants))
+        self._forward = Pool(lambda: Scratch(a, (a.bodies,), a.joint_body))
+        self._inverse = Pool(lambda: Scratch(a, (a.bodies, 1 + a.modes), a.coordinates))
+        self._jacobian = Pool(lambda: _Jacobian(self))
 
     def _state(self, where: str, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
         coordinates = check_array(where, "q", q, (self.dof,))
         rates = np.zeros(self.dof) if qd is None else check_array(where, "qd", qd, (self.dof,))
         return self.padded(np.stack([coordinates, rates]))
-
-    def _forward_scratch(self) -> Scratch:
-        """Take scratch for accelerations under torques; the caller puts it back."""
-        try:
-            return self._forward.pop()
-        except IndexError:
-            a = self.assembly
-            return Scratch(a, (a.bodies,), a.joint_body)
-
-    def _inverse_scratch(self) -> Scratch:
-        """Take scratch for forces of accelerations; the caller puts it back if done with it."""
-        try:
-            return self._inverse.pop()
-        except IndexError:
-            a = self.assembly
-            return Scratch(a, (a.bodies, 1 + a.modes), a.coordinates)
 
     def _place(
         self,
@@ -105,9 +90,6 @@ class Dynamics(Coordinates):
         acting = acting_loads(self, where, tip_force, loads)
         return place_outside(self, where, acting, base_acceleration, contacts)
 
-    def _work(self, dtype: Any = np.float64) -> Workspace:
-        return new_workspace(self.assembly.constants, dtype)
-
     def forward_dynamics(
         self,
         q: ArrayLike,
@@ -134,12 +116,11 @@ class Dynamics(Coordinates):
         Theory page "recursion", (R.4) to (R.14): O(links x modes), no matrix is formed.
         """
         where = "Arm.forward_dynamics"
-        scratch = self._forward_scratch()
+        scratch = self._forward.take()
         self._place(where, scratch, q, qd, "torque", torque, self._torques)
         placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
-        constants, work = self.assembly.constants, scratch.work
-        self._entries.forward(self._sizes, constants, scratch.state, scratch.third, placed, work)
-        result: FloatArray = work.acceleration.take(self.assembly.coordinates)
+        accelerations = scratch.forward_dynamics(scratch.state, scratch.third, placed)
+        result: FloatArray = accelerations.take(self.assembly.coordinates)
         if not is_finite(result):  # nothing that is not finite stays in scratch to be used again
             return check_result(where, result, q, qd, torque)
         self._forward.append(scratch)
@@ -160,25 +141,16 @@ class Dynamics(Coordinates):
         Its entries at ``joint_index`` are joint torques (N m). Arguments as in
         ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
         """
-        return self._force(
-            "Arm.inverse_dynamics", q, qd, qdd, tip_force, loads, base_acceleration, contacts
-        )
+        where = "Arm.inverse_dynamics"
+        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
+        return self._force(where, q, qd, qdd, placed)
 
     def _force(
-        self,
-        where: str,
-        q: ArrayLike,
-        qd: ArrayLike,
-        qdd: ArrayLike,
-        tip_force: ArrayLike | None = None,
-        loads: Sequence[Load] = (),
-        base_acceleration: ArrayLike | None = None,
-        contacts: Sequence[Contact] = (),
+        self, where: str, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads
     ) -> FloatArray:
-        """Return the generalised force (dof,) of a motion, from scratch that is used again."""
-        scratch, outside = self._inverse_scratch(), (tip_force, loads, base_acceleration, contacts)
-        work = self._newton_euler(where, q, qd, qdd, *outside, scratch=scratch)
-        force: FloatArray = work.force.take(self.assembly.coordinates)
+        """Return the generalised force (dof,) of a motion."""
+        scratch = self._newton_euler(where, q, qd, qdd, placed)
+        force: FloatArray = scratch.work.force.take(self.assembly.coordinates)
         self._inverse.append(scratch)
         return force
 
@@ -191,38 +163,22 @@ class Dynamics(Coordinates):
         accelerations = self.padded(check_array(where, "qdd", qdd, shape))
         states = self.padded(np.stack([coordinates, rates], axis=1))
         forces = np.empty_like(accelerations)
-        inverse_dynamics_many(
-            self._sizes,
-            self.assembly.constants,
-            states,
-            accelerations,
-            no_loads(self.assembly.constants),
-            self._work(),
-            forces,
+        kernels = KernelView(self.assembly.constants)
+        kernels.call(
+            inverse_dynamics_many, states, accelerations, kernels.loads, kernels.work, forces
         )
         return check_result(where, self.unpadded(forces), q, qd, qdd)
 
     def _newton_euler(
-        self,
-        where: str,
-        q: ArrayLike,
-        qd: ArrayLike,
-        qdd: ArrayLike,
-        tip_force: ArrayLike | None = None,
-        loads: Sequence[Load] = (),
-        base_acceleration: ArrayLike | None = None,
-        contacts: Sequence[Contact] = (),
-        scratch: Scratch | None = None,
-    ) -> Workspace:
-        """Return the workspace of inverse dynamics; without ``scratch`` one of its own."""
-        scratch = scratch or self._inverse_scratch()
+        self, where: str, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads
+    ) -> Scratch:
+        """Return scratch with the inverse dynamics in its workspace; the caller gives it back."""
+        scratch = self._inverse.take()
         self._place(where, scratch, q, qd, "qdd", qdd, self._vector)
-        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
-        constants, work = self.assembly.constants, scratch.work
-        self._entries.inverse(self._sizes, constants, scratch.state, scratch.third, placed, work)
-        if not is_finite(work.force):
-            check_result(where, work.force, q, qd, qdd)
-        return work
+        force = scratch.inverse_dynamics(scratch.state, scratch.third, placed)
+        if not is_finite(force):
+            check_result(where, force, q, qd, qdd)
+        return scratch
 
     def joint_reactions(
         self,
@@ -239,25 +195,33 @@ class Dynamics(Coordinates):
         World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment of a
         joint that turns is the motor's torque and what the joint gives by itself.
         """
-        work = self._newton_euler(
-            "Arm.joint_reactions", q, qd, qdd, tip_force, loads, base_acceleration, contacts
-        )
+        where = "Arm.joint_reactions"
+        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
+        scratch = self._newton_euler(where, q, qd, qdd, placed)
+        work = scratch.work
         angle = np.cumsum(np.arctan2(work.rotation[:, 1], work.rotation[:, 0]))
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y, moment = work.wrench.T
         world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
+        self._inverse.append(scratch)
         return np.asarray(world[self.assembly.link_body])
 
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
         """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd; (R.18), (R.19)."""
         where = "Arm.mass_matrix"
         state = self._state(where, q, None)
-        n, width = self.assembly.bodies, 1 + self.assembly.modes
-        M = np.zeros((n, width, n, width))
-        mass_matrix(self._sizes, self.assembly.constants, state, self._work(), M)
+        kernels = self._kernels.take()
+        M = np.zeros(kernels.shape * 2)
+        kernels.call(mass_matrix, state, kernels.work, M)
         check_result(where, M, q)
-        kept = self.assembly.coordinates
-        return M.reshape(n * width, n * width)[np.ix_(kept, kept)]
+        self._kernels.append(kernels)
+        return self._unpadded_square(M)
+
+    def _unpadded_square(self, matrix: FloatArray) -> FloatArray:
+        """Return a matrix (dof, dof) from one by the kernels' places (n, 1 + m, n, 1 + m)."""
+        kept, size = self.assembly.coordinates, self.assembly.bodies * (1 + self.assembly.modes)
+        found: FloatArray = matrix.reshape(size, size)[np.ix_(kept, kept)]
+        return found
 
     def stiffness_matrix(
         self,
@@ -274,24 +238,17 @@ class Dynamics(Coordinates):
         """
         where = "Arm.stiffness_matrix"
         state = self._state(where, q, None)
-        n, width = self.assembly.bodies, 1 + self.assembly.modes
         constants = self.assembly.constants
-        acting = acting_loads(self, where, tip_force, loads)
-        placed = place_outside(self, where, acting, None, contacts)
-        touching = placed.contacts.body.size
-        if np.any(constants.gravity) or constants.has_joint_laws or acting or touching:
-            K = np.zeros((n, width, n, width))
-            work = self._work(complex)
-            at_rest = np.zeros((n, width))
-            potential_hessian(
-                self._sizes, constants, state.astype(complex), at_rest, placed, work, K
-            )
-            check_result(where, K, q)
-        else:
+        placed = self._outside(where, tip_force, loads, None, contacts)
+        acting = placed.body.size or placed.contacts.body.size
+        if not (np.any(constants.gravity) or constants.has_joint_laws or acting):
             springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
-            K = np.diag(springs.ravel())
-        kept = self.assembly.coordinates
-        return K.reshape(n * width, n * width)[np.ix_(kept, kept)]
+            return np.diag(self.unpadded(springs))
+        kernels = KernelView(constants, complex)
+        at_rest, K = np.zeros(kernels.shape), np.zeros(kernels.shape * 2)
+        kernels.call(potential_hessian, state.astype(complex), at_rest, placed, kernels.work, K)
+        check_result(where, K, q)
+        return self._unpadded_square(K)
 
     def damping_matrix(self) -> FloatArray:
         """Return the viscous damping (dof, dof) of joints and links, diagonal."""
@@ -304,7 +261,7 @@ class Dynamics(Coordinates):
 
         It includes velocity products, stiffness, damping and gravity.
         """
-        return self._force("Arm.bias_force", q, qd, np.zeros(self.dof))
+        return self._force("Arm.bias_force", q, qd, np.zeros(self.dof), self._unloaded)
 
     def derivatives(
         self,
@@ -322,45 +279,29 @@ class Dynamics(Coordinates):
         (``kernels.sensitivity``): exact to rounding.
         """
         where = "Arm.derivatives"
-        scratch = self._forward_scratch()
+        scratch, kernels = self._forward.take(), self._jacobian.take()
         self._place(where, scratch, q, qd, "torque", torque, self._torques)
         placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
-        if scratch.more is None:
-            scratch.more = _ComplexBuffers(self)
-        more: _ComplexBuffers = scratch.more
-        more.state[...] = scratch.state
-        more.torque[...] = scratch.third
-        self._entries.jacobian(
-            self._sizes,
-            self.assembly.constants,
-            more.state,
-            more.torque,
-            placed,
-            more.work,
-            more.by_state,
-            more.by_torque,
-        )
-        flat = more.by_state.ravel()
+        kernels.fill(scratch.state, scratch.third, placed)
+        flat = kernels.by_state.ravel()
         if not is_finite(flat):
             check_result(where, flat, q, qd, torque)
-        found = Derivatives(
-            flat.take(more.places_q).T,
-            flat.take(more.places_qd).T,
-            more.by_torque.take(more.places_torque),
-        )
         self._forward.append(scratch)
-        return found
+        self._jacobian.append(kernels)
+        return Derivatives(
+            flat.take(kernels.places_q).T,
+            flat.take(kernels.places_qd).T,
+            kernels.by_torque.take(kernels.places_torque),
+        )
 
 
-class _ComplexBuffers:
-    """Arrays that ``Arm.derivatives`` fills, and where its results are in them."""
+class _Jacobian(KernelView):
+    """The kernels over complex numbers, arrays for derivatives, and where results are in them."""
 
     def __init__(self, arm: Dynamics) -> None:
-        assembly = arm.assembly
-        n, width = assembly.bodies, 1 + assembly.modes
-        self.state = np.zeros((2, n, width), dtype=complex)
-        self.torque = np.zeros(n, dtype=complex)
-        self.work = new_workspace(assembly.constants, complex)
+        super().__init__(arm.assembly.constants, complex)
+        assembly, (n, width) = arm.assembly, self.shape
+        self._state, self._torque = self.zeros(2), np.zeros(n, dtype=complex)
         self.by_state = np.zeros((n, width, 2, n, width))
         self.by_torque = np.zeros((n, width, n))
         kept, size = assembly.coordinates, n * width
@@ -368,3 +309,9 @@ class _ComplexBuffers:
         self.places_q = kept * (2 * size) + kept[:, None]
         self.places_qd = self.places_q + size
         self.places_torque = kept[:, None] * n + assembly.joint_body
+
+    def fill(self, state: FloatArray, torque: FloatArray, placed: Loads) -> None:
+        """Fill ``by_state`` and ``by_torque``."""
+        self._state[...], self._torque[...] = state, torque
+        found = self.by_state, self.by_torque
+        self.call(forward_jacobian, self._state, self._torque, placed, self.work, *found)

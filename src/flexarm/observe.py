@@ -9,14 +9,9 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.contact import ENERGY, FORCE, GAP, look_many
-from flexarm.kernels.layout import (
-    LOOK_COLUMNS,
-    Contacts,
-    Workspace,
-    new_workspace,
-    run_time_sizes,
-)
+from flexarm.kernels.layout import LOOK_COLUMNS, Contacts, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS, observe_many
 
 #: Samples looked at in one go: bounds the scratch memory of long runs.
@@ -46,29 +41,28 @@ def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
 
 
 def contact_values(
-    arm: Arm, contacts: Contacts, states: FloatArray, work: Workspace | None = None
+    arm: Arm, contacts: Contacts, states: FloatArray, kernels: KernelView | None = None
 ) -> FloatArray:
     """Return what states (samples, 2, n, 1 + m) have to do with contacts: (samples, contacts, 9).
 
     Columns as ``kernels.contact`` names them: position and velocity of the point, force on it,
-    gap, curvature, energy. ``contacts`` from ``place_contacts``; ``work`` to use again saves time.
+    gap, curvature, energy. ``contacts`` from ``place_contacts``. A view of the kernels to use again
+    saves time.
     """
-    constants = arm.assembly.constants
-    if work is None:
-        work = new_workspace(constants, states.dtype)
+    view = kernels or KernelView(arm.assembly.constants, states.dtype)
     values = np.zeros((len(states), contacts.body.size, LOOK_COLUMNS), dtype=states.dtype)
-    look_many(run_time_sizes(constants), constants, contacts, states, work, values)
+    look_many(view.sizes, view.constants, contacts, states, view.work, values)
     return values
 
 
 def contact_forces(
-    arm: Arm, contacts: Contacts, states: FloatArray, work: Workspace | None = None
+    arm: Arm, contacts: Contacts, states: FloatArray, kernels: KernelView | None = None
 ) -> FloatArray:
     """Return the forces (samples, contacts, 2) of contacts on the arm, N, world axes.
 
     Arguments as ``contact_values``.
     """
-    return contact_values(arm, contacts, states, work)[..., FORCE : FORCE + 2]
+    return contact_values(arm, contacts, states, kernels)[..., FORCE : FORCE + 2]
 
 
 def contact_channels(arm: Arm, placed: Contacts, states: FloatArray) -> dict[str, FloatArray]:

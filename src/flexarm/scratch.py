@@ -1,47 +1,17 @@
-"""What one evaluation of the dynamics needs beside its arguments: entry points and buffers.
-
-To allocate the arrays of a kernel and to find their types takes ten times as long as the kernel
-itself. Both are kept from one call to the next.
-"""
+"""Buffers that evaluations of the dynamics keep from one call to the next."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from flexarm.assemble import Assembly, FloatArray, IntArray
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.cache import Entry
-from flexarm.kernels.layout import ArmConstants, Sizes, new_workspace, run_time_sizes
-from flexarm.kernels.newton_euler import inverse_dynamics
-from flexarm.kernels.sensitivity import forward_jacobian
+from flexarm.kernel_view import KernelView
 
+T = TypeVar("T")
 _FLOAT = np.dtype(np.float64)
-
-
-class Entries(NamedTuple):
-    """Sizes of an arm, and cached entry points into kernels for them."""
-
-    sizes: Sizes
-    forward: Entry  # forward_dynamics
-    inverse: Entry  # inverse_dynamics
-    jacobian: Entry  # forward_jacobian
-
-
-_known: dict[tuple[int, ...], Entries] = {}
-
-
-def entries_of(constants: ArmConstants) -> Entries:
-    """Return the entry points for an arm, which all arms of the same sizes share.
-
-    Their arrays have the same types: all are contiguous and may be written to.
-    """
-    sizes = run_time_sizes(constants)
-    entries = Entries(
-        sizes, Entry(forward_dynamics), Entry(inverse_dynamics), Entry(forward_jacobian)
-    )
-    return _known.setdefault(tuple(map(len, sizes)), entries)
 
 
 def is_plain(value: object, shape: tuple[int, ...]) -> bool:
@@ -49,8 +19,25 @@ def is_plain(value: object, shape: tuple[int, ...]) -> bool:
     return type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape
 
 
-class Scratch:
-    """Buffers for one evaluation: its three vectors as the kernels' arrays, and a workspace.
+class Pool(list[T]):
+    """Free buffers of one kind. Each call takes its own, so that threads do not share any.
+
+    The caller appends them again when done, but not with values that are not finite.
+    """
+
+    def __init__(self, new: Callable[[], T]) -> None:
+        self._new = new
+
+    def take(self) -> T:
+        """Return free buffers, or new ones."""
+        try:
+            return self.pop()
+        except IndexError:
+            return self._new()
+
+
+class Scratch(KernelView):
+    """A view of the kernels with buffers for the three vectors of one evaluation.
 
     Args:
         assembly: of the arm, n bodies of m modes.
@@ -59,21 +46,20 @@ class Scratch:
 
     Attributes:
         state: (2, n, 1 + m), of coordinates and rates. third: torques (n,) or accelerations
-        (n, 1 + m). work: the workspace. more: further buffers of the caller.
+        (n, 1 + m).
     """
 
-    __slots__ = ("_given", "_places", "more", "state", "third", "work")
+    __slots__ = ("_given", "_places", "state", "third")
 
     def __init__(self, assembly: Assembly, shape: tuple[int, ...], places: IntArray) -> None:
-        n, width = assembly.bodies, 1 + assembly.modes
+        super().__init__(assembly.constants)
+        n, width = self.shape
         rates, third = n * width, 2 * n * width
         self._given = np.zeros(third + int(np.prod(shape)))
         self.state = self._given[:third].reshape(2, n, width)
         self.third = self._given[third:].reshape(shape)
         q = assembly.coordinates
         self._places = _as_slice(q), _as_slice(q + rates), _as_slice(places + third)
-        self.work = new_workspace(assembly.constants)
-        self.more: Any = None
 
     def fill(self, q: FloatArray, qd: FloatArray, third: FloatArray) -> bool:
         """Place three vectors; return whether all their numbers are finite."""

@@ -6,6 +6,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.engine import stepping
+from flexarm.kernels.layout import run_time_sizes
 
 
 @pytest.fixture
@@ -15,7 +16,7 @@ def compiled(monkeypatch):
 
     def count(constants):
         switches.append(constants)
-        return stepping.run_time_sizes(constants)
+        return run_time_sizes(constants)
 
     monkeypatch.setattr(stepping, "compile_time_sizes", count)
     return switches

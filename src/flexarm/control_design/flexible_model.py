@@ -6,10 +6,9 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernels.cache import Entry
-from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.newton_euler import inverse_dynamics_many
-from flexarm.kernels.observables import POSE_COLUMNS, poses
+from flexarm.kernels.observables import poses
 
 
 class FlexibleModel:
@@ -26,16 +25,11 @@ class FlexibleModel:
         self.arm = arm
         assembly = arm.assembly
         self.elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
-        self._constants = assembly.constants
-        self._sizes = run_time_sizes(self._constants)
-        self._work = new_workspace(self._constants)
-        self._loads = no_loads(self._constants)
-        width = 1 + self._constants.S.shape[1]
-        self._state = np.zeros((2, assembly.bodies, width))
+        self._kernels = KernelView(assembly.constants)
+        self._state = self._kernels.zeros(2)
         self._joint_places = assembly.coordinates[arm.joint_index]
         self._elastic_places = assembly.coordinates[self.elastic]
-        self._inverse_dynamics, self._find_poses = Entry(inverse_dynamics_many), Entry(poses)
-        self._poses, self._tip = np.zeros((assembly.bodies, POSE_COLUMNS)), np.zeros(6)
+        self._poses, self._tip = self._kernels.pose_arrays()
 
     def forces_many(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
@@ -45,18 +39,17 @@ class FlexibleModel:
         ``bend`` (T, dof - joints): the elastic coordinates; their rates and accelerations are zero.
         """
         joints, elastic = self._joint_places, self._elastic_places
-        _, bodies, width = self._state.shape
-        states = np.zeros((len(angle), 2, bodies, width))
-        accelerations = np.zeros((len(angle), bodies, width))
+        kernels, count = self._kernels, len(angle)
+        states, accelerations = kernels.zeros(count, 2), kernels.zeros(count)
         forces = np.empty_like(accelerations)
-        flat = states.reshape(len(angle), 2, -1)
+        flat = states.reshape(count, 2, -1)
         flat[:, 0, joints], flat[:, 1, joints] = angle, rate
         flat[:, 0, elastic] = bend
-        accelerations.reshape(len(angle), -1)[:, joints] = acceleration
-        self._inverse_dynamics(
-            self._sizes, self._constants, states, accelerations, self._loads, self._work, forces
+        accelerations.reshape(count, -1)[:, joints] = acceleration
+        kernels.call(
+            inverse_dynamics_many, states, accelerations, kernels.loads, kernels.work, forces
         )
-        found = forces.reshape(len(angle), -1)
+        found = forces.reshape(count, -1)
         return found[:, joints], found[:, elastic]
 
     def tip(self, angle: FloatArray, bend: FloatArray) -> FloatArray:
@@ -64,5 +57,5 @@ class FlexibleModel:
         # A flat view: one index for a coordinate, wherever it stands in the kernels' arrays.
         q = self._state[0].reshape(-1)
         q[self._joint_places], q[self._elastic_places] = angle, bend
-        self._find_poses(self._sizes, self._constants, self._state, self._poses, self._tip)
+        self._kernels.call(poses, self._state, self._poses, self._tip)
         return self._tip[:2].copy()

@@ -6,9 +6,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernels.cache import Entry
-from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernel_view import KernelView
 
 #: Each correction leaves a part of the one before: weight times deflection over stiffness times
 #: length, a tenth where links sag by a tenth of their length.
@@ -28,19 +26,14 @@ class SaggingArm:
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
         assembly = arm.assembly
-        self._constants = assembly.constants
-        self._sizes = run_time_sizes(self._constants)
-        self._work = new_workspace(self._constants)
-        self._loads = no_loads(self._constants)
-        self._state = np.zeros((2, assembly.bodies, 1 + self._constants.S.shape[1]))
-        self._still = np.zeros(self._state.shape[1:])
+        self._kernels = KernelView(assembly.constants)
+        self._state, self._still = self._kernels.zeros(2), self._kernels.zeros()
         self._bodies = assembly.joint_body
         elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
         self._places = np.unravel_index(assembly.coordinates[elastic], self._still.shape)
         weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
         stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.joints)))
         self._compliance = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
-        self._inverse_dynamics = Entry(inverse_dynamics)
         self.reset()
 
     def reset(self) -> None:
@@ -59,10 +52,7 @@ class SaggingArm:
 
     def _correct(self) -> FloatArray:
         """Return the torque at the sag as it is, and correct the sag."""
-        self._inverse_dynamics(
-            self._sizes, self._constants, self._state, self._still, self._loads, self._work
-        )
-        force = self._work.force
+        force = self._kernels.inverse_dynamics(self._state, self._still)
         torque: FloatArray = force[self._bodies, 0]
         self._state[0][self._places] -= self._compliance @ force[self._places]
         return torque

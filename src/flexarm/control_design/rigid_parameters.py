@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, shown
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernels.cache import Entry
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.columns import HAS_JOINT_LAWS
-from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
+from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.rigid_terms import SET_COLUMNS, momentum, regressor
 from flexarm.model.wording import nearest
 
@@ -68,12 +68,8 @@ class RigidParameters:
         self._inertial = 1 + len(turning)
         self._order = _order(directions)
         self.known = 2
-        constants = _writable(exact)
-        self._sizes = run_time_sizes(constants)
-        self._model = constants, no_loads(constants), new_workspace(constants)
-        self._torques, self._momentum = Entry(regressor), Entry(momentum)
-        n, m = exact.S.shape
-        self._state, self._acceleration = np.zeros((2, n, 1 + m)), np.zeros((n, 1 + m))
+        self._kernels = kernels = KernelView(_writable(exact))
+        self._state, self._acceleration = kernels.zeros(2), kernels.zeros()
         self._motion = np.zeros((4, self.joints))
         self._angle, self._rate = np.zeros(self.joints), np.zeros(self.joints)
         self._columns = np.zeros((len(self._sets), self.joints))
@@ -96,9 +92,10 @@ class RigidParameters:
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
-        self._torques(
-            self._sizes,
-            *self._model,
+        self._kernels.call(
+            regressor,
+            self._kernels.loads,
+            self._kernels.work,
             self._sets,
             self._inertial,
             self._bodies,
@@ -118,9 +115,10 @@ class RigidParameters:
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return M qd and C' qd - g - losses, the momentum's rate without motors: (2, joints)."""
         self._angle[:], self._rate[:] = angle, rate
-        self._momentum(
-            self._sizes,
-            *self._model,
+        self._kernels.call(
+            momentum,
+            self._kernels.loads,
+            self._kernels.work,
             self._split,
             self._bodies,
             self._angle,

@@ -8,9 +8,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernels.cache import Entry
-from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.observables import POSE_COLUMNS
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.task_dynamics import task_dynamics, tip_torque
 
 
@@ -32,36 +30,32 @@ class TaskSpace:
 
     def __init__(self, arm: Arm) -> None:
         assembly = arm.rigid().assembly
-        constants = assembly.constants
-        n, m = constants.S.shape
+        self._kernels = kernels = KernelView(assembly.constants)
+        moved = KernelView(assembly.constants, complex)
         self.joints = count = arm.joints
         self._state = TaskState(
             np.zeros((3, 2)), np.zeros((2, count)), np.zeros((count, count)), np.zeros(count)
         )
         self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
-        self._task_dynamics = Entry(task_dynamics)
         self._arguments = (
-            run_time_sizes(constants),
-            constants,
             assembly.joint_body,
             self._angle,
             self._rate,
-            no_loads(constants),
-            np.zeros((2, n, 1 + m)),
-            np.zeros((n, 1 + m)),
-            new_workspace(constants),
-            np.zeros((2, n, 1 + m), dtype=complex),
-            np.zeros((n, POSE_COLUMNS), dtype=complex),
-            np.zeros(6, dtype=complex),
-            np.zeros((2, n)),
-            np.zeros((n, 1 + m, n, 1 + m)),
+            kernels.loads,
+            kernels.zeros(2),
+            kernels.zeros(),
+            kernels.work,
+            moved.zeros(2),
+            *moved.pose_arrays(),
+            np.zeros((2, assembly.bodies)),
+            np.zeros(kernels.shape * 2),
             *self._state,
         )
 
     def at(self, angle: FloatArray, rate: FloatArray) -> TaskState:
         """Return the twin at joint angles (rad) and rates (rad/s), (joints,) each."""
         self._angle[:], self._rate[:] = angle, rate
-        self._task_dynamics(*self._arguments)
+        self._kernels.call(task_dynamics, *self._arguments)
         return self._state
 
     def torque(

@@ -27,13 +27,9 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.columns import FREE
-from flexarm.kernels.layout import (
-    ArmConstants,
-    compile_time_sizes,
-    new_workspace,
-    run_time_sizes,
-)
+from flexarm.kernels.layout import ArmConstants, compile_time_sizes
 from flexarm.observe import absolute_angles
 
 #: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
@@ -101,8 +97,9 @@ class Run:
             loads.factors.breaks,
             loads.factors.coefficients,
         )
-        sizes = compile_time_sizes if self.specialized else run_time_sizes
-        return System(sizes(constants), constants, drive, new_workspace(constants))
+        kernels = KernelView(constants)
+        sizes = compile_time_sizes(constants) if self.specialized else kernels.sizes
+        return System(sizes, constants, drive, kernels.work)
 
     def _constants(self) -> ArmConstants:
         """Constants of the arm, with the joints whose motion is given taken from the forces."""

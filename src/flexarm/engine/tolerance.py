@@ -8,8 +8,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray, Tolerance
-from flexarm.kernels.layout import new_workspace, no_loads
-from flexarm.scratch import entries_of
+from flexarm.kernel_view import KernelView
 
 #: A mode that hardly moves the tip still bends the link: its own amplitude counts this much.
 _INTERIOR = 0.1
@@ -70,14 +69,10 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
 def _power_iteration(arm: Arm, state: FloatArray) -> float:
     """Iterate on the change of the accelerations by a change of the coordinates."""
     c = arm.assembly.constants
-    entries, work = entries_of(c), new_workspace(c)
-    no_torque, unloaded = np.zeros(c.mass.size), no_loads(c)
+    kernels, no_torque = KernelView(c), np.zeros(c.mass.size)
     at_rest = np.zeros_like(state)
     at_rest[0] = state[0]
-    moved, acceleration = at_rest.copy(), work.acceleration
-    find, sizes = entries.forward, entries.sizes
-    find(sizes, c, at_rest, no_torque, unloaded, work)
-    origin = acceleration.copy()
+    moved, origin = at_rest.copy(), kernels.forward_dynamics(at_rest, no_torque).copy()
     direction = np.zeros_like(origin)
     direction[:, 1:] = np.sqrt(c.w2)
     direction[:, 0] = np.sqrt(c.joint_stiffness)
@@ -88,8 +83,7 @@ def _power_iteration(arm: Arm, state: FloatArray) -> float:
         # Small enough to stay linear, large enough to stand clear of rounding.
         direction *= 1e-6 / length
         np.add(at_rest[0], direction, out=moved[0])
-        find(sizes, c, moved, no_torque, unloaded, work)
-        np.subtract(acceleration, origin, out=direction)
+        np.subtract(kernels.forward_dynamics(moved, no_torque), origin, out=direction)
         if fixed.size:
             direction[fixed, 0] = 0.0
         length = np.sqrt(flat.dot(flat))

@@ -13,9 +13,9 @@ from flexarm.assemble import IntArray
 from flexarm.errors import InputError, Problem, few, shown
 from flexarm.hardware.instruments import Instrument
 from flexarm.hardware.measurement import FloatArray, Measurement
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.cache import Entry
-from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.observables import POSE_COLUMNS
+from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.point_sensitivity import point_jacobian
 from flexarm.linear.sampled_step import state_places
 from flexarm.linear.signals import Sensor
@@ -65,17 +65,13 @@ class PredictedReadings:
             for k, item in enumerate(instruments)
             if isinstance(item.signal, Sensor)
         ]
-        constants = arm.assembly.constants
-        n, m = constants.S.shape
         self._stations = place_loads(
             arm, where, [Load(s.link, station=s.station) for s in self._sensors], what="Sensor"
         )
-        self._sizes, self._loads = run_time_sizes(constants), no_loads(constants)
-        self._work = new_workspace(constants, complex)
+        self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._point_jacobian = Entry(point_jacobian)
-        self._acceleration = np.zeros((n, 1 + m), dtype=complex)
-        self._poses = np.zeros((n, POSE_COLUMNS), dtype=complex)
-        self._tip = np.zeros(6, dtype=complex)
+        self._acceleration = kernels.zeros()
+        self._poses, self._tip = kernels.pose_arrays()
         self._motions = np.zeros((len(self._sensors), 8), dtype=complex)
         self._state_places = state_places(arm)
         self._found = np.zeros((len(self._state_places) + 2, len(self._sensors), 8))
@@ -160,16 +156,16 @@ class PredictedReadings:
         places: IntArray,
         found: FloatArray,
     ) -> None:
-        arm = self._arm
+        arm, kernels = self._arm, self._kernels
         self._point_jacobian(
-            self._sizes,
+            kernels.sizes,
             *constants,
             places,
             arm.padded(x.reshape(2, -1)).astype(complex),
             arm.padded_torque(torque).astype(complex),
-            self._loads,
+            kernels.loads,
             self._stations,
-            self._work,
+            kernels.work,
             self._acceleration,
             self._poses,
             self._tip,

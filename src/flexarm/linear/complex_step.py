@@ -15,8 +15,9 @@ from flexarm.integrate.base import Drive, System
 from flexarm.integrate.kennedy_carpenter import Additive, AdditiveTableau
 from flexarm.integrate.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.step_sensitivity import held_torque_additive_step, held_torque_step
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.implicit_step import constants_to_soften
-from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
+from flexarm.kernels.layout import ArmConstants
 
 
 class Stepper(Protocol):
@@ -54,22 +55,20 @@ class _Explicit:
 
     def __init__(self, arm: Arm, rows: FloatArray, h: float) -> None:
         self.arm, self.rows, self.h = arm, rows, h
-        constants = arm.assembly.constants
-        self.sizes = run_time_sizes(constants)
-        self.work, self.loads = new_workspace(constants, complex), no_loads(constants)
-        self.stages, self.new = _scratch(arm, len(rows) - 1)
+        self.kernels = KernelView(arm.assembly.constants, complex)
+        self.stages, self.new = self.kernels.zeros(len(rows) - 1, 2), self.kernels.zeros(2)
 
     def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
         """See ``Stepper.take``."""
         held_torque_step(
-            self.sizes,
+            self.kernels.sizes,
             _complex(constants),
             self.rows,
             self.h,
             self.arm.padded(x.reshape(2, -1)).astype(complex),
             torque.astype(complex),
-            self.loads,
-            self.work,
+            self.kernels.loads,
+            self.kernels.work,
             self.stages,
             self.new,
         )
@@ -81,12 +80,9 @@ class _Additive:
 
     def __init__(self, arm: Arm, tableau: AdditiveTableau, h: float) -> None:
         self.arm, self.tableau, self.h = arm, tableau, h
-        constants = arm.assembly.constants
-        self.sizes = run_time_sizes(constants)
-        self.work, self.loads = new_workspace(constants, complex), no_loads(constants)
-        self.stages, self.new = _scratch(arm, len(tableau.c))
-        self.known = np.zeros_like(self.new)
-        self.added, self.force = np.zeros((2, *self.new.shape[1:]), dtype=complex)
+        self.kernels = kernels = KernelView(arm.assembly.constants, complex)
+        self.stages, self.new = kernels.zeros(len(tableau.c), 2), kernels.zeros(2)
+        self.known, self.added, self.force = kernels.zeros(2), kernels.zeros(), kernels.zeros()
         self.torque = np.zeros(len(self.added), dtype=complex)
         self.clock = np.zeros(SOFTENED + 1)
 
@@ -97,9 +93,10 @@ class _Additive:
         coefficients[0, 0] = torque
         span, nothing = np.array([0.0, 1.0]), np.zeros((1, 4, 0))
         amplitude = np.zeros((0, 3))
-        drive = Drive(span, coefficients, np.zeros(0), self.loads, amplitude, span, nothing)
+        kernels = self.kernels
+        drive = Drive(span, coefficients, np.zeros(0), kernels.loads, amplitude, span, nothing)
         held_torque_additive_step(
-            System(self.sizes, own, drive, self.work),
+            System(kernels.sizes, own, drive, kernels.work),
             constants_to_soften(own),
             self.tableau.explicit,
             self.tableau.implicit,
@@ -115,11 +112,6 @@ class _Additive:
             self.clock,
         )
         return self.arm.unpadded(self.new).ravel()
-
-
-def _scratch(arm: Arm, stages: int) -> tuple[FloatArray, FloatArray]:
-    shape = (2, arm.assembly.constants.S.shape[0], 1 + arm.assembly.constants.S.shape[1])
-    return np.zeros((stages, *shape), dtype=complex), np.zeros(shape, dtype=complex)
 
 
 def _complex(constants: ArmConstants) -> ArmConstants:

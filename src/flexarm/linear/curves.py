@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.kernels.layout import run_time_sizes
-from flexarm.kernels.observables import POSE_COLUMNS, poses
+from flexarm.kernel_view import KernelView
+from flexarm.kernels.observables import poses
 from flexarm.kernels.sensitivity import STEP
 from flexarm.kernels.shapes import axis_points
 from flexarm.loads import Load, place_loads
@@ -34,17 +34,15 @@ def displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) 
 
 
 def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArray:
-    constants = arm.assembly.constants
-    sizes = run_time_sizes(constants)
-    body_poses = np.zeros((arm.assembly.bodies, POSE_COLUMNS), dtype=complex)
-    tip = np.zeros(6, dtype=complex)
+    kernels = KernelView(arm.assembly.constants, complex)
+    body_poses, tip = kernels.pose_arrays()
     points = np.zeros((len(shapes), len(placed.body), 2), dtype=complex)
     still = np.zeros(arm.dof)
     for shape, seen in zip(shapes, points, strict=True):
         state = arm.padded(np.stack([q + STEP * 1j * shape, still]))
-        poses(sizes, constants, state, body_poses, tip)
+        kernels.call(poses, state, body_poses, tip)
         axis_points(
-            sizes,
+            kernels.sizes,
             state,
             body_poses,
             placed.body,

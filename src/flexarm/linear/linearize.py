@@ -20,9 +20,8 @@ from flexarm.assemble import FloatArray
 from flexarm.bending import one_warning, warn_of_bending
 from flexarm.contacts import Contact, place_contacts, place_outside
 from flexarm.errors import InputError, Problem, check_array, check_result
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.layout import Loads, new_workspace, run_time_sizes
-from flexarm.kernels.observables import POSE_COLUMNS
+from flexarm.kernel_view import KernelView
+from flexarm.kernels.layout import Loads
 from flexarm.kernels.point_motion import point_motions
 from flexarm.kernels.sensitivity import STEP
 from flexarm.linear.equilibrium import Equilibrium, equilibrium
@@ -157,8 +156,7 @@ class _Perturbed:
     ) -> None:
         self.arm, self.point, self.base = arm, point, base
         self.inputs, self.outputs = inputs, outputs
-        self.sizes = run_time_sizes(arm.assembly.constants)
-        self.work = new_workspace(arm.assembly.constants, complex)
+        self.kernels = KernelView(arm.assembly.constants, complex)
         size = 2 * arm.dof
         self.rows = 1 + size + len(inputs)
         moved = np.tile(np.concatenate([point.q, point.qd]).astype(complex), (self.rows, 1))
@@ -198,18 +196,15 @@ class _Perturbed:
         return self.placed._replace(value=self.values[row], base_acceleration=self.bases[row])
 
     def _respond(self) -> ComplexArray:
-        constants = self.arm.assembly.constants
+        kernels, acceleration = self.kernels, self.kernels.work.acceleration
         tau = self.arm.padded_torque(self.torque)
         found = np.empty((self.rows, *self.states.shape[2:]), dtype=complex)
         for row in range(self.rows):
-            loads = self._loads_of(row)
             try:
-                forward_dynamics(
-                    self.sizes, constants, self.states[row], tau[row], loads, self.work
-                )
+                kernels.forward_dynamics(self.states[row], tau[row], self._loads_of(row))
             except ZeroDivisionError:  # raised for complex numbers only; real ones give infinity
-                self.work.acceleration[:] = np.nan
-            found[row] = self.work.acceleration
+                acceleration[:] = np.nan
+            found[row] = acceleration
         point = self.point
         check_result(_WHERE, found.view(np.float64), point.q, point.qd, point.torque)
         return found
@@ -237,18 +232,16 @@ class _Perturbed:
             return []
         places = [Load(sensor.link, station=sensor.station) for sensor in sensors]
         stations = place_loads(self.arm, _WHERE, places)
-        assembly = self.arm.assembly
-        poses = np.zeros((assembly.bodies, POSE_COLUMNS), dtype=complex)
-        tip, motions = np.zeros(6, dtype=complex), np.zeros((self.rows, len(sensors), 8), complex)
+        kernels, motions = self.kernels, np.zeros((self.rows, len(sensors), 8), complex)
+        poses, tip = kernels.pose_arrays()
         for row in range(self.rows):
-            point_motions(
-                self.sizes,
-                assembly.constants,
+            kernels.call(
+                point_motions,
                 self.states[row],
                 self.accelerations[row],
                 self._loads_of(row),
                 stations,
-                self.work,
+                kernels.work,
                 poses,
                 tip,
                 motions[row],

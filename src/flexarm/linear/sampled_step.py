@@ -12,7 +12,8 @@ from flexarm.assemble import FloatArray, IntArray
 from flexarm.integrate import INTEGRATORS
 from flexarm.integrate.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.step_sensitivity import held_torque_jacobian
-from flexarm.kernels.layout import ArmConstants, new_workspace, no_loads, run_time_sizes
+from flexarm.kernel_view import KernelView
+from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.sensitivity import STEP
 from flexarm.linear.parameters import constants_by
 
@@ -54,12 +55,10 @@ class SampledStep:
         self._by = [(k, d) for k, d in enumerate(by) if np.any(d)]
         self.places = state_places(arm)
         self._rows = _classical()
-        n, m = exact.S.shape
-        self._sizes, self._loads = run_time_sizes(exact), no_loads(exact)
-        self._work = new_workspace(exact, complex)
-        self._stages = np.zeros((len(self._rows) - 1, 2, n, 1 + m), dtype=complex)
-        self._before, self._new = (np.zeros((2, n, 1 + m), dtype=complex) for _ in range(2))
-        self._slopes = np.zeros((len(self.places) + arm.joints + 1, 2, n, 1 + m))
+        self._kernels = kernels = KernelView(exact, complex)
+        self._stages = kernels.zeros(len(self._rows) - 1, 2)
+        self._before, self._new = kernels.zeros(2), kernels.zeros(2)
+        self._slopes = np.zeros((len(self.places) + arm.joints + 1, 2, *kernels.shape))
 
     def constants(self, change: float) -> tuple[ArmConstants, ArmConstants]:
         """Return complex constants with the parameter changed, without and with its small step."""
@@ -74,7 +73,7 @@ class SampledStep:
         arm = self.arm
         plain, moved = self.constants(change)
         held_torque_jacobian(
-            self._sizes,
+            self._kernels.sizes,
             plain,
             moved,
             self._rows,
@@ -84,8 +83,8 @@ class SampledStep:
             arm.assembly.joint_body,
             arm.padded(x.reshape(2, -1)).astype(complex),
             arm.padded_torque(torque).astype(complex),
-            self._loads,
-            self._work,
+            self._kernels.loads,
+            self._kernels.work,
             self._stages,
             self._before,
             self._new,

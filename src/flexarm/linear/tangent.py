@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.contacts import Contact, place_outside
-from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.tangent import inverse_jacobian
 from flexarm.loads import Load
 
@@ -36,16 +36,15 @@ def tangent(
 
     About a state that moves, ``damping`` holds gyroscopic terms and ``stiffness`` centrifugal ones.
     """
-    constants = arm.assembly.constants
-    n, width = arm.assembly.bodies, 1 + arm.assembly.modes
+    kernels = KernelView(arm.assembly.constants, complex)
+    n, width = kernels.shape
     jacobian = np.zeros((n, width, 2, n, width))
-    inverse_jacobian(
-        run_time_sizes(constants),
-        constants,
+    kernels.call(
+        inverse_jacobian,
         arm.padded(np.stack([q, qd])).astype(complex),
         arm.padded(qdd),
         place_outside(arm, "linearize", loads, base_acceleration, contacts),
-        new_workspace(constants, complex),
+        kernels.work,
         jacobian,
     )
     kept = arm.assembly.coordinates

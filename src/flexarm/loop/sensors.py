@@ -14,10 +14,10 @@ from flexarm.hardware.instruments import Instrument, Readings
 from flexarm.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.cache import Entry
 from flexarm.kernels.contact import GAP
-from flexarm.kernels.layout import new_workspace, run_time_sizes
-from flexarm.kernels.observables import POSE_COLUMNS, poses
+from flexarm.kernels.observables import poses
 from flexarm.kernels.point_motion import point_motions
 from flexarm.linear.signals import Sensor
 from flexarm.loads import Load, place_loads
@@ -41,14 +41,12 @@ class TipMotion:
     """Position x, y, angle of the tip and their rates, without computing all channels."""
 
     def __init__(self, arm: Arm) -> None:
-        self._constants = arm.assembly.constants
-        self._sizes = run_time_sizes(self._constants)
-        self._poses, self._tip = np.zeros((arm.assembly.bodies, POSE_COLUMNS)), np.zeros(6)
-        self._find = Entry(poses)
+        self._kernels = KernelView(arm.assembly.constants)
+        self._poses, self._tip = self._kernels.pose_arrays()
 
     def __call__(self, state: FloatArray) -> FloatArray:
         """Return (6,) m, rad, m/s, rad/s at a state (2, n, 1 + m); overwritten by the next call."""
-        self._find(self._sizes, self._constants, state, self._poses, self._tip)
+        self._kernels.call(poses, state, self._poses, self._tip)
         return self._tip
 
 
@@ -166,15 +164,15 @@ def _channel(arm: Arm, name: str) -> Reader:
 def _contact_force(run: Run) -> Reader:
     """Read the forces (contacts, 2) of contacts on the arm, world axes."""
     arm, placed = run.arm, run.loads.placed.contacts
-    work = new_workspace(arm.assembly.constants)
-    return lambda state, system, t: contact_forces(arm, placed, state[None], work)[0]
+    kernels = KernelView(arm.assembly.constants)
+    return lambda state, system, t: contact_forces(arm, placed, state[None], kernels)[0]
 
 
 def _contact_gap(run: Run) -> Reader:
     """Read the gaps (contacts,) of contacts, m; negative in touch."""
     arm, placed = run.arm, run.loads.placed.contacts
-    work = new_workspace(arm.assembly.constants)
-    return lambda state, system, t: contact_values(arm, placed, state[None], work)[0, :, GAP]
+    kernels = KernelView(arm.assembly.constants)
+    return lambda state, system, t: contact_values(arm, placed, state[None], kernels)[0, :, GAP]
 
 
 def _torque(arm: Arm, system: System, t: float) -> FloatArray:
@@ -189,10 +187,10 @@ def _point(arm: Arm, sensor: Sensor) -> Reader:
     places = place_loads(
         arm, "Hardware", [Load(sensor.link, station=sensor.station)], what="Sensor"
     )
-    n, shape = arm.assembly.bodies, arm.assembly.constants.S.shape
-    torque, stages = np.zeros(n), np.zeros((1, 2, n, 1 + shape[1]))
+    kernels = KernelView(arm.assembly.constants)
+    stages, torque, motion = kernels.zeros(1, 2), np.zeros(kernels.shape[0]), np.zeros((1, 8))
+    body_poses, tip = kernels.pose_arrays()
     slope, motions = Entry(slope_at), Entry(point_motions)
-    body_poses, tip, motion = np.zeros((n, POSE_COLUMNS)), np.zeros(6), np.zeros((1, 8))
 
     def read(state: FloatArray, system: System, t: float) -> FloatArray:
         slope(system, t, True, state, torque, stages, 0)

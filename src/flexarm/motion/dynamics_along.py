@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm.kernel_view import KernelView
 from flexarm.kernels.inverse_sensitivity import inverse_jacobian_many
-from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.observables import POSE_COLUMNS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,29 +31,26 @@ class DynamicsAlong(NamedTuple):
 
 def dynamics_along(arm: Arm, q: Floats, qd: Floats, qdd: Floats) -> DynamicsAlong:
     """Evaluate inverse dynamics and tip along motions q, qd, qdd, each (T, dof)."""
-    constants, kept = arm.assembly.constants, arm.assembly.coordinates
-    count, (n, m) = len(q), constants.S.shape
-    width = n * (1 + m)
-    forces, tips = np.zeros((count, n, 1 + m)), np.zeros((count, 6))
-    force_by = np.zeros((count, 3, n, 1 + m, n, 1 + m))
-    tip_by = np.zeros((count, 3, n, 1 + m, 6))
-    inverse_jacobian_many(
-        run_time_sizes(constants),
-        constants,
+    kernels, kept = KernelView(arm.assembly.constants, complex), arm.assembly.coordinates
+    count, (n, width) = len(q), kernels.shape
+    forces, tips = np.zeros((count, n, width)), np.zeros((count, 6))
+    force_by = np.zeros((count, 3, n, width, n, width))
+    tip_by = np.zeros((count, 3, n, width, 6))
+    kernels.call(
+        inverse_jacobian_many,
         arm.padded(np.stack([q, qd], axis=1)).astype(complex),
         arm.padded(qdd).astype(complex),
-        no_loads(constants),
-        new_workspace(constants, complex),
-        np.zeros((n, POSE_COLUMNS), dtype=complex),
-        np.zeros(6, dtype=complex),
+        kernels.loads,
+        kernels.work,
+        *kernels.pose_arrays(),
         np.zeros(6, dtype=complex),
         forces,
         tips,
         force_by,
         tip_by,
     )
-    by_force = force_by.reshape(count, 3, width, width)[:, :, kept][..., kept]
-    by_tip = tip_by.reshape(count, 3, width, 6)[:, :, kept]
+    by_force = force_by.reshape(count, 3, n * width, n * width)[:, :, kept][..., kept]
+    by_tip = tip_by.reshape(count, 3, n * width, 6)[:, :, kept]
     return DynamicsAlong(
         force=arm.unpadded(forces),
         tip=tips,
