@@ -13,7 +13,7 @@ from flexarm.errors import InputError, Problem, check_array
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
-from flexarm.simulate.choice import Choice, choose_integrator
+from flexarm.simulate.choice import choose_integrator
 from flexarm.simulate.default_step import default_step
 from flexarm.simulate.events import EventLog
 from flexarm.simulate.impacts import ATOL as ATOL
@@ -50,7 +50,7 @@ def new_run(
     meter: Meter,
     stations: int = 0,
     specialized: bool | None = None,
-) -> tuple[Run, Choice]:
+) -> Run:
     """Make a run that stands at its beginning, ``state`` (2, n, 1 + m).
 
     Arguments as of ``simulate``, already checked but for those that say what is outside the arm;
@@ -72,8 +72,9 @@ def new_run(
             arm, acting, base_acceleration, duration, share, touching, where, breaks, spacing
         )
 
-    run = Run(
+    return Run(
         arm=arm,
+        choice=choice,
         integrator=choice.integrator,
         tolerance=tolerance,
         progress=Progress(0.0, state, 0.0),
@@ -88,7 +89,6 @@ def new_run(
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
     )
-    return run, choice
 
 
 def initial_state(

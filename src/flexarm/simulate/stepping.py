@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from flexarm.kernels.layout import (
     run_time_sizes,
 )
 from flexarm.observe import absolute_angles
+from flexarm.simulate.choice import Choice, choose_by_drive
 from flexarm.simulate.default_step import DefaultStep
 from flexarm.simulate.load_history import LoadHistory
 from flexarm.simulate.meter import Meter
@@ -60,6 +61,7 @@ class Run:
     """Everything one run needs, and where it stands."""
 
     arm: Arm
+    choice: Choice
     integrator: Integrator
     tolerance: Tolerance
     progress: Progress
@@ -255,4 +257,10 @@ class Run:
 def run_open_loop(run: Run, history: TorqueHistory) -> None:
     """Simulate under a given torque history."""
     run.history = history
+    stops = np.concatenate([history.stops, run.loads.factors.stops])
+    choice = choose_by_drive(run.choice, run.arm, run.tolerance, stops, run.duration)
+    if choice is not run.choice:
+        run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
+        if run.watch is not None:
+            run.watch = replace(run.watch, integrator=choice.integrator)
     run.carry_to(run.system(history), run.duration)
