@@ -33,7 +33,7 @@ def _forests(nodes: int, largest: int, methods: int) -> tuple[Tree, ...]:
     """Every multiset of branches of at most ``largest`` nodes each, ``nodes`` in all."""
     if nodes == 0:
         return ((),)
-    found = set()
+    found: set[Tree] = set()
     for size in range(1, min(nodes, largest) + 1):
         branches = [(method, tree) for method in range(methods) for tree in trees(size, methods)]
         for rest in _forests(nodes - size, size, methods):

@@ -48,7 +48,7 @@ def samples_at(sizes: Sizes, memory: Memory, state: Array, t: float) -> None:
 @merged
 def sample_before(memory: Memory, t: float) -> int:
     """Count the next sample as filled and return its index if it lies before time t, else -1."""
-    k = memory.counts[SAMPLES]
+    k: int = memory.counts[SAMPLES]
     if k < memory.sample_times.shape[0] and memory.sample_times[k] < t:
         memory.counts[SAMPLES] = k + 1
         return k

@@ -90,7 +90,7 @@ def choose_integrator(
         if step is not None:
             return Choice(RungeKutta4(step=step), "fixed step asked for", by_drive=touch == 0.0)
         return _by_stiffness(arm, tolerance, touch)
-    return Choice(INTEGRATORS[asked](step=step), "named by the user")  # type: ignore[call-arg]
+    return Choice(INTEGRATORS[asked](step=step), "named by the user")
 
 
 def choose_by_drive(
