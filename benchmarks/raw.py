@@ -52,16 +52,14 @@ SCAN: dict[str, dict[str, tuple[float, ...]]] = {
     },
     "3 modes": {
         "cowell_4": (1e-2 / 11,),
-        "kennedy_carpenter_4": (3e-3, 2e-3),
         "kennedy_carpenter_5": (5e-4, 3e-4),
     },
     "4 modes": {
         "cowell_4": (1e-2 / 20,),
-        "kennedy_carpenter_4": (3e-3, 1e-3),
         "kennedy_carpenter_5": (1e-3, 3e-4),
     },
     "2 segments of 5 modes": {"kennedy_carpenter_5": (2e-5, 1e-5, 5e-6)},
-    "3 segments of 4 modes": {"kennedy_carpenter_5": (5e-6, 3e-6), "kennedy_carpenter_4": (3e-5,)},
+    "3 segments of 4 modes": {"kennedy_carpenter_5": (5e-6, 3e-6)},
 }
 
 

@@ -22,6 +22,7 @@ from integrator_runs import (
 import flexarm as fa
 from arm_states import state_array
 from flexarm.integrate import INTEGRATORS, Integrator
+from flexarm.integrate import status as codes
 from flexarm.integrate.base import Progress, Status
 from flexarm.references import citation
 
@@ -50,6 +51,7 @@ def make(name, allowed=1e-8):
 def test_what_it_says_about_itself(name):
     kind = INTEGRATORS[name]
     assert issubclass(kind, Integrator)
+    assert len(inspect.signature(kind.stepper.py_func).parameters) == 6
     assert kind.name == name
     assert kind.order >= 1
     assert isinstance(kind.adaptive, bool)
@@ -314,6 +316,7 @@ def test_an_accuracy_beyond_double_precision_is_refused(name):
 @pytest.mark.parametrize("status", Status)
 def test_every_status_has_its_sentence(status):
     assert status.sentence.endswith(".")
+    assert getattr(codes, status.name) == status  # what kernels return
 
 
 # Rule 6: the order it claims -------------------------------------------------------------------
@@ -372,17 +375,24 @@ def test_error_follows_the_tolerance(name, problem):
 # Rule 7: nothing per step ----------------------------------------------------------------------
 
 
+def arrays_of(record):
+    """Place and shape of every array in nested records."""
+    if isinstance(record, tuple):
+        return [found for part in record for found in arrays_of(part)]
+    return [(id(record), record.shape)] if isinstance(record, np.ndarray) else []
+
+
 @every
 def test_long_runs_use_no_more_objects_than_short_ones(name):
-    """Arrays of an integrator's own live in ``progress.memory``, and stay the same ones."""
+    """Arrays of a run live in ``progress.memory`` and its method's record, and stay the same."""
     arm, state = flexible_arm()
     progress = start(arm, state)
     system, allowed = make_system(arm), tolerance(arm, state, 1e-6)
     advance(make(name), system, allowed, progress, 0.1)
-    memory = {key: (id(array), array.shape) for key, array in progress.memory.items()}
-    kept = id(progress.state)
+    memory, kept = arrays_of((progress.memory, progress.method)), id(progress.state)
+    assert len(memory) > 10
     advance(make(name), system, allowed, progress, 1.0)
-    assert {key: (id(array), array.shape) for key, array in progress.memory.items()} == memory
+    assert arrays_of((progress.memory, progress.method)) == memory
     assert id(progress.state) == kept
 
 

@@ -4,29 +4,53 @@ import dataclasses
 
 import numpy as np
 import pytest
-from rooted_trees import density, size, trees, weights
 
-from flexarm.integrate import INTEGRATORS
+from flexarm.integrate import INTEGRATORS, cowell_formulas
+from flexarm.integrate.additive_tableau import Additive, AdditiveTableau
+from flexarm.integrate.cowell_formulas import check_formula
+from flexarm.integrate.gauss import gauss_coefficients
+from flexarm.integrate.kennedy_carpenter import ORDER_4
+from flexarm.integrate.order_conditions import (
+    density,
+    elementary_weights,
+    largest_miss,
+    size,
+    trees,
+)
 from flexarm.integrate.runge_kutta import ExplicitRungeKutta
-from flexarm.integrate.tableau import Tableau, hermite_dense
+from flexarm.integrate.tableau import Tableau, demand_order, hermite_dense
 
 METHODS = {n: kind for n, kind in INTEGRATORS.items() if issubclass(kind, ExplicitRungeKutta)}
 every = pytest.mark.parametrize("name", METHODS)
+PAIRS = {n: kind.tableau for n, kind in INTEGRATORS.items() if issubclass(kind, Additive)}
+PAIRS["start of cowell_4"] = ORDER_4
+every_pair = pytest.mark.parametrize("name", PAIRS)
 
 
 def conditions(order):
     return [tree for nodes in range(1, order + 1) for tree in trees(nodes)]
 
 
-def missed(A, b, tree):
-    return b @ weights(tree, A) - 1.0 / density(tree)
-
-
 def test_number_of_trees():
-    """OEIS A000081."""
+    """OEIS A000081; with edges of two methods A000151."""
     assert [len(trees(nodes)) for nodes in range(1, 10)] == [1, 1, 2, 4, 9, 20, 48, 115, 286]
+    assert [len(trees(nodes, 2)) for nodes in range(1, 7)] == [1, 2, 7, 26, 107, 458]
     assert all(size(tree) == 8 for tree in trees(8))
     assert len(conditions(8)) == 200
+
+
+def test_density_of_the_tallest_and_of_the_broadest_trees():
+    """n! of a chain; n of a bush, whose condition is that of a quadrature."""
+    chain, bush = (), ()
+    for nodes in range(2, 8):
+        chain, bush = ((0, chain),), ((0, ()), *bush)
+        assert chain in trees(nodes)
+        assert bush in trees(nodes)
+        assert density(chain) == np.prod(np.arange(1, nodes + 1))
+        assert density(bush) == nodes
+    c = np.array([0.0, 0.3, 0.9])
+    A = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.4, 0.5, 0.0]])
+    np.testing.assert_allclose(elementary_weights(bush, A), c**6)
 
 
 @every
@@ -36,10 +60,9 @@ def test_order_conditions_up_to_the_claimed_order(name):
     A, b = tableau.A[:s, :s], tableau.b
     assert METHODS[name].order == tableau.order
     # Coefficients of 16 digits, as large as 40 in the method of order 8.
-    worst = max(abs(missed(A, b, tree)) for tree in conditions(tableau.order))
-    assert worst < 5e-14
+    assert largest_miss(tableau.order, b, A)[0] < 5e-14
     # And no further: the next order is not claimed because it is not there.
-    assert max(abs(missed(A, b, tree)) for tree in trees(tableau.order + 1)) > 1e-7
+    assert largest_miss(tableau.order + 1, b, A)[0] > 1e-7
 
 
 @every
@@ -50,7 +73,7 @@ def test_dense_output_has_third_order_throughout_the_step(name):
         b = tableau.dense @ theta**powers
         for tree in conditions(3):
             wanted = theta ** size(tree) / density(tree)
-            assert b @ weights(tree, tableau.A) == pytest.approx(wanted, abs=1e-13)
+            assert b @ elementary_weights(tree, tableau.A) == pytest.approx(wanted, abs=1e-13)
 
 
 @every
@@ -59,23 +82,17 @@ def test_error_estimates_vanish_only_up_to_their_order(name):
     tableau = METHODS[name]().tableau
     if not METHODS[name].adaptive:
         assert np.all(tableau.error == 0.0)
-        assert np.all(tableau.error_low == 0.0)
         return
     s = tableau.stages
     A = tableau.A[: s + 1, : s + 1]
-    estimates = [tableau.error, tableau.error_low]
-    for estimate in (e for e in estimates if np.any(e)):
-        seen = [
-            max(abs(estimate @ weights(tree, A)) for tree in trees(nodes))
-            for nodes in range(1, tableau.order + 1)
-        ]
-        order = next(k for k, value in enumerate(seen) if value > 1e-6)
-        assert 3 <= order < tableau.order  # trees of up to this many nodes are invisible
-        assert max(seen[:order]) < 1e-13
+    for estimate, order in zip(tableau.error, tableau.error_orders, strict=True):
+        assert 3 <= order < tableau.order
+        assert largest_miss(order, estimate, A, exact=0.0)[0] < 1e-13
+        assert largest_miss(order + 1, estimate, A, exact=0.0)[0] > 1e-6
 
 
 @every
-@pytest.mark.parametrize("field", ["A", "b", "c", "error", "error_low", "dense"])
+@pytest.mark.parametrize("field", ["A", "b", "c", "error", "dense"])
 def test_a_single_wrong_coefficient_cannot_be_constructed(name, field):
     tableau = METHODS[name]().tableau
     array = getattr(tableau, field)
@@ -84,6 +101,17 @@ def test_a_single_wrong_coefficient_cannot_be_constructed(name, field):
         wrong[place] *= 1.0 + 1e-7  # the seventh digit
         with pytest.raises(ValueError, match="Tableau: "):
             dataclasses.replace(tableau, **{field: wrong})
+
+
+@every
+def test_rows_that_only_an_order_condition_refuses(name):
+    """Two errors that cancel in the sum of a row: abscissae and quadrature are as before."""
+    tableau = METHODS[name]().tableau
+    wrong = tableau.A.copy()
+    wrong[2, 0] += 1e-7
+    wrong[2, 1] -= 1e-7
+    with pytest.raises(ValueError, match="the new point misses an order condition of a tree of"):
+        dataclasses.replace(tableau, A=wrong)
 
 
 @every
@@ -98,8 +126,8 @@ def test_a_coefficient_above_the_diagonal_cannot_be_constructed(name):
 @every
 def test_too_high_an_order_cannot_be_claimed(name):
     tableau = METHODS[name]().tableau
-    with pytest.raises(ValueError, match="quadrature"):
-        dataclasses.replace(tableau, order=2 * tableau.order)
+    with pytest.raises(ValueError, match="misses an order condition"):
+        dataclasses.replace(tableau, order=tableau.order + 1)
 
 
 def test_hermite_dense_output_of_euler_is_not_smooth_enough():
@@ -111,8 +139,8 @@ def test_hermite_dense_output_of_euler_is_not_smooth_enough():
         A=A,
         b=b,
         c=np.array([0.0, 1.0, 1.0]),
-        error=np.zeros(3),
-        error_low=np.zeros(3),
+        error=np.zeros((2, 3)),
+        error_orders=(0, 0),
         dense=hermite_dense(b),
     )
     assert heun.stages == 2
@@ -120,3 +148,97 @@ def test_hermite_dense_output_of_euler_is_not_smooth_enough():
     straight[:2, 0] = b
     with pytest.raises(ValueError, match="start with stage 0"):
         dataclasses.replace(heun, dense=straight)
+
+
+# Additive pairs ----------------------------------------------------------------------------------
+
+
+def halves(tableau):
+    s = tableau.explicit.shape[1]
+    return tableau.explicit[:s], tableau.implicit[:s]
+
+
+@every_pair
+def test_coupled_order_conditions_up_to_the_claimed_order(name):
+    """Of every split of the equations: all trees with edges of both methods."""
+    tableau, both = PAIRS[name], halves(PAIRS[name])
+    b, estimate = tableau.implicit[-1], tableau.error[0, :-1]
+    order = tableau.order
+    # The paper prints fractions that are exact to some 25 digits.
+    assert largest_miss(order, b, *both)[0] < 1e-14
+    assert largest_miss(order - 1, estimate, *both, exact=0.0)[0] < 1e-14
+    # And no further, in each half.
+    for A in both:
+        assert largest_miss(order + 1, b, A)[0] > 1e-5
+        assert largest_miss(order, estimate, A, exact=0.0)[0] > 1e-5
+
+
+@every_pair
+@pytest.mark.parametrize("field", ["explicit", "implicit", "c", "error"])
+def test_a_single_wrong_coefficient_of_a_pair_cannot_be_constructed(name, field):
+    tableau = PAIRS[name]
+    array = getattr(tableau, field)
+    for place in zip(*np.nonzero(array), strict=True):
+        wrong = array.copy()
+        wrong[place] *= 1.0 + 1e-7
+        with pytest.raises(ValueError, match="Tableau: "):
+            dataclasses.replace(tableau, **{field: wrong})
+
+
+@every_pair
+@pytest.mark.parametrize("field", ["explicit", "implicit"])
+def test_rows_of_a_pair_that_only_an_order_condition_refuses(name, field):
+    tableau = PAIRS[name]
+    wrong = getattr(tableau, field).copy()
+    wrong[4, 0] += 1e-7
+    wrong[4, 2] -= 1e-7
+    with pytest.raises(ValueError, match="the new point misses an order condition of a tree of"):
+        dataclasses.replace(tableau, **{field: wrong})
+
+
+def test_a_pair_with_two_numbers_on_the_diagonal_cannot_be_constructed():
+    tableau = PAIRS["kennedy_carpenter_5"]
+    wrong = tableau.implicit.copy()
+    wrong[2, 2] += 1e-3
+    wrong[2, 0] -= 1e-3
+    with pytest.raises(ValueError, match="one number on the diagonal"):
+        AdditiveTableau(tableau.order, tableau.explicit, wrong, tableau.c, tableau.error)
+
+
+# Gauss and Cowell --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4])
+def test_gauss_methods_have_twice_the_order_of_their_stages(stages):
+    found = gauss_coefficients(stages)  # which checks itself
+    assert largest_miss(2 * stages, found.b, found.A)[0] < 1e-14
+    assert largest_miss(2 * stages + 1, found.b, found.A)[0] > 1e-8
+    np.testing.assert_allclose(found.bA, found.b * (1.0 - found.c), atol=1e-15)
+    wrong = found.A.copy()
+    wrong[0, 0] += 1e-9
+    with pytest.raises(ValueError, match="the new point misses an order condition"):
+        demand_order(2 * stages, found.b, wrong)
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "to_rate", "rise", "degree", "unit"),
+    [
+        ("RISE", 1, False, True, 5, 1.0),
+        ("RATE", 1, True, True, 6, 1.0),
+        ("PREDICTED_RISE", 0, False, True, 5, 12.0),
+        ("PREDICTED_RATE", 0, True, False, 5, 24.0),
+        ("STIFF_RISE", 1, False, True, 3, 1.0),
+        ("STIFF_RATE", 1, True, True, 2, 1.0),
+    ],
+)
+def test_formulas_of_cowell_are_exact_for_polynomials(name, first, to_rate, rise, degree, unit):
+    weights = [weight / unit for weight in getattr(cowell_formulas, name)]
+    how = {"first": first, "to_rate": to_rate, "rise": rise}
+    check_formula(name, weights, degree=degree, **how)
+    with pytest.raises(ValueError, match=f"Cowell: {name} must be exact"):
+        check_formula(name, weights, degree=degree + 1, **how)
+    for place in range(len(weights)):
+        wrong = list(weights)
+        wrong[place] += 1e-7
+        with pytest.raises(ValueError, match=f"Cowell: {name} must be exact"):
+            check_formula(name, wrong, degree=degree, **how)

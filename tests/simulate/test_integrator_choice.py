@@ -92,3 +92,47 @@ def test_cowell_keeps_the_energy_of_a_vibration():
 
     assert abs(kept("cowell_4", 5e-4)) < 2e-5
     assert kept("rk4", 1e-3) < -1e-2
+
+
+def fixed(arm, step, **settings):
+    return run(arm, rtol=1e-9, atol=1e-11, step=step, **settings)
+
+
+def test_auto_with_a_step_takes_rk4_where_it_is_stable():
+    arm = table_one(2, modes=2)
+    result = fixed(arm, 5e-4)
+    assert (result.integrator, result.warning) == ("rk4", "")
+
+
+def test_auto_with_a_step_too_long_for_rk4_warns_and_damps_fast_vibrations():
+    arm = table_one(8)
+    with pytest.raises(fa.SimulationError):
+        run(arm, integrator="rk4", step=1e-3)
+    with pytest.warns(fa.AccuracyWarning, match=r"at which rk4 is unstable.*halve it once"):
+        result = fixed(arm, 1e-3)
+    assert result.integrator == "generalized_alpha"
+    assert "halve it once and compare" in result.warning
+    named = run(arm, integrator="generalized_alpha", step=1e-3, rtol=1e-9, atol=1e-11)
+    np.testing.assert_array_equal(result.q, named.q)
+    # Of order 2: a thousandth of the reach, where the explicit method has no result.
+    assert apart(result, run(arm)) < 1e-3 * 2.4142
+
+
+def test_a_torque_that_truncates_the_steps_keeps_rk4():
+    """Held for 0.2 ms, whatever the step: what counts is the length of the steps taken."""
+    arm = table_one(2, modes=2)
+    samples = np.stack([torque(t) for t in np.arange(0.0, 0.05, 2e-4)])
+    result = fa.simulate(
+        arm, 0.05, torque=samples, torque_interpolation="hold", rate=5000.0, step=0.01
+    )
+    assert result.integrator == "rk4"
+    assert result.steps >= 250
+
+
+def test_a_loop_keeps_rk4():
+    """Its steps end at each sample time."""
+    arm = table_one(2, modes=2)
+    loop = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=2e-4)
+    motion = fa.joint_motion(arm, START, [0.5, -1.2], 0.02)
+    result = fa.simulate(arm, 0.02, controller=loop, reference=motion, step=0.01)
+    assert result.integrator == "rk4"

@@ -134,7 +134,7 @@ def _estimate() -> None:
     )
     found.run([[0.0, 0.0]] * 2, {"joint_angle": [_START] * 2, "felt": [[0.0, 0.0]] * 2})
     q = _arm().rest(_START)
-    for method in ("rk4", "kennedy_carpenter_4"):
+    for method in ("rk4", "kennedy_carpenter_5"):
         fa.step_jacobian(_arm(), q, q, [0.0, 0.0], 1e-4, method=method)
 
 

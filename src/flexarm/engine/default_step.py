@@ -61,9 +61,7 @@ class _Trial:
         """Go to the start of the span; ``anew``: with nothing remembered from before it."""
         progress = self.progress
         if anew or progress.step != step:
-            progress.memory.clear()
-        elif progress.memory:
-            progress.memory["counts"][:] = 0
+            progress.memory = None
         progress.time, progress.step, progress.sample = start.time, step, start.sample
         progress.steps = progress.evaluations = 0  # of the trial
         progress.state[...] = start.state

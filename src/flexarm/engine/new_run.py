@@ -15,7 +15,7 @@ from flexarm.engine.event_search import Watch
 from flexarm.engine.events import EventLog
 from flexarm.engine.impacts import ATOL as ATOL
 from flexarm.engine.impacts import RTOL as RTOL
-from flexarm.engine.integrator_choice import Choice, choose_integrator
+from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.engine.tolerance import tolerance_of
@@ -50,7 +50,7 @@ def new_run(
     meter: Meter,
     stations: int = 0,
     specialized: bool | None = None,
-) -> tuple[Run, Choice]:
+) -> Run:
     """Make a run that stands at its beginning, ``state`` (2, n, 1 + m).
 
     Arguments as of ``simulate``, already checked but for those that say what is outside the arm;
@@ -72,8 +72,9 @@ def new_run(
             arm, acting, base_acceleration, duration, share, touching, where, breaks, spacing
         )
 
-    run = Run(
+    return Run(
         arm=arm,
+        choice=choice,
         integrator=choice.integrator,
         tolerance=tolerance,
         progress=Progress(0.0, state, 0.0),
@@ -88,7 +89,6 @@ def new_run(
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
     )
-    return run, choice
 
 
 def initial_state(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexarm.arm import Arm
 from flexarm.engine.default_step import DefaultStep
 from flexarm.engine.event_search import Watch
+from flexarm.engine.integrator_choice import Choice, choose_by_drive
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
 from flexarm.errors import SimulationError
@@ -56,6 +57,7 @@ class Run:
     """Everything one run needs, and where it stands."""
 
     arm: Arm
+    choice: Choice
     integrator: Integrator
     tolerance: Tolerance
     progress: Progress
@@ -252,4 +254,10 @@ class Run:
 def run_open_loop(run: Run, history: TorqueHistory) -> None:
     """Simulate under a given torque history."""
     run.history = history
+    stops = np.concatenate([history.stops, run.loads.factors.stops])
+    choice = choose_by_drive(run.choice, run.arm, run.tolerance, stops, run.duration)
+    if choice is not run.choice:
+        run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
+        if run.watch is not None:
+            run.watch = replace(run.watch, integrator=choice.integrator)
     run.carry_to(run.system(history), run.duration)

@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 from flexarm.integrate.base import Integrator
-from flexarm.integrate.dormand_prince import DormandPrince5, DormandPrince8
+from flexarm.integrate.dormand_prince import DormandPrince8
 from flexarm.integrate.gauss import Gauss6
 from flexarm.integrate.generalized_alpha import GeneralizedAlpha
-from flexarm.integrate.kennedy_carpenter import KennedyCarpenter4, KennedyCarpenter5
+from flexarm.integrate.kennedy_carpenter import KennedyCarpenter5
 from flexarm.integrate.rk4 import RungeKutta4
 from flexarm.integrate.stoermer_cowell import Cowell4
 
 #: Every integrator by the name that ``simulate`` and scenario files use.
 INTEGRATORS: dict[str, type[Integrator]] = {
     RungeKutta4.name: RungeKutta4,
-    DormandPrince5.name: DormandPrince5,
     DormandPrince8.name: DormandPrince8,
-    KennedyCarpenter4.name: KennedyCarpenter4,
     KennedyCarpenter5.name: KennedyCarpenter5,
     Cowell4.name: Cowell4,
     Gauss6.name: Gauss6,
     GeneralizedAlpha.name: GeneralizedAlpha,
 }
 
+#: Methods of earlier versions, and what is best in their place; decision 0017.
+REMOVED = {
+    "dormand_prince_5": DormandPrince8.name,
+    "kennedy_carpenter_4": KennedyCarpenter5.name,
+}
+
 __all__ = [
     "INTEGRATORS",
+    "REMOVED",
     "Cowell4",
-    "DormandPrince5",
     "DormandPrince8",
     "Gauss6",
     "GeneralizedAlpha",
     "Integrator",
-    "KennedyCarpenter4",
     "KennedyCarpenter5",
     "RungeKutta4",
 ]

@@ -22,56 +22,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from enum import IntEnum
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.integrate.memory import STEP, TIME, Memory, new_memory
+from flexarm.integrate.status import Status as Status
 from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
 
 FloatArray = NDArray[np.float64]
 
-
-class Status(IntEnum):
-    """How a call of ``advance`` ended."""
-
-    DONE = 0
-    PAUSED = 1
-    STEP_UNDERFLOW = 2
-    NOT_FINITE = 3
-    INERTIA_LOST = 4
-    NOT_CONVERGED = 5
-    CONTACT_UNSEEN = 6
-    PRESSED_THROUGH = 7
-    NOT_FOLLOWED = 8
-    DIVERGED = 9
-
-    @property
-    def sentence(self) -> str:
-        """What happened, for the error message."""
-        return _SENTENCES[self]
-
-
-_SENTENCES = {
-    Status.DONE: "The run is complete.",
-    Status.PAUSED: "The run is under way.",
-    Status.STEP_UNDERFLOW: "the step size fell below what double precision resolves.",
-    Status.NOT_FINITE: "the state is no longer finite: the step is too long for the stiffest "
-    "mode, or the arm is unstable.",
-    Status.INERTIA_LOST: "a joint no longer feels any inertia.",
-    Status.NOT_CONVERGED: "the equations of an implicit step could not be solved: the step is too "
-    "long for the motion.",
-    Status.CONTACT_UNSEEN: "the fixed step is too long to follow a touch at this speed.",
-    Status.PRESSED_THROUGH: "a point has gone through what it touches: the contact is too soft for "
-    "the momentum behind it.",
-    Status.NOT_FOLLOWED: "posture and rates were predicted over each step so badly that the "
-    "accelerations of the joints missed half a percent: the step is too long for this motion.",
-    Status.DIVERGED: "a joint turns by more than half a turn in one fixed step, or a link bends by "
-    "100 times the reach of the arm: the step is too long, or the arm is unstable.",
-}
+#: First step of an integrator without one, times the highest frequency.
+_FIRST = 0.5
 
 
 class Drive(NamedTuple):
@@ -125,39 +90,64 @@ class Progress:
     rejected: int = 0
     evaluations: int = 0
     impacts: int = 0  # steps that an adaptive method has shortened to meet or leave a joint stop
-    memory: dict[str, FloatArray] = field(default_factory=dict)  # an integrator's own arrays
+    memory: Memory | None = None  # None: nothing is remembered of earlier steps
+    method: tuple[Any, ...] | None = None  # record of the integrator, of the same steps
     entry: Entry | None = None  # into the stepper
 
-    def enter(self, stepper: Callable[..., int], system: System, *arguments: Any) -> Status:
-        """Call the stepper of the integrator that this run has.
+    def enter(
+        self,
+        stepper: Callable[..., int],
+        system: System,
+        tolerance: Tolerance,
+        memory: Memory,
+        until: float,
+        max_steps: int,
+    ) -> Status:
+        """Call the stepper of the integrator that this run has, and take over what it did.
 
-        What ``Entry`` is promised holds: the arguments of a run keep their types.
+        ``Entry`` requires that the arguments of a run keep their types, which they do.
         """
         if self.entry is None or self.entry.kernel is not stepper:
             self.entry = Entry(stepper)
-        return Status(self.entry(system, *arguments))
-
-    def take(self, counts: NDArray[Any]) -> None:
-        """Take over samples, steps, rejected steps and evaluations (4,) from a stepper."""
-        self.sample, self.steps, self.rejected, self.evaluations = (int(n) for n in counts)
+        memory.clock[TIME] = self.time
+        memory.counts[:] = self.sample, self.steps, self.rejected, self.evaluations, self.impacts
+        status = self.entry(system, tolerance, self.method, memory, float(until), max_steps)
+        self.time, self.step = float(memory.clock[TIME]), float(memory.clock[STEP])
+        counts = memory.counts.tolist()
+        self.sample, self.steps, self.rejected, self.evaluations, self.impacts = counts
+        return Status(status)
 
 
 @dataclass(frozen=True)
 class Integrator(ABC):
     """Base of all integrators; subclasses add fields for their parameters.
 
+    A subclass names its compiled ``stepper``, which is called as ``stepper(system, tolerance,
+    record, memory, until, max_steps)`` and returns a code of ``status``, and makes its ``record``.
+
     Class attributes: ``name`` in the registry, ``order``, ``adaptive``, ``follows_contacts``, false
     for a method that looks back over several steps and so needs smooth motion between stops, and
     ``reference``, the BibTeX keys of the method (``flexarm.citation``).
+
+    Args:
+        step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
+            (``flexarm.simulate.default_step``). Of a method with step control the first step to
+            try; None takes half a radian of the fastest mode.
     """
+
+    step: float | None = None
 
     name: ClassVar[str] = ""
     order: ClassVar[int] = 0
     adaptive: ClassVar[bool] = False
     follows_contacts: ClassVar[bool] = True
     reference: ClassVar[tuple[str, ...]] = ()
+    stepper: ClassVar[Callable[..., int]]
 
     @abstractmethod
+    def record(self, constants: ArmConstants, state: FloatArray) -> tuple[Any, ...]:
+        """Coefficients of the method, and its own arrays for a run from ``state``."""
+
     def advance(
         self,
         system: System,
@@ -173,3 +163,11 @@ class Integrator(ABC):
         ``sample_times`` (samples,) ascending; ``samples`` (samples, 2, n, 1 + m) receives the
         states at them, from ``progress.sample`` on.
         """
+        if progress.memory is None:
+            step = float(self.step or progress.step or _FIRST / tolerance.fastest)
+            progress.memory = new_memory(progress.state, step)
+            progress.method = self.record(system.constants, progress.state)
+        memory = progress.memory._replace(
+            state=progress.state, sample_times=sample_times, samples=samples
+        )
+        return progress.enter(self.stepper, system, tolerance, memory, until, max_steps)

@@ -3,45 +3,41 @@
 Theory page "integration", (I.5) to (I.8). Positions obey the symmetric two-step formula that is
 also Numerov's. The bending forces at the new time are implicit; posture, speeds and mass matrix at
 the new time are predicted.
-
-=============  =============================================================================
-symbol         meaning
-=============  =============================================================================
-``past``       (4, 3, n, 1 + m) the last four points; place ``k & 3`` holds point k of the
-               span: coordinates, rates, accelerations
-``rise``       (n, 1 + m) q_k - q_(k-1), kept as a sum of its own: no digits are lost
-``stiff``      (n, 1 + m) 1.0 where a damped mode is too fast for the formula
-``span``       the present span between two stops, see ``steps``
-``missed``     (3,) sums of ``_follows``, and steps since the last look
-=============  =============================================================================
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from flexarm.integrate.additive import additive_step
+from flexarm.integrate.additive import AdditiveRecord, additive_step
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.resolved_modes import BETA, GAMMA, longest_step, soften
-from flexarm.integrate.steps import (
-    COUNT,
-    DONE,
-    END,
-    INERTIA_LOST,
-    LENGTH,
-    NOT_FOLLOWED,
-    PAUSED,
-    PLACE,
-    SHORT,
-    START,
-    TIME,
-    begin_span,
-    combine,
-    coordinate_between,
-    followed,
-    inertia_left,
-    rate_between,
+from flexarm.integrate.cowell_formulas import (
+    BETA,
+    GAMMA,
+    PREDICTED_RATE,
+    PREDICTED_RISE,
+    RATE,
+    RISE,
+    STIFF_BETA,
+    STIFF_GAMMA,
+    STIFF_RATE,
+    STIFF_RISE,
 )
+from flexarm.integrate.memory import COUNT, END, EVALUATIONS, LENGTH, PLACE, START, STEP, Memory
+from flexarm.integrate.resolved_modes import longest_step, soften
+from flexarm.integrate.samples import (
+    SHORT,
+    begin_call,
+    coordinate_between,
+    copy_state,
+    end_step,
+    rate_between,
+    sample_before,
+)
+from flexarm.integrate.status import DONE, INERTIA_LOST, NOT_FOLLOWED, PAUSED
+from flexarm.integrate.steps import begin_span, followed, inertia_left, step_of_span
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
 from flexarm.kernels.articulated_body import solve_implicit
 from flexarm.kernels.cache import compiled, inner, merged
@@ -51,7 +47,7 @@ from flexarm.kernels.layout import ArmConstants, Array, Sizes
 #: Points that the formulas look back on; the first ones of a span come from a one-step method.
 _STARTED = 3
 #: What the weight of the new acceleration has more in (I.8) than in (I.5).
-_SHARE = 0.25 - BETA
+_SHARE = STIFF_BETA - BETA
 #: Two lengths of a step are one if their ratio differs from 1 by less: ``begin_span`` rounds so.
 _SAME = 1.0 - 1e-8
 #: Every so many steps the accelerations of predicted posture and rates are compared with those of
@@ -68,16 +64,27 @@ _MISSED = 0.005
 _NOTICED = 1e-4
 
 
+class CowellRecord(NamedTuple):
+    """The arrays of a run. Points are those of the present span; k is the last accepted one."""
+
+    start: AdditiveRecord  # of the method that makes the first steps of a span
+    past: Array  # (4, 3, n, 1 + m) last four points: point k in place k & 3; q, v, a
+    rise: Array  # (n, 1 + m) q_k - q_(k-1), kept as a sum of its own: no digits are lost
+    stiff: Array  # (n, 1 + m) 1.0 where a damped mode is too fast for the formula
+    missed: Array  # (3,) sums of ``_follows``, and steps since the last look
+    bounds: Array  # (5,) see ``resolved_modes``
+    softened: ArmConstants  # with the diagonal of the steps of the span
+
+
 @merged
-def _predict(
-    system: System, stiff: Array, past: Array, rise: Array, k: int, h: float, smooth: Array,
-    known: Array, force: Array, torque: Array,
-) -> None:  # fmt: skip
+def _predict(system: System, record: CowellRecord, memory: Memory, k: int, h: float) -> None:
     """From points up to k: the smooth state of point k + 1, what is known of q and v there.
 
-    ``known`` receives the rise of q and the rate without the new acceleration; ``force`` and
-    ``torque`` move bending, springs and damping from the smooth state to it.
+    ``start.known`` receives the rise of q and the rate without the new acceleration;
+    ``work.force`` and ``memory.torque`` move bending, springs and damping from the smooth state to
+    it.
     """
+    past, rise, known = record.past, record.rise, record.start.known
     r0 = k & 3
     r1 = (k - 1) & 3
     r2 = (k - 2) & 3
@@ -91,58 +98,61 @@ def _predict(
             v0 = past[r0, 1, i, j]
             a0 = square * past[r0, 2, i, j]
             a1 = square * past[r1, 2, i, j]
-            if stiff[i, j] == 0.0:
+            if record.stiff[i, j] == 0.0:
                 a2 = square * past[r2, 2, i, j]
                 a3 = square * past[r3, 2, i, j]
-                step = rise[i, j] + (10.0 / 12.0) * a0 + (1.0 / 12.0) * a1
-                rate = per_step * (
-                    step
-                    + (3.0 / 8.0) * a0
-                    - (47.0 / 240.0) * a1
-                    + (29.0 / 360.0) * a2
-                    - (7.0 / 480.0) * a3
+                step = rise[i, j] + RISE[1] * a0 + RISE[2] * a1
+                rate = per_step * (step + RATE[1] * a0 + RATE[2] * a1 + RATE[3] * a2 + RATE[4] * a3)
+                q = (1.0 / 12.0) * (
+                    PREDICTED_RISE[0] * a0
+                    + PREDICTED_RISE[1] * a1
+                    + PREDICTED_RISE[2] * a2
+                    + PREDICTED_RISE[3] * a3
                 )
-                q = (1.0 / 12.0) * (14.0 * a0 - 5.0 * a1 + 4.0 * a2 - a3)
                 q += q0 + rise[i, j]
-                v = (1.0 / 24.0) * (55.0 * a0 - 59.0 * a1 + 37.0 * a2 - 9.0 * a3)
+                v = (1.0 / 24.0) * (
+                    PREDICTED_RATE[0] * a0
+                    + PREDICTED_RATE[1] * a1
+                    + PREDICTED_RATE[2] * a2
+                    + PREDICTED_RATE[3] * a3
+                )
                 v = v0 + per_step * v
             else:
-                step = rise[i, j] + 0.5 * a0 + 0.25 * a1
-                rate = per_step * (step + 0.25 * a0)
+                step = rise[i, j] + STIFF_RISE[1] * a0 + STIFF_RISE[2] * a1
+                rate = per_step * (step + STIFF_RATE[1] * a0)
                 q = 3.0 * (q0 - past[r1, 0, i, j]) + past[r2, 0, i, j]
                 v = 3.0 * (v0 - past[r1, 1, i, j]) + past[r2, 1, i, j]
-            smooth[0, i, j] = q
-            smooth[1, i, j] = v
+            memory.new[0, i, j] = q
+            memory.new[1, i, j] = v
             known[0, i, j] = step
             known[1, i, j] = rate
             if j > 0:
-                force[i, j] = c.mode[i, j - 1, W2] * (q - q0 - step) + c.mode[
+                system.work.force[i, j] = c.mode[i, j - 1, W2] * (q - q0 - step) + c.mode[
                     i, j - 1, MODE_DAMPING
                 ] * (v - rate)
             else:
-                torque[i] += c.body[i, FREE] * (
+                memory.torque[i] += c.body[i, FREE] * (
                     c.body[i, JOINT_STIFFNESS] * (q - q0 - step)
                     + c.body[i, JOINT_DAMPING] * (v - rate)
                 )
 
 
 @merged
-def _correct(
-    system: System, stiff: Array, past: Array, rise: Array, k: int, h: float, known: Array
-) -> None:  # fmt: skip
+def _correct(system: System, record: CowellRecord, k: int, h: float) -> None:
     """Make point k + 1 from its accelerations."""
+    past, known = record.past, record.start.known
     old = k & 3
     new = (k + 1) & 3
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             x = system.work.acceleration[i, j]
             beta = BETA
-            gamma = BETA + GAMMA
-            if stiff[i, j] != 0.0:
-                beta = 0.25
-                gamma = 0.5
+            gamma = GAMMA
+            if record.stiff[i, j] != 0.0:
+                beta = STIFF_BETA
+                gamma = STIFF_GAMMA
             step = known[0, i, j] + h * h * beta * x
-            rise[i, j] = step
+            record.rise[i, j] = step
             past[new, 0, i, j] = past[old, 0, i, j] + step
             past[new, 1, i, j] = known[1, i, j] + h * gamma * x
             past[new, 2, i, j] = x
@@ -163,15 +173,6 @@ def _remember(
             past[k & 3, 0, i, j] = state[0, i, j]
             past[k & 3, 1, i, j] = state[1, i, j]
             past[k & 3, 2, i, j] = stage[1, i, j]
-
-
-@inner
-def _restore(sizes: Sizes, past: Array, k: int, state: Array) -> None:
-    """Write point k of the span into the state."""
-    for level in range(2):
-        for i in range(len(sizes.bodies)):
-            for j in range(1 + len(sizes.modes)):
-                state[level, i, j] = past[k & 3, level, i, j]
 
 
 @merged
@@ -234,124 +235,86 @@ def _between(
 @compiled
 def advance_cowell(
     system: System,
-    softened: ArmConstants,
-    starter: ArmConstants,
     tolerance: Tolerance,
-    AE: Array,
-    AI: Array,
-    c: Array,
-    state: Array,
-    smooth: Array,
-    known: Array,
-    past: Array,
-    rise: Array,
-    stiff: Array,
-    added: Array,
-    force: Array,
-    torque: Array,
-    stages: Array,
-    clock: Array,
-    span: Array,
-    missed: Array,
-    bounds: Array,
-    counts: Array,
-    step: float,
+    record: CowellRecord,
+    memory: Memory,
     until: float,
-    sample_times: Array,
-    samples: Array,
     max_steps: int,
 ) -> int:
-    """Step from ``clock[0]`` to ``until``; see ``base.Integrator`` for the rules kept."""
+    """Step to ``until``; see ``base.Integrator`` for the rules kept."""
     # Typed constants: literals would make the compiler build a copy of each callee for each value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
-    last_stage = AE.shape[0] - 1
-    t = clock[TIME]
-    while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t:
-        combine(system.sizes, state, stages, AE, zero, zero, 0.0, samples[counts[0]])
-        counts[0] += 1
+    clock, counts, torque = memory.clock, memory.counts, memory.torque
+    past, rise, stiff, missed = record.past, record.rise, record.stiff, record.missed
+    known, stages = record.start.known, record.start.stages
+    last_stage = stages.shape[0] - 1
+    t = begin_call(system.sizes, memory)
     piece = piece_of(system.drive.breaks, t, from_left)
     for _ in range(max_steps):
         if t >= until:
             break
-        if span[PLACE] >= span[COUNT]:  # a new span begins
-            longest = step
-            # A shorter step may resolve a mode that was stiff, and so ask for a shorter one again.
+        if clock[PLACE] >= clock[COUNT]:  # a new span begins
+            longest = clock[STEP]
+            # A shorter step may resolve a mode that was stiff, and so require a shorter one again.
             while True:
-                begin_span(system.drive.stops, t, until, longest, span)
+                begin_span(system.drive.stops, t, until, longest, clock)
                 longest = longest_step(
-                    system, state, smooth, known, force, torque, stiff, bounds, span[LENGTH],
-                    span[END] - span[START],
+                    system, memory.state, memory.new, known, torque, stiff, record.bounds,
+                    clock[LENGTH], clock[END] - clock[START],
                 )  # fmt: skip
-                if not longest < span[LENGTH] * _SAME:
+                if not longest < clock[LENGTH] * _SAME:
                     break
-            soften(system, softened, stiff, added, span[LENGTH])
-            slope_at(system, t, from_right, state, torque, stages, zero)
-            counts[3] += 1
-            _remember(system.sizes, stiff, past, rise, zero, 0.0, state, stages[0])
-        h = span[LENGTH]
-        k = int(span[PLACE])
-        lands = span[PLACE] + 1.0 >= span[COUNT]
-        t_new = span[START] + (k + 1) * h
-        if lands:
-            t_new = span[END]
+            soften(system, record.softened, stiff, clock[LENGTH])
+            slope_at(system, t, from_right, memory.state, torque, stages, zero)
+            counts[EVALUATIONS] += 1
+            _remember(system.sizes, stiff, past, rise, zero, 0.0, memory.state, stages[0])
+        h = clock[LENGTH]
+        k = int(clock[PLACE])
+        t_new, lands = step_of_span(clock)
+        new = past[(k + 1) & 3]
         if k < _STARTED:
-            additive_step(
-                system, starter, AE, AI, c, t, h, state, smooth, known, added, force, torque,
-                stages, clock,
-            )  # fmt: skip
-            status = followed(system.sizes, tolerance, smooth, h)
+            additive_step(system, record.start, memory, t, h)
+            status = followed(system.sizes, tolerance, memory.new, h)
             if status != DONE:
                 return status
-            slope_at(system, t_new, from_left, smooth, torque, stages, zero)
-            combine(system.sizes, smooth, stages, AE, zero, zero, 0.0, state)
-            _remember(system.sizes, stiff, past, rise, k + 1, h, state, stages[0])
-            counts[3] += last_stage
+            slope_at(system, t_new, from_left, memory.new, torque, stages, zero)
+            counts[EVALUATIONS] += last_stage
+            _remember(system.sizes, stiff, past, rise, k + 1, h, memory.new, stages[0])
         else:
             piece = piece_after(system.drive.breaks, t_new, piece)
             torque_in(system, piece, t_new, torque)
             if system.drive.factor_coefficients.shape[2] > 0:
                 loads_at(system, t_new, lands)
-            _predict(system, stiff, past, rise, k, h, smooth, known, force, torque)
+            _predict(system, record, memory, k, h)
             solve_implicit(
-                system.sizes, softened, smooth, force, torque, system.drive.loads, system.work
-            )
-            counts[3] += 1
-            _correct(system, stiff, past, rise, k, h, known)
-            status = followed(system.sizes, tolerance, past[(k + 1) & 3], h)
+                system.sizes, record.softened, memory.new, system.work.force, torque,
+                system.drive.loads, system.work,
+            )  # fmt: skip
+            counts[EVALUATIONS] += 1
+            _correct(system, record, k, h)
+            status = followed(system.sizes, tolerance, new, h)
             if status != DONE:
-                _restore(system.sizes, past, k, state)
                 return status
-        if not inertia_left(system):
-            _restore(system.sizes, past, k, state)
-            return INERTIA_LOST
-        if lands:
-            _restore(system.sizes, past, k + 1, state)
-        if k >= _STARTED:
             missed[2] += 1.0
+        if not inertia_left(system):
+            return INERTIA_LOST
         if missed[2] >= _LOOK:
             missed[2] = 0.0
-            _restore(system.sizes, past, k + 1, smooth)
-            slope_at(system, t_new, from_left, smooth, torque, stages, last_stage)
-            counts[3] += 1
+            copy_state(system.sizes, new, memory.new)
+            slope_at(system, t_new, from_left, memory.new, torque, stages, last_stage)
+            counts[EVALUATIONS] += 1
             if not _follows(system, tolerance, past, k + 1, h, stages[last_stage], missed):
-                _restore(system.sizes, past, k, state)
                 return NOT_FOLLOWED
-        while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t_new:
-            asked = sample_times[counts[0]]
-            if asked == t_new:
-                _restore(system.sizes, past, k + 1, samples[counts[0]])
-            else:
-                _between(
-                    system.sizes, tolerance, stiff, past, k + 1, h, (asked - t) / h,
-                    samples[counts[0]],
-                )  # fmt: skip
-            counts[0] += 1
+        sample = sample_before(memory, t_new)
+        while sample >= 0:
+            _between(
+                system.sizes, tolerance, stiff, past, k + 1, h,
+                (memory.sample_times[sample] - t) / h, memory.samples[sample],
+            )  # fmt: skip
+            sample = sample_before(memory, t_new)
+        end_step(system.sizes, memory, new, t_new)
         t = t_new
-        clock[TIME] = t
-        span[PLACE] += 1.0
-        counts[1] += 1
-    if span[PLACE] < span[COUNT]:
-        _restore(system.sizes, past, int(span[PLACE]), state)
+        clock[PLACE] += 1.0
     return DONE if t >= until else PAUSED

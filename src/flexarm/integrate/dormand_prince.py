@@ -1,8 +1,4 @@
-"""Dormand and Prince's pairs of order 5(4) and 8(5,3), with step control and dense output.
-
-The coefficients of order 5 are SciPy's public class attributes, which carry them in full precision;
-those of order 8 stand in ``dop853``.
-"""
+"""Dormand and Prince's pair of order 8(5,3), with step control and dense output."""
 
 from __future__ import annotations
 
@@ -13,35 +9,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from flexarm.integrate import dop853
+from flexarm.integrate.base import FloatArray
 from flexarm.integrate.runge_kutta import ExplicitRungeKutta
-from flexarm.integrate.tableau import FloatArray, Tableau
-
-
-def _square(A: FloatArray, b: FloatArray, extra: FloatArray | None = None) -> FloatArray:
-    """Join the rows of the stages, of the new point and of dense output to one (r, r) array."""
-    s = b.size
-    r = s + 1 + (0 if extra is None else len(extra))
-    joined = np.zeros((r, r))
-    joined[:s, : A.shape[1]] = A
-    joined[s, :s] = b
-    if extra is not None:
-        joined[s + 1 :, : extra.shape[1]] = extra
-    return joined
-
-
-@cache
-def _order_5() -> Tableau:
-    from scipy.integrate import RK45
-
-    return Tableau(
-        order=5,
-        A=_square(RK45.A, RK45.B),
-        b=RK45.B,
-        c=np.append(RK45.C, 1.0),
-        error=RK45.E,
-        error_low=np.zeros(7),
-        dense=RK45.P,
-    )
+from flexarm.integrate.tableau import Tableau
 
 
 def _order_8_dense(b: FloatArray, D: FloatArray) -> FloatArray:
@@ -69,34 +39,20 @@ def _order_8_dense(b: FloatArray, D: FloatArray) -> FloatArray:
 
 @cache
 def _order_8() -> Tableau:
-    A = np.zeros((len(dop853.C), len(dop853.C)))
-    for k, row in enumerate(dop853.A):
+    rows = [*dop853.A, dop853.B, *dop853.A_EXTRA]  # of stages, new point, dense output
+    A = np.zeros((len(rows), len(rows)))
+    for k, row in enumerate(rows):
         A[k, : len(row)] = row
     b = np.array(dop853.B)
     return Tableau(
         order=8,
-        A=_square(A, b, np.array(dop853.A_EXTRA)),
+        A=A,
         b=b,
         c=np.array([*dop853.C, 1.0, *dop853.C_EXTRA]),
-        error=np.array(dop853.E5),
-        error_low=np.array(dop853.E3),
+        error=np.array([dop853.E5, dop853.E3]),
+        error_orders=(5, 3),
         dense=_order_8_dense(b, np.array(dop853.D)),
     )
-
-
-@dataclass(frozen=True)
-class DormandPrince5(ExplicitRungeKutta):
-    """Order 5(4), 7 stages of which the last is the next step's first; order 4 dense output."""
-
-    name = "dormand_prince_5"
-    order = 5
-    adaptive = True
-    reference = ("DormandPrince1980",)
-
-    @property
-    def tableau(self) -> Tableau:
-        """Coefficients of the method."""
-        return _order_5()
 
 
 @dataclass(frozen=True)

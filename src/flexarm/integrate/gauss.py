@@ -7,16 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.integrate.additive import SOFTENED
-from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
-from flexarm.integrate.collocation import advance_collocation
-from flexarm.integrate.kennedy_carpenter import named
-from flexarm.integrate.steps import SPAN_PLACES, TIME
+from flexarm.integrate.base import FloatArray, Integrator
+from flexarm.integrate.collocation import CollocationRecord, advance_collocation
+from flexarm.integrate.tableau import demand_order, demand_zero
 from flexarm.kernels.implicit_step import constants_to_soften
-
-#: Change of a sweep, as a part of the state, that ends the iteration: a twentieth of a unit in the
-#: last place. What is left then is much the same in each step, so in a million steps it adds up.
-_ROUNDING = 0.05 * float(np.finfo(float).eps)
+from flexarm.kernels.layout import ArmConstants
 
 
 class Coefficients(NamedTuple):
@@ -31,7 +26,11 @@ class Coefficients(NamedTuple):
 
 
 def gauss_coefficients(stages: int) -> Coefficients:
-    """Coefficients from the quadrature of Gauss and Legendre; Hairer and Wanner II, IV.5."""
+    """Coefficients from the quadrature of Gauss and Legendre; Hairer and Wanner II, IV.5.
+
+    Raises:
+        ValueError: if they miss the order or the symmetry of the method.
+    """
     x, w = np.polynomial.legendre.leggauss(stages)
     c, b = (1.0 + x) / 2.0, w / 2.0
     powers = np.arange(stages)
@@ -39,6 +38,8 @@ def gauss_coefficients(stages: int) -> Coefficients:
     guess = np.zeros((2, stages, 2 * stages))
     guess[0, :, stages:] = _continued(c - 1.0, c)
     guess[1] = _continued(np.concatenate([c - 2.0, c - 1.0]), c)
+    demand_order(2 * stages, b, A)
+    demand_zero(A + A[::-1, ::-1] - b, "the coefficients must be symmetric")
     return Coefficients(A, A @ A, b, b @ A, c, guess)
 
 
@@ -66,84 +67,25 @@ class Gauss6(Integrator):
             (``flexarm.engine.default_step``).
     """
 
-    step: float | None = None
-
     name = "gauss_6"
     order = 6
     follows_contacts = False
     reference = ("HairerLubichWanner2006", "HouwenSwart1997")
+    stepper = staticmethod(advance_collocation)
 
-    def advance(
-        self,
-        system: System,
-        tolerance: Tolerance,
-        progress: Progress,
-        until: float,
-        sample_times: FloatArray,
-        samples: FloatArray,
-        max_steps: int,
-    ) -> Status:
-        """See ``Integrator.advance``."""
-        coefficients = _COEFFICIENTS
-        memory = progress.memory
-        shape = progress.state.shape
-        if not memory:
-            count = len(coefficients.c)
-            memory["clock"] = np.zeros(SOFTENED + 1)
-            memory["span"] = np.zeros(SPAN_PLACES)
-            memory["counts"] = np.zeros(4, dtype=np.int64)
-            for name in ("new", "inner", "lost"):
-                memory[name] = np.zeros(shape)
-            memory["stages"] = np.zeros((count, *shape[1:]))
-            memory["earlier"] = np.zeros((2 * count, *shape[1:]))
-            memory["ends"] = np.zeros((2, *shape))
-            for name in ("added", "force"):
-                memory[name] = np.zeros(shape[1:])
-            memory["torque"] = np.zeros(shape[1])
-            memory["change"] = np.zeros((1, *shape))
-            memory["one"] = np.ones(1)
-            own = constants_to_soften(system.constants)
-            memory |= {f"softened.{name}": array for name, array in own._asdict().items()}
-        clock, counts = memory["clock"], memory["counts"]
-        clock[TIME] = progress.time
-        counts[0] = progress.sample
-        step = float(self.step or progress.step or 0.5 / tolerance.fastest)
-        reach = 1.0 / float(tolerance.unit[0, :, 0].min())
-        status = progress.enter(
-            advance_collocation,
-            system,
-            named("softened", memory),
-            tolerance,
-            tolerance._replace(absolute=_ROUNDING * reach, relative=_ROUNDING),
-            coefficients.A,
-            coefficients.AA,
-            coefficients.b,
-            coefficients.bA,
-            coefficients.c,
-            _PULL,
-            _DRAG,
-            coefficients.guess,
-            progress.state,
-            memory["new"],
-            memory["inner"],
-            memory["lost"],
-            memory["stages"],
-            memory["earlier"],
-            memory["ends"],
-            memory["added"],
-            memory["force"],
-            memory["torque"],
-            memory["change"],
-            memory["one"],
-            clock,
-            memory["span"],
-            counts,
-            step,
-            float(until),
-            sample_times,
-            samples,
-            max_steps,
+    def record(self, constants: ArmConstants, state: FloatArray) -> CollocationRecord:
+        """See ``Integrator.record``."""
+        count, shape = len(_COEFFICIENTS.c), state.shape[1:]
+        return CollocationRecord(
+            **_COEFFICIENTS._asdict(),
+            pull=_PULL,
+            drag=_DRAG,
+            inner=np.zeros_like(state),
+            lost=np.zeros_like(state),
+            stages=np.zeros((count, *shape)),
+            earlier=np.zeros((2 * count, *shape)),
+            ends=np.zeros((2, *state.shape)),
+            change=np.zeros((1, *state.shape)),
+            one=np.ones((2, 1)),
+            softened=constants_to_soften(constants),
         )
-        progress.time, progress.step = float(clock[TIME]), step
-        progress.take(counts)
-        return status

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from flexarm.integrate.base import System
-from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.cache import merged
 from flexarm.kernels.columns import FREE, JOINT_UW, LOWER_STOP, STOP_STIFFNESS
 from flexarm.kernels.layout import Array
 
@@ -58,7 +58,7 @@ def _crossing(
     return math.inf
 
 
-@inner
+@merged
 def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -> float:
     """Length of the step from t after which a joint meets or leaves a stop; h where none does.
 

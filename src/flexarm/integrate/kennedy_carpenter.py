@@ -3,51 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
 
-import numpy as np
-
-from flexarm.integrate.additive import SOFTENED, advance_additive
-from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
-from flexarm.integrate.steps import IMPACTS, STEP, TIME
-from flexarm.kernels.implicit_step import constants_to_soften
-from flexarm.kernels.layout import ArmConstants
-
-
-class AdditiveTableau(NamedTuple):
-    """Coefficients of s stages; rows of the explicit part for the new point too.
-
-    Attributes:
-        explicit, implicit: (s + 1, s) rows of the stages and of the new point, which they share.
-        c: (s + 1,) abscissae. error: (s + 1,) weights of the error estimate.
-    """
-
-    order: int
-    explicit: FloatArray
-    implicit: FloatArray
-    c: FloatArray
-    error: FloatArray
-
-
-def _tableau(
-    order: int, explicit: FloatArray, implicit: FloatArray, embedded: FloatArray
-) -> AdditiveTableau:
-    b = implicit[-1]
-    return AdditiveTableau(
-        order=order,
-        explicit=np.vstack([explicit, b]),
-        implicit=np.vstack([implicit, b]),
-        c=np.append(explicit.sum(axis=1), 1.0),
-        error=np.append(b - embedded, 0.0),
-    )
-
-
-def _lower(rows: list[list[float]]) -> FloatArray:
-    """Fill up the rows of a square matrix with zeros."""
-    square = np.zeros((len(rows), len(rows)))
-    for k, row in enumerate(rows):
-        square[k, : len(row)] = row
-    return square
+from flexarm.integrate.additive_tableau import Additive, AdditiveTableau, additive_tableau
 
 
 def _order_4() -> AdditiveTableau:
@@ -97,7 +54,7 @@ def _order_4() -> AdditiveTableau:
         -3700637 / 11593932,
         61727 / 225920,
     ]
-    return _tableau(4, _lower(explicit), _lower(implicit), np.array(embedded))
+    return additive_tableau(4, explicit, implicit, embedded)
 
 
 def _order_5() -> AdditiveTableau:
@@ -188,99 +145,12 @@ def _order_5() -> AdditiveTableau:
         3629800801594 / 4656183773603,
         4035322873751 / 18575991585200,
     ]
-    return _tableau(5, _lower(explicit), _lower(implicit), np.array(embedded))
+    return additive_tableau(5, explicit, implicit, embedded)
 
 
-_ORDER_4 = _order_4()
+#: The pair of order 4, with which Cowell's method starts.
+ORDER_4 = _order_4()
 _ORDER_5 = _order_5()
-
-
-def named(place: str, memory: dict[str, FloatArray]) -> ArmConstants:
-    """Return the constants of an implicit step that an integrator keeps in its memory."""
-    return ArmConstants(*(memory[f"{place}.{name}"] for name in ArmConstants._fields))
-
-
-@dataclass(frozen=True)
-class Additive(Integrator):
-    """Common part of the additive methods.
-
-    Args:
-        step: the first step to try (s); None takes half a radian of the fastest mode.
-    """
-
-    step: float | None = None
-
-    adaptive: ClassVar[bool] = True
-    reference: ClassVar[tuple[str, ...]] = ("KennedyCarpenter2003", "BoscarinoFilbetRusso2016")
-    tableau: ClassVar[AdditiveTableau]
-
-    def advance(
-        self,
-        system: System,
-        tolerance: Tolerance,
-        progress: Progress,
-        until: float,
-        sample_times: FloatArray,
-        samples: FloatArray,
-        max_steps: int,
-    ) -> Status:
-        """See ``Integrator.advance``."""
-        tableau = self.tableau
-        memory = progress.memory
-        if not memory:
-            memory["clock"] = np.zeros(SOFTENED + 1)
-            memory["clock"][STEP] = self.step or progress.step or 0.5 / tolerance.fastest
-            memory["counts"] = np.zeros(4, dtype=np.int64)
-            for name in ("smooth", "known"):
-                memory[name] = np.zeros_like(progress.state)
-            for name in ("added", "force"):
-                memory[name] = np.zeros(progress.state.shape[1:])
-            memory["torque"] = np.zeros(progress.state.shape[1])
-            memory["no_error"] = np.zeros_like(tableau.error)
-            memory["stages"] = np.zeros((len(tableau.c), *progress.state.shape))
-            own = constants_to_soften(system.constants)
-            memory |= {f"softened.{name}": array for name, array in own._asdict().items()}
-        clock, counts = memory["clock"], memory["counts"]
-        clock[TIME] = progress.time
-        counts[0] = progress.sample
-        status = progress.enter(
-            advance_additive,
-            system,
-            named("softened", memory),
-            tolerance,
-            tableau.explicit,
-            tableau.implicit,
-            tableau.c,
-            tableau.error,
-            memory["no_error"],
-            tableau.order,
-            progress.state,
-            memory["smooth"],
-            memory["known"],
-            memory["added"],
-            memory["force"],
-            memory["torque"],
-            memory["stages"],
-            clock,
-            counts,
-            float(until),
-            sample_times,
-            samples,
-            max_steps,
-        )
-        progress.time, progress.step = float(clock[TIME]), float(clock[STEP])
-        progress.impacts = int(clock[IMPACTS])
-        progress.take(counts)
-        return status
-
-
-@dataclass(frozen=True)
-class KennedyCarpenter4(Additive):
-    """Order 4(3), 6 stages, L-stable in bending, damping, joint springs; dense order 4."""
-
-    name = "kennedy_carpenter_4"
-    order = 4
-    tableau = _ORDER_4
 
 
 @dataclass(frozen=True)

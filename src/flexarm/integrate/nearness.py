@@ -27,7 +27,6 @@ from flexarm.kernels.layout import Contacts
 
 #: A step that is longer than allowed by less than this stands: it may have been drawn to a stop.
 _NEARLY = 0.999
-UNSEEN, PRESSED_THROUGH = 6, 7
 #: Part of the time that turns a point back, which a step may take where it may have touched.
 _SHARE = 0.1
 _TINY = 1e-300

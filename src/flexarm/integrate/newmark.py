@@ -3,46 +3,28 @@
 Theory page "integration", (I.9) to (I.11). Coordinates and rates follow Newmark's formulas with an
 averaged acceleration. Bending, springs and damping are solved for by the recursion; posture,
 velocity products and mass matrix of the new point by repeating that until nothing changes.
-
-=============  =============================================================================
-symbol         meaning
-=============  =============================================================================
-``rule``       alpha_m, alpha_f, beta, gamma
-``ends``       (2, 2, n, 1 + m) rates and accelerations at both ends of a step
-``averaged``   (n, 1 + m) the acceleration that Newmark's formulas take
-``smooth``     the new point as the last pass left it
-``known``      the new point without its own acceleration
-=============  =============================================================================
+``memory.new`` is the new point as the last pass left it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.integrate.additive import SOFTENED, shift_forces, soften_for
+from flexarm.integrate.additive import shift_forces, soften_for
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.steps import (
-    COUNT,
+from flexarm.integrate.memory import COUNT, EVALUATIONS, LENGTH, PLACE, SOFTENED, STEP, Memory
+from flexarm.integrate.samples import RESOLVED, begin_call, end_step, samples_between
+from flexarm.integrate.status import (
     DONE,
-    END,
     INERTIA_LOST,
-    LENGTH,
     NOT_CONVERGED,
     NOT_FINITE,
     PAUSED,
-    PLACE,
-    RESOLVED,
-    START,
-    TIME,
-    begin_span,
-    between_ends,
-    combine,
-    error_norm,
-    followed,
-    inertia_left,
 )
+from flexarm.integrate.steps import begin_span, error_norm, followed, inertia_left, step_of_span
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
 from flexarm.kernels.cache import compiled, merged
@@ -54,40 +36,61 @@ _PASSES = 50
 #: What further passes would change, as a part of what a step may err by: little, because it is of
 #: one sign over thousands of steps.
 _SOLVED = 1e-3
+#: A step is solved no closer than this, relative to the state: rounding stands in the way.
+_ROUNDING = 1e-12
 #: Largest growth from one step to the next that the averaged acceleration is carried over.
 _GROWTH = 5.0
 
 
+class NewmarkRecord(NamedTuple):
+    """Coefficients of (I.9) and (I.10), and the arrays of a run."""
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    known: Array  # (2, n, 1 + m) the new point without its own acceleration
+    averaged: Array  # (n, 1 + m) the acceleration that Newmark's formulas take
+    ends: Array  # (2, 2, n, 1 + m) rates and accelerations at both ends of a step
+    change: Array  # (1, 2, n, 1 + m) by the last pass
+    one: Array  # (2, 1) weights of ``change`` in its norm
+    softened: ArmConstants  # with the diagonal of a step of length ``clock[SOFTENED]``
+
+
 @merged
-def _carry_over(
-    system: System, old_h: float, h: float, before: Array, ends: Array, averaged: Array
-) -> None:
+def _share(record: NewmarkRecord) -> float:
+    """Part of the new averaged acceleration that is the new true one."""
+    return (1.0 - record.alpha_f) / (1.0 - record.alpha_m)
+
+
+@merged
+def _carry_over(system: System, record: NewmarkRecord, old_h: float, h: float) -> None:
     """Carry the averaged acceleration over to steps of another length, and across a jump.
 
-    It stands for a time that differs from the step's end by a part of the step.
+    It stands for a time that differs from the step's end by a part of the step. ``known[0]`` holds
+    the acceleration before the jump.
     """
+    averaged = record.averaged
     ratio = 0.0
     if old_h > 0.0:
         ratio = min(h / old_h, _GROWTH)
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
-            averaged[i, j] = ends[0, 1, i, j] + ratio * (averaged[i, j] - before[i, j])
+            rest = averaged[i, j] - record.known[0, i, j]
+            averaged[i, j] = record.ends[0, 1, i, j] + ratio * rest
 
 
 @merged
-def _predict(
-    system: System, rule: Array, h: float, state: Array, ends: Array, averaged: Array,
-    smooth: Array, known: Array,
-) -> None:  # fmt: skip
-    """A first ``smooth`` state of the new point, and what is ``known`` of it."""
-    c = system.constants
-    alpha_m, alpha_f, beta, gamma = rule[0], rule[1], rule[2], rule[3]
+def _predict(system: System, record: NewmarkRecord, memory: Memory, h: float) -> None:
+    """Predict the new point, and compute what is ``known`` of it."""
+    c, state, smooth, known = system.constants, memory.state, memory.new, record.known
+    alpha_m, alpha_f, beta, gamma = record.alpha_m, record.alpha_f, record.beta, record.gamma
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             q = state[0, i, j]
             v = state[1, i, j]
-            a = ends[0, 1, i, j]
-            mean = averaged[i, j]
+            a = record.ends[0, 1, i, j]
+            mean = record.averaged[i, j]
             rest = (alpha_f * a - alpha_m * mean) / (1.0 - alpha_m)
             known[0, i, j] = q + h * (v + h * ((0.5 - beta) * mean + beta * rest))
             known[1, i, j] = v + h * ((1.0 - gamma) * mean + gamma * rest)
@@ -104,16 +107,19 @@ def _predict(
 
 @merged
 def _pass(
-    system: System, softened: ArmConstants, tolerance: Tolerance, kappa: float, lag: float,
-    state: Array, smooth: Array, known: Array, force: Array, torque: Array, change: Array,
-    one: Array,
+    system: System, tolerance: Tolerance, record: NewmarkRecord, memory: Memory, kappa: float,
+    lag: float,
 ) -> float:  # fmt: skip
-    """Solve for the new acceleration at ``smooth``, and move ``smooth`` to what follows from it.
+    """Solve for the new acceleration at ``new``, and move ``new`` to what follows from it.
 
     Returns the largest change over what a step may err by.
     """
-    shift_forces(system, smooth, known[0], known[1], force, torque)
-    solve_implicit(system.sizes, softened, smooth, force, torque, system.drive.loads, system.work)
+    smooth, known, change = memory.new, record.known, record.change
+    shift_forces(system, smooth, known[0], known[1], memory.torque)
+    solve_implicit(
+        system.sizes, record.softened, smooth, system.work.force, memory.torque,
+        system.drive.loads, system.work,
+    )  # fmt: skip
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             x = system.work.acceleration[i, j]
@@ -123,115 +129,95 @@ def _pass(
             change[0, 1, i, j] = v - smooth[1, i, j]
             smooth[0, i, j] = q
             smooth[1, i, j] = v
-    return error_norm(system, tolerance, state, smooth, change, one, one, 1.0)
+    return error_norm(system, tolerance, memory.state, smooth, change, record.one, 1.0)
+
+
+@merged
+def _solve(
+    system: System, tolerance: Tolerance, record: NewmarkRecord, memory: Memory, t_new: float,
+    lands: bool, h: float,
+) -> int:  # fmt: skip
+    """Repeat passes until nothing changes any more; not ``DONE`` if that fails."""
+    share = _share(record)
+    allowed = Tolerance(
+        max(tolerance.absolute, _ROUNDING),
+        max(tolerance.relative, _ROUNDING),
+        tolerance.unit,
+        tolerance.fastest,
+    )
+    norm: float = math.inf
+    for trial in range(_PASSES):
+        before = norm
+        drive_at(system, t_new, lands, memory.torque)
+        norm = _pass(
+            system, allowed, record, memory, h * h * record.beta * share, h * record.gamma * share
+        )
+        memory.counts[EVALUATIONS] += 1
+        if not math.isfinite(norm):
+            return NOT_FINITE if trial == 0 else NOT_CONVERGED
+        # What further passes would change, if they shrink as this one did.
+        if norm == 0.0 or (trial > 0 and norm * norm <= _SOLVED * (before - norm)):
+            return DONE
+    return NOT_CONVERGED
 
 
 @compiled
 def advance_newmark(
     system: System,
-    softened: ArmConstants,
     tolerance: Tolerance,
-    rule: Array,
-    state: Array,
-    smooth: Array,
-    known: Array,
-    averaged: Array,
-    ends: Array,
-    added: Array,
-    force: Array,
-    torque: Array,
-    change: Array,
-    one: Array,
-    clock: Array,
-    span: Array,
-    counts: Array,
-    step: float,
+    record: NewmarkRecord,
+    memory: Memory,
     until: float,
-    sample_times: Array,
-    samples: Array,
     max_steps: int,
 ) -> int:
-    """Step from ``clock[0]`` to ``until``; see ``base.Integrator`` for the rules kept."""
+    """Step to ``until``; see ``base.Integrator`` for the rules kept."""
     # Typed constants: literals would make the compiler build a copy of each callee for each value.
     zero = int(np.int64(0))
     from_right = bool(np.bool_(False))
-    new = smooth
-    # Part of the new averaged acceleration that is the new true one.
-    part = (1.0 - rule[1]) / (1.0 - rule[0])
-    t = clock[TIME]
-    while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t:
-        combine(system.sizes, state, ends, added, zero, zero, 0.0, samples[counts[0]])
-        counts[0] += 1
+    clock, counts, new = memory.clock, memory.counts, memory.new
+    averaged, ends = record.averaged, record.ends
+    share = _share(record)
+    t = begin_call(system.sizes, memory)
     for _ in range(max_steps):
         if t >= until:
             break
-        if span[PLACE] >= span[COUNT]:  # a new span begins
-            old_h = span[LENGTH]
-            begin_span(system.drive.stops, t, until, step, span)
-            h = span[LENGTH]
+        if clock[PLACE] >= clock[COUNT]:  # a new span begins
+            old_h = clock[LENGTH]
+            begin_span(system.drive.stops, t, until, clock[STEP], clock)
+            h = clock[LENGTH]
             if h != clock[SOFTENED]:
-                soften_for(system, softened, added, h * rule[3] * part, h * rule[2] * part * h)
+                soften_for(
+                    system, record.softened, h * record.gamma * share, h * record.beta * share * h
+                )
                 clock[SOFTENED] = h
             for i in range(len(system.sizes.bodies)):
                 for j in range(1 + len(system.sizes.modes)):
-                    known[0, i, j] = ends[0, 1, i, j]
-            slope_at(system, t, from_right, state, torque, ends, zero)
-            counts[3] += 1
-            _carry_over(system, old_h, h, known[0], ends, averaged)
-        h = span[LENGTH]
-        lands = span[PLACE] + 1.0 >= span[COUNT]
-        t_new = span[START] + (span[PLACE] + 1.0) * h
-        if lands:
-            t_new = span[END]
-        _predict(system, rule, h, state, ends, averaged, smooth, known)
-        norm: float = math.inf
-        solved = False
-        for trial in range(_PASSES):
-            before = norm
-            drive_at(system, t_new, lands, torque)
-            norm = _pass(
-                system, softened, tolerance, h * h * rule[2] * part, h * rule[3] * part, state,
-                smooth, known, force, torque, change, one,
-            )  # fmt: skip
-            counts[3] += 1
-            if not math.isfinite(norm):
-                return NOT_FINITE if trial == 0 else NOT_CONVERGED
-            # What further passes would change, if they shrink as this one did.
-            solved = trial > 0 and norm * norm <= _SOLVED * (before - norm)
-            if solved or norm == 0.0:
-                break
-        if not (solved or norm == 0.0):
-            return NOT_CONVERGED
-        status = followed(system.sizes, tolerance, new, h)
+                    record.known[0, i, j] = ends[0, 1, i, j]
+            slope_at(system, t, from_right, memory.state, memory.torque, ends, zero)
+            counts[EVALUATIONS] += 1
+            _carry_over(system, record, old_h, h)
+        h = clock[LENGTH]
+        t_new, lands = step_of_span(clock)
+        _predict(system, record, memory, h)
+        status = _solve(system, tolerance, record, memory, t_new, lands, h)
+        if status == DONE:
+            status = followed(system.sizes, tolerance, new, h)
+        if status == DONE and not inertia_left(system):
+            status = INERTIA_LOST
         if status != DONE:
             return status
-        if not inertia_left(system):
-            return INERTIA_LOST
         for i in range(len(system.sizes.bodies)):
             for j in range(1 + len(system.sizes.modes)):
-                ends[0, 0, i, j] = state[1, i, j]
+                ends[0, 0, i, j] = memory.state[1, i, j]
                 ends[1, 0, i, j] = new[1, i, j]
                 ends[1, 1, i, j] = system.work.acceleration[i, j]
-
-        while counts[0] < sample_times.shape[0] and sample_times[counts[0]] <= t_new:
-            asked = sample_times[counts[0]]
-            if asked == t_new:
-                combine(system.sizes, new, ends, added, zero, zero, 0.0, samples[counts[0]])
-            else:
-                between_ends(
-                    system.sizes, system.constants, tolerance, state, new, ends, (asked - t) / h,
-                    h, samples[counts[0]],
-                )  # fmt: skip
-            counts[0] += 1
+        samples_between(system, tolerance, memory, ends, t, h, t_new)
         for i in range(len(system.sizes.bodies)):
             for j in range(1 + len(system.sizes.modes)):
-                rest = rule[1] * ends[0, 1, i, j] - rule[0] * averaged[i, j]
-                averaged[i, j] = part * ends[1, 1, i, j] + rest / (1.0 - rule[0])
+                rest = record.alpha_f * ends[0, 1, i, j] - record.alpha_m * averaged[i, j]
+                averaged[i, j] = share * ends[1, 1, i, j] + rest / (1.0 - record.alpha_m)
                 ends[0, 1, i, j] = ends[1, 1, i, j]
-                for level in range(2):
-                    state[level, i, j] = new[level, i, j]
+        end_step(system.sizes, memory, new, t_new)
         t = t_new
-        clock[TIME] = t
-        span[PLACE] += 1.0
-        counts[1] += 1
+        clock[PLACE] += 1.0
     return DONE if t >= until else PAUSED

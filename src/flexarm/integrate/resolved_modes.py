@@ -13,15 +13,13 @@ import math
 import numpy as np
 
 from flexarm.integrate.base import System
+from flexarm.integrate.cowell_formulas import BETA, GAMMA, STIFF_BETA, STIFF_GAMMA
 from flexarm.kernels.articulated_body import implicit_dynamics
 from flexarm.kernels.cache import inner, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
 
-#: Weights of the new acceleration in (I.5) and (I.6).
-BETA = 1.0 / 12.0
-GAMMA = 367.0 / 1440.0
 #: Numerov's formula is stable for square frequencies times h^2 of up to 6; the estimate of the
 #: highest one comes from below, so some of that is kept.
 _STABLE = 5.0
@@ -44,7 +42,7 @@ _NEAR = 0.5
 @inner
 def _largest(
     system: System, stiff: Array, of_damping: bool, state: Array, bent: float, rest: Array,
-    force: Array, direction: Array, unforced: Array, torque: Array,
+    direction: Array, unforced: Array, torque: Array,
 ) -> float:  # fmt: skip
     """Largest square frequency, or damping rate, without those of stiff modes; from below.
 
@@ -52,7 +50,7 @@ def _largest(
     it: the residual inertia of (R.7) is so small that even the stiffness of slow modes makes a fast
     motion of a joint against its link.
     """
-    c = system.constants
+    c, force = system.constants, system.work.force
     for i in range(len(system.sizes.bodies)):
         torque[i] = 0.0
         for j in range(1 + len(system.sizes.modes)):
@@ -97,13 +95,13 @@ def _stable_step(square: float, rate: float, stable: float) -> float:
 
 @inner
 def longest_step(
-    system: System, state: Array, smooth: Array, known: Array, force: Array, torque: Array,
-    stiff: Array, bounds: Array, h: float, span: float,
+    system: System, state: Array, rest: Array, known: Array, torque: Array, stiff: Array,
+    bounds: Array, h: float, span: float,
 ) -> float:  # fmt: skip
     """Decide which modes are stiff at steps of h; return h, or what is stable if that is shorter.
 
     ``span`` (s) is how long the steps go on; the arm may stretch meanwhile, and straight arms
-    vibrate fastest.
+    vibrate fastest. ``rest`` and ``known`` (2, n, 1 + m) and ``torque`` are scratch.
     """
     c = system.constants
     found_for = math.inf
@@ -133,12 +131,12 @@ def longest_step(
         if k == 0 and not straight_too:
             continue
         bounds[0] = _largest(
-            system, stiff, stiffness, state, float(k), smooth, force, known[0], known[1], torque
+            system, stiff, stiffness, state, float(k), rest, known[0], known[1], torque
         )
         bounds[1] = 0.0
         if damped > 0.0:
             bounds[1] = _largest(
-                system, stiff, damping, state, float(k), smooth, force, known[0], known[1], torque
+                system, stiff, damping, state, float(k), rest, known[0], known[1], torque
             )
         if k == 0:
             bounds[3] = bounds[0]
@@ -153,17 +151,17 @@ def longest_step(
 
 
 @inner
-def soften(system: System, softened: ArmConstants, stiff: Array, added: Array, h: float) -> None:
+def soften(system: System, softened: ArmConstants, stiff: Array, h: float) -> None:
     """Add the implicit parts of springs, bending and damping at steps of h to the mass."""
-    c = system.constants
+    c, added = system.constants, system.work.force
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
             damping = c.body[i, JOINT_DAMPING] if j == 0 else c.mode[i, j - 1, MODE_DAMPING]
             stiffness = c.body[i, JOINT_STIFFNESS] if j == 0 else c.mode[i, j - 1, W2]
             beta = BETA
-            gamma = BETA + GAMMA
+            gamma = GAMMA
             if stiff[i, j] != 0.0:
-                beta = 0.25
-                gamma = 0.5
+                beta = STIFF_BETA
+                gamma = STIFF_GAMMA
             added[i, j] = h * gamma * damping + h * h * beta * stiffness
     add_to_diagonal(system.sizes, c, added, softened)

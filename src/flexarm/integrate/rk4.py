@@ -24,8 +24,8 @@ _TABLEAU = Tableau(
     ),
     b=_B,
     c=np.array([0.0, 0.5, 0.5, 1.0, 1.0]),
-    error=np.zeros(5),
-    error_low=np.zeros(5),
+    error=np.zeros((2, 5)),
+    error_orders=(0, 0),
     dense=hermite_dense(_B),
 )
 

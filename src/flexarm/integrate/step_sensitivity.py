@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm.integrate.additive import SOFTENED, additive_step
+from flexarm.integrate.additive import AdditiveRecord, additive_step
 from flexarm.integrate.base import System
+from flexarm.integrate.memory import SOFTENED, Memory
 from flexarm.integrate.torque import slope_at
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.cache import compiled
@@ -54,20 +55,18 @@ def held_torque_step(
 
 @compiled
 def held_torque_additive_step(
-    system: System, softened: ArmConstants, AE: Array, AI: Array, c: Array, h: float,
-    state: Array, new: Array, known: Array, added: Array, force: Array, torque: Array,
-    stages: Array, clock: Array,
-) -> None:  # fmt: skip
-    """The same with a method that is implicit in bending: ``additive_step`` after the first slope.
+    system: System, record: AdditiveRecord, memory: Memory, h: float
+) -> None:
+    """Carry ``memory.state`` over a step h (s) into ``memory.new`` with a method of ``additive``.
 
-    ``system.drive`` holds the torque; the other arguments are those of ``additive_step``, whose
-    ``smooth`` is the new state.
+    ``system.drive`` holds the torque; all arrays of numbers of the motion are complex.
     """
-    clock[SOFTENED] = -1.0  # the constants may have changed since the last call
-    slope_at(system, 0.0, bool(np.bool_(False)), state, torque, stages, int(np.int64(0)))
-    additive_step(
-        system, softened, AE, AI, c, 0.0, h, state, new, known, added, force, torque, stages, clock
-    )
+    memory.clock[SOFTENED] = -1.0  # the constants may have changed since the last call
+    slope_at(
+        system, 0.0, bool(np.bool_(False)), memory.state, memory.torque, record.stages,
+        int(np.int64(0)),
+    )  # fmt: skip
+    additive_step(system, record, memory, 0.0, h)
 
 
 @compiled

@@ -5,12 +5,41 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from flexarm.integrate.order_conditions import FloatArray, largest_miss
 
 #: Coefficients are printed to at least 16 digits; sums of a dozen of them lose two.
 _ROUNDING = 1e-12
+
+
+def demand(holds: object, rule: str) -> None:
+    """Raise unless a rule of a tableau holds.
+
+    Raises:
+        ValueError: if it does not.
+    """
+    if not holds:
+        raise ValueError(f"Tableau: {rule}")
+
+
+def demand_zero(value: object, rule: str) -> None:
+    """Raise unless what has to vanish does, but for rounding.
+
+    Raises:
+        ValueError: if it does not.
+    """
+    demand(np.max(np.abs(np.asarray(value))) < _ROUNDING, rule)
+
+
+def demand_order(order: int, b: FloatArray, *A: FloatArray, exact: float = 1.0) -> None:
+    """Raise unless all order conditions hold; arguments as of ``largest_miss``.
+
+    Raises:
+        ValueError: if one does not.
+    """
+    miss, nodes = largest_miss(order, b, *A, exact=exact)
+    what = "new point" if exact else "error estimate"
+    demand_zero(miss, f"the {what} misses an order condition of a tree of {nodes} nodes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,13 +50,13 @@ class Tableau:
     step; later ones, if any, serve dense output alone.
 
     Attributes:
-        order: order of the solution that is carried on.
+        order: order of the new point.
         A: (r, r) lower triangular; rows of the s stages, of the new point, of dense output.
         b: (s,) weights of the new point.
         c: (r,) abscissae.
-        error: (s + 1,) weights of the error estimate (zeros: none).
-        error_low: (s + 1,) weights of a second, cruder estimate (zeros: none), combined as in
-            Hairer, Norsett and Wanner, Solving ODEs I (1993), section II.10.
+        error: (2, s + 1) weights of the error estimate, and of a second, cruder one, combined as in
+            Hairer, Norsett and Wanner, Solving ODEs I (1993), section II.10. Zeros: none.
+        error_orders: orders up to which the estimates see nothing.
         dense: (r, d) polynomials ``b_i(theta) = sum_p dense[i, p] theta^(p + 1)``.
 
     Raises:
@@ -39,7 +68,7 @@ class Tableau:
     b: FloatArray
     c: FloatArray
     error: FloatArray
-    error_low: FloatArray
+    error_orders: tuple[int, int]
     dense: FloatArray
 
     @property
@@ -49,30 +78,20 @@ class Tableau:
 
     def __post_init__(self) -> None:
         s = self.stages
-        self._demand(np.all(np.triu(self.A) == 0.0), "A must be strictly lower triangular")
-        self._demand_zero(self.A.sum(axis=1) - self.c, "rows of A must sum to c")
-        self._demand_zero(self.A[s, :s] - self.b, "the new point must be stage s")
-        self._demand_zero(self.error.sum(), "error weights must sum to zero")
-        self._demand_zero(self.error_low.sum(), "error weights must sum to zero")
-        for k in range(1, self.order + 1):
-            moment = self.b @ self.c[:s] ** (k - 1) - 1.0 / k
-            self._demand_zero(moment, f"quadrature of order {k} must be exact")
+        demand(np.all(np.triu(self.A) == 0.0), "A must be strictly lower triangular")
+        demand_zero(self.A.sum(axis=1) - self.c, "rows of A must sum to c")
+        demand_zero(self.A[s, :s] - self.b, "the new point must be stage s")
+        demand_order(self.order, self.b, self.A[:s, :s])
+        for weights, order in zip(self.error, self.error_orders, strict=True):
+            demand_order(order, weights, self.A[: s + 1, : s + 1], exact=0.0)
         ends = np.zeros(len(self.c))
         ends[:s] = self.b
-        self._demand_zero(self.dense.sum(axis=1) - ends, "dense output must end at the new point")
+        demand_zero(self.dense.sum(axis=1) - ends, "dense output must end at the new point")
         first, last = np.zeros_like(ends), np.zeros_like(ends)
         first[0], last[s] = 1.0, 1.0
         slope = self.dense @ np.arange(1.0, self.dense.shape[1] + 1.0)
-        self._demand_zero(self.dense[:, 0] - first, "dense output must start with stage 0")
-        self._demand_zero(slope - last, "dense output must end with stage s")
-
-    @staticmethod
-    def _demand(holds: object, rule: str) -> None:
-        if not holds:
-            raise ValueError(f"Tableau: {rule}")
-
-    def _demand_zero(self, value: object, rule: str) -> None:
-        self._demand(np.max(np.abs(np.asarray(value))) < _ROUNDING, rule)
+        demand_zero(self.dense[:, 0] - first, "dense output must start with stage 0")
+        demand_zero(slope - last, "dense output must end with stage s")
 
 
 def hermite_dense(b: FloatArray) -> FloatArray:

@@ -9,14 +9,13 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, shown
-from flexarm.integrate import INTEGRATORS
-from flexarm.integrate.additive import SOFTENED
+from flexarm.integrate import INTEGRATORS, REMOVED
+from flexarm.integrate.additive_tableau import Additive, AdditiveTableau, additive_record
 from flexarm.integrate.base import Drive, System
-from flexarm.integrate.kennedy_carpenter import Additive, AdditiveTableau
+from flexarm.integrate.memory import new_memory
 from flexarm.integrate.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.step_sensitivity import held_torque_additive_step, held_torque_step
 from flexarm.kernel_view import KernelView
-from flexarm.kernels.implicit_step import constants_to_soften
 from flexarm.kernels.layout import ArmConstants
 
 
@@ -45,7 +44,9 @@ def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
     ]
     rule = f"be one of {', '.join(map(repr, known))}"
     hint = ""
-    if kind is not None:
+    if isinstance(method, str) and method in REMOVED:
+        hint = f"It was removed; use {REMOVED[method]!r}."
+    elif kind is not None:
         hint = "Its step depends on states before, or is found by iterating: neither is followed."
     raise InputError(Problem(where, "method", rule, shown(method), hint))
 
@@ -80,38 +81,26 @@ class _Additive:
 
     def __init__(self, arm: Arm, tableau: AdditiveTableau, h: float) -> None:
         self.arm, self.tableau, self.h = arm, tableau, h
-        self.kernels = kernels = KernelView(arm.assembly.constants, complex)
-        self.stages, self.new = kernels.zeros(len(tableau.c), 2), kernels.zeros(2)
-        self.known, self.added, self.force = kernels.zeros(2), kernels.zeros(), kernels.zeros()
-        self.torque = np.zeros(len(self.added), dtype=complex)
-        self.clock = np.zeros(SOFTENED + 1)
+        self.kernels = KernelView(arm.assembly.constants, complex)
 
     def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
         """See ``Stepper.take``."""
-        own = _complex(constants)
+        own, arm = _complex(constants), self.arm
         coefficients = np.zeros((1, 4, torque.size), dtype=complex)
         coefficients[0, 0] = torque
         span, nothing = np.array([0.0, 1.0]), np.zeros((1, 4, 0))
         amplitude = np.zeros((0, 3))
         kernels = self.kernels
         drive = Drive(span, coefficients, np.zeros(0), kernels.loads, amplitude, span, nothing)
+        state = arm.padded(x.reshape(2, -1)).astype(complex)
+        memory = new_memory(state, self.h)
         held_torque_additive_step(
             System(kernels.sizes, own, drive, kernels.work),
-            constants_to_soften(own),
-            self.tableau.explicit,
-            self.tableau.implicit,
-            self.tableau.c,
+            additive_record(self.tableau, own, state),
+            memory,
             self.h,
-            self.arm.padded(x.reshape(2, -1)).astype(complex),
-            self.new,
-            self.known,
-            self.added,
-            self.force,
-            self.torque,
-            self.stages,
-            self.clock,
         )
-        return self.arm.unpadded(self.new).ravel()
+        return arm.unpadded(memory.new).ravel()
 
 
 def _complex(constants: ArmConstants) -> ArmConstants:

@@ -153,7 +153,7 @@ class Plant:
             check_count("Plant.reset", "seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
             hardware = replace(hardware, seed=seed)
-        run, _ = self._new_run(state)
+        run = self._new_run(state)
         run.loads_of = None  # A plant repeats no run, and a user's function cannot be pickled.
         if initial is not None:
             refuse_deep_start("Plant.reset", arm, state, run.loads.placed.contacts)

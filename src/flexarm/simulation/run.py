@@ -24,7 +24,6 @@ from flexarm.control.base import Controller, Reference, check_reference, control
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
 from flexarm.engine.impacts import run_through_impacts
-from flexarm.engine.integrator_choice import Choice
 from flexarm.engine.new_run import (
     ATOL,
     RTOL,
@@ -137,7 +136,8 @@ def simulate(
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
             force, shear force and bending moment; 0 for none.
         step: fixed step, or first step of a method with step control, s; an integrator object has
-            its own. A fixed-step method without one halves its step until the tip differs by
+            its own. Too long a step for "rk4" gives "auto" another method, and a warning. A
+            fixed-step method without one halves its step until the tip differs by
             at most 1e-4 of the reach from the motion at twice the step.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
             fixed step only how closely functions of time are followed. At the defaults a run in
@@ -204,7 +204,7 @@ def simulate(
     # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     with Meter("simulating", progress) as meter:
-        run, choice = new_run(
+        run = new_run(
             where,
             simulated,
             state,
@@ -236,7 +236,7 @@ def simulate(
             )
             if unstable:
                 warn_caller(unstable, UnstableLoopWarning)
-            result = _closed_loop(run, loop, choice, unstable)
+            result = _closed_loop(run, loop, unstable)
         else:
 
             def history_of(relative: float) -> TorqueHistory:
@@ -251,7 +251,7 @@ def simulate(
                 )
 
             run.prescribed = tuple(prescribed or ())
-            result = _open_loop(run, history_of, choice)
+            result = _open_loop(run, history_of)
     if result.attrs["warning"]:
         warn_caller(result.attrs["warning"], LargeDeflectionWarning)
     if run.doubt:
@@ -260,9 +260,7 @@ def simulate(
     return result
 
 
-def _open_loop(
-    run: Run, history_of: Callable[[float], TorqueHistory], choice: Choice
-) -> xr.Dataset:
+def _open_loop(run: Run, history_of: Callable[[float], TorqueHistory]) -> xr.Dataset:
     started = time.perf_counter()
     failure: SimulationError | None = None
     try:
@@ -272,14 +270,14 @@ def _open_loop(
             raise
         failure = error
     assert run.history is not None
-    result = _result(run, run.history, choice, started, str(failure or ""))
+    result = _result(run, run.history, started, str(failure or ""))
     if failure is not None:
         failure.result = result
         raise failure
     return result
 
 
-def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice, unstable: str) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
     started = time.perf_counter()
     try:
         loop.execute()
@@ -287,16 +285,15 @@ def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice, unstable: str) -> x
         if unstable:  # the reason of whatever stopped the run
             error.hint = f"{unstable[0].upper()}{unstable[1:]}"
         if loop.ticks:
-            result = _result(run, loop, choice, started, str(error), unstable)
+            result = _result(run, loop, started, str(error), unstable)
             error.result = add_loop(result, loop)
         raise
-    return add_loop(_result(run, loop, choice, started, "", unstable), loop)
+    return add_loop(_result(run, loop, started, "", unstable), loop)
 
 
 def _result(
     run: Run,
     drive: TorqueHistory | ClosedLoop,
-    choice: Choice,
     started: float,
     failure: str = "",
     unstable: str = "",
@@ -306,7 +303,7 @@ def _result(
     integrator, progress = run.integrator, run.progress
     log = run.watch.log if run.watch is not None else None
     ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
-    reason = choice.reason + (run.default_step.reason() if run.default_step else "")
+    reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
     attributes: dict[str, Any] = {
         "flexarm_version": package_version(),

@@ -1,0 +1,64 @@
+"""The numbers of a run that every stepper keeps: clock, counts, state and samples."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.kernels.layout import Array
+
+#: Places in ``Memory.clock``. A *span* is the time between two stops, which a method of fixed steps
+#: cuts into equal steps.
+CLOCK_PLACES = 12
+(
+    TIME,  # s
+    STEP,  # s, next step to try; the longest one of a method that works in spans
+    REFUSED,  # 1.0 where the last step was refused, else 0.0
+    NORM,  # error of the present step over the allowed one
+    LAST_NORM,  # the same of the last accepted step, zero if there is none
+    LAST_STEP,  # s, length of that step
+    START,  # s, of the present span
+    END,  # s, of the present span
+    LENGTH,  # s, of the equal steps of the span
+    COUNT,  # number of these steps
+    PLACE,  # number of them that are done
+    SOFTENED,  # s, step for which the constants of an implicit method were made
+) = range(CLOCK_PLACES)
+
+#: Places in ``Memory.counts``.
+COUNT_PLACES = 5
+(
+    SAMPLES,  # filled so far
+    STEPS,  # accepted
+    REJECTED,
+    EVALUATIONS,  # of the dynamics
+    IMPACTS,  # steps shortened to meet or leave a joint stop
+) = range(COUNT_PLACES)
+
+
+class Memory(NamedTuple):
+    """Arrays of one run, the same for every method."""
+
+    clock: Array  # (CLOCK_PLACES,)
+    counts: Array  # (COUNT_PLACES,) integers
+    state: Array  # (2, n, 1 + m) at ``clock[TIME]``
+    new: Array  # (2, n, 1 + m) scratch: state at the end of the present step
+    torque: Array  # (n,) scratch
+    sample_times: Array  # (samples,) s
+    samples: Array  # (samples, 2, n, 1 + m) states at these times
+
+
+def new_memory(state: Array, step: float) -> Memory:
+    """Allocate the memory of a run that starts at ``state`` with a step (s), without samples."""
+    clock = np.zeros(CLOCK_PLACES)
+    clock[STEP] = step
+    return Memory(
+        clock=clock,
+        counts=np.zeros(COUNT_PLACES, dtype=np.int64),
+        state=state,
+        new=np.zeros_like(state),
+        torque=np.zeros_like(state[0, :, 0]),
+        sample_times=np.zeros(0),
+        samples=np.zeros((0, *state.shape)),
+    )

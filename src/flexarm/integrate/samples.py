@@ -1,0 +1,166 @@
+"""Samples of a run, between the ends of a step and at them.
+
+=============  =============================================================================
+symbol         meaning
+=============  =============================================================================
+``x``          place inside of a step, 0 at its start and 1 at its end
+``q, v, a``    coordinate, rate and acceleration; 0 at the start of the step, 1 at its end
+``ends``       (s + 1, 2, n, 1 + m) slopes: the first at the start of the step, the last at
+               its end
+=============  =============================================================================
+"""
+
+from __future__ import annotations
+
+from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.memory import SAMPLES, STEPS, TIME, Memory
+from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.columns import W2
+from flexarm.kernels.layout import ArmConstants, Array, Sizes
+
+#: Steps shorter than this part of a radian of the fastest mode are truncated ones: nothing moves in
+#: them.
+SHORT = 1e-3
+#: A mode that turns by more radians than this in a step is not resolved by it.
+RESOLVED = 1.6
+
+
+@inner
+def copy_state(sizes: Sizes, source: Array, target: Array) -> None:
+    """Copy coordinates and rates (2, n, 1 + m)."""
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                target[level, i, j] = source[level, i, j]
+
+
+@merged
+def samples_at(sizes: Sizes, memory: Memory, state: Array, t: float) -> None:
+    """Fill the samples at time t, and those before it that are not filled, with a state."""
+    counts = memory.counts
+    while (
+        counts[SAMPLES] < memory.sample_times.shape[0] and memory.sample_times[counts[SAMPLES]] <= t
+    ):
+        copy_state(sizes, state, memory.samples[counts[SAMPLES]])
+        counts[SAMPLES] += 1
+
+
+@merged
+def sample_before(memory: Memory, t: float) -> int:
+    """Count the next sample as filled and return its index if it lies before time t, else -1."""
+    k: int = memory.counts[SAMPLES]
+    if k < memory.sample_times.shape[0] and memory.sample_times[k] < t:
+        memory.counts[SAMPLES] = k + 1
+        return k
+    return -1
+
+
+@merged
+def begin_call(sizes: Sizes, memory: Memory) -> float:
+    """Fill the samples that are due at the start of a call of a stepper; return its time (s)."""
+    t: float = memory.clock[TIME]
+    samples_at(sizes, memory, memory.state, t)
+    return t
+
+
+@merged
+def end_step(sizes: Sizes, memory: Memory, new: Array, t_new: float) -> None:
+    """Take over ``new`` (2, n, 1 + m), the end of an accepted step, at time ``t_new``."""
+    samples_at(sizes, memory, new, t_new)
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                memory.state[level, i, j] = new[level, i, j]
+    memory.clock[TIME] = t_new
+    memory.counts[STEPS] += 1
+
+
+@merged
+def dense_weights(dense: Array, theta: float, weights: Array) -> None:
+    """Weights (1, r) of the stages at t + theta h."""
+    for k in range(dense.shape[0]):
+        weight = 0.0
+        for p in range(dense.shape[1]):
+            weight = (weight + dense[k, dense.shape[1] - 1 - p]) * theta
+        weights[0, k] = weight
+
+
+@merged
+def coordinate_between(
+    x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float
+) -> float:
+    """Coordinate at x (0 to 1) of a step: quintic Hermite."""
+    v = h * v0
+    a = 0.5 * h * h * a0
+    # What is missing at the new point, of value, slope and half the curvature.
+    e0 = q1 - q0 - v - a
+    e1 = h * v1 - v - 2.0 * a
+    e2 = 0.5 * h * h * a1 - a
+    c3 = 10.0 * e0 - 4.0 * e1 + e2
+    c4 = -15.0 * e0 + 7.0 * e1 - 2.0 * e2
+    c5 = 6.0 * e0 - 3.0 * e1 + e2
+    return q0 + x * (v + x * (a + x * (c3 + x * (c4 + x * c5))))
+
+
+@merged
+def rate_between(
+    x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float,
+    fine: bool,
+) -> float:  # fmt: skip
+    """Rate at x (0 to 1) of a step: cubic Hermite, or with ``fine`` the quartic that also adds up.
+
+    The quartic covers the distance from q0 to q1; it divides by h, so not for very short steps.
+    """
+    rise = v1 - v0
+    c2 = 3.0 * rise - h * (2.0 * a0 + a1)
+    c3 = h * (a0 + a1) - 2.0 * rise
+    rate = v0 + x * (h * a0 + x * (c2 + x * c3))
+    if fine:
+        missing = (q1 - q0) / h - 0.5 * (v0 + v1) - h * (a0 - a1) / 12.0
+        rate += 30.0 * missing * x * x * (1.0 - x) * (1.0 - x)
+    return rate
+
+
+@inner
+def between_ends(
+    sizes: Sizes, constants: ArmConstants, tolerance: Tolerance, state: Array, new: Array,
+    ends: Array, x: float, h: float, sample: Array,
+) -> None:  # fmt: skip
+    """Sample at x (0 to 1) of a step from the values and the first and last slopes of ``ends``.
+
+    A mode that the step does not resolve has accelerations that mean nothing inside it: cubic.
+    """
+    s = ends.shape[0] - 1
+    fine = h * tolerance.fastest > SHORT
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            q0 = state[0, i, j]
+            v0 = state[1, i, j]
+            a0 = ends[0, 1, i, j]
+            q1 = new[0, i, j]
+            v1 = new[1, i, j]
+            a1 = ends[s, 1, i, j]
+            stiff = False
+            if j > 0:
+                stiff = h * h * constants.mode[i, j - 1, W2] > RESOLVED * RESOLVED
+            if stiff:
+                sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
+                sample[1, i, j] = v0 + x * (v1 - v0)
+            else:
+                sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
+                sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
+
+
+@merged
+def samples_between(
+    system: System, tolerance: Tolerance, memory: Memory, ends: Array, t: float, h: float,
+    t_new: float,
+) -> None:  # fmt: skip
+    """Fill the samples inside of a step of length h from t to ``t_new`` by ``between_ends``."""
+    k = sample_before(memory, t_new)
+    while k >= 0:
+        between_ends(
+            system.sizes, system.constants, tolerance, memory.state, memory.new, ends,
+            (memory.sample_times[k] - t) / h, h, memory.samples[k],
+        )  # fmt: skip
+        k = sample_before(memory, t_new)
