@@ -131,7 +131,7 @@ class Integrator(ABC):
 
     Args:
         step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
-            (``flexarm.simulate.default_step``). Of a method with step control the first step to
+            (``flexarm.engine.default_step``). Of a method with step control the first step to
             try; None takes half a radian of the fastest mode.
     """
 
