@@ -6,6 +6,7 @@ from pathlib import Path
 
 from benchmarks import (
     controllers,
+    first_run,
     forward_dynamics,
     long_chain,
     programs,
@@ -30,7 +31,8 @@ def main() -> None:
     measured = report.Measured(
         imports=startup.import_seconds(),
         help=startup.help_seconds(),
-        runs=startup.first_runs(),
+        runs=startup.warm_runs(),
+        first=first_run.first_uses(),
         memory=startup.memory_megabytes(),
         comparisons=[forward_dynamics.compare(theory) for theory in ("linear", "second_order")],
         links=forward_dynamics.scaling_in_links(),

@@ -1,4 +1,4 @@
-"""How fast the compiled steps alone are where the compiler knows the sizes, beside the peers.
+"""Compiled steps where the compiler knows the sizes, and whole calls of them, beside the peers.
 
 The settings are what was left of a scan over steps and tolerances of every integrator on several
 bases: those within a factor of two of the fastest at one of the levels.
@@ -26,12 +26,13 @@ class Level(NamedTuple):
 
     truth: str
     error: float  # m
-    goal: float
+    goal: float  # of the steps
+    whole_goal: float | None = None  # of whole calls
 
 
 LEVELS = (
     Level(EXACT, 1.2e-4, 40.0),
-    Level(EXACT, 3.1e-5, 100.0),
+    Level(EXACT, 3.1e-5, 100.0, 30.0),
     Level(EXACT, 3.1e-6, 50.0),
     Level(PAPER, 3.1e-6, 40.0),
 )
@@ -115,7 +116,11 @@ def beside_peers(
 ) -> tuple[list[Point], list[str]]:
     """Measure the scan in turns with the peers that were the fastest at a level in ``points``."""
     others = [point for point in points if point.program != "flexarm"]
-    best = [fastest(others, level.truth, level.error) for level in LEVELS]
+    best = [
+        fastest(others, level.truth, level.error, whole)
+        for level in LEVELS
+        for whole in (False, True)
+    ]
     wanted = {(point.program, point.setting) for point in best if point is not None}
     peers = [entry for entry in peer_entries(duration) if entry[:2] in wanted]
     own = entries(duration=duration, specialized=specialized)

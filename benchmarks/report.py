@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from benchmarks import raw
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
+from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
 from benchmarks.long_chain import TIGHT
 from benchmarks.startup import Wait
@@ -28,6 +29,7 @@ class Measured(NamedTuple):
     imports: float
     help: float
     runs: dict[str, Wait]
+    first: list[First]
     memory: dict[str, float]  # MB
     comparisons: list[Comparison]
     links: dict[int, float]  # microseconds a link
@@ -109,16 +111,17 @@ The fastest of each that is at least so accurate:
 
 ![Work-precision diagram](work-precision.png)
 
-### Steps alone
+### Steps and whole calls
 
-What the compiled steps of flexarm take where the compiler knows the sizes, the best of a scan over
-integrators, steps, tolerances and bases, beside the fastest peer, timed in turns with it:
+The compiled steps of flexarm where the compiler knows the sizes, and the whole call that makes
+them, with the arm built and every channel labelled: each the best of a scan over integrators,
+steps, tolerances and bases, beside the peer that is the fastest in the same respect, timed in turns
+with it:
 
 {raw_table(m.raw)}
 
-Integration and steps alone are not the whole wait: a torque that is a function of time is made a
-table first, to the tolerance in use, and channels are computed and labelled. That is the rest of
-the total.
+A whole call also makes a table of a torque that is a function of time, to the tolerance in use,
+and computes and labels channels. That is the rest of the total.
 
 What bounds the steps: a method that follows vibrations needs an evaluation, at least, for every
 two radians of the fastest mode that is kept, and one that does not has to resolve the motion.
@@ -168,6 +171,15 @@ Calls from Python, an argument of every kind as an array:
 ## Start-up
 
 {_startup_table(m)}
+
+## First run
+
+Each feature in a process of its own, process start included, which compiles on the way. The first
+two begin with an empty cache of machine code; each of the others begins with what `simulate` left.
+`flexarm warmup` compiles all of them at once. Seconds of one processor exceed the seconds where
+several processes work; the goals are seconds on two idle cores.
+
+{first_run_table(m.first)}
 
 ## Memory
 
@@ -231,18 +243,25 @@ def _level_table(points: list[Point]) -> str:
 
 
 def raw_table(points: list[Point]) -> str:
-    """Return the table of what ``raw.beside_peers`` measured."""
+    """Return the table of what ``raw.beside_peers`` measured: steps above whole calls."""
+    own = [point for point in points if point.program == raw.PROGRAM]
+    peers = [point for point in points if point.program != raw.PROGRAM]
     rows = []
-    for truth, level, goal in raw.LEVELS:
-        own = fastest([p for p in points if p.program == raw.PROGRAM], truth, level)
-        peer = fastest([p for p in points if p.program != raw.PROGRAM], truth, level)
-        ratio = f"{peer.seconds / own.seconds:.3g}" if own and peer else ""
-        cells = [f"{p.setting}: {1e3 * p.seconds:.3g}" if p else "none" for p in (own, peer)]
-        if peer:
-            cells[1] = f"{peer.program}, {cells[1]}"
-        rows.append((truth, f"{level:.1e}", *cells, ratio, f"{goal:g}"))
-    header = ("against", "error at most (m)", "flexarm (ms)", "fastest peer (ms)", "ratio", "goal")
-    return _table(header, rows)
+    for truth, level, *goals in raw.LEVELS:
+        for whole, goal in zip((False, True), goals, strict=True):
+            best = [fastest(side, truth, level, whole) for side in (own, peers)]
+            times = [point and 1e3 * (point.total if whole else point.seconds) for point in best]
+            cells = ["none", "none"]
+            if best[0]:
+                cells[0] = f"{best[0].setting}: {times[0]:.3g}"
+            if best[1]:
+                cells[1] = f"{best[1].program}, {best[1].setting}: {times[1]:.3g}"
+            ratio = f"{times[1] / times[0]:.3g}" if times[0] and times[1] else ""
+            what = "whole call" if whole else "steps"
+            told = f"{goal:g}" if goal else ""
+            rows.append((truth, f"{level:.1e}", what, *cells, ratio, told))
+    header = ("against", "error at most (m)", "what", "flexarm (ms)", "fastest peer (ms)")
+    return _table((*header, "ratio", "goal"), rows)
 
 
 def _points_table(points: list[Point]) -> str:
@@ -293,6 +312,16 @@ def _startup_table(m: Measured) -> str:
         ("`import flexarm`, beyond starting Python", f"{m.imports:.2f}", "", "0.3"),
         ("`flexarm --help`, process start included", f"{m.help:.2f}", "", "0.3"),
     ]
-    for (name, wait), goal in zip(m.runs.items(), ("30", "3", "2"), strict=True):
-        rows.append((name, f"{wait.wall:.2f}", f"{wait.processor:.2f}", goal))
+    for (name, wait), goal in zip(m.runs.items(), ("3", "2"), strict=True):
+        rows.append((name, *_cells(wait), goal))
     return _table(("what", "seconds", "of one processor", "goal"), rows)
+
+
+def first_run_table(found: Sequence[First]) -> str:
+    """Return the table of what ``first_run.first_uses`` measured."""
+    rows = [(one.feature.name, *_cells(one.wait), f"{one.feature.goal:g}") for one in found]
+    return _table(("first use of", "seconds", "of one processor", "goal"), rows)
+
+
+def _cells(wait: Wait) -> tuple[str, str]:
+    return f"{wait.wall:.2f}", f"{wait.processor:.2f}"

@@ -8,18 +8,21 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 
 
-def _seconds(command: list[str], environment: dict[str, str] | None = None) -> float:
+def _seconds(
+    command: list[str], environment: Mapping[str, str] | None = None, folder: Path | None = None
+) -> float:
     environment = dict(environment or os.environ)
     # Installers write bytecode. Without it, 250 files would be compiled anew at each start.
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     started = time.perf_counter()
-    subprocess.run(command, check=True, capture_output=True, env=environment)
+    subprocess.run(command, check=True, capture_output=True, env=environment, cwd=folder)
     return time.perf_counter() - started
 
 
@@ -43,33 +46,32 @@ class Wait(NamedTuple):
     processor: float
 
 
-def first_runs(repeats: int = 3, cache: Path | None = None) -> dict[str, Wait]:
-    """Return what the commands take with an empty kernel cache and with a full one.
+def warm_runs(repeats: int = 3) -> dict[str, Wait]:
+    """Return what the commands take with compiled kernels on disk.
 
-    ``cache``: a folder to begin with instead of an empty one, where nothing is to be measured.
+    The least of several runs is without compiling, whatever the cache held before.
     """
     with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "XDG_CACHE_HOME": str(cache or Path(folder, "cache"))}
         start = [sys.executable, "-m", "flexarm"]
         paper = [*start, "paper", "--out", str(Path(folder, "out"))]
         scenario = EXAMPLES / "paper.yaml"
         run = [*start, "run", str(scenario), "--out", str(Path(folder, "result.nc"))]
-        first = _wait(paper, environment)
-        _wait(run, environment)
         return {
-            "`flexarm paper`, the first time on a machine, all compilation included": first,
-            "`flexarm paper`, from then on": _least(paper, environment, repeats),
-            "`flexarm run examples/paper.yaml`, from then on": _least(run, environment, repeats),
+            "`flexarm paper`, kernels compiled": _least(paper, repeats),
+            "`flexarm run examples/paper.yaml`, kernels compiled": _least(run, repeats),
         }
 
 
-def _least(command: list[str], environment: dict[str, str], repeats: int) -> Wait:
-    return min(_wait(command, environment) for _ in range(repeats))
+def _least(command: list[str], repeats: int) -> Wait:
+    return min(wait(command) for _ in range(repeats))
 
 
-def _wait(command: list[str], environment: dict[str, str]) -> Wait:
+def wait(
+    command: list[str], environment: Mapping[str, str] | None = None, folder: Path | None = None
+) -> Wait:
+    """Time a command; environment and working folder are this process's own by default."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    wall = _seconds(command, environment)
+    wall = _seconds(command, environment, folder)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return Wait(wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 

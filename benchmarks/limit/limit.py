@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,7 @@ def _bodies(c: ArmConstants) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
 
+@cache  # one for all arms of a size: compiling takes seconds
 def _library(bodies: int, modes: int) -> ctypes.CDLL:
     command = compiler()
     if command is None:

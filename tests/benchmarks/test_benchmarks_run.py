@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks.arms import chain, moving_state
+from benchmarks.first_run import First
 from benchmarks.limit import Limit, compiler
 from benchmarks.work_precision import Point, fastest, measure
 
 import flexarm as fa
 from benchmarks import (
+    first_run,
     forward_dynamics,
     long_chain,
     programs,
@@ -99,7 +100,8 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
     measured = report.Measured(
         imports=startup.import_seconds(repeats=1),
         help=startup.help_seconds(repeats=1),
-        runs={name: startup.Wait(1.0, 1.0) for name in ("first", "second", "run")},
+        runs={name: startup.Wait(1.0, 1.0) for name in ("paper", "run")},
+        first=[First(first_run.ALONE[0], startup.Wait(20.0, 12.5))],
         memory=startup.memory_megabytes(seconds=0.01),
         comparisons=[forward_dynamics.Comparison("linear", 0.1, 0.1, 10.0, 50.0, None, None)],
         links=forward_dynamics.scaling_in_links(counts=(2, 256), repeats=1),
@@ -123,7 +125,10 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
     for _, steps, whole, beside in measured.simulations:
         assert 0.0 < steps < whole
         assert 0.0 < beside < whole
-    assert re.search(r"\| exact beams \| 1.2e-04 \| \w+, [34] modes, (step|rtol) .*: ", page)
+    assert "| `flexarm paper` | 20.00 | 12.50 | 15 |" in page
+    assert re.search(
+        r"\| exact beams \| 1.2e-04 \| steps \| \w+, [34] modes, (step|rtol) .*: ", page
+    )
     assert "no compiler here" in page
     for figure in ("scaling.png", "work-precision.png", "chain.png"):
         assert (tmp_path / figure).stat().st_size > 10_000, figure
@@ -139,10 +144,8 @@ def test_runs_compiled_for_their_size() -> None:
 
 
 def test_what_a_user_waits_for() -> None:
-    """With the kernels that this machine has compiled already."""
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    waits = startup.first_runs(repeats=1, cache=Path(home))
-    assert len(waits) == 3
+    waits = startup.warm_runs(repeats=1)
+    assert len(waits) == 2
     assert all(0.0 < wait.processor < 600.0 for wait in waits.values())
 
 
@@ -156,16 +159,18 @@ def test_fastest_that_is_accurate_enough() -> None:
     assert fastest([slow], "another", 1.0) is None
 
 
-def test_ratio_of_the_steps_alone() -> None:
+def test_ratios_of_steps_and_whole_calls() -> None:
     """The fastest of each side that is accurate enough, and the peer's time over ours."""
-    truth, level, _ = raw.LEVELS[0]
+    truth, level, *_ = raw.LEVELS[1]
     named = [
-        (raw.PROGRAM, "good", 0.5, 2e-3),
-        (raw.PROGRAM, "wrong", 2.0, 1e-3),
-        ("Peer", "good", 1.0, 7e-2),
-        ("Peer", "wrong", 2.0, 1e-2),
+        (raw.PROGRAM, "good", 0.5, 2e-3, 9e-3),
+        (raw.PROGRAM, "easy to call", 0.5, 3e-3, 7e-3),
+        (raw.PROGRAM, "wrong", 2.0, 1e-3, 1e-3),
+        ("Peer", "good", 1.0, 7e-2, 8.4e-2),
+        ("Peer", "wrong", 2.0, 1e-2, 1e-2),
     ]
-    points = [Point(who, what, truth, share * level, t, t) for who, what, share, t in named]
-    row = next(line for line in report.raw_table(points).splitlines() if f"{level:.1e}" in line)
-    assert "| good: 2 | Peer, good: 70 | 35 |" in row
+    points = [Point(who, what, truth, share * level, *times) for who, what, share, *times in named]
+    rows = [line for line in report.raw_table(points).splitlines() if f"{level:.1e}" in line]
+    assert "| steps | good: 2 | Peer, good: 70 | 35 | 100 |" in rows[0]
+    assert "| whole call | easy to call: 7 | Peer, good: 84 | 12 | 30 |" in rows[1]
     assert "| none | none |  |" in report.raw_table([])

@@ -1,5 +1,7 @@
 """``flexarm paper`` writes every figure, the data and the numbers."""
 
+import os
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -69,17 +71,31 @@ def test_the_scenario_can_be_run_again(done):
     assert load_scenario(folder / "paper.yaml") == paper_scenario()
 
 
-@pytest.mark.parametrize("trouble", ["one core", "no processes"])
-def test_without_other_processes_the_figures_are_the_same(trouble, done, tmp_path, monkeypatch):
-    if trouble == "one core":
-        monkeypatch.setattr(drawing.os, "cpu_count", lambda: 1)
-    else:
+def no_processes(monkeypatch):
+    def refuse(*_, **__):
+        raise OSError("no semaphores")
 
-        def refuse(*_, **__):
-            raise OSError("no semaphores")
+    monkeypatch.setattr(drawing, "ProcessPoolExecutor", refuse)
 
-        monkeypatch.setattr(drawing, "ProcessPoolExecutor", refuse)
+
+def test_without_other_processes_the_figures_are_the_same(done, tmp_path, monkeypatch):
+    no_processes(monkeypatch)
     reproduce(tmp_path)
     folder, _ = done
     for path in folder.glob("*.png"):
         assert (tmp_path / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("trouble", ["one core", "no processes"])
+def test_without_other_processes_tasks_run_in_this_one(trouble, monkeypatch):
+    """In order, when the block ends: the test above draws all figures in that way."""
+    if trouble == "one core":
+        monkeypatch.setattr(drawing.os, "cpu_count", lambda: 1)
+    else:
+        no_processes(monkeypatch)
+    ran = []
+    with drawing.Drawing() as tasks:
+        for number in range(3):
+            tasks.submit(ran.append, (os.getpid(), number))
+        assert ran == []
+    assert ran == [(os.getpid(), number) for number in range(3)]

@@ -11,11 +11,14 @@ from flexarm.cli.main import app
 from flexarm.kernels.compile_notice import CompileNotice
 
 
-def test_warmup_says_what_is_ready():
+def test_warmup_says_what_is_ready(monkeypatch):
+    # Two features: tests/conformance/test_every_kernel_is_warmed_up.py goes through all of them.
+    some = ("forward dynamics and derivatives", "closed loops")
+    monkeypatch.setattr(warmup, "FEATURES", {name: warmup.FEATURES[name] for name in some})
     outcome = CliRunner().invoke(app, ["warmup"])
     assert outcome.exit_code == 0, outcome.output
     words = " ".join(outcome.stdout.split())
-    assert f"{len(warmup.FEATURES)} features are ready after " in words
+    assert "2 features are ready after " in words
 
 
 def test_warmup_needs_a_place_for_the_code(monkeypatch):

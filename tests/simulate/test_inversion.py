@@ -1,5 +1,7 @@
 """Torques by inversion, judged by simulating the full model under them."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -157,6 +159,14 @@ OTHERS = {
 }
 
 
+@cache
+def inverted(name):
+    """Arm, motion and inversion of one of the others."""
+    arm, start, end = OTHERS[name]
+    motion = fa.joint_motion(arm, start, end, 1.0, start_time=0.4)
+    return arm, motion, fa.tip_inversion(arm, motion)
+
+
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # under rigid torques
 @pytest.mark.parametrize("name", OTHERS)
 def test_tip_error_of_other_arms(name):
@@ -164,9 +174,7 @@ def test_tip_error_of_other_arms(name):
 
     Measured: payload 1800, elastic joints 2600, three joints 730, fixed joints 980 and 1200 times.
     """
-    arm, start, end = OTHERS[name]
-    motion = fa.joint_motion(arm, start, end, 1.0, start_time=0.4)
-    found = fa.tip_inversion(arm, motion)
+    arm, motion, found = inverted(name)
     until = found.end
     rigid = tip_error(arm, motion, fa.rigid_torque(arm, motion), found.initial, until)
     own = tip_error(arm, motion, found.torque, found.initial, until)
@@ -179,9 +187,7 @@ def test_tip_error_of_other_arms(name):
 
 def test_what_three_joints_have_to_spare_follows_the_motion():
     """The joint that the tip can best do without goes as the rigid arm's, up to the same part."""
-    arm, start, end = OTHERS["three joints"]
-    motion = fa.joint_motion(arm, start, end, 1.0, start_time=0.4)
-    found = fa.tip_inversion(arm, motion)
+    arm, motion, found = inverted("three joints")
     run = fa.simulate(arm, found.end, torque=found.torque, initial=found.initial)
     away = np.abs(run.joint_angle.values - motion.joint_angle(run.time.values)).max(axis=0)
     assert away[2] < 14e-3 / 300.0  # 14 mrad under rigid torques

@@ -56,8 +56,11 @@ class Acting:
                 return min(due, until)
         return until
 
-    def hold(self, t: float, rate: FloatArray) -> None:
-        """Take over what is due at time t; ``rate`` (joints,) of the joints then, rad/s."""
+    def hold(self, t: float, rate: FloatArray | None) -> None:
+        """Take over the torque that is due at time t.
+
+        ``rate``: of the joints then, (joints,) rad/s; motors that are ``plain`` need none.
+        """
         due = None
         # A torque that is due a rounding later is due now.
         while self._waiting and self._waiting[0][0] <= t * (1.0 + 1e-12):
@@ -66,7 +69,7 @@ class Acting:
             return
         now = self._now(t) if self._since and self._lag > 0.0 else self._nothing
         target = self._nothing if due is None else due
-        if not self.plain:
+        if rate is not None:
             target = self._motors.allowed(target, rate)
         if not self._keep:
             for past in (self._since, self._initial, self._target):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.integrate.base import FloatArray
+from flexarm.motion import Motion
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,7 +50,7 @@ def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArr
     if tip is not None:
         return np.asarray(tip(times))
     rigid = arm.rigid()
-    angles = (np.asarray(reference.joint_angle(float(t))) for t in times)
+    angles = _joint_angles(reference, times, rigid.joints)
     return np.array([rigid.tip(rigid.rest(angle))[:2] for angle in angles])
 
 
@@ -74,8 +75,8 @@ def metrics_of(
     tip = result["tip"].values
     missed = tip - tip_reference(arm, reference, times)
     distance = np.hypot(*missed.T)
-    angles = np.array([np.asarray(reference.joint_angle(float(t))) for t in times[moving]])
-    joints = result["joint_angle"].values[moving] - angles.reshape(-1, arm.joints)
+    asked = _joint_angles(reference, times[moving], arm.joints)
+    joints = result["joint_angle"].values[moving] - asked
     torque = result["torque"].values
     values = dict.fromkeys((metric.name for metric in METRICS), np.nan)
     if moving.any():
@@ -97,6 +98,15 @@ def metrics_of(
     if calls:
         values["controller_time"] = result.attrs["controller_seconds"] / calls
     return values
+
+
+def _joint_angles(reference: Reference, times: FloatArray, joints: int) -> FloatArray:
+    """Return the joint angles (T, joints) of a reference at times (T,), rad."""
+    if isinstance(reference, Motion) and times.size:
+        # One call for all times is up to a thousand times as fast as one for each.
+        return np.asarray(reference.joint_angle(times))
+    angles = [np.asarray(reference.joint_angle(float(t))) for t in times]
+    return np.array(angles).reshape(-1, joints)
 
 
 def _force_error(
