@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from flexarm.output import read_result as read_result
     from flexarm.output import save_linear as save_linear
     from flexarm.output import write_result as write_result
+    from flexarm.plot.animation import animate as animate
     from flexarm.references import citation as citation
     from flexarm.simulate import PrescribedAngle as PrescribedAngle
     from flexarm.simulate import run_scenario as run_scenario
@@ -184,6 +185,7 @@ _HOME = {
     "Tube": "model",
     "UnstableLoopWarning": "errors",
     "Wall": "surfaces",
+    "animate": "plot.animation",
     "campbell": "linear",
     "citation": "references",
     "compare": "simulate.compare",
