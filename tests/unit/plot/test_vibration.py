@@ -111,8 +111,8 @@ def test_modes_frequencies_and_responses_are_drawn_into_given_axes():
 def test_the_numbers_of_a_comparison_are_drawn_into_given_axes():
     motion = fa.joint_motion(ARM, [0.2, 0.5], [0.25, 0.45], 0.05)
     drives = {
-        "slow": fa.JointPD(0.2, 0.02, sample_time=0.001),
-        "fast": fa.JointPD(0.4, 0.03, sample_time=0.001),
+        "slow": fa.JointPD(0.05, 0.001, sample_time=0.001),
+        "fast": fa.JointPD(0.1, 0.002, sample_time=0.001),
     }
     table = fa.compare(ARM, drives, 0.06, {"to": motion})
     with pytest.raises(fa.InputError, match="3 Matplotlib axes"):
