@@ -15,7 +15,7 @@ EXAMPLES ?= 1000
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite test-pythons lint format bench fuzz peers gallery clean
+.PHONY: help demo test suite test-lowest test-pythons dist lint format bench fuzz peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -46,15 +46,20 @@ suite: $(VENV)/.ready-dev ## the whole test suite alone; SEED=7 draws other rand
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
 		$(if $(SEED),--hypothesis-profile=random --hypothesis-seed=$(SEED))
 
+test-lowest: ## the suite with the lowest versions of all dependencies
+	mkdir -p .venv-lowest
+	$(PYTHON) tests/lowest_versions.py > .venv-lowest/constraints.txt
+	$(MAKE) suite VENV=.venv-lowest PIP_OPTIONS="--constraint .venv-lowest/constraints.txt"
+
 test-pythons: ## the suite with every Python at hand, and with the lowest versions of all dependencies
 	@test -n "$(strip $(PYTHONS))" || { echo "no python3.11 to python3.14 on the path; name some: PYTHONS=..."; exit 1; }
 	for python in $(PYTHONS); do \
 		$(MAKE) suite PYTHON=$$python VENV=.venv-$$(basename $$python) || exit 1; \
 	done
-	mkdir -p .venv-lowest
-	$(firstword $(PYTHONS)) tests/lowest_versions.py > .venv-lowest/constraints.txt
-	$(MAKE) suite PYTHON=$(firstword $(PYTHONS)) VENV=.venv-lowest \
-		PIP_OPTIONS="--constraint .venv-lowest/constraints.txt"
+	$(MAKE) test-lowest PYTHON=$(firstword $(PYTHONS))
+
+dist: $(VENV)/.ready-dev ## build the wheel and the source archive into dist
+	$(BIN)/python -m hatchling build --clean
 
 lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 	$(BIN)/ruff format --check .
@@ -79,4 +84,4 @@ gallery: $(VENV)/.ready-dev ## compare with known answers; tables and pictures i
 	$(BIN)/python -m gallery
 
 clean: ## forget the environment and everything made
-	rm -rf .venv .venv-* out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-* dist out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

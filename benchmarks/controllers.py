@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 import flexarm as fa
-from flexarm.control import CONTROLLERS, Controller
+from flexarm.control.base import Controller
+from flexarm.controllers import CONTROLLERS
 
 #: Joint angles (rad) that the loops go from and to, in so many seconds.
 START, END, DURATION = [0.3, 1.2], [0.6, 1.5], 0.5

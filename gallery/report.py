@@ -19,15 +19,14 @@ Results = Sequence[tuple[Case, Sequence[Row]]]
 
 _INDEX = """# Validation gallery
 
-When two simulators disagree, which one is right? Here are problems whose answers are known, the
-known answers, and what this package makes of them. Every number is computed anew by `make gallery`,
-and by the tests.
+When two simulators disagree, which one is right? These pages compare the package with problems
+that have a known solution. `make gallery` and the tests compute every number again.
 
-*Difference* is relative to the reference value; for distances and for values that pass through zero
-it is relative to a scale: the reach of the arm, the length of the beam. *Digits* are those that
-agree, -log₁₀ of the difference, and in brackets those that must agree for the tests to pass. The
-page of each case says why so many and no more: a mesh, a truncated theory, or the last printed
-digit of the reference.
+*Difference* is relative to the reference value. For distances, and for values that pass through
+zero, it is relative to a scale: the reach of the arm or the length of the beam. *Digits* is the
+number of digits that agree, -log₁₀ of the difference, and in brackets the number that the tests
+require. The page of each case gives the reason for this number: a mesh, a truncated theory, or the
+last printed digit of the reference.
 
 {count} quantities of {cases} cases; enough digits agree in {good}.
 

@@ -38,22 +38,23 @@ END = np.radians([75.0, -20.0, -30.0, -45.0, -40.0])
 LIFT, DURATION, SAMPLE = 8.0, 10.0, 0.002  # s
 BANDWIDTH = 2.0  # rad/s
 
-RIGID_REASON = "a sum of weights and lever arms: rounding alone"
-BENT_REASON = "Simpson's rule is exact for the cubic shapes of the elements: rounding alone"
-ENERGY_REASON = "the integrator's tolerance, rtol = 1e-8, over 10 s"
+RIGID_REASON = "a sum of weights times lever arms: only rounding errors"
+BENT_REASON = "Simpson's rule is exact for the cubic shapes of the elements: only rounding errors"
+ENERGY_REASON = "the tolerance of the integrator, rtol = 1e-8, over 10 s"
 
 PHYSICS = r"""
-A folded boom of five steel boxes, 33 m in all, with motors in its joints and 120 kg at the tip: a
-concrete pump. It weighs 3.5 t, its tip sags by 0.7 m, its first frequency is 0.65 Hz.
+A folded boom of five steel boxes, 33 m in all, with motors in its joints and 120 kg at the tip:
+the arm of a concrete pump. It weighs 3.5 t, its tip sags by 0.7 m, and its first frequency is
+0.65 Hz.
 
-- *Rigid*, held still: each joint carries the moment of everything outboard, a sum written out
-  here with weights and lever arms.
-- *Bent*, held still: the same balance over the bent shape, the moment integrated along it. The
-  shape comes from the equilibrium; that its torques balance its own weights is an independent
-  statement.
-- *The lift*: in 8 s a joint controller raises the boom, which swings. Torques are held between
-  samples, so the work of the motors is the plain sum of torque times change of *relative* joint
-  angle; it must equal the change of kinetic, strain and gravity energy.
+- *Rigid*, at rest: each joint carries the moment of everything outboard, a sum of weights times
+  lever arms.
+- *Bent*, at rest: the same balance over the bent shape, with the moment integrated along it. The
+  shape comes from the equilibrium. That its torques balance its own weights is an independent
+  check.
+- *The lift*: a joint controller raises the boom in 8 s, and the boom vibrates. Torques are
+  constant between samples, so the work of the motors is the sum of torque times change of
+  *relative* joint angle. It must equal the change of kinetic, strain and gravity energy.
 
 The package: `arm.rigid()`, `fa.equilibrium`, `fa.simulate` with `fa.JointPD`.
 """
@@ -215,8 +216,9 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Left: the boom on its way up; dashed, a rigid boom at the same joint angles; "
-    "vermilion, the path of the tip. Right: the work of the motors is the energy gained.",
+    caption="Left: the boom during the lift; dashed, a rigid boom at the same joint angles; "
+    "vermilion, the path of the tip. Right: the work of the motors equals the energy "
+    "gained.",
     module="gallery/cases/boom.py",
     size=(6.6, 3.2),
 )

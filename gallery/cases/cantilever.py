@@ -19,16 +19,16 @@ L, EI = 2.0, 7.0
 FORCE, MOMENT, SPREAD = 0.3, 0.2, 0.5  # N, N m, N/m
 STATION = 1.4  # inside an element of the mesh
 ELEMENTS = 4
-REASON = "cubic elements are exact at the nodes for any load: rounding alone"
+REASON = "cubic elements are exact at the nodes for any load: only rounding errors"
 PRINTED = "all printed decimals; the elements are exact at the nodes"
 
 PHYSICS = r"""
 Textbook deflections of a cantilever of length $L = 2$ m and $EI = 7$ N m²: a force or a moment at
-the tip, a force inside, a force spread along it. Between nodes cubic elements approximate, *at*
-the nodes they are exact for every load, however coarse the mesh.
+the tip, a force inside, and a distributed force. Between nodes cubic elements are approximate.
+*At* the nodes they are exact for every load and any mesh.
 
-Then the two-link arm of Table I, straight and horizontal with its joints locked, sagging under
-its own weight (linear: forces of the straight arm, $g = 9.81$ m/s²).
+The second example is the two-link arm of Table I, straight and horizontal with its joints locked,
+sagging under its own weight (linear: forces of the straight arm, $g = 9.81$ m/s²).
 
 The package: `fa.equilibrium(arm, angles, loads=[fa.Load(...)])` and `arm.nodal(q)`; the sag from
 `arm.stiffness_matrix` and `arm.bias_force` at the straight arm.

@@ -21,18 +21,18 @@ CARRIER = 1e-13
 
 PHYSICS = r"""
 A uniform beam of length $L$, bending stiffness $EI$ and mass per length $\mu$ vibrates with
-frequencies $\omega$ that depend on its ends alone:
+frequencies $\omega$ that depend only on its end conditions:
 $\lambda = (\beta L)^2 = \omega L^2 \sqrt{\mu/EI}$.
 
-- *Clamped-free*: one link, its joint locked.
-- *Free-free*: an arm always has a base joint. A rigid link of almost no mass lets the root of the
-  beam move across: with both joints free nothing holds it, and two rigid-body modes of frequency
-  zero come first.
-- *One and two elements*: the frequencies of the mesh itself, not of the beam; a cubic Hermite
-  element whose mass and stiffness matrices are exact gives them to rounding.
+- *Clamped-free*: one link with its joint locked.
+- *Free-free*: an arm always has a base joint. A rigid link with almost no mass allows the root of
+  the beam to move across. With both joints free nothing constrains the beam, and the first two
+  modes are rigid-body modes of frequency zero.
+- *One and two elements*: the frequencies of the mesh itself, not of the beam. A cubic Hermite
+  element with exact mass and stiffness matrices gives them to rounding.
 
-Frequencies of a mesh are too high by $(\beta h)^4/1440$ of their value, $h$ being the length of
-an element.
+The frequencies of a mesh are too high by $(\beta h)^4/1440$ of their value, where $h$ is the
+length of an element.
 """
 
 
@@ -128,6 +128,6 @@ CASE = Case(
     quantities=quantities,
     draw=draw,
     caption="Left: the first four shapes of the clamped beam. Right: the error of their "
-    "frequencies falls with the fourth power of the element length, as theory says.",
+    "frequencies decreases with the fourth power of the element length, as predicted.",
     module="gallery/cases/clamped_beam.py",
 )

@@ -20,18 +20,19 @@ FINEST = 64
 THEORIES = {"linear": (VERMILLION, 2.0), "second_order": (BLUE, 3.0)}
 SHOWN_LOADS = (0.5, 1.0, 2.0, 5.0, 10.0)
 FINE_REASON = (
-    f"{FINEST} pieces in the second-order theory; their error falls as the cube of their length, "
-    f"from 8e-3 with 4 at α = 5"
+    f"{FINEST} pieces in the second-order theory; their error decreases as the cube of their "
+    "length, from 8e-3 with 4 at α = 5"
 )
-ORDER_REASON = "the next power of the length shows in the observed one"
+ORDER_REASON = "the next power of the length affects the observed order"
 
 PHYSICS = r"""
-A cantilever under a dead force across its tip, $\alpha = PL^2/EI$; at $\alpha = 5$ the tip goes
-aside by 71 % of the length. No theory of small deflections holds over the whole link, but over a
-short piece of it any does. `segments=k` makes a link a chain of $k$ rigidly joined pieces, each
-with a floating frame of its own: rotations between them are finite, and with growing $k$ the
-chain becomes the exact elastica, in either theory. The paper's linear pieces converge with the
-square of the length of a piece, second-order pieces with its cube.
+A cantilever under a dead force across its tip, $\alpha = PL^2/EI$. At $\alpha = 5$ the tip moves
+sideways by 71 % of the length. No theory of small deflections is valid for the whole link, but
+every one is valid for a short piece of it. `segments=k` divides a link into a chain of $k$
+rigidly joined pieces, each with its own floating frame. Rotations between the pieces are finite,
+and with increasing $k$ the chain converges to the exact elastica, in either theory. The paper's
+linear pieces converge with the square of the length of a piece, second-order pieces with its
+cube.
 
 The package: `fa.Link(..., segments=k)` and `fa.equilibrium(arm, tip_force=(0, P))`.
 """
@@ -111,7 +112,8 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Left: the cantilever in sixteen second-order segments under growing loads; points "
-    "are known tips. Right: error against the number of segments.",
+    caption="Left: the cantilever in sixteen second-order segments under increasing loads; "
+    "points are reference values of the tip. Right: error against the number of "
+    "segments.",
     module="gallery/cases/elastica.py",
 )

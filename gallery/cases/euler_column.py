@@ -22,16 +22,15 @@ TABLE = (40.0, 80.0)  # tip slopes of the rows, degrees
 PICTURE = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)
 
 PHYSICS = r"""
-A dead load $P$ on the tip of a clamped column, along it. Below $P_c = \pi^2 EI/4L^2$ (Euler) the
-straight column is stable, above it leaves to one side. How far it goes is known from elliptic
-integrals: with the tip slope $\alpha$ and $k = \sin\alpha/2$,
+An axial dead load $P$ acts on the tip of a clamped column. Below $P_c = \pi^2 EI/4L^2$ (Euler)
+the straight column is stable; above it the column buckles to one side. Elliptic integrals give
+the position of the tip: with the tip slope $\alpha$ and $k = \sin\alpha/2$,
 
 $$ P/P_c = (2K(k)/\pi)^2, \qquad x/L = 2E(k)/K(k) - 1, \qquad y/L = 2k/K(k) . $$
 
-The package: `arm.stiffness_matrix(q, tip_force=(-P, 0))` loses its definiteness at $P_c$
-(second-order theory); for the buckled shapes `segments=32` and `fa.equilibrium`, started from a
-bent shape. Such a column turns by 140 degrees, as here, without leaving small deflections inside
-any of its pieces.
+The package: `arm.stiffness_matrix(q, tip_force=(-P, 0))` becomes singular at $P_c$ (second-order
+theory). The buckled shapes use `segments=32` and `fa.equilibrium`, started from a bent shape. The
+column rotates by up to 140 degrees here, while deflections stay small inside each of its pieces.
 """
 
 
@@ -85,7 +84,8 @@ def quantities() -> list[Row]:
         )
     ]
     reason = (
-        f"{PIECES} pieces in the second-order theory, whose error falls as the cube of their length"
+        f"{PIECES} pieces in the second-order theory, whose error decreases as the cube of their"
+        " length"
     )
     for slope in TABLE:
         arm, q = buckled(slope)
@@ -129,7 +129,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Left: the column under growing loads; points are tips of the elastica. Right: the "
-    "straight column is stable up to the critical load, then a bent one.",
+    caption="Left: the column under increasing loads; points are tips of the elastica. Right: "
+    "the straight column is stable up to the critical load, then a bent one.",
     module="gallery/cases/euler_column.py",
 )

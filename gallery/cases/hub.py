@@ -17,15 +17,15 @@ ELEMENTS = 64
 TABLE = {0.0: 3, 0.1: 3, 10.0: 2}  # modes shown of each hub inertia
 
 PHYSICS = r"""
-A beam whose root turns with a hub of inertia $J = \eta\,\mu L^3$ on a free joint. With $\eta = 0$
-it is the pinned-free beam; with growing $\eta$ the hub holds the root better and better, until
-the beam is clamped.
+The root of a beam rotates with a hub of inertia $J = \eta\,\mu L^3$ on a free joint. With
+$\eta = 0$ it is the pinned-free beam. With increasing $\eta$ the hub restrains the root more,
+until the beam is clamped.
 
-For control this pair of frequency sets matters most: the free-joint frequencies are the poles,
-the clamped ones the zeros from motor torque to joint angle, and they interlace.
+This pair of frequency sets is the most important one for control. The free-joint frequencies are
+the poles and the clamped ones are the zeros from motor torque to joint angle, and they interlace.
 
 The package: `fa.Joint(hub_inertia=...)` and `fa.modes(arm, joints="free")`; the rigid rotation
-comes first and is left out.
+comes first and is omitted.
 """
 
 
@@ -79,7 +79,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Frequencies with the joint free fall from those of the pinned beam (left) to those "
-    "of the clamped one (right), and never cross them.",
+    caption="Frequencies with the joint free decrease from those of the pinned beam (left) to "
+    "those of the clamped one (right), and never cross them.",
     module="gallery/cases/hub.py",
 )

@@ -15,18 +15,18 @@ from gallery.drawing import legend_above
 from gallery.references import reference
 
 ELEMENTS = 32
-PRINTED = "half a unit of the last of the two printed decimals"
+PRINTED = "half a unit of the second printed decimal"
 EXACT = (
-    f"a mesh of {ELEMENTS} elements, error at most (βh)⁴/1440; where the heavy tip holds most of "
-    "the energy, the ten printed digits"
+    f"a mesh of {ELEMENTS} elements, error at most (βh)⁴/1440; if the heavy tip has most of the "
+    "energy, the ten printed digits"
 )
 PRINTED_EXACT = 9.9  # ten digits are printed
 
 PHYSICS = r"""
-Two equal links, 0.5 m, 0.2 kg/m, $EI$ = 1 N m², of an often cited two-link arm. Its link modes
-are those of clamped beams with lumped bodies at the tip: the first link carries elbow motor,
-second link and payload (1.2 kg, 0.134 kg m² in all), the second the payload (0.1 kg, 0.0005 kg
-m²).
+Two equal links, 0.5 m, 0.2 kg/m, $EI$ = 1 N m², of a two-link arm that is often cited. Its link
+modes are those of clamped beams with lumped bodies at the tip. The first link carries elbow
+motor, second link and payload (1.2 kg, 0.134 kg m² in all), the second the payload (0.1 kg,
+0.0005 kg m²).
 
 The package: `fa.Payload(mass=..., inertia=...)`, `fa.modes(arm)`.
 """

@@ -23,16 +23,16 @@ REASON = (
 
 PHYSICS = r"""
 A clamped beam hangs under its own weight, $\Gamma = \mu g L^3/EI$. The weight below a section
-pulls on it: a string with some bending stiffness, and the frequencies rise. Turned upside down
-the same term softens, and at $\Gamma = 7.837$ a standing beam buckles under its own weight
+pulls on it, as in a string with some bending stiffness, and the frequencies rise. In a standing
+beam the same term softens, and at $\Gamma = 7.837$ the beam buckles under its own weight
 (Greenhill's mast).
 
-Without foreshortening no work is done when a hanging beam bends: the linear theory keeps
-$\lambda_1 = 3.516$ for every weight, hanging or standing. That is wrong; arms that carry weight
+Without foreshortening, gravity does no work when a hanging beam bends: the linear theory gives
+$\lambda_1 = 3.516$ for every weight, hanging or standing. This is wrong. Arms that carry weight
 along their links need `theory="second_order"`.
 
-The package: `gravity=(0, -g)`, the link turned down or up, `fa.modes`; `squared_frequency` passes
-through zero at buckling.
+The package: `gravity=(0, -g)`, the link pointing down or up, `fa.modes`; `squared_frequency`
+passes through zero at buckling.
 """
 
 
@@ -68,8 +68,8 @@ def quantities() -> list[Row]:
             float(np.sqrt(squared(10.0, "linear")[0])),
             8.5,
             (
-                "the linear theory does not see the weight, wrongly: the frequency of the beam "
-                "without it"
+                "the linear theory wrongly neglects the weight and gives the frequency of the "
+                "beam without it"
             ),
         )
     )

@@ -16,9 +16,9 @@ from gallery.references import reference
 ELEMENTS = 64
 
 PHYSICS = r"""
-A rigid body at the tip, mass $m$ and rotary inertia $J$ about the tip, in units of the beam's own
-$\mu L$ and $\mu L^3$. The mass slows every mode; the inertia clamps the slope of the tip of all
-but the lowest.
+A rigid body at the tip has mass $m$ and rotary inertia $J$ about the tip, in units of $\mu L$ and
+$\mu L^3$ of the beam. The mass reduces every frequency. The inertia clamps the slope of the tip
+in all modes except the lowest.
 
 The package: `fa.Payload(mass=..., inertia=...)`, joint locked, or free with a hub.
 """
@@ -58,7 +58,7 @@ def quantities() -> list[Row]:
                 exact[k],
                 float(beta(hub, mass, inertia)[k]),
                 mesh_digits(exact[k], ELEMENTS, power=1),
-                mesh_reason(ELEMENTS) + ", or less where lumped bodies hold much of the energy",
+                mesh_reason(ELEMENTS) + ", or less if lumped bodies have much of the energy",
             )
             for k in range(modes)
         ]
@@ -91,7 +91,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="A heavy tip turns the first mode into a mass on a spring and the higher ones into "
-    "those of a beam with a held tip: simply held without tip inertia, clamped with.",
+    caption="With a heavy tip the first mode is that of a mass on a spring. The higher modes "
+    "are those of a beam with a fixed tip: pinned without tip inertia, clamped with it.",
     module="gallery/cases/payload.py",
 )

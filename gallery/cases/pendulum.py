@@ -26,16 +26,16 @@ RATE = 500.0
 REASON = (
     f"within {ACCEPTED:g} m: {FINEST} segments of two elements, and 1e-6 m of the reference itself"
 )
-ENERGY_REASON = "the integrator's tolerance, rtol = 1e-8"
+ENERGY_REASON = "the tolerance of the integrator, rtol = 1e-8"
 
 PHYSICS = r"""
-A beam of 1 m ($EI = 2$ N m², $\mu = 0.2$ kg/m) on a free pin is let go straight and horizontal.
-It falls, lags behind its root, and vibrates in a field of forces that turns with it: every term
-of the equations is at work.
+A beam of 1 m ($EI = 2$ N m², $\mu = 0.2$ kg/m) on a free pin is released straight and horizontal.
+It falls, bends behind its root, and vibrates under gravity and inertia forces that rotate with
+it. All terms of the equations contribute.
 
-Reference is the geometrically exact, inextensible and unshearable beam, solved for the angle of
-its tangent as a polynomial along the beam: a method with nothing in common with floating frames
-and finite elements.
+The reference is the geometrically exact, inextensible and unshearable beam. The angle of its
+tangent is a polynomial along the beam. This method has nothing in common with floating frames and
+finite elements.
 
 The package: second-order theory and `segments=k` of two elements each; energy is conserved to the
 tolerance of the integrator.

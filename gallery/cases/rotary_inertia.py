@@ -22,10 +22,10 @@ SHEAR = 3.12
 TABLE = {("clamped", 10.0): 4, ("clamped", 100.0): 2, ("pinned", 10.0): 3}
 
 PHYSICS = r"""
-Slender beams bend, and that is all. In a thick one the sections also turn with noticeable inertia
-(*Rayleigh's* beam) and shear against the axis (*Timoshenko's*). Both slow the beam down, the
-higher modes most. With the radius of gyration $r = \sqrt{I/A}$ the *slenderness* is $L/r$; at 10
-these are hardly beams any more, at 100 a typical robot link.
+A slender beam only bends. In a thick beam the rotary inertia of the sections matters
+(*Rayleigh's* beam), and so does shear (*Timoshenko's* beam). Both reduce the frequencies, those
+of higher modes most. With the radius of gyration $r = \sqrt{I/A}$ the *slenderness* is $L/r$: 10
+is the limit of beam theory, 100 is a typical robot link.
 
 Here $\rho I = \mu r^2$ and, for the shear coefficient 5/6 and Poisson's ratio 0.3,
 $EI/kGA = 3.12\,r^2$.
@@ -128,7 +128,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Clamped beam: how far rotary inertia alone (dashed) and shear with it (solid) lower "
-    "the frequencies. Points: known values.",
+    caption="Clamped beam: reduction of the frequencies by rotary inertia only (dashed) and "
+    "together with shear (solid). Points: reference values.",
     module="gallery/cases/rotary_inertia.py",
 )

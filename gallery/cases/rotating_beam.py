@@ -18,31 +18,31 @@ from gallery.references import reference
 
 ELEMENTS, ELEMENTS_OF_CURVES = 64, 16
 REASON = (
-    f"a mesh of {ELEMENTS} elements, and rounding of 1e-9; at speed the beam behaves like a string "
-    "with a thin layer of bending at the root, which takes more of the mesh: 1e-7 at γ = 12"
+    f"a mesh of {ELEMENTS} elements, and rounding of 1e-9; at high speed the beam behaves like a"
+    " string with a thin bending layer at the root, which needs a finer mesh: 1e-7 at γ = 12"
 )
 HUB_REASON = REASON.replace("1e-7 at γ = 12", "4e-7 at γ = 12 and δ = 2")
 LINEAR_REASON = (
-    f"exact for any mesh but for the frequency at rest, which {ELEMENTS} elements give to "
+    f"exact for any mesh except for the frequency at rest, which {ELEMENTS} elements give to "
     "(βh)⁴/1440, and rounding of 1e-9"
 )
 
 PHYSICS = r"""
-A beam is clamped to a hub of radius $\delta L$ that turns at the steady rate $\Omega$;
+A beam is clamped to a hub of radius $\delta L$ that rotates at the steady rate $\Omega$;
 $\gamma = \Omega L^2\sqrt{\mu/EI}$. Centrifugal tension stiffens it. In the plane of rotation the
-centrifugal force also turns with the deflection, which takes $\gamma^2$ off the squared
-frequency: $\lambda_\text{lag}^2 = \lambda_\text{flap}^2 - \gamma^2$. A planar arm vibrates in the
-plane: *lag*.
+centrifugal force also follows the deflection, which subtracts $\gamma^2$ from the squared
+frequency: $\lambda_\text{lag}^2 = \lambda_\text{flap}^2 - \gamma^2$. A planar arm vibrates in
+this plane: *lag*.
 
 A theory without foreshortening, such as the paper's (`theory="linear"`), has the second effect
 but not the first. Its beam softens, $\lambda^2 = \lambda_0^2 - \gamma^2$, and at $\gamma = 3.516$
-the stiffness is gone. That is what this theory says, and the package must compute it; it is
-wrong. **Use `theory="second_order"` for links that turn fast.**
+the stiffness is zero. The package must reproduce this result of the theory, although it is
+physically wrong. **Use `theory="second_order"` for links that rotate fast.**
 
-The package: `arm.derivatives(q, qd, torque)` at the straight arm with the joint turning at
-$\Omega$ gives the Jacobian of the accelerations; with the mass matrix, its elastic block is the
-stiffness with the rate of the joint prescribed. The hub is a rigid link on the joint, and the beam
-stands on it with a fixed joint.
+The package: `arm.derivatives(q, qd, torque)` at the straight arm with the joint rotating at
+$\Omega$ gives the Jacobian of the accelerations. With the mass matrix, its elastic block is the
+stiffness for a prescribed rate of the joint. The hub is a rigid link on the joint, and a fixed
+joint connects the beam to it.
 """
 
 
@@ -142,8 +142,8 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Left: the first frequency in the plane of rotation rises slowly with speed; without "
-    "foreshortening it falls to zero and the beam flies apart. Right: on hubs of "
-    "several radii, second order. Points: known values.",
+    caption="Left: the first frequency in the plane of rotation increases slowly with speed; "
+    "without foreshortening it decreases to zero and the beam diverges. Right: hubs of "
+    "several radii, second-order theory. Points: reference values.",
     module="gallery/cases/rotating_beam.py",
 )

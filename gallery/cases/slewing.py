@@ -22,15 +22,16 @@ HUB, TORQUE = 0.1, 1e-5
 ELEMENTS, MODES = 32, 16
 DURATION = 4.0
 REASON = (
-    f"the step excites all modes; {ELEMENTS} elements and {MODES} shapes leave about 5e-8 of the "
-    f"largest value"
+    f"the step excites all modes; the error of {ELEMENTS} elements and {MODES} shapes is about "
+    "5e-8 of the largest value"
 )
 
 PHYSICS = r"""
-A beam with $L = EI = \mu = 1$ on a hub of inertia 0.1, at rest; at $t = 0$ the motor torque jumps
-to a small constant. The hub runs ahead, the tip lags: it even starts the wrong way in space, the
-non-minimum phase that makes tip control hard. Known to nine digits from the series of modes of
-the linear problem; the torque here is $10^{-5}$, so small that centrifugal terms do not count.
+A beam with $L = EI = \mu = 1$ on a hub of inertia 0.1 is at rest; at $t = 0$ the motor torque
+jumps to a small constant. The hub leads and the tip lags. In space, the tip even starts in the
+wrong direction: this is the non-minimum phase that makes tip control hard. The reference is the
+modal series of the linear problem, with nine digits. The torque here is $10^{-5}$, so small that
+centrifugal terms are negligible.
 
 The tip vibrates about the static deflection under the inertia forces of the steady acceleration,
 $-\frac{11}{120}\big/(0.1 + \frac13)$.
@@ -104,7 +105,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Left: the joint runs ahead of the rigid arm and waits for the beam. Right: the tip "
+    caption="Left: the joint leads the rigid arm and then waits for the beam. Right: the tip "
     "vibrates about its mean deflection.",
     module="gallery/cases/slewing.py",
 )

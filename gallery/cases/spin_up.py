@@ -38,18 +38,18 @@ $$ \theta(t) = \tfrac{6}{15}\left[\tfrac{t^2}{2}
 + \left(\tfrac{15}{2\pi}\right)^2\left(\cos\tfrac{2\pi t}{15} - 1\right)\right],
 \qquad t < 15\ \text{s}. $$
 
-Kane, Ryan and Banerjee used it in 1987 to show that the multibody programs of their day were
-wrong: without the stiffening that rotation brings, the beam diverges, because 6 rad/s is beyond
-its first frequency, 3.80 rad/s. The paper's theory is of that kind, and `theory="linear"`
-computes just what it says. With foreshortening the tip lags by 0.57 m, comes back, and rings with
-4 mm.
+Kane, Ryan and Banerjee used this problem in 1987 to show that the multibody programs of that time
+were wrong: without rotational stiffening the beam diverges, because 6 rad/s is beyond its first
+frequency, 3.80 rad/s. The paper's theory is of this kind, and `theory="linear"` reproduces it.
+With foreshortening the tip lags by 0.57 m, returns, and vibrates with 4 mm.
 
-Three answers are known: the linear beam with centrifugal stiffness (`theory="second_order"`, one
-segment), the geometrically exact one (segments), and the linear beam without.
+There are three references: the linear beam with centrifugal stiffness (`theory="second_order"`,
+one segment), the geometrically exact beam (segments), and the linear beam without centrifugal
+stiffness.
 
-The package: the joint is driven by its motor. The hub has an inertia of $10^{12}$ kg m², and the
-torque is that inertia times $\ddot\theta$: the beam's reaction, $10^{-9}$ of it, does not disturb
-the angle by a tenth of a microradian.
+The package: the motor drives the joint. The hub has an inertia of $10^{12}$ kg m², and the torque
+is this inertia times $\ddot\theta$. The reaction of the beam is $10^{-9}$ of the torque and
+disturbs the angle by less than a tenth of a microradian.
 """
 
 
@@ -108,12 +108,15 @@ DIGITS = {
     "elastica": {"extreme": 4.6, "extreme_time": 5.0, "v5": 4.9, "v75": 4.6},
 }
 REASONS = {
-    "stiffened": "the reference is linear in the deflection; ours keeps terms of third "
-    "order, which make its mass matrix positive",
-    "softened": "16 elements; their error grows with time, and at 10 s everything does",
-    "elastica": "8 segments; the error falls as the cube of their length",
+    "stiffened": "the reference is linear in the deflection; ours keeps terms of third order, "
+    "which make its mass matrix positive definite",
+    "softened": "16 elements; their error grows with time, and at 10 s the whole solution diverges",
+    "elastica": "8 segments; the error decreases as the cube of their length",
 }
-RESIDUAL = 1.8, "as the other numbers of this theory; what is left is a small part of the motion"
+RESIDUAL = (
+    1.8,
+    "as for the other numbers of this theory; the residual is a small part of the motion",
+)
 
 
 def quantities() -> list[Row]:
@@ -163,6 +166,6 @@ CASE = Case(
     draw=draw,
     caption="Left: without centrifugal stiffness the beam diverges; with it, it lags and "
     "recovers. Right: the turning point, where the geometrically exact beam differs by "
-    "0.6 mm. Points: known values.",
+    "0.6 mm. Points: reference values.",
     module="gallery/cases/spin_up.py",
 )

@@ -21,20 +21,20 @@ LOCKED, FREE = "locked", "free"
 LONGEST = max(L / n for L, n in zip(LENGTHS, ELEMENTS, strict=True))  # element, m
 PRINTED = 9.4  # at least nine and a half digits are printed
 REASON = (
-    f"a mesh of {ELEMENTS[0]} + {ELEMENTS[1]} elements, error at most (βh)⁴/1440; of the lowest "
-    "frequencies, the printed digits"
+    f"a mesh of {ELEMENTS[0]} + {ELEMENTS[1]} elements, error at most (βh)⁴/1440; for the lowest"
+    " frequencies, the printed digits"
 )
-MESH_REASON = "the very same mesh: eleven printed digits"
+MESH_REASON = "the same mesh: eleven printed digits"
 
 PHYSICS = r"""
 The arm of Table I, 1.4142 m + 1 m of steel rod with $EI$ = 105 N m² and 0.61732 kg/m, without
-lumped bodies, vibrates about straight links, the elbow at an angle, each joint locked or free.
-Both links bend together: a fair test of how they are joined.
+lumped bodies, vibrates about straight links, with the elbow at an angle and each joint locked or
+free. Both links bend together, so this tests the coupling of the links.
 
-Then the mesh of the paper, two elements + one, whose fourth frequency is off by a quarter: a fact
-of that mesh, which a second program must reproduce.
+The second example is the mesh of the paper, two elements + one. Its fourth frequency has an error
+of a quarter. This is a property of the mesh, which a second program must reproduce.
 
-The package: `arm.mass_matrix(q)` and `arm.stiffness_matrix(q)`, rows of locked joints struck out
+The package: `arm.mass_matrix(q)` and `arm.stiffness_matrix(q)` without the rows of locked joints
 (`fa.modes` locks or frees all).
 """
 
@@ -102,7 +102,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="First and second frequency over the elbow angle; the legend names shoulder + elbow. "
-    "Points: known values.",
+    caption="First and second frequency over the elbow angle; the legend gives shoulder + "
+    "elbow. Points: reference values.",
     module="gallery/cases/two_link_frequencies.py",
 )

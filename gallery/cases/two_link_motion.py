@@ -38,7 +38,10 @@ COLOURS = dict(zip(MODELS, (ORANGE, VERMILLION, PURPLE, SKY, BLUE, GREEN), stric
 ACCEPTED = {
     ("linear, 2 + 1 elements", "paper"): (
         2e-11,
-        "the integrator's tolerance, rtol = 1e-10, over 2 s; the reference is certain to 1e-11 m",
+        (
+            "the tolerance of the integrator, rtol = 1e-10, over 2 s; the reference is accurate to "
+            "1e-11 m"
+        ),
     ),
     ("linear, 16 + 16 elements", "linear_fine"): (
         4e-7,
@@ -46,27 +49,33 @@ ACCEPTED = {
     ),
     ("second order", "exact"): (
         2e-5,
-        "second-order theory over whole links: third order in a deflection of 5 % is left out",
+        (
+            "second-order theory over whole links: terms of third order in a deflection of 5 % are "
+            "neglected"
+        ),
     ),
-    ("2 segments", "exact"): (3e-5, "two segments of two elements, whose mesh counts too"),
+    ("2 segments", "exact"): (
+        3e-5,
+        "two segments of two elements; the error of the mesh also contributes",
+    ),
     ("4 segments", "exact"): (7e-6, "four segments of two elements"),
     ("8 segments", "exact"): (
         1e-6,
-        "eight segments of two elements, three shapes each; the reference is certain to 2e-7 m",
+        "eight segments of two elements, three shapes each; the reference is accurate to 2e-7 m",
     ),
 }
 
 PHYSICS = r"""
-The arm of Table I in a horizontal plane, straight and at rest with the links at 45 and -45
-degrees, is driven for one second by $\tau_1 = 4\sin 2\pi t$ and $\tau_2 = 1.5\sin 2\pi t$ N m and
-then left alone for another. Links bend by 5 % of their length.
+The arm of Table I in a horizontal plane is straight and at rest with the links at 45 and -45
+degrees. For one second it is driven by $\tau_1 = 4\sin 2\pi t$ and $\tau_2 = 1.5\sin 2\pi t$ N m,
+and for another second it moves freely. Links bend by 5 % of their length.
 
-Known are the converged solutions of the paper's theory, on its own mesh and on a fine one, and
-the motion of geometrically exact links. What counts is the largest distance between tips in two
-seconds, over the reach of 2.41 m.
+The references are the converged solutions of the paper's theory, on its own mesh and on a fine
+one, and the motion of geometrically exact links. The compared quantity is the largest distance
+between tips in two seconds, relative to the reach of 2.41 m.
 
-The paper's theory itself is 0.4 mm off the exact arm; no mesh improves that. Foreshortening takes
-off all but 14 micrometres, and segments the rest.
+The paper's theory itself differs from the exact arm by 0.4 mm; no mesh reduces this error.
+Foreshortening reduces it to 14 micrometres, and segments remove the rest.
 
 The package: `fa.simulate` with a torque function; `theory` and `segments` as in the table.
 """

@@ -247,6 +247,21 @@ def check_numbers(
     return numbers
 
 
+def check_limits(where: str, name: str, value: object) -> NDArray[np.float64]:
+    """Return a positive number, or one for each joint; infinity means no limit.
+
+    Raises:
+        InputError: if a value is not a number, not positive, or NaN.
+    """
+    import numpy as np
+
+    rule = "be a number greater than 0, or one for each joint"
+    numbers = check_numbers(where, name, value, rule)
+    if numbers.ndim > 1 or not np.all(numbers > 0.0):
+        raise InputError(Problem(where, name, rule, shown(value)))
+    return numbers
+
+
 def check_times(where: str, name: str, value: object) -> NDArray[np.float64]:
     """Return a time or times as a float64 array of any shape; infinite ones are allowed.
 

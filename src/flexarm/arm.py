@@ -18,7 +18,9 @@ from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
 from flexarm.loads import Load, acting_loads
 from flexarm.model import ArmSpec, Friction, load_arm_spec, save_arm_spec
+from flexarm.model.help_text import signature_of
 from flexarm.model.variation import varied_spec
+from flexarm.notebook import html_table
 from flexarm.stations import (
     Cut,
     check_stations,
@@ -42,6 +44,14 @@ class Energy(NamedTuple):
         return self.kinetic + self.strain + self.gravity
 
 
+def _range(values: Sequence[float] | None) -> str:
+    """Return a constant property, or its smallest and largest value along a link."""
+    if not values:
+        return ""
+    least, most = min(values), max(values)
+    return f"{least:.5g}" if least == most else f"{least:.5g} to {most:.5g}"
+
+
 class Arm(Dynamics):
     """A planar serial arm of rigid and flexible links.
 
@@ -60,6 +70,9 @@ class Arm(Dynamics):
     the link before (the first: to world x), then its modal coordinates. World frame: origin at the
     base joint, x to the right, y up.
     """
+
+    #: Without it ``help`` shows ``**fields``.
+    __signature__ = signature_of(ArmSpec)
 
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
         spec = ArmSpec(**fields) if spec is None else check_kind("Arm", "spec", spec, ArmSpec)
@@ -88,6 +101,18 @@ class Arm(Dynamics):
     def __repr__(self) -> str:
         theory = self.spec.theory
         return f"<flexarm.Arm: {self.links} links, {self.dof} coordinates, {theory} theory>"
+
+    def _repr_html_(self) -> str:
+        heads = ("", "length (m)", "flexural rigidity (N m²)", "mass per length (kg/m)", "modes")
+        rows: list[tuple[object, ...]] = []
+        for number, link in enumerate(self.spec.links, 1):
+            beam = link.beam()
+            rigidity = _range(beam.flexural_rigidity) if link.flexible else "rigid"
+            mass = _range(beam.mass_per_length)
+            rows.append((f"link {number}", link.length, rigidity, mass, link.coordinates))
+        if self.spec.payload.mass > 0.0:
+            rows.append(("payload", "", "", f"{self.spec.payload.mass:.5g} kg", ""))
+        return html_table(repr(self).strip("<>"), heads, rows)
 
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Energy:
         """Return kinetic, strain and gravity energy (J), and their ``total``."""

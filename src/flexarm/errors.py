@@ -164,13 +164,25 @@ class InconsistentEstimateWarning(FlexarmWarning):
     """Readings depart from a filter's predictions by more than its covariance allows."""
 
 
-def warn_caller(text: str, category: type[FlexarmWarning]) -> None:
+def warn_caller(text: str, category: type[Warning]) -> None:
     """Warn at the line outside this package that led here, however deep the call is."""
     package = __name__.partition(".")[0]
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == package:
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)
+
+
+def warn_deprecated(old: str, new: str, removal: str) -> None:
+    """Warn at the caller's line that a public name is deprecated, but still works.
+
+    Args:
+        old: the name that the caller used, as in code: `OldClass`, `simulate(old_argument=...)`.
+        new: what to use in its place.
+        removal: the version that no longer has the old name, such as "0.3".
+    """
+    text = f"{old} is deprecated and will be removed in flexarm {removal}; use {new}."
+    warn_caller(text, DeprecationWarning)
 
 
 def check_array(

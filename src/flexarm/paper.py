@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flexarm.arm import Arm
 from flexarm.linear import modes
 from flexarm.model import Scenario, load_scenario
-from flexarm.simulate import prepare
+from flexarm.scenarios.scenario import prepare
 
 if TYPE_CHECKING:
     import xarray as xr

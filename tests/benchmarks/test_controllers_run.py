@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks import controllers
-from flexarm.control import CONTROLLERS
+from flexarm.controllers import CONTROLLERS
 
 
 def test_every_controller_is_measured() -> None:

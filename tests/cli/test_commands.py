@@ -127,7 +127,7 @@ def test_a_run_that_fails_without_output_leaves_nothing(tmp_path):
 
 
 def test_ctrl_c_and_lack_of_memory_are_no_tracebacks(good, monkeypatch):
-    from flexarm.simulate import Prepared
+    from flexarm.scenarios.scenario import Prepared
 
     for error, status in ((KeyboardInterrupt, 130), (MemoryError, 1)):
 

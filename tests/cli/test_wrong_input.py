@@ -83,7 +83,7 @@ OUTPUTS = {
 def test_a_place_that_cannot_be_written_is_refused_before_the_run(
     what, option, tmp_path, monkeypatch
 ):
-    from flexarm.simulate import Prepared
+    from flexarm.scenarios.scenario import Prepared
 
     monkeypatch.setattr(Prepared, "run", lambda *_, **__: pytest.fail("it ran"))
     good = write(tmp_path / "good.yaml", GOOD)

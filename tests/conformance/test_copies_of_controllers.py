@@ -8,7 +8,7 @@ import pytest
 from controller_examples import EXAMPLES, two_links
 
 import flexarm as fa
-from flexarm.control import CONTROLLERS
+from flexarm.controllers import CONTROLLERS
 
 #: The motion is violent and links bend far: nothing that is looked at here.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")

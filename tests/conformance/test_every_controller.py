@@ -8,7 +8,9 @@ import pytest
 from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, two_links
 
 import flexarm as fa
-from flexarm.control import CONTROLLERS, Controller, Measurement
+from flexarm.control.base import Controller
+from flexarm.controllers import CONTROLLERS
+from flexarm.hardware.measurement import Measurement
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED
 

@@ -13,7 +13,8 @@ from flexarm.cli.features import FEATURES, compile_feature
 
 for name in FEATURES:
     compile_feature(name)
-LAYERS = ("flexarm.kernels.", "flexarm.integrate.", "flexarm.simulate.", "flexarm.control.")
+NAMES = "kernels integrate histories engine loop simulation control_design estimation controllers"
+LAYERS = tuple(f"flexarm.{name}." for name in NAMES.split())
 for module in pkgutil.walk_packages(flexarm.__path__, "flexarm."):
     if module.name.startswith(LAYERS):
         import_module(module.name)

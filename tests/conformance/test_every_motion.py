@@ -10,8 +10,8 @@ import pytest
 import flexarm as fa
 from flexarm.model import Scenario
 from flexarm.motion import Motion
-from flexarm.simulate.motions import motion_of
-from flexarm.simulate.scenario import prepare
+from flexarm.scenarios.motions import motion_of
+from flexarm.scenarios.scenario import prepare
 
 ROD = {"flexural_rigidity": 60.0, "mass_per_length": 0.5}
 

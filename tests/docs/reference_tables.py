@@ -12,8 +12,8 @@ from typing import Any
 
 from docs_pages import ROOT
 
+from flexarm.engine.channels import CHANNELS
 from flexarm.model import json_schema
-from flexarm.simulate.channels import CHANNELS
 
 FILE_FORMAT = "docs/reference/file-format.md"
 RESULT = "docs/how-to/read-the-result.md"

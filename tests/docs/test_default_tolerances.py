@@ -24,7 +24,7 @@ from test_docs_examples import RUNNING, run
 
 import flexarm as fa
 from flexarm.model import locate_study
-from flexarm.simulate import run_scenario
+from flexarm.scenarios.scenario import run_scenario
 
 PROMISED = 1e-6
 #: The tight runs agree with runs ten times tighter to 3e-13 of the reach.

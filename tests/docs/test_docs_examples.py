@@ -5,7 +5,8 @@ Blocks of a page run in order, in one empty folder and one Python namespace:
 - ``yaml`` blocks that begin with ``flexarm:`` are read as files; with ``title=NAME`` in the head
   line they are saved under that name for the blocks below. Other ``yaml`` blocks show keys of an
   arm, a link or a scenario and are tried on the arm of two links below.
-- ``python`` blocks are executed.
+- ``python`` blocks are executed. With ``requires=NAME`` in the head line a block needs another
+  program: it runs in a test of its own, which is skipped where the program is not installed.
 - ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the exit
   status expected. ``make`` lines must name a chore of the Makefile.
 - a ``text`` block right after one that ran is its output; ``...`` stands for anything.
@@ -46,9 +47,33 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_of_page(page: str, folder: Path) -> None:
+    run_blocks(page)
+
+
+@pytest.mark.parametrize(
+    ("page", "program"),
+    sorted(
+        {
+            (page, block.option("requires"))
+            for page in PAGES
+            for block in blocks(page)
+            if block.option("requires")
+        }
+    ),
+)
+def test_blocks_with_another_program(page: str, program: str, folder: Path) -> None:
+    pytest.importorskip(program, reason="it comes with the extra: pip install 'flexarm[peers]'")
+    run_blocks(page, program)
+
+
+def run_blocks(page: str, program: str = "") -> None:
+    """Run the blocks of a page, and those that require ``program``."""
     scope: dict[str, Any] = {"__name__": "__main__"}
     printed: str | None = None
     for block in blocks(page):
+        if block.option("requires") not in ("", program):
+            printed = None
+            continue
         if block.language == "text" and printed is not None:
             assert_output(block, printed)
         printed = run(block, scope) if block.language in RUNNING else None

@@ -14,7 +14,7 @@ from reference_tables import generated, part_pattern
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.control import CONTROLLERS
+from flexarm.controllers import CONTROLLERS
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import json_schema
 from flexarm.motion import TIMING_LAWS

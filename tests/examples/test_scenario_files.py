@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import flexarm as fa
 from flexarm.model import load_scenario
-from flexarm.simulate import prepare
+from flexarm.scenarios.scenario import prepare
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GRAVITY = 9.81

@@ -181,7 +181,7 @@ def imported(tmp_path_factory):
         assert outcome.exit_code == (2 if {"compare", "--campbell"} & {*command} else 0)
     with pytest.MonkeyPatch.context() as patch:
         # Fewer steps than usual count as a motion that grows without bound.
-        stepping = importlib.import_module("flexarm.simulate.stepping")
+        stepping = importlib.import_module("flexarm.engine.stepping")
         patch.setattr(stepping, "_MOST_STEPS", 1e4)
         patch.setattr(stepping, "_MOST_STEPS_A_TICK", 1e4)
         yield

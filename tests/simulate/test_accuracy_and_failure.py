@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.engine.tolerance import fastest_frequency
 from flexarm.integrate import RungeKutta4
-from flexarm.simulate.tolerance import fastest_frequency
 
 
 def table_one_arm(**options):

@@ -9,7 +9,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.bending import LARGEST_ERROR, BendingErrors
-from flexarm.simulate.tolerance import fastest_frequency
+from flexarm.engine.tolerance import fastest_frequency
 
 
 def an_arm(**options: object) -> fa.Arm:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.simulate.torque_history import TorqueHistory, function_torque, sampled_torque
+from flexarm.histories.torques import TorqueHistory, function_torque, sampled_torque
 
 #: Between two of the points that are looked at first in runs of two seconds, 1.0031 and 1.0078.
 ON, OFF = 1.0051, 1.0062

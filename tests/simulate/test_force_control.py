@@ -6,7 +6,7 @@ from scipy.signal import cont2discrete
 
 import flexarm as fa
 from flexarm.motion.kinematics import tip_jacobian
-from flexarm.simulate.metrics import metrics_of
+from flexarm.simulation.metrics import metrics_of
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0
 NORMAL = np.array([-1.0, 0.0])

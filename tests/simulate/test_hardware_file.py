@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control.instruments import SIGNALS
+from flexarm.hardware.instruments import SIGNALS
 from flexarm.model.hardware import CHANNEL_SIGNALS, POINT_SIGNALS, Signal
 
 ARM = """\

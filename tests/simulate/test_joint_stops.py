@@ -171,7 +171,7 @@ def test_steps_end_at_the_corner_of_a_stop(name):
 
 def test_a_motion_that_tolerances_do_not_determine_gets_a_warning(monkeypatch):
     """Friction and impacts: runs at rtol = 1e-7 and 1e-12 mostly end 2 cm apart, by rounding."""
-    monkeypatch.setattr(sys.modules["flexarm.simulate.impacts"], "_PARTED", 1e-5)
+    monkeypatch.setattr(sys.modules["flexarm.engine.impacts"], "_PARTED", 1e-5)
     with pytest.warns(fa.AccuracyWarning, match="Do not rely on this result after that time"):
         result = pushed(bouncing(fa.Friction(coulomb=0.3)))
     assert "impacts on joint stops amplify errors" in result.warning

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.simulate.loop_check import differenced, instability
+from flexarm.loop.stability import differenced, instability
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
 
@@ -131,7 +131,7 @@ run: {duration: 1.0, rate: 100}
 def test_a_surface_that_nothing_is_pressed_on_does_not_count():
     """Joint control ends with straight links deep in the wall: no posture of rest."""
     from flexarm.model import load_scenario
-    from flexarm.simulate import prepare
+    from flexarm.scenarios.scenario import prepare
 
     assert (
         prepare(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm.simulate import meter
+from flexarm.engine import progress as meter
 
 
 @pytest.fixture

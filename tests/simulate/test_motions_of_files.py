@@ -6,8 +6,8 @@ import pytest
 import flexarm as fa
 from flexarm.model import load_scenario
 from flexarm.model.motions import ForceTable
-from flexarm.simulate import prepare
-from flexarm.simulate.motions import _over_time
+from flexarm.scenarios.motions import _over_time
+from flexarm.scenarios.scenario import prepare
 
 ARM = """\
 flexarm: 1

@@ -10,7 +10,7 @@ from numba import typeof
 
 import flexarm as fa
 from flexarm.bending import too_far_bent
-from flexarm.simulate.validity import BendingWatch
+from flexarm.engine.validity import BendingWatch
 
 #: A binary fraction: samples and sample times are then at the same times to the last bit.
 TICK = 2.0**-9

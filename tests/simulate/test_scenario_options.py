@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.model import load_scenario
-from flexarm.simulate import prepare
+from flexarm.scenarios.scenario import prepare
 
 ARM = """\
 flexarm: 1
@@ -209,7 +209,7 @@ class TestEquilibrium:
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
 
-        monkeypatch.setattr(import_module("flexarm.simulate.start"), "equilibrium", none)
+        monkeypatch.setattr(import_module("flexarm.scenarios.initial_state"), "equilibrium", none)
         with pytest.raises(fa.EquilibriumError, match=r"up to 0\.4 of gravity and loads"):
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 

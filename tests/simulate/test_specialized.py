@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 import flexarm as fa
-from flexarm.simulate import stepping
+from flexarm.engine import stepping
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
-from flexarm.simulate.load_history import load_history
+from flexarm.histories.loads import load_history
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 FINE = {"rtol": 1e-10, "atol": 1e-12}

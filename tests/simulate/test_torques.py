@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
-from flexarm.simulate.torque_history import (
+from flexarm.histories.torques import (
     constant_torque,
     find_kinks,
     function_torque,

@@ -20,9 +20,9 @@ from flexarm.model import (
 from flexarm.model.files import load_document
 from flexarm.model.motions import JointMotionSpec, PressedMotionSpec
 from flexarm.model.yaml_text import Document
-from flexarm.simulate import prepare
-from flexarm.simulate.study import PreparedStudy
-from flexarm.simulate.told import Where
+from flexarm.scenarios.file_errors import Where
+from flexarm.scenarios.scenario import prepare
+from flexarm.scenarios.study import PreparedStudy
 
 _MOST_LINKS_SHOWN = 12
 

@@ -14,7 +14,7 @@ from flexarm.errors import FlexarmWarning
 from flexarm.model import locate_study
 from flexarm.output import FIGURE_SUFFIXES, encode_netcdf, write_figure
 from flexarm.places import check_place, write_text, write_whole
-from flexarm.simulate.study import PreparedStudy
+from flexarm.scenarios.study import PreparedStudy
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,6 +10,7 @@ import flexarm as fa
 from flexarm.integrate import INTEGRATORS
 from flexarm.kernels.cache import compile_seconds, notice
 from flexarm.kernels.code_cache import CodeCache
+from flexarm.motion import Motion
 
 _START, _END = [0.4, 0.6], [0.5, 0.5]
 _SAMPLE_TIME = 0.004
@@ -35,7 +36,7 @@ def _arm() -> fa.Arm:
 
 
 @cache
-def _motion() -> fa.Motion:
+def _motion() -> Motion:
     return fa.joint_motion(_arm(), _START, _END, 0.1, start_time=0.5)
 
 

@@ -15,8 +15,8 @@ from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, write_figure, write_result
 from flexarm.places import check_place
 from flexarm.plot.animation.video import check_animation_place
-from flexarm.simulate import prepare
-from flexarm.simulate.compare import INCONSISTENT, inconsistent
+from flexarm.scenarios.scenario import prepare
+from flexarm.simulation.compare import INCONSISTENT, inconsistent
 
 if TYPE_CHECKING:
     import xarray as xr

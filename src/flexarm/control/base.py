@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_kind
 from flexarm.arm import Arm
-from flexarm.control.measurement import FloatArray, Measurement
-from flexarm.control.needs import Needs
+from flexarm.control.requirements import Needs
 from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.hardware.measurement import FloatArray, Measurement
 
 __all__ = ["Controller", "FloatArray", "Measurement", "Needs", "Reference"]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.control.measurement import FloatArray
+from flexarm.hardware.measurement import FloatArray
 
 #: Sample times computed in one go.
 _AHEAD = 512

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_each, check_flag, check_mapping, check_numbers, check_positive
 from flexarm.control.base import controller_problem
-from flexarm.control.measurement import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.hardware.measurement import FloatArray
 from flexarm.model.wording import nearest
 
 
@@ -130,19 +130,6 @@ def check_gains(where: str, name: str, value: ArrayLike) -> FloatArray:
     if np.any(gains < 0.0):
         raise InputError(Problem(where, name, "hold finite gains >= 0", shown(value)))
     return gains
-
-
-def check_limits(where: str, name: str, value: ArrayLike) -> FloatArray:
-    """Return numbers, one or one per joint, all positive; infinity is one.
-
-    Raises:
-        InputError: one is zero, negative or NaN, or they are no numbers.
-    """
-    rule = "be a number greater than 0, or one for each joint"
-    numbers = check_numbers(where, name, value, rule)
-    if numbers.ndim > 1 or not np.all(numbers > 0.0):
-        raise InputError(Problem(where, name, rule, shown(value)))
-    return numbers
 
 
 def check_sample_time(where: str, value: float) -> float:

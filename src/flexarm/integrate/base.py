@@ -100,7 +100,7 @@ class System(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """What one step may err by, see ``flexarm.simulate.tolerance``.
+    """What one step may err by, see ``flexarm.engine.tolerance``.
 
     A joint angle may err by ``absolute * unit + relative * |angle|``; a mode by ``unit * (absolute
     + relative * d)`` with ``d`` the largest ``|mode| / unit`` of its body. So a stiff mode, whose

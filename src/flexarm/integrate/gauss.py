@@ -63,7 +63,7 @@ class Gauss6(Integrator):
 
     Args:
         step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
-            (``flexarm.simulate.default_step``).
+            (``flexarm.engine.default_step``).
     """
 
     step: float | None = None

@@ -26,7 +26,7 @@ class GeneralizedAlpha(Integrator):
 
     Args:
         step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
-            (``flexarm.simulate.default_step``).
+            (``flexarm.engine.default_step``).
         spectral_radius: factor per step on a vibration far too fast for the step: 1 keeps it, 0
             removes it at once.
 

@@ -20,7 +20,7 @@ class ExplicitRungeKutta(Integrator):
 
     Args:
         step: fixed step (s) of a method without step control, or the first step to try; None lets
-            ``simulate`` find a fixed one (``flexarm.simulate.default_step``).
+            ``simulate`` find a fixed one (``flexarm.engine.default_step``).
     """
 
     step: float | None = None

@@ -27,7 +27,7 @@ class Cowell4(Integrator):
     Args:
         step: longest step (s), shortened to meet every stop, and to what the highest frequency and
             the fastest damping of the arm, bent or straight, ask for; None lets ``simulate``
-            find one (``flexarm.simulate.default_step``).
+            find one (``flexarm.engine.default_step``).
     """
 
     step: float | None = None

@@ -16,6 +16,7 @@ from flexarm.contacts import Contact, place_outside
 from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
 from flexarm.linear.descent import LONGEST, descent_step, largest_turn
 from flexarm.loads import Load, acting_loads
+from flexarm.notebook import html_table
 
 #: Residual forces below this part of the largest force present count as none.
 _RESIDUAL = 1e-11
@@ -72,6 +73,15 @@ class Equilibrium:
         count = len(self.loads)
         loads = f", {count} load{'s' * (count > 1)}" if count else ""
         return f"<flexarm.Equilibrium: {self.q.size} coordinates, {stable}{held}{loads}>"
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [
+            ("stable", "yes" if self.stable else "no"),
+            ("lowest eigenvalue (rad²/s²)", self.lowest_eigenvalue),
+            ("coordinates q", few(self.q)),
+        ]
+        rows += [(f"torque of joint {k} (N m)", t) for k, t in enumerate(self.torque, 1)]
+        return html_table("flexarm.Equilibrium", ("property", "value"), rows)
 
 
 def equilibrium(

@@ -22,6 +22,7 @@ from flexarm.linear.held import Held, Joints, hold_joints
 from flexarm.linear.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.tangent import Tangent, tangent
 from flexarm.loads import Load, acting_loads, place_loads
+from flexarm.notebook import html_table
 from flexarm.stations import check_stations
 
 _WHERE = "modes"
@@ -59,6 +60,12 @@ class Modes:
         about = f", spinning at {self.spin:g} rad/s" if self.spin else ""
         frequencies = f": {few(self.frequency_hz)} Hz" if self.frequency_hz.size else ""
         return f"<flexarm.Modes: {self.frequency_hz.size}{about}{frequencies}>"
+
+    def _repr_html_(self) -> str:
+        heads = ("mode", "frequency (Hz)", "damping ratio")
+        numbers = range(1, self.frequency_hz.size + 1)
+        rows = zip(numbers, self.frequency_hz, self.damping_ratio, strict=True)
+        return html_table(repr(self).strip("<>"), heads, rows)
 
     @property
     def damped_frequency_hz(self) -> FloatArray:

@@ -12,6 +12,7 @@ from flexarm.arguments import check_choice
 from flexarm.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array
 from flexarm.linear.transfer import frequency_response, slowest_first, transmission_zeros
+from flexarm.notebook import html_table
 
 if TYPE_CHECKING:
     import control
@@ -52,6 +53,11 @@ class LinearModel:
     def __repr__(self) -> str:
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
         return f"<flexarm.LinearModel: {sizes}>"
+
+    def _repr_html_(self) -> str:
+        signals = {"input": self.inputs, "output": self.outputs, "state": self.states}
+        rows = [(kind, name, self.units[name]) for kind in signals for name in signals[kind]]
+        return html_table(repr(self).strip("<>"), ("signal", "name", "unit"), rows)
 
     @property
     def poles(self) -> Any:

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cache
+from inspect import Signature, cleandoc
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform
 
 from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     TypeAdapter,
     ValidationError,
     ValidatorFunctionWrapHandler,
@@ -23,14 +25,20 @@ from pydantic import (
 )
 
 from flexarm.errors import ModelError
+from flexarm.model.help_text import docstring_of, signature_of
 from flexarm.model.wording import Fault, worded
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
+    from pydantic_core import CoreSchema
 else:
     ModelMetaclass = type(BaseModel)
 
 T = TypeVar("T")
+
+#: Attributes that records get from pydantic and from Python's class machinery.
+_INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__, "__abstractmethods__", "__annotations__"}
+_INTERNAL -= set(dir(object))
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(Field,))
@@ -49,6 +57,25 @@ class RecordType(ModelMetaclass):
         except ValidationError as error:
             found = faults_of(error)
             raise ModelError(*(f.problem(cls.__name__, cls.__name__) for f in found)) from None
+
+    @property
+    def __signature__(cls) -> Signature:
+        return signature_of(cls)  # type: ignore[arg-type]
+
+    @__signature__.setter
+    def __signature__(cls, value: object) -> None:
+        """Ignore the signature that pydantic assigns."""
+
+    @property
+    def __doc__(cls) -> str:  # type: ignore[override]
+        # A property, because fields are not complete until the class is.
+        text = cls.__dict__.get("__doc__") or ""
+        return docstring_of(cls, text) if getattr(cls, "model_fields", None) else text  # type: ignore[arg-type]
+
+    def __dir__(cls) -> list[str]:
+        """List what a record offers itself: pydantic's own attributes would bury it in ``help``."""
+        names = super().__dir__()
+        return [n for n in names if n not in _INTERNAL and not n.startswith("__pydantic")]
 
 
 class Given:
@@ -95,6 +122,15 @@ class Record(BaseModel, metaclass=RecordType):
         """
         kept = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**{**kept, **changes})
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Describe the record by its own docstring: the schema has an entry for each field."""
+        made = handler(schema)
+        handler.resolve_ref_schema(made)["description"] = cleandoc(cls.__dict__["__doc__"])
+        return made
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
         """Show what was given, not the defaults."""

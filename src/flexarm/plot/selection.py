@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arguments import check_dataset
+from flexarm.engine.channels import CHANNELS
 from flexarm.errors import InputError, Problem, shown
-from flexarm.simulate.channels import CHANNELS
 
 if TYPE_CHECKING:
     import xarray as xr

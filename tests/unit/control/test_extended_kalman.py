@@ -6,8 +6,8 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 import flexarm as fa
-from flexarm.control.measurement import Measurement
-from flexarm.control.predicted_readings import PredictedReadings
+from flexarm.estimation.predicted_readings import PredictedReadings
+from flexarm.hardware.measurement import Measurement
 from flexarm.linear.sampled_step import SampledStep
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control.linear_controller import linear_controller
-from flexarm.control.margins import loop_at
-from flexarm.control.plant_model import instruments_of, model_at, signals_of
+from flexarm.loop_analysis.linear_controller import linear_controller
+from flexarm.loop_analysis.margins import loop_at
+from flexarm.loop_analysis.plant_model import instruments_of, model_at, signals_of
 
 sys.path.append(str(Path(__file__).parents[2] / "conformance"))
 from controller_examples import EXAMPLES, SAMPLE_TIME, two_links

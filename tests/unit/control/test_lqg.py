@@ -5,8 +5,8 @@ import pytest
 from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
-from flexarm.control.linear_design import preview_gain
-from flexarm.control.posture_grid import Interpolated, PostureGrid
+from flexarm.control_design.linear_design import preview_gain
+from flexarm.control_design.posture_grid import Interpolated, PostureGrid
 
 SAMPLE_TIME = 0.002
 #: Outputs that tell the whole state of links of one element each.

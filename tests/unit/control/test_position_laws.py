@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control import Measurement
+from flexarm.hardware.measurement import Measurement
 
 TICK = 0.002
 

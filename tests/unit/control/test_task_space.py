@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control.task_space import TaskSpace
+from flexarm.control_design.task_space import TaskSpace
 from flexarm.motion.chain import rigid_chain
 from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.motion.correction import CorrectedTorque, spline_knots, spline_values
+from flexarm.inversion.correction import CorrectedTorque, spline_knots, spline_values
 from flexarm.motion.dynamics_along import dynamics_along
 from flexarm.motion.tip_constraint import TipConstraint
 

@@ -25,10 +25,11 @@ from flexarm.bridges.gymnasium_env.observation import (
 )
 from flexarm.bridges.gymnasium_env.picture import Picture, Scene
 from flexarm.contacts import Contact
-from flexarm.control import Hardware, Measurement, Motors
 from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.hardware.hardware import Hardware, Motors
+from flexarm.hardware.measurement import Measurement
 from flexarm.model import Gauge, Joint, Link, ModalDamping
-from flexarm.simulate.plant import Plant
+from flexarm.simulation.plant import Plant
 
 #: The arm itself, or a function that draws one for each episode.
 PlantSource = Arm | Callable[[np.random.Generator], Arm]

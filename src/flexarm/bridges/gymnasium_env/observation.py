@@ -10,7 +10,8 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
-from flexarm.control import Instrument, Measurement
+from flexarm.hardware.instruments import Instrument
+from flexarm.hardware.measurement import Measurement
 
 FloatArray = NDArray[np.float64]
 Vector = NDArray[np.float32]

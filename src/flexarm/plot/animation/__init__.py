@@ -25,8 +25,8 @@ from flexarm.plot.animation.scene import Scene, Wishes, scene_of
 from flexarm.plot.animation.video import check_animation_place, find_ffmpeg, gif, gif_delay, mp4
 from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result, scenario_of
 from flexarm.plot.selection import named_results, several
-from flexarm.simulate.motions import motion_of
-from flexarm.simulate.outside import contacts_of
+from flexarm.scenarios.environment import contacts_of
+from flexarm.scenarios.motions import motion_of
 
 if TYPE_CHECKING:
     import xarray as xr

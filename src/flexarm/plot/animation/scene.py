@@ -13,7 +13,7 @@ from flexarm.contacts import Contact
 from flexarm.plot.animation.solid import Solid, solid_of
 from flexarm.plot.drawn_arm import FloatArray, RigidMotion, at_times, shapes_of
 from flexarm.plot.selection import Signals
-from flexarm.simulate.metrics import tip_reference
+from flexarm.simulation.metrics import tip_reference
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,0 +1,1 @@
+"""Models and methods for the design of controllers: linear design, postures, shapers."""

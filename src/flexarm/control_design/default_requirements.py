@@ -1,0 +1,66 @@
+"""Complete the requirements of a linear controller with default values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.control_design.linear_design import DISTURBANCES, Wishes, check_names, scales
+from flexarm.control_design.rigid_model import RigidModel
+from flexarm.errors import InputError, Problem, shown
+from flexarm.hardware.measurement import FloatArray
+from flexarm.linear.signals import CHANNEL_OUTPUTS
+
+#: What can be measured: how each departs from the nominal motion is known.
+MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
+#: What can be integrated, and by default how much of it counts as one: rad s, m s.
+INTEGRATED = {"joint_angle": 2e-3, "tip": 1e-3}
+#: What can be acceptable: no contacts are known to a design.
+_ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
+#: Angular acceleration (rad/s^2) that the acceptable torque gives to the rigid arm by default.
+_BRISK = 10.0
+
+
+def wishes_of(
+    where: str,
+    arm: Arm,
+    posture: FloatArray,
+    acceptable: Mapping[str, ArrayLike] | None,
+    acceptable_torque: ArrayLike | None,
+    measured: Mapping[str, ArrayLike] | None,
+    disturbance: Mapping[str, ArrayLike] | None,
+    integral: bool | str | Mapping[str, ArrayLike] | None,
+) -> Wishes:
+    """Fill in what was left out, and refuse what cannot be."""
+    if acceptable is None:
+        acceptable = {"joint_angle": 0.01, "tip": 0.01, "joint_rate": 0.2}
+    if acceptable_torque is None:
+        acceptable_torque = _BRISK * np.diag(RigidModel(arm).mass_matrix(posture))
+    torque = scales(where, "acceptable_torque", acceptable_torque, arm.joints)
+    if measured is None:
+        measured = {"joint_angle": 1e-4} | ({"strain": 2e-5} if arm.gauges else {})
+    if disturbance is None:
+        reach = float(np.sum(arm.lengths))
+        disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque) / reach}
+    if integral is None or integral is False:
+        integral = {}
+    elif integral is True:
+        integral = {"joint_angle": INTEGRATED["joint_angle"]}
+    elif isinstance(integral, str):
+        integral = {integral: INTEGRATED.get(integral, np.nan)}
+    checked = check_names(where, "integral", integral, tuple(INTEGRATED), arm)
+    if len(checked) > 1:
+        raise InputError(Problem(where, "integral", "name one output", shown(integral)))
+    seen = check_names(where, "measured", measured, MEASURED, arm)
+    if "tip" in checked and "tip" not in seen:
+        raise InputError(Problem(where, "measured", "hold the tip to integrate it", shown(seen)))
+    return Wishes(
+        check_names(where, "acceptable", acceptable, _ACCEPTABLE, arm),
+        torque,
+        seen,
+        check_names(where, "disturbance", disturbance, DISTURBANCES, arm),
+        checked,
+    )

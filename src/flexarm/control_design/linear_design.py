@@ -1,0 +1,356 @@
+"""Linear-quadratic regulators and Kalman filters of a sampled arm: theory page "control-linear"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_each
+from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem, shown
+from flexarm.hardware.measurement import FloatArray
+from flexarm.linear.equilibrium import equilibrium
+from flexarm.linear.linearize import linearize
+from flexarm.linear.signals import INPUTS
+from flexarm.linear.state_space import LinearModel
+from flexarm.model.wording import nearest
+
+#: Of the energy of `bending`, how much belongs to the unknown elastic forces, and how large a bend
+#: is acceptable, both for an uncertainty of one: (C.39). With these LQG with its default weights is
+#: stable with links 30 % softer and stiffer, and twice the payload, on the three arms of
+#: docs/how-to/measure_robustness.py, if the uncertainty is 0.3.
+_NOISE, _BEND = 0.25, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Gains at one posture. States are deviations of (q, qd), n = 2 dof; z are integrals.
+
+    Attributes:
+        posture: (joints,) rad.
+        sag: (dof - joints,) elastic coordinates at rest there.
+        A, B: of the sampled arm, (n, n) and (n, joints); C: of what is measured, (p, n).
+        B_elastic: (n, dof - joints), of forces on the elastic coordinates.
+        integrated: (k, n): z (k,) grows by ``integrated`` x at each sample.
+        gain: (joints, n + k): torque = -gain (x, z).
+        cost: (n + k, n + k): the least cost from a state is (x, z)' cost (x, z).
+        weight, torque_weight: what is summed over the samples, (n + k, n + k), (joints, joints).
+        estimator: (n, p): corrects the prediction by what was measured.
+        prediction_covariance: (n, n) of the error of the prediction.
+        innovation_covariance: (p, p) of what is measured less what was predicted.
+    """
+
+    posture: FloatArray
+    sag: FloatArray
+    A: FloatArray
+    B: FloatArray
+    B_elastic: FloatArray
+    C: FloatArray
+    integrated: FloatArray
+    gain: FloatArray
+    cost: FloatArray
+    weight: FloatArray
+    torque_weight: FloatArray
+    estimator: FloatArray
+    prediction_covariance: FloatArray
+    innovation_covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Wishes:
+    """What a linear controller is to achieve and to believe; every number a standard deviation.
+
+    Attributes:
+        acceptable: outputs and the deviation of each that counts as much as the others'.
+        acceptable_torque: (joints,) N m.
+        measured: outputs that are measured, and their noise.
+        disturbance: inputs that act unseen, held over a sample time.
+        integrated: the output to integrate and its acceptable integral, or nothing.
+        recovery: fictitious torque noise of the filter, in parts of the acceptable torque.
+        rigidity_uncertainty: relative, of the links.
+    """
+
+    acceptable: Mapping[str, ArrayLike]
+    acceptable_torque: FloatArray
+    measured: Mapping[str, ArrayLike]
+    disturbance: Mapping[str, ArrayLike]
+    integrated: Mapping[str, ArrayLike]
+    recovery: float = 0.0
+    rigidity_uncertainty: float = 0.0
+
+
+def sampled(
+    model: LinearModel, sample_time: float, more: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return A and B of a model whose inputs are held over the sample time: exact; (C.22).
+
+    ``more`` (dof, k): generalised forces of further inputs, whose columns follow in B.
+    """
+    B = model.B
+    if more is not None:
+        pushes = np.linalg.solve(model.mass, more)
+        B = np.hstack([B, np.vstack([np.zeros_like(pushes), pushes])])
+    return held(model.A, B, sample_time)
+
+
+def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
+    """Return A and B over a sample time, inputs held; (C.22)."""
+    from scipy.linalg import expm
+
+    n, m = B.shape
+    whole = np.zeros((n + m, n + m))
+    whole[:n, :n], whole[:n, n:] = A, B
+    moved = expm(whole * sample_time)
+    return moved[:n, :n], moved[:n, n:]
+
+
+def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
+    """Return the rows of C of the outputs that belong to channels, in their order."""
+    rows = [
+        k
+        for name in names
+        for k, label in enumerate(model.outputs)
+        if label == name or label.startswith(f"{name}[")
+    ]
+    taken: FloatArray = model.C[rows]
+    return taken
+
+
+def scales(where: str, argument: str, given: ArrayLike, count: int) -> FloatArray:
+    """Return positive numbers (count,) from one or as many.
+
+    Raises:
+        InputError: they are not.
+    """
+    found = check_each(where, argument, given, count)
+    if np.any(found <= 0.0):
+        raise InputError(Problem(where, argument, "be greater than 0", shown(given)))
+    return np.broadcast_to(found, (count,)).astype(np.float64)
+
+
+def sizes_of(
+    where: str, argument: str, model: LinearModel, given: Mapping[str, ArrayLike]
+) -> FloatArray:
+    """Return the numbers of all outputs or inputs that a mapping names, one after the other."""
+    labels = (*model.outputs, *model.inputs)
+    found = [np.zeros(0)]
+    for name, value in given.items():
+        count = sum(label == name or label.startswith(f"{name}[") for label in labels)
+        found.append(scales(where, f"{argument}[{name!r}]", value, count))
+    return np.concatenate(found)
+
+
+def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_time: float) -> Design:
+    """Design at rest in a posture, under gravity; (C.22) to (C.26).
+
+    Raises:
+        InputError: an unknown name, a number that is not positive, or no gains that stabilise.
+        EquilibriumError: no rest there.
+    """
+    from scipy.linalg import block_diag
+
+    names = tuple(dict.fromkeys([*wishes.acceptable, *wishes.measured, *wishes.integrated]))
+    inputs = tuple(dict.fromkeys(["torque", *wishes.disturbance]))
+    rest = equilibrium(arm, posture)
+    model = linearize(arm, rest, inputs=inputs, outputs=names)
+    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    A, B_all = sampled(model, sample_time, np.eye(arm.dof)[:, elastic])
+    n, m = len(A), arm.joints
+    B, C = B_all[:, :m], rows_of(model, tuple(wishes.measured))
+    Z = sample_time * rows_of(model, tuple(wishes.integrated))
+    if len(Z) > m:
+        rule = f"integrate no more outputs than the arm has joints, {m}"
+        raise InputError(Problem(where, "integral", rule, f"{len(Z)}"))
+    scale = sizes_of(where, "acceptable", model, wishes.acceptable)
+    wanted = rows_of(model, tuple(wishes.acceptable)) / scale[:, None]
+    windup = sizes_of(where, "integral", model, wishes.integrated)
+    weight = block_diag(wanted.T @ wanted, np.diag(windup**-2.0))
+    unsure = wishes.rigidity_uncertainty
+    stiffness, bend_energy = bending(arm, model, wishes.acceptable_torque)
+    weight[np.ix_(elastic, elastic)] += bend_weight(unsure, stiffness, bend_energy)
+    torque_weight = np.diag(wishes.acceptable_torque**-2.0)
+    A_z = np.block([[A, np.zeros((n, len(Z)))], [Z, np.eye(len(Z))]])
+    B_z = np.vstack([B, np.zeros((len(Z), m))])
+    gain, cost = regulator(where, A_z, B_z, weight, torque_weight)
+    strength = sizes_of(where, "disturbance", model, wishes.disturbance)
+    pushed = columns_of(model, tuple(wishes.disturbance), B_all) * strength
+    # Torques and elastic forces that the model does not know: (C.39).
+    forced = B_all[:, B_all.shape[1] - elastic.size :]
+    torques = (wishes.recovery * wishes.acceptable_torque) ** 2
+    unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
+    noise = np.diag(sizes_of(where, "measured", model, wishes.measured) ** 2)
+    estimator, spread, seen = kalman(where, A, C, pushed @ pushed.T + unknown, noise)
+    return Design(
+        posture,
+        rest.q[elastic],
+        A,
+        B,
+        B_all[:, B_all.shape[1] - elastic.size :],
+        C,
+        Z,
+        gain,
+        cost,
+        weight,
+        torque_weight,
+        estimator,
+        spread,
+        seen,
+    )
+
+
+def bending(
+    arm: Arm, model: LinearModel, acceptable_torque: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return the stiffness (k, k) of the elastic coordinates, and a typical elastic energy, J.
+
+    The energy is that of the links as they bend when each joint accelerates the arm with its
+    acceptable torque (joints,) N m.
+    """
+    joints = arm.joint_index
+    elastic = np.setdiff1d(np.arange(arm.dof), joints)
+    mass, stiffness = model.mass, model.stiffness[np.ix_(elastic, elastic)]
+    stiffness = 0.5 * (stiffness + stiffness.T)
+    turned = np.linalg.solve(mass[np.ix_(joints, joints)], np.diag(acceptable_torque))
+    force = mass[np.ix_(elastic, joints)] @ turned
+    return stiffness, 0.5 * float(np.sum(force * np.linalg.solve(stiffness, force)))
+
+
+def bend_weight(unsure: float, stiffness: FloatArray, energy: float) -> FloatArray:
+    """Return the weight (k, k) of the elastic coordinates for an uncertain rigidity; (C.39)."""
+    if unsure == 0.0:
+        return np.zeros_like(stiffness)
+    weight: FloatArray = (unsure / _BEND) ** 2 / energy * stiffness
+    return weight
+
+
+def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> FloatArray:
+    """Return the columns of B of the inputs that belong to names, in their order."""
+    chosen = [
+        k
+        for name in names
+        for k, label in enumerate(model.inputs)
+        if label == name or label.startswith(f"{name}[")
+    ]
+    taken: FloatArray = B[:, chosen]
+    return taken
+
+
+def regulator(
+    where: str, A: FloatArray, B: FloatArray, weight: FloatArray, torque_weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the gain and the cost of the linear-quadratic regulator; (C.23).
+
+    Raises:
+        InputError: the weights leave a motion undamped, or cannot be met.
+    """
+    from scipy.linalg import solve
+
+    P = _riccati(where, "acceptable", A, B, weight, torque_weight)
+    gain = solve(torque_weight + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
+    _check_stable(where, "acceptable", A - B @ gain)
+    return gain, P
+
+
+def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
+    """Return torque per known elastic force, (joints, 1 + steps / stride, dof - joints); (C.27).
+
+    Forces are taken at every ``stride``-th sample, and along lines between.
+    """
+    from scipy.linalg import solve
+
+    n, k = len(item.A), len(item.integrated)
+    push = np.vstack([item.B, np.zeros((k, item.B.shape[1]))])
+    whole = np.block([[item.A, np.zeros((n, k))], [item.integrated, np.eye(k)]])
+    loop = whole - push @ item.gain
+    inner = item.torque_weight + push.T @ item.cost @ push
+    forced = item.cost[:, :n] @ item.B_elastic
+    gains = np.zeros((item.B.shape[1], 1 + steps // stride, forced.shape[1]))
+    for i in range(steps):
+        gain = solve(inner, push.T @ forced, assume_a="pos")
+        node, part = divmod(i, stride)
+        gains[:, node] += (1.0 - part / stride) * gain
+        if part:
+            gains[:, node + 1] += part / stride * gain
+        forced = loop.T @ forced
+    return gains
+
+
+def kalman(
+    where: str, A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return gain, covariance of the prediction, covariance of the innovation; (C.25).
+
+    Raises:
+        InputError: what is measured does not tell the state.
+    """
+    from scipy.linalg import solve
+
+    P = _riccati(where, "measured", A.T, C.T, disturbance, noise)
+    seen = C @ P @ C.T + noise
+    gain: FloatArray = solve(seen, C @ P, assume_a="pos").T
+    _check_stable(where, "measured", A @ (np.eye(len(A)) - gain @ C))
+    return gain, P, seen
+
+
+def _riccati(
+    where: str, argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
+) -> FloatArray:
+    from scipy.linalg import solve_discrete_are
+
+    try:
+        P: FloatArray = solve_discrete_are(A, B, Q, R)
+    except (np.linalg.LinAlgError, ValueError):
+        raise InputError(_unsolvable(where, argument)) from None
+    return (P + P.T) / 2.0
+
+
+def _check_stable(where: str, argument: str, loop: FloatArray) -> None:
+    if not np.max(np.abs(np.linalg.eigvals(loop))) < 1.0:
+        raise InputError(_unsolvable(where, argument))
+
+
+def _unsolvable(where: str, argument: str) -> Problem:
+    rules = {
+        "acceptable": (
+            "weigh every motion that does not decay by itself",
+            (
+                "Name joint_angle; or tip, of two joints in a posture that is not straight; and "
+                "no integral that the joints cannot move there."
+            ),
+        ),
+        "measured": (
+            "tell every motion that does not decay by itself",
+            "Measure joint_angle.",
+        ),
+    }
+    rule, hint = rules[argument]
+    return Problem(where, argument, rule, "too little", hint)
+
+
+def check_names(
+    where: str, argument: str, given: object, allowed: Sequence[str], arm: Arm
+) -> Mapping[str, ArrayLike]:
+    """Return a mapping whose keys are all known, and there on the arm.
+
+    Raises:
+        InputError: it is none, or one is not.
+    """
+    rule = "be a mapping from " + ", ".join(map(repr, allowed)) + " to numbers"
+    if not isinstance(given, Mapping):
+        raise InputError(Problem(where, argument, rule, shown(given)))
+    wrong = [name for name in given if not isinstance(name, str) or name not in allowed]
+    if wrong:
+        raise InputError(
+            *(Problem(where, argument, rule, shown(n), nearest(n, allowed)) for n in wrong)
+        )
+    if "strain" in given and not arm.gauges:
+        rule = "leave out the strain of an arm without gauges"
+        raise InputError(Problem(where, argument, rule, "'strain'"))
+    return given
+
+
+#: Inputs that may act unseen.
+DISTURBANCES = INPUTS

@@ -1,0 +1,232 @@
+"""The motion that linear controllers keep an arm on: coordinates, rates and torques over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.control.base import Reference
+from flexarm.control_design.flexible_model import FlexibleModel
+from flexarm.control_design.posture_grid import Interpolated
+from flexarm.errors import InputError, Problem, shown
+from flexarm.hardware.measurement import FloatArray
+
+#: Sample times computed in one go.
+_AHEAD = 64
+
+
+class Nominal(NamedTuple):
+    """One moment of it.
+
+    Attributes:
+        angle: (joints,) rad. q, qd: (dof,). torque: (joints,) N m.
+        missing: (dof - joints,) elastic forces that the links would need to stay so.
+        shown: (p,) what would be measured.
+    """
+
+    angle: FloatArray
+    q: FloatArray
+    qd: FloatArray
+    torque: FloatArray
+    missing: FloatArray
+    shown: FloatArray
+
+
+#: What would be measured (T, p) at joint angles (T, joints), q and qd (T, dof).
+Shown = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+
+
+class PreviewedReference:
+    """The reference with links as bent as they rest there, known some samples ahead; (C.20).
+
+    A reference with ``vectorized`` true answers arrays of times, and is asked for many sample times
+    at once.
+
+    Args:
+        model: of the arm.
+        sag: elastic coordinates (dof - joints,) at rest, over posture.
+        sample_time: s. steps: samples known, the present one included.
+        show: makes ``shown`` of `Nominal`.
+
+    Attributes:
+        missing: (steps, dof - joints) of `Nominal`, from the present sample on.
+    """
+
+    def __init__(
+        self,
+        model: FlexibleModel,
+        sag: Interpolated,
+        sample_time: float,
+        steps: int,
+        show: Shown,
+    ) -> None:
+        self._show = show
+        self._model, self._sag, self._sample_time, self._steps = model, sag, sample_time, steps
+        arm = model.arm
+        self._joints, self._elastic = arm.joint_index, model.elastic
+        # Samples move through these; when they reach the end they are copied to the beginning.
+        places = 3 * steps + _AHEAD
+        self._angle, self._torque = np.zeros((places, arm.joints)), np.zeros((places, arm.joints))
+        self._q, self._qd = np.zeros((places, arm.dof)), np.zeros((places, arm.dof))
+        self._missing = np.zeros((places, model.elastic.size))
+        shown = show(self._angle[:1], self._q[:1], self._qd[:1])
+        self._shown = np.zeros((places, shown.shape[1]))
+        self._buffers = (
+            self._angle, self._q, self._qd, self._torque, self._missing, self._shown
+        )  # fmt: skip
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the posture held and what was known ahead."""
+        self._held: FloatArray | None = None
+        self._reference: Reference | None = None
+        self._first_tick = 0
+        self._start = self._end = 0  # places of the present sample, and after the last known one
+        self.missing = self._missing[: self._steps]
+
+    def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
+        """Return the moment t (s); without a reference the arm stays where it was found."""
+        if self._end == 0:
+            self._first_tick = round(t / self._sample_time)
+        else:
+            self._start += 1
+            if reference is not self._reference:  # what was known ahead stays
+                self._end = min(self._end, self._start + self._steps - 1)
+        self._reference = reference
+        if self._start + self._steps > self._end:
+            self._go_on(angle_now, reference)
+        k = self._start
+        self.missing = self._missing[k : k + self._steps]
+        return Nominal(*[buffer[k] for buffer in self._buffers])
+
+    def torques(self, count: int) -> FloatArray:
+        """Return the torques (count, joints) from the present sample on, N m."""
+        return self._torque[self._start : self._start + min(count, self._steps)]
+
+    def _go_on(self, angle_now: FloatArray, reference: Reference | None) -> None:
+        """Know at least as many samples as are asked for."""
+        many = reference is None or bool(getattr(reference, "vectorized", False))
+        count = self._start + self._steps - self._end
+        count = max(count, _AHEAD) if many else count
+        if self._end + count > len(self._angle):
+            known = self._end - self._start
+            for buffer in self._buffers:
+                buffer[:known] = buffer[self._start : self._end].copy()
+            self._first_tick += self._start
+            self._start, self._end = 0, known
+        ticks = self._first_tick + np.arange(self._end, self._end + count)
+        times = np.asarray(ticks * self._sample_time, dtype=np.float64)
+        self._fill(*self._motion(times, angle_now, reference, many))
+
+    def _motion(
+        self, times: FloatArray, angle_now: FloatArray, reference: Reference | None, many: bool
+    ) -> list[FloatArray]:
+        """Angles, rates and accelerations at times (T,): (T, joints) each."""
+        if reference is None:
+            if self._held is None:
+                self._held = np.array(angle_now, dtype=np.float64)
+            angle = np.tile(self._held, (len(times), 1))
+            return [angle, np.zeros_like(angle), np.zeros_like(angle)]
+        # Motions end at rest, and need not know what comes after.
+        end = float(getattr(reference, "end_time", np.inf))
+        rests = times > end
+        times = np.minimum(times, end)
+        ask: list[Any] = [reference.joint_angle, reference.joint_rate, reference.joint_acceleration]
+        if many:
+            found = [np.array(one(times), dtype=np.float64) for one in ask]
+        else:
+            found = [np.array([one(t) for t in times.tolist()], dtype=np.float64) for one in ask]
+        for part in found[1:]:
+            part[rests] = 0.0
+        return found
+
+    def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
+        bend = self._sag.first_at(angle)
+        torque, elastic_force = self._model.forces_many(angle, rate, acceleration, bend)
+        new = slice(self._end, self._end + len(angle))
+        self._angle[new] = angle
+        self._q[new, self._joints], self._q[new, self._elastic] = angle, bend
+        self._qd[new, self._joints] = rate
+        self._torque[new], self._missing[new] = torque, -elastic_force
+        self._shown[new] = self._show(self._angle[new], self._q[new], self._qd[new])
+        self._end = new.stop
+
+
+class RecordedRun:
+    """A run that was simulated before, as one to stay on: the links' own motion included.
+
+    Between samples q follows the cubic through its values and rates, the torque a line.
+    """
+
+    def __init__(
+        self,
+        where: str,
+        model: FlexibleModel,
+        run: Any,
+        sample_time: float,
+        steps: int,
+        show: Shown,
+    ) -> None:
+        self._sample_time, self._show = sample_time, show
+        arm = model.arm
+        self._joints = arm.joint_index
+        self.missing = np.zeros((steps, model.elastic.size))  # it satisfies the arm's equations
+        try:
+            self._time = np.asarray(run.time.values, dtype=np.float64)
+            self._q, self._qd = np.asarray(run.q.values), np.asarray(run.qd.values)
+            self._torque = np.asarray(run.torque.values)
+        except AttributeError:
+            rule = "be a result of simulate"
+            raise InputError(Problem(where, "nominal", rule, shown(run))) from None
+        shapes = self._q.shape, self._torque.shape
+        if shapes != ((self._time.size, arm.dof), (self._time.size, arm.joints)):
+            rule = f"be a run of this arm, of {arm.dof} coordinates and {arm.joints} joints"
+            raise InputError(Problem(where, "nominal", rule, f"one of {self._q.shape[1]}"))
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._now = 0.0
+
+    def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
+        """Return the moment t (s)."""
+        self._now = t
+        q, qd = self._state(t)
+        torque = self._torque_from(t)
+        angle = q[self._joints]
+        shown = self._show(angle[None], q[None], qd[None])[0]
+        return Nominal(angle, q, qd, torque, self.missing[0], shown)
+
+    def torques(self, count: int) -> FloatArray:
+        """Return the torques (count, joints) from the present sample on, N m."""
+        times = self._now + self._sample_time * np.arange(count)
+        return np.array([self._torque_from(t) for t in times])
+
+    def _torque_from(self, t: float) -> FloatArray:
+        """Torque to hold from t on: a torque that is held does what its mean does."""
+        return self._line(self._torque, t + 0.5 * self._sample_time)
+
+    def _state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
+        h = self._time[k + 1] - self._time[k]
+        s = min(max((t - self._time[k]) / h, 0.0), 1.0)
+        a, b, da, db = self._q[k], self._q[k + 1], h * self._qd[k], h * self._qd[k + 1]
+        rise = b - a
+        q = a + s * (da + s * (3.0 * rise - 2.0 * da - db + s * (da + db - 2.0 * rise)))
+        return q, (1.0 - s) * self._qd[k] + s * self._qd[k + 1]
+
+    def _line(self, values: FloatArray, t: float) -> FloatArray:
+        k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
+        s = (t - self._time[k]) / (self._time[k + 1] - self._time[k])
+        s = min(max(s, 0.0), 1.0)
+        found: FloatArray = (1.0 - s) * values[k] + s * values[k + 1]
+        return found
+
+
+def strain_matrix(arm: Arm) -> FloatArray:
+    """Return the strains by q, (gauges, dof): they are linear in q."""
+    units = np.zeros((arm.dof, 2, arm.dof))
+    units[:, 0] = np.eye(arm.dof)
+    return arm.strains(arm.padded(units)).T

@@ -1,0 +1,120 @@
+"""What a reference asks of the tip, for many sample times in one go."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.control.base import Reference
+from flexarm.control.feedforward import SampledFeedforward
+from flexarm.hardware.measurement import FloatArray
+from flexarm.motion.chain import rigid_chain
+from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate
+
+
+class Asked(NamedTuple):
+    """What is asked at one moment. The tip is that of the rigid twin at the asked joint angles."""
+
+    x: float  # of the tip, m, world axes
+    y: float
+    x_rate: float  # m/s
+    y_rate: float
+    x_acceleration: float  # m/s^2
+    y_acceleration: float
+    force: float  # N, on the surface
+    normal_x: float  # of the surface, away from it; 0, 0 where nothing is to be pressed
+    normal_y: float
+    angle: FloatArray  # (joints,) rad
+    rate: FloatArray  # (joints,) rad/s
+    acceleration: FloatArray  # (joints,) rad/s^2
+    pressing: FloatArray  # (joints,) N m, beyond what the rigid twin takes
+
+
+#: Numbers of ``Asked`` that are no arrays.
+_NUMBERS = 9
+
+
+class TaskPlan:
+    """Looks ahead in the reference; without one, holds the first angles.
+
+    A reference with ``vectorized`` true answers arrays of times, and is asked for many sample times
+    at once. One without ``contact_force``, ``normal`` and ``pressing_torque`` asks for no force.
+    """
+
+    def __init__(self, arm: Arm, sample_time: float) -> None:
+        self._chain = rigid_chain("controller", arm)
+        self._joints = arm.joints
+        self._sample_time = sample_time
+        self._reference: Any = None
+        self._rows: SampledFeedforward | None = None
+        self._held: Asked | None = None
+
+    def reset(self) -> None:
+        """Forget the reference and the angles held."""
+        self._reference = self._rows = self._held = None
+
+    def at(self, t: float, angle: FloatArray, reference: Reference | None) -> Asked:
+        """Return what is asked at t (s); without a reference, to stay at the first ``angle``."""
+        if reference is None:
+            if self._held is None:
+                here, still = np.array([angle]), np.zeros((1, self._joints))
+                self._held = self._of(self._row(here, still, still, None, np.zeros(1))[0])
+            return self._held
+        if self._rows is None or reference is not self._reference:
+            self._reference = reference
+            self._rows = SampledFeedforward(_Rows(self, reference), self._sample_time)
+        return self._of(self._rows(t))
+
+    def _of(self, row: FloatArray) -> Asked:
+        n = self._joints
+        a, b, c, d = (_NUMBERS + k * n for k in range(4))
+        numbers: Any = row[:_NUMBERS].tolist()
+        arrays: Any = (row[a:b], row[b:c], row[c:d], row[d : d + n])
+        return Asked(*numbers, *arrays)
+
+    def _row(
+        self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, of: Any, t: FloatArray
+    ) -> FloatArray:
+        """Rows of numbers as in ``Asked`` from joint angles, rates, accelerations (T, joints)."""
+        lengths, turned = self._chain.lengths, angle + self._chain.offset
+        J, J_rate = tip_jacobian(lengths, turned), tip_jacobian_rate(lengths, turned, rate)
+        velocity = np.einsum("tij,tj->ti", J, rate)
+        tip_acceleration = np.einsum("tij,tj->ti", J, acceleration)
+        tip_acceleration += np.einsum("tij,tj->ti", J_rate, rate)
+        force, normal, pressing = np.zeros((len(t), 1)), np.zeros((len(t), 2)), np.zeros_like(angle)
+        if hasattr(of, "contact_force"):
+            force[:, 0] = _asked_of(of, "contact_force", t)
+            normal[:] = _asked_of(of, "normal", t)
+            pressing[:] = _asked_of(of, "pressing_torque", t)
+        numbers = (self._chain.tip(angle), velocity, tip_acceleration, force, normal)
+        return np.concatenate([*numbers, angle, rate, acceleration, pressing], axis=1)
+
+    def rows(self, reference: Any, t: FloatArray) -> FloatArray:
+        """Return rows (T, numbers) at times (T,)."""
+        angle = _asked_of(reference, "joint_angle", t)
+        rate = _asked_of(reference, "joint_rate", t)
+        acceleration = _asked_of(reference, "joint_acceleration", t)
+        return self._row(angle, rate, acceleration, reference, t)
+
+
+class _Rows:
+    """A reference as a function of time that ``SampledFeedforward`` asks."""
+
+    def __init__(self, plan: TaskPlan, reference: Any) -> None:
+        self._plan, self._reference = plan, reference
+        self.vectorized = bool(getattr(reference, "vectorized", False))
+
+    def __call__(self, t: Any) -> FloatArray:
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        rows = self._plan.rows(self._reference, times)
+        return rows if np.ndim(t) else rows[0]
+
+
+def _asked_of(reference: Any, name: str, t: FloatArray) -> FloatArray:
+    """Ask a reference for one thing at times (T,)."""
+    ask = getattr(reference, name)
+    if getattr(reference, "vectorized", False):
+        return np.asarray(ask(t), dtype=np.float64)
+    return np.array([ask(now) for now in t.tolist()], dtype=np.float64)

@@ -1,0 +1,74 @@
+"""Controllers: one a file, and the registry of their names."""
+
+from __future__ import annotations
+
+from flexarm.control.base import Controller, Measurement, Reference
+from flexarm.control.requirements import Needs
+from flexarm.control_design.input_shaping import shaped
+from flexarm.controllers.adaptive import Adaptive
+from flexarm.controllers.admittance import Admittance
+from flexarm.controllers.composite import Composite
+from flexarm.controllers.computed_torque import ComputedTorque
+from flexarm.controllers.disturbance_observer import DisturbanceObserver
+from flexarm.controllers.hybrid_force import HybridForce
+from flexarm.controllers.impedance import Impedance
+from flexarm.controllers.joint_pd import JointPD
+from flexarm.controllers.joint_pid import JointPID
+from flexarm.controllers.lqg import LQG
+from flexarm.controllers.mpc import MPC
+from flexarm.controllers.rbf_adaptive import RBFAdaptive
+from flexarm.controllers.sliding_mode import SlidingMode
+from flexarm.controllers.strain_feedback import StrainFeedback
+from flexarm.estimation.estimator_controller import EstimatorController
+from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.hardware.hardware import Hardware, Motors
+from flexarm.hardware.instruments import Instrument
+from flexarm.loop_analysis.margins import loop_margins
+
+#: Every controller by its name, which is that of its record in files.
+CONTROLLERS: dict[str, type[Controller]] = {
+    Adaptive.name: Adaptive,
+    Admittance.name: Admittance,
+    Composite.name: Composite,
+    ComputedTorque.name: ComputedTorque,
+    DisturbanceObserver.name: DisturbanceObserver,
+    EstimatorController.name: EstimatorController,
+    HybridForce.name: HybridForce,
+    Impedance.name: Impedance,
+    JointPD.name: JointPD,
+    JointPID.name: JointPID,
+    LQG.name: LQG,
+    MPC.name: MPC,
+    RBFAdaptive.name: RBFAdaptive,
+    SlidingMode.name: SlidingMode,
+    StrainFeedback.name: StrainFeedback,
+}
+
+__all__ = [
+    "CONTROLLERS",
+    "LQG",
+    "MPC",
+    "Adaptive",
+    "Admittance",
+    "Composite",
+    "ComputedTorque",
+    "Controller",
+    "DisturbanceObserver",
+    "EstimatorController",
+    "ExtendedKalmanFilter",
+    "Hardware",
+    "HybridForce",
+    "Impedance",
+    "Instrument",
+    "JointPD",
+    "JointPID",
+    "Measurement",
+    "Motors",
+    "Needs",
+    "RBFAdaptive",
+    "Reference",
+    "SlidingMode",
+    "StrainFeedback",
+    "loop_margins",
+    "shaped",
+]

@@ -1,0 +1,122 @@
+"""A disturbance observer around any controller: what pushes is estimated and taken off."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_kind
+from flexarm.arm import Arm
+from flexarm.control.base import (
+    Controller,
+    FloatArray,
+    Measurement,
+    Needs,
+    Reference,
+    needs_of,
+    report_of,
+)
+from flexarm.control.gains import Gains
+from flexarm.control.requirements import JOINTS
+from flexarm.control_design.rigid_parameters import RigidParameters
+from flexarm.loop_analysis.linear_controller import memory_of
+
+
+class DisturbanceObserver(Controller):
+    """Torques that the rigid model does not explain, subtracted from those of an inner controller.
+
+    The generalised-momentum observer of De Luca and Mattone, Actuator failure detection and
+    isolation using generalized momenta, ICRA 2003; (C.52) to (C.54). The estimate follows what
+    pushes as a first-order filter, without accelerations and without the inverse mass matrix.
+
+    Args:
+        arm: what is believed of the arm.
+        inner: the controller whose torque is corrected; its sample time is this one's.
+        cutoff: Hz, one number or one per joint, of that filter. Links that bend push, too: keep it
+            below their lowest frequency.
+        compensation: part of the estimate that is taken off, 0 (only watch) to 1.
+
+    Where an instrument measures "torque", it is taken for what acted; else what was asked for.
+
+    Raises:
+        InputError: numbers that are negative or not finite, or an inner that is no controller.
+    """
+
+    name = "disturbance_observer"
+
+    def __init__(
+        self, arm: Arm, inner: Controller, cutoff: ArrayLike = 5.0, compensation: float = 1.0
+    ) -> None:
+        arm, gains = (
+            check_kind("DisturbanceObserver", "arm", arm, Arm),
+            Gains("DisturbanceObserver"),
+        )
+        gains.controller("inner", inner)
+        self.arm, self.inner = arm, inner
+        self.cutoff = gains.each("cutoff", cutoff, arm.joints, positive=True)
+        self.compensation = gains.one("compensation", compensation)
+        if self.compensation > 1.0:
+            gains.refuse("compensation", "be at most 1", compensation)
+        gains.done()
+        self._model = RigidParameters("DisturbanceObserver", arm)
+        self._estimate = np.zeros(arm.joints)
+        self._last: FloatArray | None = None
+        self._asked = np.zeros(arm.joints)
+
+    @property
+    def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
+        """What it keeps between samples, if the inner controller declares that too."""
+        inside = memory_of(self.inner)
+        if inside is None:
+            return None
+        return ("_estimate", "_last", "_asked", *(f"inner.{name}" for name in inside))
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples: that of the inner controller, s."""
+        return self.inner.sample_time
+
+    @sample_time.setter
+    def sample_time(self, value: float) -> None:
+        self.inner.sample_time = value
+
+    @property
+    def estimate(self) -> FloatArray:
+        """What pushes at the joints besides the motors, as far as is known, (joints,) N m."""
+        return self._estimate.copy()
+
+    def reset(self) -> None:
+        """Forget the run before, and let the inner controller do so."""
+        self.inner.reset()
+        self._estimate[:] = 0.0
+        self._last = None
+        self._taken = np.array(
+            [1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
+        )
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        inner = needs_of(self.inner, arm, reference)
+        joints = self.arm.joints if self.arm.joints != arm.joints else inner.joints
+        return Needs(joints, tuple(dict.fromkeys([*JOINTS, *inner.measured])), inner.gauges)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        now = self._model.momentum(measurement.joint_angle, measurement.joint_rate).copy()
+        if self._last is not None:
+            # Over the sample the torque was constant, and the flow of momentum nearly linear.
+            pushed = (now[0] - self._last[0]) / self.sample_time
+            pushed -= measurement.get("torque", self._asked)
+            pushed -= 0.5 * (now[1] + self._last[1])
+            pushed -= self._estimate
+            self._estimate += self._taken * pushed
+        self._last = now
+        torque = np.asarray(self.inner.update(t, measurement, reference), dtype=np.float64)
+        self._asked = torque - self.compensation * self._estimate
+        return self._asked.copy()
+
+    def report(self) -> dict[str, float]:
+        """See ``Controller.report``: the inner controller's."""
+        return report_of(self.inner)

@@ -1,0 +1,94 @@
+"""The sliding variable that the controllers for uncertain arms share: errors of angle and rate."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.control.base import FloatArray, Measurement, Needs, Reference
+from flexarm.control.gains import Gains
+from flexarm.control.requirements import JOINTS
+
+#: Above this frequency curvature is not fed back, Hz: rates of noise would drown the rest.
+_NOISE_CUTOFF = 100.0
+
+
+class SlidingVariable:
+    """Reference rates and s = qd - qd_r, theory page "control under uncertainty", (C.40).
+
+    The reference rate is that of the motion, plus ``bandwidth`` times the angle error, plus
+    ``strain_gain`` times the curvature at the root of the joint's link, without what stands still.
+    Without a reference, the angles of the first measurement are held.
+
+    Attributes, after ``take``: angle, rate, reference_rate, reference_acceleration, s, (joints,).
+    """
+
+    def __init__(
+        self, gains: Gains, arm: Arm, bandwidth: ArrayLike, strain_gain: ArrayLike, washout: float
+    ) -> None:
+        self.bandwidth = gains.each("bandwidth", bandwidth, arm.joints, positive=True)
+        self.strain_gain = gains.each("strain_gain", strain_gain, arm.joints)
+        self.washout = gains.one("washout", washout, positive=True)
+        self._gauge = np.zeros(arm.joints, dtype=np.intp)
+        self._per_strain = np.zeros(arm.joints)
+        self._fed = bool(np.any(self.strain_gain > 0.0))
+        for joint in np.flatnonzero(self.strain_gain > 0.0):
+            self._find_gauge(gains, arm, int(joint))
+        self.reset(1.0)
+
+    def _find_gauge(self, gains: Gains, arm: Arm, joint: int) -> None:
+        """Take the gauge nearest to the root of the joint's link."""
+        link = arm.joint_numbers[joint] - 1
+        own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
+        if not own:
+            rule = f"be 0 at joint {link + 1}, whose link has no gauge beside its neutral axis"
+            gains.refuse("strain_gain", rule, float(self.strain_gain[joint]))
+            return
+        self._gauge[joint] = min(own)[1]
+        self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
+
+    def needs(self, arm: Arm) -> Needs:
+        """Return what it reads, for the controller of ``arm``."""
+        if self._fed:
+            return Needs(arm.joints, (*JOINTS, "strain"), len(arm.gauges))
+        return Needs(arm.joints, JOINTS)
+
+    def reset(self, sample_time: float) -> None:
+        """Forget the run before; s."""
+        self._held: FloatArray | None = None
+        self._slow: FloatArray | None = None
+        self._fast = np.zeros_like(self.bandwidth)
+        self._forget_slow = 1.0 - math.exp(-2.0 * math.pi * self.washout * sample_time)
+        self._rise_fast = 1.0 - math.exp(-2.0 * math.pi * _NOISE_CUTOFF * sample_time)
+        self._sample_time = sample_time
+
+    def take(self, t: float, measurement: Measurement, reference: Reference | None) -> None:
+        """Compute everything at one sample time."""
+        self.angle, self.rate = measurement.joint_angle, measurement.joint_rate
+        if reference is None:
+            if self._held is None:
+                self._held = self.angle.copy()
+            pull = self.bandwidth * (self._held - self.angle)
+            self.reference_rate = pull
+            self.reference_acceleration = -self.bandwidth * self.rate
+        else:
+            wanted = reference.joint_rate(t)
+            self.reference_rate = wanted + self.bandwidth * (reference.joint_angle(t) - self.angle)
+            change = self.bandwidth * (wanted - self.rate)
+            self.reference_acceleration = reference.joint_acceleration(t) + change
+        if self._fed:
+            self._feed(measurement.strain[self._gauge])
+        self.s = self.rate - self.reference_rate
+
+    def _feed(self, strain: FloatArray) -> None:
+        bent = self._per_strain * strain
+        if self._slow is None:
+            self._slow = bent.copy()
+        step = self._rise_fast * (bent - self._slow - self._fast)
+        self._fast += step
+        self._slow += self._forget_slow * (bent - self._slow)
+        self.reference_rate = self.reference_rate + self._fast
+        self.reference_acceleration = self.reference_acceleration + step / self._sample_time

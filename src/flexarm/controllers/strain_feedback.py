@@ -1,0 +1,134 @@
+"""Joint control that yields to the strain at gauges, and so damps the links' vibration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_each, check_positive
+from flexarm.arm import Arm
+from flexarm.control.base import FloatArray, Measurement, Needs, Reference
+from flexarm.control.gains import check_gains, check_sample_time
+from flexarm.control.requirements import JOINTS, joints_of
+from flexarm.controllers.follower import JointFollower, check_feedforward
+from flexarm.errors import InputError, Problem, check_array
+from flexarm.hardware.instruments import filter_of
+
+
+class StrainFeedback(JointFollower):
+    """Proportional and derivative feedback of each joint angle, and of strains at gauges.
+
+    Torque: that of `JointPD`, less ``strain`` times the strains and ``strain_rate`` times their
+    rates. With a stiff derivative gain the joint's rate then follows the strain: direct strain
+    feedback.
+
+    Args:
+        proportional: gain (N m/rad), one number or one per joint, not negative.
+        derivative: gain (N m s/rad), likewise.
+        strain: gains (N m): one number or one per joint, each for the gauge of the same place in
+            the order of gauges; or a matrix (joints, gauges). Positive ones damp where the gauges
+            have positive distances.
+        strain_rate: gains (N m s), likewise.
+        rate_cutoff: Hz, of the filtered difference that gives the rates of strain.
+        sample_time: s, positive.
+        feedforward: function of time that gives torques (joints,) N m, as in `JointPD`; None for
+            none.
+
+    Without a reference it holds the angles of its first measurement. Which gains are stable is
+    seen in the poles of the sampled loop: theory page, (C.11) and (C.12).
+
+    Raises:
+        InputError: a joint's gain is negative or not finite, a time or a cutoff is not positive.
+
+    References:
+        Z.-H. Luo, IEEE Trans. Automatic Control 38 (1993) 1610-1622.
+        S. S. Ge, T. H. Lee and G. Zhu, IEEE Trans. Robotics and Automation 14 (1998) 179-185.
+    """
+
+    name = "strain_feedback"
+    memory = ("_last", "_rate")
+
+    def __init__(
+        self,
+        proportional: ArrayLike,
+        derivative: ArrayLike,
+        strain: ArrayLike,
+        strain_rate: ArrayLike = 0.0,
+        *,
+        rate_cutoff: float = 100.0,
+        sample_time: float = 1e-3,
+        feedforward: Callable[[float], ArrayLike] | None = None,
+    ) -> None:
+        super().__init__()
+        where = "StrainFeedback"
+        self.proportional = check_gains(where, "proportional", proportional)
+        self.derivative = check_gains(where, "derivative", derivative)
+        self.strain = _of_gauges(where, "strain", strain)
+        self.strain_rate = _of_gauges(where, "strain_rate", strain_rate)
+        self.rate_cutoff = check_positive(where, "rate_cutoff", rate_cutoff)
+        self.sample_time = check_sample_time(where, sample_time)
+        check_feedforward(where, feedforward)
+        self.feedforward = feedforward
+        self._last: FloatArray | None = None
+        self._rate = np.zeros(0)
+
+    def reset(self) -> None:
+        """Forget the angles held and the strains before."""
+        super().reset()
+        self._last = None
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        fed = [self.strain, *([self.strain_rate] if np.any(self.strain_rate) else [])]
+        joints = joints_of(arm.joints, self.proportional, self.derivative, *fed)
+        there = len(arm.gauges)
+        counts = (gains.shape[1] if gains.ndim == 2 else joints for gains in fed)
+        gauges = next((count for count in counts if count != there), there)
+        return Needs(joints, (*JOINTS, "strain"), gauges)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        angle, rate = self._wanted(t, measurement, reference)
+        torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
+        torque = torque + self.derivative * (rate - measurement.joint_rate)
+        strain = measurement.strain
+        torque = torque - _at_joints(self.strain, "strain", strain, len(torque))
+        if np.any(self.strain_rate):
+            slope = self._strain_rate(strain)
+            torque = torque - _at_joints(self.strain_rate, "strain_rate", slope, len(torque))
+        if self.feedforward is not None:
+            torque = torque + self._fed_forward(t)
+        return torque
+
+    def _strain_rate(self, strain: FloatArray) -> FloatArray:
+        """Tustin's rule for s / (1 + s / (2 pi cutoff)), from rest."""
+        if self._last is None:
+            self._rate = np.zeros_like(strain)
+        else:
+            kept, per_change = filter_of(self.rate_cutoff, self.sample_time)
+            self._rate = kept * self._rate + per_change * (strain - self._last)
+        self._last = strain.copy()
+        return self._rate
+
+
+def _at_joints(gains: FloatArray, name: str, of_gauges: FloatArray, joints: int) -> FloatArray:
+    gauges = of_gauges.size
+    if gains.ndim == 2 and gains.shape == (joints, gauges):
+        return gains @ of_gauges
+    if gains.ndim < 2 and gauges == joints and gains.size in (1, joints):
+        return gains * of_gauges
+    rule = f"be a matrix ({joints}, {gauges}): one row for each joint, one column for each gauge"
+    if gauges == joints:
+        rule += ", or one number for each"
+    shape = "one number" if gains.ndim == 0 else f"of shape {gains.shape}"
+    raise InputError(Problem("StrainFeedback", name, rule, shape))
+
+
+def _of_gauges(where: str, name: str, value: ArrayLike) -> FloatArray:
+    if isinstance(value, list | tuple) and any(isinstance(row, list | tuple) for row in value):
+        return check_array(where, name, value, (-1, -1))
+    if isinstance(value, np.ndarray) and value.ndim >= 2:
+        return check_array(where, name, value, (-1, -1))
+    return check_each(where, name, value)

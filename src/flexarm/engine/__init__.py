@@ -1,0 +1,1 @@
+"""Carry a run through time: integrator, step, events, contacts, channels."""

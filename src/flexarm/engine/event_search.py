@@ -1,0 +1,258 @@
+"""Find the events of a run: look at its samples, then step again to where the sign changes.
+
+Between two samples of a run the arm is carried again from the earlier one, by the run's own method
+and tolerances, to the times that a root finder asks for. So any integrator will do, and an event is
+as accurate as the run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.engine.events import Event, EventLog, Found
+from flexarm.errors import InputError, SimulationError, check_array
+from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
+
+#: Samples looked at in one go: bounds the scratch memory of long runs.
+_CHUNK = 4096
+#: How closely a time is found: a part of the time between two samples, and of rounding.
+_TIME_SHARE, _ROUNDING = 1e-12, 4.0 * np.finfo(np.float64).eps
+#: Most times tried for one event; bisection alone would need 40.
+_MOST_TRIALS = 100
+_STEPS_A_CALL = 1024
+
+
+class _Point(NamedTuple):
+    """A state on the way, and the values of all events there."""
+
+    time: float
+    state: FloatArray  # (2, n, 1 + m)
+    values: FloatArray  # (events,)
+
+
+class Mark(NamedTuple):
+    """Where a search stands: samples looked at, the last of them, and events found."""
+
+    seen: int
+    last: _Point | None
+    found: int
+
+
+@dataclass(eq=False)
+class Watch:
+    """Looks at the samples of a run as they come, and keeps a log of events.
+
+    Attributes:
+        arm: the arm that is simulated, by ``integrator`` to ``tolerance``.
+        log: what to look for, and what was found.
+    """
+
+    arm: Arm
+    integrator: Integrator
+    tolerance: Tolerance
+    log: EventLog
+    _seen: int = 0  # samples looked at
+    _last: _Point | None = field(default=None, repr=False)
+
+    def mark(self) -> Mark:
+        """Return where the search stands, for ``restore``."""
+        return Mark(self._seen, self._last, len(self.log.found))
+
+    def restore(self, mark: Mark) -> None:
+        """Go back to an earlier place, and forget the events found since then."""
+        self._seen, self._last = mark.seen, mark.last
+        del self.log.found[mark.found :]
+
+    def look(
+        self,
+        system: System,
+        progress: Progress,
+        sample_times: FloatArray,
+        samples: FloatArray,
+        status: Status,
+    ) -> Found | None:
+        """Look at the samples since the last call; return the event that ends the run, or None.
+
+        Where the call of ``advance`` did not just pause, its last state counts as a sample: the
+        system may be another one from there on.
+
+        Raises:
+            SimulationError: an event function failed, or gave no finite number.
+        """
+        first, self._seen = self._seen, progress.sample
+        for start in range(first, progress.sample, _CHUNK):
+            part = slice(start, min(start + _CHUNK, progress.sample))
+            ended = self._search(system, progress.step, sample_times[part], samples[part])
+            if ended is not None:
+                return ended
+        if status == Status.PAUSED:
+            return None
+        now = np.array([progress.time]), progress.state[None]
+        return self._search(system, progress.step, *now)
+
+    def _search(
+        self, system: System, step: float, times: FloatArray, states: FloatArray
+    ) -> Found | None:
+        """Look at samples (k,), (k, 2, n, 1 + m) in order; those not after the last are old."""
+        if self._last is not None:
+            new = times > self._last.time
+            times, states = times[new], states[new]
+        if not times.size:
+            return None
+        values, failure = self._values(times, states)
+        points = _Points(self._last, times, states, values)
+        for k in points.crossings():
+            ended = self._between(system, step, points[k], points[k + 1])
+            if ended is not None:
+                return ended
+        if failure is not None:
+            raise failure
+        self._last = _Point(float(times[-1]), states[-1].copy(), values[-1])
+        return None
+
+    def _between(self, system: System, step: float, left: _Point, right: _Point) -> Found | None:
+        """Locate and log the events between two points, the earliest first."""
+        found = []
+        for place in np.flatnonzero(_crossed(left.values, right.values)):
+            event = self.log.events[place]
+            direction = -int(np.sign(left.values[place]))
+            if event.direction in (0, direction):
+                time, state = self._locate(system, step, int(place), left, right)
+                found.append(Found(int(place), time, state, direction))
+        for one in sorted(found, key=lambda one: one.time):
+            self.log.found.append(one)
+            if self.log.events[one.place].terminal:
+                return one
+        return None
+
+    def _locate(
+        self, system: System, step: float, place: int, left: _Point, right: _Point
+    ) -> tuple[float, FloatArray]:
+        """Time and state of the crossing: at zero or, within the tolerance, just beyond it."""
+        event = self.log.events[place]
+        start, end = float(left.values[place]), float(right.values[place])
+        beyond = right.time, right.state
+
+        def value(t: float) -> float:
+            nonlocal beyond
+            if t <= left.time:
+                return start
+            if t >= right.time:
+                return end
+            state = self._carried(system, step, left, t)
+            here = self._value(event, self.log.names[place], t, state)
+            if here * start <= 0.0 and t < beyond[0]:
+                beyond = t, state
+            return here
+
+        allowed = max(_TIME_SHARE * (right.time - left.time), _ROUNDING * right.time)
+        if right.time - left.time > allowed:
+            from scipy.optimize import brentq
+
+            brentq(value, left.time, right.time, xtol=allowed, rtol=_ROUNDING, maxiter=_MOST_TRIALS)
+        return beyond[0], beyond[1].copy()
+
+    def _carried(self, system: System, step: float, start: _Point, until: float) -> FloatArray:
+        """State (2, n, 1 + m) at a time after a point, with nothing remembered from before it."""
+        progress = Progress(start.time, start.state.copy(), step)
+        no_times, no_samples = np.zeros(0), np.zeros((0, *start.state.shape))
+        status = Status.PAUSED
+        while status == Status.PAUSED:
+            status = self.integrator.advance(
+                system, self.tolerance, progress, until, no_times, no_samples, _STEPS_A_CALL
+            )
+        if status != Status.DONE:
+            raise SimulationError(until, f"an event was not located: {status.sentence}")
+        return progress.state
+
+    def _values(
+        self, times: FloatArray, states: FloatArray
+    ) -> tuple[FloatArray, SimulationError | None]:
+        """Values (samples, events), up to where a function fails, and how it does."""
+        q, qd = self.arm.unpadded(states[:, 0]), self.arm.unpadded(states[:, 1])
+        columns: list[FloatArray] = []
+        first: SimulationError | None = None
+        for event, name in zip(self.log.events, self.log.names, strict=True):
+            column = _at_once(event, times, q, qd)
+            if column is None:
+                column, failure = self._one_by_one(event, name, times, states)
+                if failure is not None and (first is None or failure.time < first.time):
+                    first = failure
+            columns.append(column)
+        count = min(map(len, columns))
+        return np.stack([column[:count] for column in columns], axis=1), first
+
+    def _one_by_one(
+        self, event: Event, name: str, times: FloatArray, states: FloatArray
+    ) -> tuple[FloatArray, SimulationError | None]:
+        values: list[float] = []
+        for t, state in zip(times, states, strict=True):
+            try:
+                values.append(self._value(event, name, float(t), state))
+            except SimulationError as error:
+                return np.array(values), error
+        return np.array(values), None
+
+    def _value(self, event: Event, name: str, t: float, state: FloatArray) -> float:
+        """Call an event function for one state (2, n, 1 + m)."""
+        q, qd = self.arm.unpadded(state[0]), self.arm.unpadded(state[1])
+        given: object
+        try:
+            if getattr(event.function, "vectorized", False):
+                given = np.asarray(event.function(np.array([t]), q[None], qd[None]))
+                given = given[0] if given.shape == (1,) else given
+            else:
+                given = event.function(t, q, qd)
+        except Exception as error:
+            reason = f"the event {name!r} failed with {type(error).__name__}: {error}"
+            raise SimulationError(t, reason, "", (q, qd)) from error
+        try:
+            return float(check_array(f"event {name!r}", "its value", given, ()))
+        except InputError as error:
+            reason = f"the event's answer cannot be used: {error}"
+            raise SimulationError(t, reason, "", (q, qd)) from None
+
+
+class _Points:
+    """The samples of a search as points, after the last point of the search before."""
+
+    def __init__(
+        self, last: _Point | None, times: FloatArray, states: FloatArray, values: FloatArray
+    ) -> None:
+        self._before = [] if last is None else [last]
+        self._times, self._states, self._values = times, states, values
+
+    def __getitem__(self, k: int) -> _Point:
+        if k < len(self._before):
+            return self._before[k]
+        k -= len(self._before)
+        return _Point(float(self._times[k]), self._states[k], self._values[k])
+
+    def crossings(self) -> list[int]:
+        """Points after which a value changes its sign before the next one."""
+        values = np.vstack([*(point.values for point in self._before), self._values])
+        crossed = np.any(_crossed(values[:-1], values[1:]), axis=1)
+        return [int(k) for k in np.flatnonzero(crossed)]
+
+
+def _crossed(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Whether values went from one side of zero to it or beyond; those that start on it did not."""
+    crossed: FloatArray = (before != 0.0) & (np.sign(before) * np.sign(after) <= 0.0)
+    return crossed
+
+
+def _at_once(event: Event, times: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray | None:
+    """Values (k,) of a function that takes many samples; None where it does not, or fails."""
+    if not getattr(event.function, "vectorized", False):
+        return None
+    try:
+        values = np.asarray(event.function(times, q, qd), dtype=np.float64)
+    except Exception:
+        return None  # called one by one, the sample that it fails at is found
+    if values.shape != times.shape or not np.all(np.isfinite(values)):
+        return None
+    return values

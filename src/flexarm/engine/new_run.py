@@ -1,0 +1,120 @@
+"""What every run begins with: a state, tolerances, an integrator, the loads placed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.contacts import Contact
+from flexarm.engine.contact_setup import contacts_of_run, touch_frequency
+from flexarm.engine.default_step import default_step
+from flexarm.engine.event_search import Watch
+from flexarm.engine.events import EventLog
+from flexarm.engine.impacts import ATOL as ATOL
+from flexarm.engine.impacts import RTOL as RTOL
+from flexarm.engine.integrator_choice import Choice, choose_integrator
+from flexarm.engine.progress import Meter
+from flexarm.engine.stepping import Run
+from flexarm.engine.tolerance import tolerance_of
+from flexarm.errors import InputError, Problem, check_array
+from flexarm.histories.loads import BaseAcceleration, LoadHistory, load_history
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray, Progress
+from flexarm.loads import Load, acting_loads
+
+#: How much closer than the integrator's tolerance a torque function is followed.
+TORQUE_SHARE = 1e-2
+
+
+def new_run(
+    where: str,
+    arm: Arm,
+    state: FloatArray,
+    *,
+    duration: float,
+    sample_times: FloatArray,
+    tip_force: ArrayLike | None,
+    loads: Sequence[Load],
+    base_acceleration: BaseAcceleration | None,
+    breaks: ArrayLike,
+    spacing: float,
+    contacts: Sequence[Contact] = (),
+    log: EventLog | None = None,
+    integrator: str | Integrator,
+    step: float | None,
+    rtol: float,
+    atol: float,
+    meter: Meter,
+    stations: int = 0,
+    specialized: bool | None = None,
+) -> tuple[Run, Choice]:
+    """Make a run that stands at its beginning, ``state`` (2, n, 1 + m).
+
+    Arguments as of ``simulate``, already checked but for those that say what is outside the arm;
+    ``spacing``: s between instants at which functions of time are compared with their cubics.
+
+    Raises:
+        InputError: something outside does not fit the arm, or there is no such integrator.
+    """
+    touching = contacts_of_run(arm, contacts, state, where)
+    touch = touch_frequency(touching)
+    tolerance = tolerance_of(arm, state, atol, rtol)
+    choice = choose_integrator(integrator, step, arm, tolerance, touch, where)
+    tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
+    acting = acting_loads(arm, where, tip_force, loads)
+
+    def loads_of(relative: float) -> LoadHistory:
+        share = max(relative * TORQUE_SHARE, 1e-12)
+        return load_history(
+            arm, acting, base_acceleration, duration, share, touching, where, breaks, spacing
+        )
+
+    run = Run(
+        arm=arm,
+        integrator=choice.integrator,
+        tolerance=tolerance,
+        progress=Progress(0.0, state, 0.0),
+        duration=duration,
+        sample_times=sample_times,
+        samples=np.empty((len(sample_times), *state.shape)),
+        loads=loads_of(rtol),
+        loads_of=loads_of,
+        meter=meter,
+        stations=stations,
+        specialized=specialized,
+        watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
+        default_step=default_step(choice.integrator, tolerance),
+    )
+    return run, choice
+
+
+def initial_state(
+    where: str, arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
+) -> FloatArray:
+    """Return the state (2, n, 1 + m) of given coordinates and rates (dof,).
+
+    Without coordinates links are straight at the joint angles ``straight`` (joints,); without rates
+    they are zero.
+
+    Raises:
+        InputError: one does not fit the arm.
+    """
+    if q is None:
+        q = arm.rest(straight)
+    given = check_array(where, "initial", q, (-1,))
+    if given.size != arm.dof:
+        hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
+        rule = f"hold the arm's {arm.dof} coordinates"
+        raise InputError(Problem(where, "initial", rule, f"of shape {given.shape}", hint))
+    rates = np.zeros(arm.dof) if qd is None else qd
+    return arm.padded(
+        np.stack(
+            [
+                given,
+                check_array(where, "initial_rate", rates, (arm.dof,)),
+            ]
+        )
+    )

@@ -1,0 +1,258 @@
+"""Carry a run through time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm import Arm
+from flexarm.engine.default_step import DefaultStep
+from flexarm.engine.event_search import Watch
+from flexarm.engine.progress import Meter
+from flexarm.engine.section_forces import cut_systems, fill_sections
+from flexarm.errors import SimulationError
+from flexarm.histories.loads import LoadHistory
+from flexarm.histories.torques import TorqueHistory, constant_torque
+from flexarm.integrate.base import (
+    Drive,
+    FloatArray,
+    Integrator,
+    Progress,
+    Status,
+    System,
+    Tolerance,
+)
+from flexarm.integrate.reactions import reactions_many
+from flexarm.kernels.columns import FREE
+from flexarm.kernels.layout import (
+    ArmConstants,
+    compile_time_sizes,
+    new_workspace,
+    run_time_sizes,
+)
+from flexarm.observe import absolute_angles
+
+#: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
+_CALL_SECONDS = 0.1
+#: Compiling for one model size takes about ten seconds and saves a third of each step: worth it
+#: where this much work is still ahead, which takes a minute on an idle machine. Work is counted in
+#: evaluations of the dynamics times coordinates. What is ahead is judged by what is done, once that
+#: is this much, which takes seconds: the beginning of a run may be its most difficult part. Large
+#: sizes gain little: their loops are long anyway.
+_WORTH_COMPILING, _TRIED, _MOST_BODIES, _MOST_MODES = 5e8, 5e7, 8, 16
+#: More steps than this to the end of a run or a sample time (days of computing) mean that
+#: something has gone wrong: an unstable loop turns faster and faster.
+_MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
+#: What helps where it is neither step nor gains.
+_HINTS = {
+    Status.PRESSED_THROUGH: "Give the contact more stiffness, or what it touches a larger radius.",
+}
+#: Samples whose reactions are computed in one go: bounds the scratch memory of long runs.
+_CHUNK = 4096
+
+
+@dataclass
+class Run:
+    """Everything one run needs, and where it stands."""
+
+    arm: Arm
+    integrator: Integrator
+    tolerance: Tolerance
+    progress: Progress
+    duration: float
+    sample_times: FloatArray
+    samples: FloatArray
+    loads: LoadHistory
+    meter: Meter
+    prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is given
+    stations: int = 0  # on each link, for section forces
+    specialized: bool | None = None  # compile for this model size; None decides by the work ahead
+    watch: Watch | None = None  # looks for events
+    history: TorqueHistory | None = None  # of a run without a controller
+    loads_of: Callable[[float], LoadHistory] | None = None  # loads to another relative tolerance
+    discarded: int = 0  # evaluations that are not part of the result
+    doubt: str = ""  # why the result may be less accurate than the defaults promise
+    default_step: DefaultStep | None = None  # finds the step of a fixed-step method without one
+    max_steps: int = 64
+
+    def system(self, history: TorqueHistory) -> System:
+        """Join the arm with a torque history (its joints placed at the bodies)."""
+        constants = self._constants()
+        coefficients = self.arm.padded_torque(history.coefficients)
+        loads, contacts = self.loads, self.loads.placed.contacts
+        stops = history.stops
+        if stops.size or loads.factors.stops.size:
+            stops = np.unique(np.concatenate([stops, loads.factors.stops]))
+        drive = Drive(
+            history.breaks,
+            coefficients,
+            stops,
+            # Values of its own: they are overwritten as time goes on.
+            loads.placed._replace(
+                value=loads.placed.value.copy(),
+                base_acceleration=loads.placed.base_acceleration.copy(),
+                contacts=contacts._replace(seen=contacts.seen.copy()),
+            ),
+            loads.placed.value,
+            loads.factors.breaks,
+            loads.factors.coefficients,
+        )
+        sizes = compile_time_sizes if self.specialized else run_time_sizes
+        return System(sizes(constants), constants, drive, new_workspace(constants))
+
+    def _constants(self) -> ArmConstants:
+        """Constants of the arm, with the joints whose motion is given taken from the forces."""
+        constants = self.arm.assembly.constants
+        if not self.prescribed:
+            return constants
+        body = constants.body.copy()
+        body[self.arm.assembly.joint_body[self._moved()], FREE] = 0.0
+        return constants._replace(body=body)
+
+    def reactions(
+        self, times: FloatArray, given: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Motor torques (T, joints), joint forces (T, links, 2) in world axes, moments (T, links).
+
+        And section forces (stations, T, links, 3). ``given`` (T, joints): torques, or accelerations
+        of joints whose motion is given.
+        """
+        arm, states = self.arm, self.samples[: len(times)]
+        n = arm.assembly.bodies
+        system = self.system(constant_torque(np.zeros(arm.joints)))
+        wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
+        torques = arm.padded_torque(given)
+        cuts = cut_systems(arm, system, self.loads, self.stations)
+        inside = np.zeros((len(cuts), len(times), arm.links, 3))
+        for start in range(0, len(times), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            now = times[part], states[part]
+            motion = np.zeros((len(now[0]), *states.shape[2:])), np.zeros((len(now[0]), n, 3))
+            reactions_many(system, *now, torques[part], *motion, wrench[part], motor[part])
+            fill_sections(cuts, *now, *motion, wrench[part], inside[:, part])
+        bodies = arm.assembly.link_body
+        angle = absolute_angles(arm, states)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
+        force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
+        # A torque that was given is the motor's to the last digit.
+        torque = np.array(given)
+        if self.prescribed:
+            torque = np.where(self._moved(), motor[:, arm.assembly.joint_body], given)
+        return torque, force, wrench[:, bodies, 2], inside
+
+    def _moved(self) -> NDArray[np.bool_]:
+        """Which of the joints that turn follow a given motion, (joints,)."""
+        return np.isin(self.arm.joint_numbers, self.prescribed)
+
+    def _specialize(self, system: System, progress: Progress) -> System:
+        """Switch a long run over to code for its own model size; the state does not change."""
+        n, m = system.constants.S.shape
+        if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
+            return system
+        # Counted work and not time, which on a busy machine says nothing about the run.
+        work = progress.evaluations * n * (1 + m)
+        ahead = work * (self.duration / max(progress.time, 1e-9 * self.duration) - 1.0)
+        if work < _TRIED or ahead < _WORTH_COMPILING:
+            return system
+        self.specialized = True
+        return system._replace(sizes=compile_time_sizes(system.constants))
+
+    def carry_to(self, system: System, until: float) -> System:
+        """Advance to a time, or raise ``SimulationError``; return the system to go on with."""
+        if self.default_step is not None:
+            return self.default_step.carry(self, system, until)
+        while True:
+            progress = self.progress
+            system, status = self.advance(system, progress, until, self.sample_times, self.samples)
+            if self.ended_by_event(system, status) or status == Status.DONE:
+                return system
+            if status != Status.PAUSED:
+                raise self.failure(status)
+
+    def advance(
+        self,
+        system: System,
+        progress: Progress,
+        until: float,
+        sample_times: FloatArray,
+        samples: FloatArray,
+    ) -> tuple[System, Status]:
+        """Make some steps towards a time; return the system to go on with, and how they ended.
+
+        Raises:
+            SimulationError: the steps have shrunk so much that the time will not be reached.
+        """
+        started = time.perf_counter()
+        status = self.integrator.advance(
+            system, self.tolerance, progress, until, sample_times, samples, self.max_steps
+        )
+        if status != Status.PAUSED:
+            return system, status
+        if time.perf_counter() - started < _CALL_SECONDS:
+            self.max_steps *= 2
+        self.meter.update(progress.time / self.duration)
+        ahead = (until - progress.time) / progress.step
+        share = max(until - progress.time, 0.0) / self.duration
+        if ahead > max(_MOST_STEPS * share, _MOST_STEPS_A_TICK):
+            reason = (
+                f"the step has shrunk to {progress.step:.2g} s, and t = {until:.6g} s is "
+                f"{ahead:.1g} such steps away: the motion grows without bound."
+            )
+            raise self.failure(status, reason)
+        return self._specialize(system, progress), status
+
+    def ended_by_event(self, system: System, status: Status) -> bool:
+        """Look for events in what was computed; one may end the run, as its last sample.
+
+        Raises:
+            SimulationError: an event function failed; samples after that are dropped.
+        """
+        if self.watch is None:
+            return False
+        progress = self.progress
+        try:
+            event = self.watch.look(system, progress, self.sample_times, self.samples, status)
+        except SimulationError as error:
+            done = self.sample_times[: progress.sample]
+            progress.sample = int(np.searchsorted(done, error.time, side="right"))
+            raise
+        if event is None:
+            return False
+        keep = int(np.searchsorted(self.sample_times, event.time))
+        self.sample_times = np.append(self.sample_times[:keep], event.time)
+        if keep == len(self.samples):  # the run goes on after its last sample
+            self.samples = np.concatenate([self.samples, event.state[None]])
+        self.samples[keep] = event.state
+        progress.state[...] = event.state
+        self.duration = progress.time = event.time
+        progress.sample = keep + 1
+        return True
+
+    def failure(self, status: Status, reason: str = "", hint: str = "") -> SimulationError:
+        """Return the error for a run that ended with a status, or for another reason."""
+        reason = reason or status.sentence
+        hint = (
+            hint
+            or _HINTS.get(status)
+            or (
+                "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
+                "modes=k on the links; check torques, gains and damping signs."
+            )
+        )
+        return SimulationError(self.progress.time, reason, hint, self.state())
+
+    def state(self) -> tuple[FloatArray, FloatArray]:
+        """Return the last good state (q, qd)."""
+        state = self.arm.unpadded(self.progress.state)
+        return state[0], state[1]
+
+
+def run_open_loop(run: Run, history: TorqueHistory) -> None:
+    """Simulate under a given torque history."""
+    run.history = history
+    run.carry_to(run.system(history), run.duration)

@@ -1,0 +1,1 @@
+"""Estimation of states and payloads from readings."""

@@ -1,0 +1,101 @@
+"""A filter in front of a controller: the inner one sees estimates beside the readings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.control.base import (
+    Controller,
+    FloatArray,
+    Measurement,
+    Needs,
+    Reference,
+    needs_of,
+    report_of,
+)
+from flexarm.control.gains import Gains
+from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+
+#: What the inner controller is told instead of read.
+_TOLD = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
+
+
+class EstimatorController(Controller):
+    """Shows an inner controller what an ``ExtendedKalmanFilter`` makes of the readings.
+
+    To the inner controller ``joint_angle`` and ``joint_rate`` are the estimated ones; besides it
+    finds ``q`` (dof,), ``qd`` (dof,) and ``payload_mass`` (1,) kg, and the other readings as they
+    are.
+
+    Args:
+        estimator: the filter; its sample time becomes that of the inner controller.
+        inner: any controller.
+
+    Where an instrument measures "torque", it is taken for what acted; else what was asked for.
+
+    Raises:
+        InputError: the estimator is no filter, or inner no controller.
+    """
+
+    name = "estimator"
+
+    def __init__(self, estimator: ExtendedKalmanFilter, inner: Controller) -> None:
+        gains = Gains("EstimatorController")
+        if not isinstance(estimator, ExtendedKalmanFilter):
+            gains.refuse("estimator", "be an ExtendedKalmanFilter", estimator)
+        gains.controller("inner", inner)
+        gains.done()
+        self.estimator, self.inner = estimator, inner
+        self._asked: FloatArray | None = None
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples: that of the inner controller, s."""
+        return self.inner.sample_time
+
+    @sample_time.setter
+    def sample_time(self, value: float) -> None:
+        self.inner.sample_time = value
+
+    def reset(self) -> None:
+        """Forget the run before, and let filter and inner controller do so."""
+        self.estimator.sample_time = self.inner.sample_time
+        self.estimator.reset()
+        self.inner.reset()
+        self._asked = None
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``: what the filter reads, and what it does not tell the inner."""
+        inner = needs_of(self.inner, arm, reference)
+        own = [item.label for item in self.estimator.instruments]
+        more = [name for name in inner.measured if name not in _TOLD]
+        joints = self.estimator.arm.joints
+        gauges = len(self.estimator.arm.gauges) if "strain" in own else None
+        return Needs(
+            joints if joints != arm.joints else inner.joints,
+            tuple(dict.fromkeys([*own, *more])),
+            gauges if gauges not in (None, len(arm.gauges)) else inner.gauges,
+        )
+
+    def report(self) -> dict[str, float]:
+        """See ``Controller.report``: the estimator's and the inner controller's."""
+        return self.estimator.report() | report_of(self.inner)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        known = self.estimator
+        if self._asked is not None:
+            known.predict(measurement.get("torque", self._asked))
+        known.correct(measurement)
+        q, qd, joints = known.q, known.qd, known.arm.joint_index
+        seen = dict(measurement) | {
+            "joint_angle": q[joints],
+            "joint_rate": qd[joints],
+            "q": q,
+            "qd": qd,
+            "payload_mass": np.array([known.payload_mass]),
+        }
+        torque = self.inner.update(t, Measurement(**seen), reference)
+        self._asked = np.array(torque, dtype=np.float64)
+        return self._asked.copy()

@@ -1,0 +1,1 @@
+"""Instruments, motors and measurements between a controller and an arm."""

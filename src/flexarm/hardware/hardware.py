@@ -1,0 +1,158 @@
+"""The hardware between a controller and an arm: its instruments and its motors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arguments import (
+    check_count,
+    check_kind,
+    check_limits,
+    check_list_of,
+    check_nonnegative,
+    check_numbers,
+)
+from flexarm.errors import InputError, Problem
+from flexarm.hardware.instruments import Instrument
+
+FloatArray = NDArray[np.float64]
+
+_POSITIVE = ("torque_limit", "torque_constant", "current_limit", "voltage_limit", "resistance")
+
+
+@dataclass(frozen=True)
+class Motors:
+    """What becomes of a torque that a controller asks for.
+
+    In this order: it waits for ``delay``; it is cut to what the limits allow at the joint rates of
+    that moment; and the motors reach it as ``1 - exp(-t / time_constant)``.
+
+    Args:
+        torque_limit: N m at the joint, one number or one per joint, positive.
+        delay: s from the sample time to the moment when the torque begins to act.
+        time_constant: s, lag of the current loop; 0 for none.
+        torque_constant: N m at the joint per A, gear included; one number or one per joint. Needed
+            for limits of current or voltage.
+        current_limit: A.
+        voltage_limit: V; with it a motor that turns fast gives less: ``torque_constant`` is its
+            back electromotive force, too, V s/rad at the joint.
+        resistance: ohm, of the winding; needed for a voltage limit.
+
+    Raises:
+        InputError: a number is not positive (``delay``, ``time_constant``: negative), or one that
+            another needs is missing.
+    """
+
+    torque_limit: ArrayLike = math.inf
+    delay: float = 0.0
+    time_constant: float = 0.0
+    torque_constant: ArrayLike | None = None
+    current_limit: ArrayLike = math.inf
+    voltage_limit: ArrayLike = math.inf
+    resistance: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        problems: list[Problem] = []
+        for name in ("delay", "time_constant"):
+            check_nonnegative("Motors", name, getattr(self, name))
+        for name in _POSITIVE:
+            value = getattr(self, name)
+            if value is None:
+                continue
+            try:
+                check_limits("Motors", name, value)
+            except InputError as error:
+                problems += error.problems
+        if problems:
+            raise InputError(*problems)
+        limited = np.isfinite(_numbers(self.voltage_limit)).any()
+        if (
+            limited or np.isfinite(_numbers(self.current_limit)).any()
+        ) and self.torque_constant is None:
+            problems.append(_missing("torque_constant", "a limit of current or voltage"))
+        if limited and self.resistance is None:
+            problems.append(_missing("resistance", "a limit of voltage"))
+        if problems:
+            raise InputError(*problems)
+
+    def check_joints(self, joints: int) -> None:
+        """Refuse lists that do not fit the joints of an arm.
+
+        Raises:
+            InputError: a list is longer or shorter.
+        """
+        check_count("Motors.check_joints", "joints", joints, least=0)
+        problems = []
+        for name in _POSITIVE:
+            value = getattr(self, name)
+            count = np.size(value) if np.ndim(value) else joints
+            if count != joints:
+                rule = f"be one number, or one for each of the {joints} joints"
+                problems.append(Problem("Motors", name, rule, f"{count} long"))
+        if problems:
+            raise InputError(*problems)
+
+    def allowed(self, torque: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return what of a torque (joints,) the motors can give at these joint rates (joints,)."""
+        if type(torque) is not np.ndarray or torque.dtype != np.float64:
+            torque = check_numbers("Motors.allowed", "torque", torque, _OF_JOINTS)
+        if type(rate) is not np.ndarray or rate.dtype != np.float64:
+            rate = check_numbers("Motors.allowed", "rate", rate, _OF_JOINTS)
+        limit = _numbers(self.torque_limit)
+        if self.torque_constant is not None:
+            constant = _numbers(self.torque_constant)
+            limit = np.minimum(limit, constant * _numbers(self.current_limit))
+            if self.resistance is not None:
+                # What the supply leaves after the back electromotive force drives the current.
+                supply, resistance = _numbers(self.voltage_limit), _numbers(self.resistance)
+                most = constant * (supply - constant * rate) / resistance
+                least = constant * (-supply - constant * rate) / resistance
+                torque = np.clip(torque, least, most)
+        return np.clip(torque, -limit, limit)
+
+
+_OF_JOINTS = "be numbers of shape (joints,)"
+
+
+def _numbers(value: ArrayLike | None) -> FloatArray:
+    return np.asarray(value, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """Instruments and motors between a controller and an arm, for ``simulate(hardware=...)``.
+
+    Args:
+        instruments: what the measurement consists of; None for exact ``joint_angle``,
+            ``joint_rate`` and, with gauges, ``strain``.
+        motors: None for motors that give at once what they are asked for.
+        seed: of all noise; the same seed gives the same run.
+
+    Raises:
+        InputError: two instruments have the same name, or something is no instrument.
+    """
+
+    instruments: Sequence[Instrument] | None = None
+    motors: Motors | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.instruments is not None:
+            check_list_of("Hardware", "instruments", self.instruments, Instrument)
+        if self.motors is not None:
+            check_kind("Hardware", "motors", self.motors, Motors, "a Motors object")
+        names = [label for item in self.instruments or () for label in item.labels]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            rule = "have different names"
+            raise InputError(Problem("Hardware", "instruments", rule, ", ".join(twice)))
+        check_count("Hardware", "seed", self.seed, least=0, most=2**63 - 1)
+
+
+def _missing(name: str, why: str) -> Problem:
+    return Problem("Motors", name, f"be given with {why}", "nothing")

@@ -1,0 +1,1 @@
+"""Torques, loads and prescribed angles as functions of time."""

@@ -1,0 +1,88 @@
+"""Loads over time: their factors and the base's acceleration as piecewise cubics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_function
+from flexarm.arm import Arm
+from flexarm.histories.piecewise import linear_history, side_by_side
+from flexarm.histories.torques import (
+    Row,
+    TorqueHistory,
+    constant_torque,
+    function_torque,
+)
+from flexarm.kernels.layout import Contacts, Loads
+from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
+
+BaseAcceleration = ArrayLike | Callable[[float], ArrayLike] | Table
+
+
+@dataclass(frozen=True, eq=False)
+class LoadHistory:
+    """Placed loads with the loads they are parts of, and over time factors (parts,) of them and
+    base acceleration (2,), in one row."""
+
+    owners: list[Load]
+    placed: Loads
+    factors: TorqueHistory
+
+
+def load_history(
+    arm: Arm,
+    loads: Sequence[Load],
+    base_acceleration: BaseAcceleration | None,
+    duration: float,
+    relative: float,
+    contacts: Contacts | None = None,
+    where: str = "simulate",
+    breaks: ArrayLike = (),
+    spacing: float | None = None,
+) -> LoadHistory:
+    """Place the loads and follow whatever of them changes with time: tables exactly.
+
+    ``contacts``: already placed, they are only joined to the loads. ``where``: the call, for
+    messages. ``breaks``, ``spacing``: of functions of time, as in ``function_torque``.
+
+    Raises:
+        InputError: a load is not on the arm, a function returns something else than numbers, or
+            a table is none.
+    """
+    moving = callable(base_acceleration) or is_table(base_acceleration)
+    constant: Any = None if moving else base_acceleration
+    placed = place_loads(arm, where, loads, constant)
+    if contacts is not None:
+        placed = placed._replace(contacts=contacts)
+    owners = parts_of(arm, loads)
+    if not moving and all(load.factor is None for load in loads):
+        nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
+        return LoadHistory(owners, placed, nothing)
+    if callable(base_acceleration):
+        name = "base_acceleration"
+        check_function(where, name, base_acceleration)
+        base = function_torque(
+            base_acceleration, duration, 2, relative, breaks, name, where, spacing
+        )
+    elif is_table(base_acceleration):
+        base = linear_history(*check_table(where, "base_acceleration", base_acceleration, 2))
+    else:
+        base = constant_torque(placed.base_acceleration)
+
+    def factor(load: Load) -> TorqueHistory:
+        """Follow the factor of a load: one column."""
+        if load.factor is None:
+            return constant_torque(np.ones(1))
+        if not callable(load.factor):
+            return linear_history(*check_table("Load", "factor", load.factor, 1))
+        row, name = Row(load.factor), "Load.factor"
+        return function_torque(row, duration, 1, relative, breaks, name, where, spacing)
+
+    followed = {id(load): factor(load) for load in loads}
+    columns = [followed[id(load)] for load in owners]
+    return LoadHistory(owners, placed, side_by_side([*columns, base]))

@@ -1,0 +1,57 @@
+"""Piecewise cubics over time, put together: tables as they are, columns side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexarm.histories.torques import FloatArray, TorqueHistory
+
+
+def linear_history(times: FloatArray, values: FloatArray) -> TorqueHistory:
+    """Join samples by straight lines, the first and the last one held for ever.
+
+    Exact: no approximation, and stops at every bend and jump.
+
+    Args:
+        times: (k,) s, ascending; two equal ones are a jump.
+        values: (k, columns).
+    """
+    ends = min(times[0], 0.0) - 1.0, times[-1] + abs(times[-1]) + 1.0
+    edges = np.concatenate([ends[:1], times, ends[1:]])
+    heights = np.concatenate([values[:1], values, values[-1:]])
+    width = np.diff(edges)
+    real = width > 0.0
+    coefficients = np.zeros((np.count_nonzero(real), 4, values.shape[1]))
+    coefficients[:, 0] = heights[:-1][real]
+    coefficients[:, 1] = np.diff(heights, axis=0)[real] / width[real, None]
+    bends = np.any(np.diff(coefficients[:, 1], axis=0) != 0.0, axis=1)
+    jumps = np.any(np.diff(heights, axis=0) != 0.0, axis=1) & ~real
+    stops = np.concatenate([edges[:-1][real][1:][bends], edges[:-1][jumps]])
+    return TorqueHistory(np.append(edges[:-1][real], edges[-1]), coefficients, np.unique(stops))
+
+
+def side_by_side(histories: Sequence[TorqueHistory]) -> TorqueHistory:
+    """Put the columns of histories beside each other, all cut at each other's breaks."""
+    breaks = np.unique(np.concatenate([history.breaks for history in histories]))
+    coefficients = np.concatenate([cut(history, breaks) for history in histories], axis=2)
+    stops = np.unique(np.concatenate([history.stops for history in histories]))
+    shortest = max(history.shortest_feature for history in histories)
+    return TorqueHistory(breaks, coefficients, stops, shortest)
+
+
+def cut(history: TorqueHistory, breaks: FloatArray) -> FloatArray:
+    """Coefficients (pieces, 4, columns) of the same function over finer pieces."""
+    last = len(history.breaks) - 2
+    starts = breaks[:-1]
+    k = np.clip(np.searchsorted(history.breaks, starts, side="right") - 1, 0, last)
+    x = (starts - history.breaks[k])[:, None]
+    c0, c1, c2, c3 = (history.coefficients[k, p] for p in range(4))
+    shifted = [
+        c0 + x * (c1 + x * (c2 + x * c3)),
+        c1 + x * (2.0 * c2 + 3.0 * x * c3),
+        c2 + 3.0 * x * c3,
+        c3,
+    ]
+    return np.stack(shifted, axis=1)

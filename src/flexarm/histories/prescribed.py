@@ -1,0 +1,226 @@
+"""Joints that follow a given motion exactly, whatever torque it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_choice, check_function, check_times
+from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem, check_array, is_count, shown
+from flexarm.histories.piecewise import cut
+from flexarm.histories.torques import Row, TorqueHistory, function_torque
+from flexarm.integrate.base import FloatArray
+from flexarm.motion import Motion
+from flexarm.user_functions import call
+
+#: What a table of angles does at its ends, and how SciPy calls it.
+ENDS = {"rest": "clamped", "free": "not-a-knot"}
+
+
+@dataclass(frozen=True)
+class PrescribedAngle:
+    """A joint angle as a function of time, with its derivatives.
+
+    Args:
+        angle, rate, acceleration: functions of time (s): rad, rad/s, rad/s^2 of the relative
+            joint angle. They must belong together: the simulation starts from angle and rate and
+            integrates the acceleration.
+        breaks: times where the acceleration jumps or bends.
+    """
+
+    angle: Callable[[float], float]
+    rate: Callable[[float], float]
+    acceleration: Callable[[float], float]
+    breaks: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("angle", "rate", "acceleration"):
+            check_function("PrescribedAngle", name, getattr(self, name))
+        check_array("PrescribedAngle", "breaks", self.breaks, (-1,))
+
+    @classmethod
+    def hold(cls, angle: float) -> PrescribedAngle:
+        """Lock the joint at an angle (rad)."""
+        still = float(check_array("PrescribedAngle.hold", "angle", angle, ()))
+        nothing = partial(constant, 0.0)
+        return cls(partial(constant, still), nothing, nothing)
+
+    @classmethod
+    def table(cls, times: ArrayLike, angles: ArrayLike, ends: str = "rest") -> PrescribedAngle:
+        """Follow the cubic spline through angles: its acceleration is continuous.
+
+        Args:
+            times: (k,) s, increasing, two at least.
+            angles: (k,) rad.
+            ends: "rest": the joint is at rest at both ends and holds its angle beyond them;
+                "free": the rates there come from the angles, and the run must not go beyond.
+
+        Raises:
+            InputError: wrong shapes, times that do not increase, or unknown ends; later, a run
+                that goes beyond free ends.
+        """
+        from scipy.interpolate import CubicSpline
+
+        where = "PrescribedAngle.table"
+        knots = check_array(where, "times", times, (-1,))
+        values = check_array(where, "angles", angles, (knots.size,))
+        check_choice(where, "ends", ends, ENDS)
+        if knots.size < 2 or np.any(np.diff(knots) <= 0.0):
+            rule = "be two or more, each greater than the one before"
+            raise InputError(Problem(where, "times", rule, shown(knots.tolist())))
+        spline = CubicSpline(knots, values, bc_type=ENDS[ends])
+        angle, rate, acceleration = (_SplinePart(spline, k, ends == "rest") for k in range(3))
+        return cls(angle, rate, acceleration, tuple(knots.tolist()))
+
+
+def constant(value: Any, t: float) -> Any:
+    """Return the same value at every time; a function in a module has a name for pickles."""
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class _SplinePart:
+    """A spline or one of its derivatives as a function of time, or of times at once."""
+
+    vectorized: ClassVar[bool] = True
+
+    spline: Any
+    order: int
+    rests: bool  # beyond its ends; else nothing is known there
+
+    def __call__(self, t: ArrayLike) -> Any:
+        times = check_times("PrescribedAngle.table", "t", t)
+        first, last = self.spline.x[0], self.spline.x[-1]
+        margin = 1e-9 * (last - first)
+        if not self.rests and (np.min(times) < first - margin or np.max(times) > last + margin):
+            rule = "reach from 0 to the end of the run where ends is 'free'"
+            value = f"from {first:.9g} to {last:.9g}"
+            raise InputError(Problem("PrescribedAngle.table", "times", rule, value))
+        values = self.spline(np.clip(times, first, last), self.order)
+        if self.rests and self.order:
+            values = np.where((times >= first) & (times < last), values, 0.0)
+        return values
+
+
+Prescribed = Mapping[int, PrescribedAngle | Motion]
+
+
+def prescribe(
+    arm: Arm,
+    prescribed: Prescribed,
+    state: FloatArray,
+    history: TorqueHistory,
+    duration: float,
+    relative: float,
+    breaks: ArrayLike = (),
+    spacing: float | None = None,
+) -> TorqueHistory:
+    """Put accelerations in place of torques, and the start of the motion into ``state``.
+
+    Args:
+        prescribed: by joint number, counted from 1: its own angle, or a motion of all joints of
+            which this joint's part is taken.
+        state: (2, n, 1 + m), changed in place.
+        history: of the other joints' torques.
+        breaks, spacing: of functions of time, as in ``function_torque``.
+
+    Raises:
+        InputError: no such joint.
+    """
+    for joint, motion in prescribed.items():
+        numbers = arm.joint_numbers.tolist()
+        if not is_count(joint) or joint not in numbers:
+            rule = f"name joints that turn: {', '.join(map(str, numbers)) or 'there is none'}"
+            raise InputError(Problem("simulate", "prescribed", rule, shown(joint)))
+        index = numbers.index(joint)
+        own = _of_joint(motion, index, f"prescribed[{joint}]")
+        _check_derivatives(own, f"prescribed[{joint}]", duration)
+        body = arm.assembly.joint_body[index]
+        name = f"prescribed[{joint}]"
+        start = [call(f"{name}.angle", own.angle, 0.0), call(f"{name}.rate", own.rate, 0.0)]
+        state[:, body, 0] = check_array("simulate", name, start, (2,))
+        name = f"prescribed[{joint}].acceleration"
+        known = np.concatenate([own.breaks, check_array("simulate", "breaks", breaks, (-1,))])
+        row = _row(motion, own, index)
+        column = function_torque(row, duration, 1, relative, known, name, spacing=spacing)
+        history = _replaced(history, index, column)
+    return history
+
+
+def _row(
+    motion: PrescribedAngle | Motion, own: PrescribedAngle, index: int
+) -> Callable[[float], ArrayLike]:
+    """The joint's acceleration as a function to (1,), for many times at once where it can be."""
+    if isinstance(motion, PrescribedAngle):
+        return Row(own.acceleration)
+
+    def rows(t: ArrayLike) -> FloatArray:
+        return motion.joint_acceleration(t)[..., index : index + 1]
+
+    rows.vectorized = True  # type: ignore[attr-defined]
+    return rows
+
+
+def _of_joint(motion: PrescribedAngle | Motion, index: int, name: str) -> PrescribedAngle:
+    if isinstance(motion, PrescribedAngle):
+        return motion
+    if not isinstance(motion, Motion):
+        hint = "fa.PrescribedAngle.hold(angle) locks a joint at an angle."
+        rule = "be a PrescribedAngle or a motion"
+        raise InputError(Problem("simulate", name, rule, shown(motion), hint))
+
+    def part(of: Callable[[float], ArrayLike]) -> Callable[[float], float]:
+        return lambda t: float(np.asarray(of(t))[index])
+
+    return PrescribedAngle(
+        part(motion.joint_angle),
+        part(motion.joint_rate),
+        part(motion.joint_acceleration),
+        tuple(motion.breaks),
+    )
+
+
+def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None:
+    """Refuse rates and accelerations that are not the derivatives of what they belong to.
+
+    By differences over a hundred-thousandth of the run, at a few times away from breaks: they err
+    by far less than the hundredth that is let pass.
+    """
+    step = 1e-5 * duration
+    times = [
+        t
+        for t in duration * np.linspace(0.031, 0.957, 9)
+        if all(abs(t - b) > 2.0 * step for b in own.breaks)
+    ]
+    pairs = (("rate", own.angle, own.rate), ("acceleration", own.rate, own.acceleration))
+    for kind, value, slope in pairs:
+        values = [
+            [call(name, value, t - step), call(name, value, t + step), call(name, slope, t)]
+            for t in times
+        ]
+        if not values:
+            continue
+        before, after, said = check_array("simulate", f"{name}.{kind}", values, (-1, 3)).T
+        found = (after - before) / (2.0 * step)
+        rounding = 1e-14 * float(np.max(np.abs(before))) / step
+        if np.max(np.abs(found - said)) > 0.01 * np.max(np.abs(found)) + rounding + 1e-9:
+            worst = int(np.argmax(np.abs(found - said)))
+            rule = f"be the derivative, {found[worst]:.6g} at t = {times[worst]:.6g}"
+            problem = Problem("simulate", f"{name}.{kind}", rule, shown(float(said[worst])))
+            raise InputError(problem)
+
+
+def _replaced(history: TorqueHistory, index: int, column: TorqueHistory) -> TorqueHistory:
+    """Cut both histories at each other's breaks, and put one column of the first in its place."""
+    breaks = np.unique(np.concatenate([history.breaks, column.breaks]))
+    coefficients = cut(history, breaks)
+    coefficients[:, :, index] = cut(column, breaks)[:, :, 0]
+    stops = np.unique(np.concatenate([history.stops, column.stops]))
+    shortest = max(history.shortest_feature, column.shortest_feature)
+    return TorqueHistory(breaks, coefficients, stops, shortest)

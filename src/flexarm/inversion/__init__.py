@@ -1,0 +1,1 @@
+"""Torques and references for which the tip or the joints of a flexible arm follow a motion."""

@@ -1,0 +1,135 @@
+"""Torques that make the joints of a flexible arm follow a motion exactly."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_kind, check_positive, check_times
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import LargeDeflectionWarning
+from flexarm.linear import modes
+from flexarm.motion import Motion
+from flexarm.motion.motion import check_motion
+from flexarm.simulation.run import simulate
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+#: Samples of a radian of the fastest mode: splines of order 6 then miss it by less than 1e-6.
+_SAMPLES = 2.0
+_FEWEST, _MOST = 200, 40_000
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibleTorque:
+    """The torque that makes the joints of a flexible arm follow a motion; call it with the time.
+
+    After ``end`` the last value holds: links that go on swinging are then left to themselves.
+
+    Attributes:
+        arm, motion: what follows what.
+        end: up to when it was computed, s.
+        initial: q (dof,) at time zero, to start from.
+    """
+
+    #: ``simulate`` may ask for many times in one call.
+    vectorized: ClassVar[bool] = True
+
+    arm: Arm
+    motion: Motion
+    end: float
+    initial: FloatArray
+    _splines: tuple[BSpline, ...]  # between two breaks each
+    _edges: tuple[float, ...]
+
+    def __repr__(self) -> str:
+        return f"<flexarm.FlexibleTorque: {self.joints} joints, up to {self.end:g} s>"
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) where the torque or a derivative of it may jump."""
+        return self._edges
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.motion.joints
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
+
+        At a break it belongs to what follows.
+        """
+        times = check_times("FlexibleTorque", "t", t)
+        flat = np.clip(times.reshape(-1), 0.0, self.end)
+        torque = np.empty((flat.size, self.joints))
+        last = len(self._splines) - 1
+        piece = np.clip(np.searchsorted(self._edges, flat, side="right") - 1, 0, last)
+        for k, spline in enumerate(self._splines):
+            torque[piece == k] = spline(flat[piece == k])
+        return torque.reshape(*times.shape, self.joints)
+
+
+def flexible_torque(
+    arm: Arm,
+    motion: Motion,
+    duration: float | None = None,
+    *,
+    initial: ArrayLike | None = None,
+    rtol: float = 1e-8,
+) -> FlexibleTorque:
+    """Return the torque that makes the joints of a flexible arm follow a motion exactly.
+
+    Args:
+        arm: the arm.
+        motion: of the joints, or of the rigid arm's tip; then the flexible one's vibrates.
+        duration: s from time zero up to which torques are wanted; by default to the motion's end.
+        initial: q (dof,) at time zero; straight links by default.
+        rtol: error allowed per step of the integration.
+
+    Raises:
+        InputError: an argument has the wrong shape or value.
+        SimulationError: the links' motion could not be followed.
+
+    The joints being given, the links' own equations are integrated forward in time; (D.8).
+    """
+    where = "flexible_torque"
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    until = check_positive(where, "duration", motion.end_time if duration is None else duration)
+    rtol = check_positive(where, "rtol", rtol)
+    locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
+    fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
+    count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # told by who simulates the result
+        result = simulate(
+            arm,
+            until,
+            prescribed={int(number): motion for number in arm.joint_numbers},
+            initial=arm.rest(motion.joint_angle(0.0)) if initial is None else initial,
+            rate=count / until,
+            rtol=rtol,
+            atol=1e-2 * rtol,
+            progress=False,
+        )
+    inner = [t for t in motion.breaks if 0.0 < t < until]
+    edges = (0.0, *inner, until)
+    samples = result.time.values, result.torque.values
+    splines = tuple(_spline(*samples, a, b) for a, b in pairwise(edges))
+    return FlexibleTorque(arm, motion, until, result.q.values[0], splines, edges)
+
+
+def _spline(times: FloatArray, values: FloatArray, a: float, b: float) -> BSpline:
+    """Through the samples between two breaks, none on them: they might belong to either side."""
+    from scipy.interpolate import make_interp_spline
+
+    own = (times > a) & (times < b) if a > 0.0 else times < b
+    return make_interp_spline(times[own], values[own], k=min(5, np.count_nonzero(own) - 1))

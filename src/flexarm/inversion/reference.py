@@ -1,0 +1,130 @@
+"""The joint angles that go with torques found by tip inversion, as a motion to follow."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.assemble import FloatArray
+from flexarm.errors import LargeDeflectionWarning
+from flexarm.inversion.correction import CorrectedTorque
+from flexarm.inversion.joint_support import SupportedTorque
+from flexarm.motion import JointState, Motion
+from flexarm.motion.chain import RigidChain
+from flexarm.simulation.run import simulate
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+#: Samples in a knot of the torque's spline: a spline of order 6 through them is exact to 1e-6.
+_PER_KNOT = 8.0
+#: What is left when the motion is over is led to rest by the end, as the quintic law does.
+_EASE = (10.0, -15.0, 6.0)
+
+
+@dataclass(frozen=True, eq=False)
+class InversionReference(Motion):
+    """Joint angles of a flexible arm whose tip follows a motion.
+
+    For feedback: the joints are where they have to be for the *tip* to be in place, bending
+    included. It begins before the motion and ends after it, as the torques do.
+
+    Attributes:
+        motion: of the rigid arm, which the tip follows.
+        torque: function of time that goes with it: (joints,) N m.
+        initial: (dof,) coordinates to start from.
+    """
+
+    motion: Motion
+    torque: CorrectedTorque
+    initial: FloatArray
+    start_time: float
+    duration: float
+    _angles: BSpline = field(repr=False)
+    chain: RigidChain = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chain", self.motion.chain)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Start and end, and the breaks of the motion in between, s."""
+        inner = (t for t in self.motion.breaks if self.start_time < t < self.end_time)
+        return (self.start_time, *inner, self.end_time)
+
+    def tip(self, t: ArrayLike) -> FloatArray:
+        """Return where the tip (2,) or (T, 2) is to be, world axes, m."""
+        return self.motion.tip(t)
+
+    def at(self, times: FloatArray) -> JointState:
+        """See `Motion.at`."""
+        inside = np.clip(times, self.start_time, self.end_time)
+        moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
+        rate, acceleration = (self._angles(inside, nu) * moving for nu in (1, 2))
+        return JointState(self._angles(inside), rate, acceleration)
+
+
+def inversion_reference(
+    arm: Arm,
+    torque: CorrectedTorque,
+    ends: tuple[float, float],
+    initial: FloatArray,
+    final: FloatArray,
+    supported: SupportedTorque | None = None,
+) -> InversionReference:
+    """Run an arm under the torques found, and keep its joint angles.
+
+    Args:
+        ends: when the torques depart from those that hold it at rest, s.
+        initial, final: (dof,) coordinates at rest before and after.
+        supported: the torque of an arm that must be held up, in place of ``torque``.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    start, end = ends
+    if supported is not None:
+        arm = supported.support.arm
+    spacing = float(np.max(np.diff(torque.knots)))
+    count = int(np.ceil(_PER_KNOT * (end - start) / spacing))
+    rate = count / (end - start)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # told by who simulates the result
+        result = simulate(
+            arm,
+            end - start,
+            torque=_Later(supported or torque, start),
+            initial=initial,
+            rate=rate,
+            rtol=1e-9,
+            atol=1e-11,
+            progress=False,
+        )
+    times, angles = result.time.values, result.joint_angle.values
+    after = torque.motion.end_time - start
+    u = np.clip((times - after) / (times[-1] - after), 0.0, 1.0)
+    ease = u**3 * (_EASE[0] + u * (_EASE[1] + u * _EASE[2]))
+    angles = angles + np.outer(ease, arm.joint_angles(final) - angles[-1])
+    still = [(1, np.zeros(arm.joints)), (2, np.zeros(arm.joints))]
+    spline = make_interp_spline(times + start, angles, k=5, bc_type=(still, still))
+    return InversionReference(torque.motion, torque, initial, start, end - start, spline)
+
+
+@dataclass(frozen=True)
+class _Later:
+    """A torque whose clock starts later."""
+
+    torque: CorrectedTorque | SupportedTorque
+    start: float
+    vectorized: bool = True
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(t - self.start for t in self.torque.breaks)
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        return self.torque(np.asarray(t) + self.start)

@@ -1,0 +1,1 @@
+"""The sampled loop: sensors, controller, actuators."""

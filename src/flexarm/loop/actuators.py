@@ -1,0 +1,116 @@
+"""From the torques that a controller asks for to those that act: held, late, cut, lagging."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from flexarm.hardware.hardware import Hardware, Motors
+from flexarm.integrate.base import FloatArray
+
+#: A lag is followed by cubics over this part of its time constant, up to so many time constants:
+#: within 1e-5 and 5e-5 of the change of torque.
+_PIECE, _SETTLED = 0.25, 10.0
+
+
+class Acting:
+    """Motors between the sample times of a controller.
+
+    Torques as they act: from each time of ``since`` on, from ``initial`` to ``target`` as
+    ``1 - exp(-(t - since) / time_constant)``. Without ``keep`` only the last one is known.
+    """
+
+    def __init__(self, hardware: Hardware | None, joints: int, keep: bool = True) -> None:
+        given = hardware.motors if hardware is not None else None
+        self.plain = given is None  # every torque acts at once, as it was asked for
+        self._motors = given or Motors()
+        self._motors.check_joints(joints)
+        self._lag = self._motors.time_constant
+        self._waiting: deque[tuple[float, FloatArray]] = deque()
+        self._since: list[float] = []
+        self._initial: list[FloatArray] = []
+        self._target: list[FloatArray] = []
+        self._nothing = np.zeros(joints)
+        self._keep = keep
+
+    @property
+    def pieces(self) -> int:
+        """Number of cubics that the torque over any one hold may take."""
+        return 1 if self._lag == 0.0 else round(_SETTLED / _PIECE) + 1
+
+    @property
+    def target(self) -> FloatArray:
+        """Torque (joints,) that the motors go to now."""
+        return self._target[-1]
+
+    def ask(self, t: float, torque: FloatArray) -> None:
+        """Ask at time t for a torque (joints,)."""
+        self._waiting.append((t + self._motors.delay, torque))
+
+    def next_change(self, t: float, until: float) -> float:
+        """Time when the torque asked for changes next, at most ``until``."""
+        for due, _ in self._waiting:
+            if due > t:
+                return min(due, until)
+        return until
+
+    def hold(self, t: float, rate: FloatArray) -> None:
+        """Take over what is due at time t; ``rate`` (joints,) of the joints then, rad/s."""
+        due = None
+        # A torque that is due a rounding later is due now.
+        while self._waiting and self._waiting[0][0] <= t * (1.0 + 1e-12):
+            due = self._waiting.popleft()[1]
+        if due is None and self._since:
+            return
+        now = self._now(t) if self._since and self._lag > 0.0 else self._nothing
+        target = self._nothing if due is None else due
+        if not self.plain:
+            target = self._motors.allowed(target, rate)
+        if not self._keep:
+            for past in (self._since, self._initial, self._target):
+                past.clear()
+        self._since.append(t)
+        self._initial.append(now if self._lag > 0.0 else target)
+        self._target.append(target)
+
+    def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
+        """Torque from t to ``until``: breaks (pieces + 1,) and coefficients (pieces, 4, joints)."""
+        start, target = self._now(t), self._target[-1]
+        count, lag = self.pieces, self._lag
+        coefficients = np.zeros((count, 4, len(target)))
+        coefficients[:, 0] = target
+        if lag == 0.0:
+            return np.array([t, until]), coefficients
+        followed = min(until - t, _SETTLED * lag)
+        breaks = np.append(t + followed / (count - 1) * np.arange(count), max(until, t + followed))
+        left = (target - start) * np.exp(-(breaks - t) / lag)[:, None]  # to go, at each break
+        h = followed / (count - 1)
+        rise, slope, slope_after = left[:-1] - left[1:], left[:-1] / lag, left[1:] / lag
+        coefficients[:-1, 0] -= left[:-2]
+        coefficients[:-1, 1] = slope[:-1]
+        coefficients[:-1, 2] = (3.0 * rise / h - 2.0 * slope - slope_after)[:-1] / h
+        coefficients[:-1, 3] = (slope + slope_after - 2.0 * rise / h)[:-1] / h**2
+        coefficients[-1, 0] -= left[-2]
+        if breaks[-1] == breaks[-2]:  # the last piece has no length: breaks must ascend
+            breaks[-1] += lag
+        return breaks, coefficients
+
+    def _now(self, t: float) -> FloatArray:
+        """Torque (joints,) at a time t since the last change."""
+        if self._lag == 0.0:
+            return self._target[-1]
+        left = math.exp(-(t - self._since[-1]) / self._lag)
+        return self._target[-1] + (self._initial[-1] - self._target[-1]) * left
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Torque (T, joints) that acts at times (T,)."""
+        since = np.asarray(self._since)
+        index = np.clip(np.searchsorted(since, times * (1.0 + 1e-12), side="right") - 1, 0, None)
+        target = np.asarray(self._target)[index]
+        if self._lag == 0.0:
+            return target
+        left = np.exp(-np.maximum(times - since[index], 0.0) / self._lag)[:, None]
+        held: FloatArray = target + (np.asarray(self._initial)[index] - target) * left
+        return held

@@ -1,0 +1,110 @@
+"""The loop of sensing, control and acting, tick by tick."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from flexarm.control.base import Controller, Reference, report_of
+from flexarm.engine.stepping import Run
+from flexarm.engine.validity import RunawayWatch
+from flexarm.errors import InputError, SimulationError, check_array
+from flexarm.hardware.hardware import Hardware
+from flexarm.hardware.measurement import Measurement
+from flexarm.integrate.base import FloatArray
+from flexarm.loop.requirements import misfits
+from flexarm.loop.sampled_loop import Ticks
+from flexarm.loop.sampled_reference import sampled_reference
+
+
+class ClosedLoop:
+    """Sense, control, hold the torque, advance; again at the next sample time.
+
+    Raises:
+        InputError: controller, hardware and arm do not fit each other.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        controller: Controller,
+        reference: Reference | None,
+        hardware: Hardware | None,
+    ) -> None:
+        contacts = run.loads.placed.contacts.body.size
+        problems = misfits(controller, run.arm, reference, hardware, contacts)
+        if problems:
+            raise InputError(*problems)
+        self._run = run
+        self._controller = controller
+        self._reference = sampled_reference(reference, controller.sample_time, run.duration)
+        self._ticks = Ticks(run, controller.sample_time, hardware)
+        self._runaway = RunawayWatch(run.arm)
+        self.hardware = hardware
+        self.ticks: list[float] = []
+        self.asked: list[FloatArray] = []
+        self.measured: list[Measurement] = []
+        self.seconds = 0.0  # spent in the controller
+
+    def execute(self) -> None:
+        """Simulate to the end.
+
+        Raises:
+            SimulationError: the integrator gave up, or the controller returned no finite torque.
+        """
+        run, ticks = self._run, self._ticks
+        self._controller.reset()
+        # A last tick that is left over from rounding alone would hold no time.
+        while ticks.time < run.duration * (1.0 - 1e-12):
+            torque = self._update(ticks.time, ticks.measure())
+            self.ticks.append(ticks.time)
+            self.asked.append(torque)
+            ticks.hold(torque)
+            self._look(ticks.time)
+            if ticks.tick % 256 == 0:
+                run.meter.update(run.progress.time / run.duration)
+
+    def _look(self, t: float) -> None:
+        absurd = self._runaway(self._run.progress.state)
+        if absurd:
+            reason = f"{absurd}: the loop is unstable."
+            hint = "Lower the gains or the sample time, or design for the arm that is there."
+            raise SimulationError(t, reason, hint, self._run.state())
+
+    def _update(self, t: float, measurement: Measurement) -> FloatArray:
+        run = self._run
+        if self.hardware is not None:
+            self.measured.append(measurement)
+        started = time.perf_counter()
+        try:
+            given = self._controller.update(t, measurement, self._reference)
+        except Exception as error:
+            reason = f"the controller failed with {type(error).__name__}: {error}"
+            raise SimulationError(t, reason, "", run.state()) from error
+        self.seconds += time.perf_counter() - started
+        try:
+            return check_array("controller", "torque", given, (run.arm.joints,))
+        except InputError as error:
+            raise SimulationError(
+                t, f"the controller's answer cannot be used: {error}", "", run.state()
+            ) from None
+
+    def torque_at(self, times: FloatArray) -> FloatArray:
+        """Return the torque that acts at times (T,): (T, joints)."""
+        return self._ticks.acting.at(times)
+
+    def asked_at(self, times: FloatArray) -> FloatArray:
+        """Return the torque that the controller asked for last at times (T,): (T, joints)."""
+        index = np.searchsorted(np.asarray(self.ticks), times * (1.0 + 1e-12), side="right") - 1
+        return np.asarray(self.asked)[np.clip(index, 0, None)]
+
+    def report(self) -> dict[str, float]:
+        """Return what the controller reports about its run."""
+        return report_of(self._controller)
+
+    def readings(self) -> Mapping[str, FloatArray]:
+        """Return what the hardware's instruments said at each sample time, by name: (ticks, k)."""
+        names = self.measured[0] if self.measured else ()
+        return {name: np.array([item[name] for item in self.measured]) for name in names}

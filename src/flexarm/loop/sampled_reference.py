@@ -1,0 +1,90 @@
+"""A reference looked up at the controller's sample times instead of computed at each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.control.base import Reference
+from flexarm.errors import InputError, Problem, shown
+from flexarm.integrate.base import FloatArray
+from flexarm.motion import Motion
+
+_MOST_TICKS = 1e8  # of a controller in one run; more do not fit into memory
+#: Functions of a reference that are looked up, besides the motion of the joints.
+_MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
+
+
+class SampledReference:
+    """The same reference, evaluated for all sample times in one go.
+
+    A motion computes a thousand times as fast as it answers a thousand single questions, and
+    controllers ask at every sample. At other times, and for many times at once, it asks the
+    reference itself, as for anything else that this knows.
+    """
+
+    vectorized = True
+
+    def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
+        self._reference = reference
+        self._sample_time = sample_time
+        if not duration / sample_time <= _MOST_TICKS:
+            rule = f"be at least {duration / _MOST_TICKS:.3g} s for a duration of {duration:.6g} s"
+            raise InputError(Problem("controller", "sample_time", rule, shown(sample_time)))
+        self._ticks = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
+        self._tables: dict[str, FloatArray] = {}
+        if isinstance(reference, Motion):
+            angle, rate, acceleration = reference.state(self._ticks)
+            self._tables |= {"joint_angle": angle, "joint_rate": rate}
+            self._tables["joint_acceleration"] = acceleration
+
+    def _look_up(self, name: str, t: ArrayLike) -> Any:
+        # What is not one of the ticks to the last bit would get the answer of another time.
+        if isinstance(t, float) or np.ndim(t) == 0:
+            k = round(float(t) / self._sample_time)  # type: ignore[arg-type]
+            if 0 <= k < len(self._ticks) and k * self._sample_time == t:
+                table = self._tables.get(name)
+                if table is None:
+                    table = np.asarray(getattr(self._reference, name)(self._ticks))
+                    self._tables[name] = table
+                return table[k]
+        elif name in self._tables:
+            times = np.asarray(t, dtype=np.float64)
+            ticks = np.rint(times / self._sample_time)
+            inside = (ticks >= 0.0) & (ticks < len(self._ticks))
+            if np.all(inside & (ticks * self._sample_time == times)):
+                return self._tables[name][ticks.astype(np.intp)]
+        return getattr(self._reference, name)(t)
+
+    def joint_angle(self, t: ArrayLike) -> FloatArray:
+        """Joint angles (joints,) or (T, joints) at t, rad."""
+        found: FloatArray = self._look_up("joint_angle", t)
+        return found
+
+    def joint_rate(self, t: ArrayLike) -> FloatArray:
+        """Joint rates (joints,) or (T, joints) at t, rad/s."""
+        found: FloatArray = self._look_up("joint_rate", t)
+        return found
+
+    def joint_acceleration(self, t: ArrayLike) -> FloatArray:
+        """Joint accelerations (joints,) or (T, joints) at t, rad/s^2."""
+        found: FloatArray = self._look_up("joint_acceleration", t)
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # asked for by copies and pickles, before there is a reference
+            raise AttributeError(name)
+        if name in _MORE and hasattr(self._reference, name):
+            return lambda t: self._look_up(name, t)
+        return getattr(self._reference, name)
+
+
+def sampled_reference(
+    reference: Reference | None, sample_time: float, duration: float
+) -> Reference | None:
+    """Look up at sample times what takes many at once; leave any other reference as it is."""
+    if getattr(reference, "vectorized", False):
+        return SampledReference(reference, sample_time, duration)
+    return reference

@@ -1,0 +1,213 @@
+"""What sensors find at a sample time: exact values of a run's state, then each instrument's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem
+from flexarm.hardware.hardware import Hardware
+from flexarm.hardware.instruments import Instrument, Readings
+from flexarm.hardware.measurement import Measurement
+from flexarm.integrate.base import FloatArray, System
+from flexarm.integrate.torque import slope_at, torque_at
+from flexarm.kernels.cache import Entry
+from flexarm.kernels.contact import GAP
+from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.kernels.observables import POSE_COLUMNS, poses
+from flexarm.kernels.point_motion import point_motions
+from flexarm.linear.signals import Sensor
+from flexarm.loads import Load, place_loads
+from flexarm.observe import channels_of, contact_forces, contact_values
+
+if TYPE_CHECKING:
+    from flexarm.engine.stepping import Run
+
+#: Value of a signal from the state (2, n, 1 + m), the system and the time.
+Reader = Callable[[FloatArray, System, float], FloatArray]
+#: Columns of the tip that ``poses`` fills.
+_TIP = {
+    "tip": slice(0, 2),
+    "tip_angle": slice(2, 3),
+    "tip_velocity": slice(3, 5),
+    "tip_angle_rate": slice(5, 6),
+}
+
+
+class TipMotion:
+    """Position x, y, angle of the tip and their rates, without computing all channels."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._constants = arm.assembly.constants
+        self._sizes = run_time_sizes(self._constants)
+        self._poses, self._tip = np.zeros((arm.assembly.bodies, POSE_COLUMNS)), np.zeros(6)
+        self._find = Entry(poses)
+
+    def __call__(self, state: FloatArray) -> FloatArray:
+        """Return (6,) m, rad, m/s, rad/s at a state (2, n, 1 + m); overwritten by the next call."""
+        self._find(self._sizes, self._constants, state, self._poses, self._tip)
+        return self._tip
+
+
+class ExactSensing:
+    """Sensors without error: what an arm gives to a controller unless hardware is named."""
+
+    def __init__(self, run: Run) -> None:
+        names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
+        self._readers = [
+            (name, _contact_force(run) if name == "contact_force" else _channel(run.arm, name))
+            for name in names
+        ]
+        self._none = {} if run.arm.gauges else {"strain": np.zeros(0)}
+
+    def memory(self) -> tuple[Readings, ...]:
+        """Return what is remembered from one sample time to the next: nothing."""
+        return ()
+
+    def recall(self, memory: tuple[Readings, ...]) -> None:
+        """Go on where another one stood that had the memory."""
+
+    def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
+        """Return the measurement of sample time k, at t (s)."""
+        values = {name: read(state, system, t) for name, read in self._readers}
+        return Measurement(**values, **self._none)
+
+
+class InstrumentSensing:
+    """Sensors as the hardware has them."""
+
+    def __init__(self, run: Run, hardware: Hardware, tick: float) -> None:
+        assert hardware.instruments is not None
+        generator = np.random.default_rng(hardware.seed)
+        self._pairs = [
+            (Readings(item, tick, child), _reader(run, item))
+            for item, child in zip(
+                hardware.instruments, generator.spawn(len(hardware.instruments)), strict=True
+            )
+        ]
+
+    def memory(self) -> tuple[Readings, ...]:
+        """Return what is remembered from one sample time to the next."""
+        return tuple(readings for readings, _ in self._pairs)
+
+    def recall(self, memory: tuple[Readings, ...]) -> None:
+        """Go on where another one stood that had the memory."""
+        readers = [read for _, read in self._pairs]
+        self._pairs = list(zip(memory, readers, strict=True))
+
+    def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
+        """Return the measurement of sample time k, at t (s)."""
+        values: dict[str, FloatArray] = {}
+        for readings, read in self._pairs:
+            if readings.wants(k):
+                readings.take(k, read(state, system, t))
+            readings.tell(k, values)
+        return Measurement(**values)
+
+
+def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[str, ...]:
+    """Return the names in the measurements of an arm with so many contacts.
+
+    Without hardware the strain of an arm without gauges is there, but empty, and does not count.
+    """
+    if hardware is not None and hardware.instruments is not None:
+        return tuple(label for item in hardware.instruments for label in item.labels)
+    strain, force = bool(arm.gauges), contacts > 0
+    return ("joint_angle", "joint_rate", *["strain"] * strain, *["contact_force"] * force)
+
+
+def sensing_of(
+    run: Run, hardware: Hardware | None, tick: float
+) -> ExactSensing | InstrumentSensing:
+    """Make the sensors of a run whose controller acts every ``tick`` seconds.
+
+    Raises:
+        InputError: an instrument has no place on this arm, or frames between sample times.
+    """
+    if hardware is None or hardware.instruments is None:
+        return ExactSensing(run)
+    return InstrumentSensing(run, hardware, tick)
+
+
+def _reader(run: Run, instrument: Instrument) -> Reader:
+    signal = instrument.signal
+    if isinstance(signal, Sensor):
+        return _point(run.arm, signal)
+    if signal in ("contact_force", "contact_gap"):
+        if not run.loads.placed.contacts.body.size:
+            rule = f"measure a {signal} only where there are contacts"
+            raise InputError(Problem("Hardware", "instruments", rule, "without them"))
+        return _contact_force(run) if signal == "contact_force" else _contact_gap(run)
+    if signal == "strain" and not run.arm.gauges:
+        rule = "leave out the strain of an arm without gauges"
+        raise InputError(Problem("Hardware", "instruments", rule, "'strain'"))
+    return _channel(run.arm, signal)
+
+
+def _channel(arm: Arm, name: str) -> Reader:
+    """Read a channel; those that controllers ask for most without computing all the others."""
+    joints = arm.assembly.joint_body
+    if name in ("joint_angle", "joint_rate"):
+        level = int(name == "joint_rate")
+        return lambda state, system, t: np.asarray(state[level, joints, 0])
+    if name == "strain":
+        return lambda state, system, t: arm.strains(state[None])[0]
+    if name == "torque":
+        return lambda state, system, t: _torque(arm, system, t)
+    if name in _TIP:
+        columns, tip = _TIP[name], TipMotion(arm)
+        return lambda state, system, t: tip(state)[columns].copy()
+    return lambda state, system, t: np.ravel(channels_of(arm, state[None])[name][0])
+
+
+def _contact_force(run: Run) -> Reader:
+    """Read the forces (contacts, 2) of contacts on the arm, world axes."""
+    arm, placed = run.arm, run.loads.placed.contacts
+    work = new_workspace(arm.assembly.constants)
+    return lambda state, system, t: contact_forces(arm, placed, state[None], work)[0]
+
+
+def _contact_gap(run: Run) -> Reader:
+    """Read the gaps (contacts,) of contacts, m; negative in touch."""
+    arm, placed = run.arm, run.loads.placed.contacts
+    work = new_workspace(arm.assembly.constants)
+    return lambda state, system, t: contact_values(arm, placed, state[None], work)[0, :, GAP]
+
+
+def _torque(arm: Arm, system: System, t: float) -> FloatArray:
+    """Torque that the motors give until t."""
+    torque = np.zeros(arm.assembly.bodies)
+    torque_at(system, t, True, torque)
+    return torque[arm.assembly.joint_body]
+
+
+def _point(arm: Arm, sensor: Sensor) -> Reader:
+    """Read the motion of a point; accelerations are those under the torque up to then."""
+    places = place_loads(
+        arm, "Hardware", [Load(sensor.link, station=sensor.station)], what="Sensor"
+    )
+    n, shape = arm.assembly.bodies, arm.assembly.constants.S.shape
+    torque, stages = np.zeros(n), np.zeros((1, 2, n, 1 + shape[1]))
+    slope, motions = Entry(slope_at), Entry(point_motions)
+    body_poses, tip, motion = np.zeros((n, POSE_COLUMNS)), np.zeros(6), np.zeros((1, 8))
+
+    def read(state: FloatArray, system: System, t: float) -> FloatArray:
+        slope(system, t, True, state, torque, stages, 0)
+        motions(
+            system.sizes,
+            system.constants,
+            state,
+            stages[0, 1],
+            system.drive.loads,
+            places,
+            system.work,
+            body_poses,
+            tip,
+            motion,
+        )
+        return motion[0, sensor.columns].copy()
+
+    return read

@@ -1,0 +1,175 @@
+"""Whether the sampled loop of a run is stable, found before it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.bending import one_warning
+from flexarm.contacts import Contact, place_contacts
+from flexarm.control.base import Controller, Reference
+from flexarm.hardware.hardware import Hardware
+from flexarm.hardware.instruments import Instrument
+from flexarm.hardware.measurement import FloatArray
+from flexarm.linear import equilibrium
+from flexarm.linear.signals import Sensor
+from flexarm.loop_analysis.linear_controller import HeldReference, MemoryNameError, memory_of
+from flexarm.loop_analysis.plant_model import (
+    PlantModel,
+    Signal,
+    instruments_of,
+    loop_of,
+    signals_of,
+    sliding,
+)
+from flexarm.observe import channels_of, contact_forces
+
+#: Growth over the run below which an instability stays unnoticed.
+_NOTICED = 10.0
+_OF_CONTACTS = ("contact_force", "contact_gap")
+#: Of the differences, in the units of the coordinates and in N m: of a smooth function their error
+#: is then about 1e-9.
+_STEP = 1e-5
+
+
+def instability(
+    arm: Arm,
+    plant: Arm,
+    controller: Controller,
+    reference: Reference | None,
+    hardware: Hardware | None,
+    contacts: Sequence[Contact],
+    initial: FloatArray,
+    duration: float,
+) -> str:
+    """Say how the sampled loop is unstable at the beginning or the end of a motion, or nothing.
+
+    An instability that grows less than tenfold within the run does not count. Not judged are
+    controllers that do not declare their memory, cannot be copied or fail in the analysis, and
+    instruments that read a `Sensor` or a torque.
+
+    Args:
+        arm: what the controller believes the plant to be.
+        initial: q (dof,) of the plant at the start. duration: of the run, s.
+
+    Raises:
+        MemoryNameError: if the controller's ``memory`` names something that it does not have.
+    """
+    if memory_of(controller) is None:
+        return ""
+    instruments = instruments_of(plant, hardware, len(contacts))
+    signals = signals_of(instruments)
+    if any(isinstance(item, Sensor) or item == "torque" for item in signals):
+        return ""
+    bare = [replace(contact, friction=0.0) for contact in contacts]
+    for t, when in _times(reference, duration):
+        try:
+            with one_warning():  # The run reports its own states.
+                growth, frequency, size = _worst(
+                    (arm, plant), controller, reference, hardware, bare, initial, t, instruments
+                )
+        except MemoryNameError:
+            raise
+        except Exception:  # No rest, or a controller that fails there: the run itself reports that.
+            continue
+        if growth * duration > np.log(_NOTICED):
+            return (
+                f"the sampled loop is unstable {when}: a pole of magnitude {size:.4g} at "
+                f"{frequency:.3g} Hz grows tenfold every {np.log(10.0) / growth:.2g} s. Lower the "
+                f"gains or the sample time of {controller.sample_time:g} s, or design for this "
+                "arm; see docs/how-to/robust-loops.md."
+            )
+    return ""
+
+
+def _times(reference: Reference | None, duration: float) -> list[tuple[float, str]]:
+    """Return the times (s) of the postures that are looked at."""
+    end = min(float(getattr(reference, "end_time", 0.0) or 0.0), duration)
+    if reference is None or end <= 0.0:
+        return [(0.0, "at the start")]
+    return [(0.0, "at the start"), (end, "at the end of the motion")]
+
+
+def _worst(
+    arms: tuple[Arm, Arm],
+    controller: Controller,
+    reference: Reference | None,
+    hardware: Hardware | None,
+    contacts: Sequence[Contact],
+    initial: FloatArray,
+    t: float,
+    instruments: list[Instrument],
+) -> tuple[float, float, float]:
+    """Return growth (1/s), frequency (Hz) and magnitude of the loop's fastest growing pole."""
+    rate, (arm, plant) = sliding(controller, reference, *arms)
+    still = HeldReference(reference, t) if reference is not None else None
+    presses = bool(contacts) and hasattr(reference, "contact_force")
+    angle = plant.joint_angles(initial)
+    if reference is not None and (presses or t > 0.0):
+        angle = np.asarray(reference.joint_angle(t))
+    touched = contacts if presses else ()
+    # Straight links under gravity are not at rest: their stiffness is another one.
+    bends = presses or any(plant.spec.gravity)
+    signals = signals_of(instruments)
+
+    def model_of(one: Arm) -> PlantModel:
+        q = equilibrium(one, angle, contacts=touched).q if bends else one.rest(angle)
+        free = [name for name in signals if touched or name not in _OF_CONTACTS]
+        model = differenced(one, q, free, touched)
+        for name in set(signals) - set(free):  # nothing presses: they read zero
+            size = len(contacts) * (2 if name == "contact_force" else 1)
+            none = np.zeros((size, 2 * one.dof)), np.zeros((size, one.joints))
+            model.signals[name] = Signal(np.zeros(size), *none)
+        return model
+
+    believed = model_of(arm) if arm is not plant and len(arm.gauges) == len(plant.gauges) else None
+    loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed, rate)
+    z = loop.multipliers()[0]
+    pole = np.log(z) / loop.sample_time
+    return float(pole.real), float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))
+
+
+def differenced(
+    arm: Arm, q: FloatArray, signals: Sequence[Any], contacts: Sequence[Contact]
+) -> PlantModel:
+    """Return what ``linearize`` computes, by central differences of what a run evaluates anyway.
+
+    The derivatives that are exact to rounding take kernels of complex numbers, which a run does
+    not need: compiling them would double the time that a first run takes on a machine.
+
+    Args:
+        q: (dof,), where the arm is at rest under some torque.
+        signals: channels of results.
+    """
+    dof, joints = arm.dof, arm.joints
+    still = np.zeros(dof)
+    hold = arm.inverse_dynamics(q, still, still, contacts=contacts)[arm.joint_index]
+    whole = np.concatenate([q, still, hold])
+
+    def accelerations(x: FloatArray) -> FloatArray:
+        place, rate, torque = np.split(x, [dof, 2 * dof])
+        return arm.forward_dynamics(place, rate, torque, contacts=contacts)
+
+    steps = _STEP * np.eye(whole.size)
+    slope = np.array([accelerations(whole + s) - accelerations(whole - s) for s in steps]).T
+    slope /= 2.0 * _STEP
+    A, B = np.zeros((2 * dof, 2 * dof)), np.zeros((2 * dof, joints))
+    A[:dof, dof:] = np.eye(dof)
+    A[dof:], B[dof:] = slope[:, : 2 * dof], slope[:, 2 * dof :]
+    moved = whole[: 2 * dof] + np.vstack([np.zeros(2 * dof), steps[: 2 * dof, : 2 * dof]])
+    moved = np.vstack([moved, 2.0 * moved[0] - moved[1:]])
+    states = arm.padded(moved.reshape(-1, 2, dof))
+    channels = channels_of(arm, states)
+    if contacts:
+        placed = place_contacts(arm, "simulate", contacts)
+        channels["contact_force"] = contact_forces(arm, placed, states)
+    found = {}
+    for name in signals:
+        values = channels[name].reshape(len(moved), -1)
+        C = (values[1 : 1 + 2 * dof] - values[1 + 2 * dof :]).T / (2.0 * _STEP)
+        found[name] = Signal(values[0], C, np.zeros((len(C), joints)))
+    return PlantModel(A, B, found)

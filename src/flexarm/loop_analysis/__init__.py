@@ -1,0 +1,1 @@
+"""Linear analysis of sampled loops: poles, responses, margins."""

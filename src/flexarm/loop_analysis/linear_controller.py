@@ -1,0 +1,192 @@
+"""The linear system that a controller is for small deviations: theory page "control-linear"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from functools import reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.control.base import Controller, Reference
+from flexarm.errors import InputError, Problem, shown
+from flexarm.hardware.measurement import FloatArray, Measurement
+
+#: Differences are taken over this, relative to numbers above one: central differences of smooth
+#: controllers are then exact to about 1e-9, and those of linear ones to rounding.
+_STEP = 1e-5
+
+
+class LinearController(NamedTuple):
+    """Small deviations of a controller: x+ = A x + B y, u = C x + D y.
+
+    Attributes:
+        A, B, C, D: (n, n), (n, p), (joints, n), (joints, p). The state x is its memory, y the
+            measurement, u the torque that it returns.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+
+class HeldReference:
+    """A reference that stays where another one is at one time: accelerations are zero.
+
+    Joint rates are ``rate`` (rad/s), although the angles stay.
+    """
+
+    vectorized = True
+
+    def __init__(self, reference: Any, t: float, rate: float = 0.0) -> None:
+        self._reference, self._t, self._rate = reference, t, rate
+
+    def joint_angle(self, t: Any) -> FloatArray:
+        """Joint angles (joints,) or (T, joints), rad."""
+        return _tiled(self._reference.joint_angle(self._t), t)
+
+    def joint_rate(self, t: Any) -> FloatArray:
+        """Joint rates, all the same."""
+        return 0.0 * self.joint_angle(t) + self._rate
+
+    def joint_acceleration(self, t: Any) -> FloatArray:
+        """Joint accelerations, zero."""
+        return 0.0 * self.joint_angle(t)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        found = getattr(self._reference, name)
+        if not callable(found):
+            return found
+        value = found(self._t)
+        return lambda t: _tiled(value, t)
+
+
+def _tiled(value: Any, t: Any) -> FloatArray:
+    value = np.asarray(value, dtype=np.float64)
+    return np.array(np.broadcast_to(value, np.shape(t) + value.shape))
+
+
+class MemoryNameError(InputError):
+    """A controller's ``memory`` does not name numbers that the controller has."""
+
+
+def memory_of(controller: object) -> tuple[str, ...] | None:
+    """Return the memory that a controller declares, None without a declaration.
+
+    A class that replaces ``update`` may keep other numbers than its base class. The declaration of
+    the base class does not count for it.
+
+    Raises:
+        MemoryNameError: if ``memory`` is not a tuple or list of names.
+    """
+    memory = getattr(controller, "memory", None)
+    if memory is None:
+        return None
+    if "memory" not in getattr(controller, "__dict__", {}):
+        for kind in type(controller).__mro__:
+            if "memory" in vars(kind):
+                break
+            if "update" in vars(kind):
+                return None
+    if not isinstance(memory, tuple | list) or not all(isinstance(name, str) for name in memory):
+        hint = 'Write memory = ("name",) for one attribute.'
+        raise MemoryNameError(_problem(controller, "be a tuple of names", shown(memory), hint))
+    return tuple(memory)
+
+
+def _problem(controller: object, rule: str, value: str, hint: str = "") -> Problem:
+    return Problem(type(controller).__name__, "memory", rule, value, hint)
+
+
+def linear_controller(
+    controller: Controller,
+    measured: Mapping[str, FloatArray],
+    reference: Reference | None = None,
+    t: float = 0.0,
+) -> LinearController:
+    """Linearise a controller about a constant measurement, by central differences.
+
+    A copy of the controller is updated at one time again and again, each time from the same memory
+    (``Controller.memory``) but for one number of it, or of the measurement, that is changed.
+
+    Args:
+        controller: one that declares its ``memory``; it is not changed itself.
+        measured: the readings by name, in the order of the columns of B and D.
+        reference: one that stands still, see `HeldReference`; None for none.
+        t: time of all updates, s.
+
+    Raises:
+        MemoryNameError: if ``memory`` names something that is not a number or an array.
+    """
+    mine: Any = deepcopy(controller)
+    if hasattr(mine, "_ignore_rate_limit"):
+        mine._ignore_rate_limit()
+    mine.reset()
+    sizes = [np.shape(value) for value in measured.values()]
+    ends = np.cumsum([0, *(int(np.prod(size)) for size in sizes)])
+
+    def respond(memory: FloatArray, readings: FloatArray) -> FloatArray:
+        kept.write(memory)
+        values = {
+            name: readings[start:end].reshape(size)
+            for name, start, end, size in zip(measured, ends, ends[1:], sizes, strict=False)
+        }
+        torque = np.asarray(mine.update(t, Measurement(**values), reference), dtype=np.float64)
+        return np.concatenate([kept.read(), torque])
+
+    readings = np.concatenate([np.zeros(0), *(np.ravel(value) for value in measured.values())])
+    mine.update(t, Measurement(**{k: np.array(v) for k, v in measured.items()}), reference)
+    kept = _Memory(mine)
+    start = kept.read()
+    n = start.size
+    whole = np.concatenate([start, readings])
+    steps = _STEP * np.maximum(1.0, np.abs(whole))
+    columns = []
+    for k, step in enumerate(steps):
+        more, less = whole.copy(), whole.copy()
+        more[k] += step
+        less[k] -= step
+        rise = respond(more[:n], more[n:]) - respond(less[:n], less[n:])
+        columns.append(rise / (2.0 * step))
+    slope = np.array(columns).T
+    return LinearController(slope[:n, :n], slope[:n, n:], slope[n:, :n], slope[n:, n:])
+
+
+class _Memory:
+    """The numbers that a controller keeps from one sample to the next, as one vector."""
+
+    def __init__(self, controller: Any) -> None:
+        self._places = []
+        for path in memory_of(controller) or ():
+            *owners, name = path.split(".")
+            try:
+                owner = reduce(getattr, owners, controller)
+                value = getattr(owner, name)
+            except AttributeError:
+                hint = f"There is no attribute {path!r} after the first update."
+                rule = "name attributes of the controller"
+                raise MemoryNameError(_problem(controller, rule, shown(path), hint)) from None
+            if value is None:  # not in use
+                continue
+            if np.asarray(value).dtype.kind not in "iuf":
+                rule = f"name numbers and arrays, which {path!r} is not"
+                raise MemoryNameError(_problem(controller, rule, shown(value)))
+            self._places.append((owner, name, np.shape(value)))
+
+    def read(self) -> FloatArray:
+        """Return the numbers (n,)."""
+        values = [np.ravel(getattr(owner, name)) for owner, name, _ in self._places]
+        return np.concatenate([np.zeros(0), *values])
+
+    def write(self, numbers: FloatArray) -> None:
+        """Put the numbers (n,) into the controller."""
+        start = 0
+        for owner, name, shape in self._places:
+            end = start + int(np.prod(shape))
+            value = numbers[start:end].reshape(shape).copy()
+            setattr(owner, name, value if shape else float(value))
+            start = end

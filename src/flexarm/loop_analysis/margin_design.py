@@ -1,0 +1,75 @@
+"""A search for a linear controller whose loop keeps a margin around several arms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_kind
+from flexarm.arm import Arm
+from flexarm.control.base import Controller
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.loop_analysis.margins import loop_margins, named_arms
+
+C = TypeVar("C", bound=Controller)
+
+#: Rigidity uncertainty and recovery, from the one that costs least performance on.
+_TRIED = tuple(
+    (unsure, recovery) for unsure in (0.0, 0.1, 0.3, 0.6, 1.0) for recovery in (0.0, 0.3, 1.0, 3.0)
+)
+
+
+def for_margin(
+    kind: type[C],
+    arm: Arm,
+    posture: ArrayLike | None,
+    plants: Arm | Sequence[Arm] | Mapping[str, Arm],
+    disk_margin: float,
+    postures: ArrayLike | None,
+    options: dict[str, Any],
+) -> C:
+    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``.
+
+    Raises:
+        InputError: if none has it, an argument is wrong, or one that is searched for is given.
+    """
+    where = f"{kind.__name__}.for_margin"
+    wanted = float(check_array(where, "disk_margin", disk_margin, ()))
+    if not 0.0 < wanted < 2.0:
+        rule = "be greater than 0 and less than 2"
+        raise InputError(Problem(where, "disk_margin", rule, shown(disk_margin)))
+    for name in ("rigidity_uncertainty", "recovery"):
+        if name in options:
+            raise InputError(Problem(where, name, "be left out: it is searched for", "given"))
+    arms = [check_kind(where, "arm", arm, Arm), *named_arms(where, plants).values()]
+    make: Any = kind
+    best, found = -1.0, (0.0, 0.0)
+    for unsure, recovery in _TRIED:
+        made: C = make(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
+        margin = _least(made, arms, postures, best)
+        if margin >= wanted:
+            return made
+        if margin > best:
+            best, found = margin, (unsure, recovery)
+    hint = (
+        f"Best with rigidity_uncertainty={found[0]:g} and recovery={found[1]:g}. Accept larger "
+        "deviations or less torque, or add gauges."
+    )
+    rule = "be within reach of the design"
+    raise InputError(
+        Problem(where, "disk_margin", rule, f"{wanted:g}, and the best found is {best:.3g}", hint)
+    )
+
+
+def _least(
+    controller: Controller, arms: Sequence[Arm], postures: ArrayLike | None, enough: float
+) -> float:
+    """Return the least disk margin around arms, or a bound of it that is not above ``enough``."""
+    least = 2.0
+    for arm in arms:
+        least = min(least, float(loop_margins(controller, arm, postures).disk_margin.min()))
+        if least <= enough:
+            break
+    return least

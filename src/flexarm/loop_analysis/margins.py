@@ -1,0 +1,325 @@
+"""Margins of a sampled loop: how much gain, phase and delay it stands at each motor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
+from flexarm.arm import Arm
+from flexarm.bending import one_warning, warn_of_first
+from flexarm.contacts import Contact
+from flexarm.control.base import (
+    Controller,
+    Reference,
+    check_reference,
+    controller_problem,
+    needs_of,
+)
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.hardware.hardware import Hardware
+from flexarm.hardware.instruments import Instrument
+from flexarm.hardware.measurement import FloatArray
+from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.loop_analysis.linear_controller import HeldReference, memory_of
+from flexarm.loop_analysis.plant_model import instruments_of, loop_of, model_at, signals_of, sliding
+from flexarm.loop_analysis.sampled_loop import ComplexArray, SampledLoop
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Frequencies from the lowest one to the Nyquist frequency, and around each pole.
+_FREQUENCIES, _AROUND = 300, 15
+#: The lowest frequency, in parts of the Nyquist frequency.
+_LOWEST = 1e-6
+_HALVINGS = 40
+#: Growth (1/s) of an integrator that nothing reads is zero but for rounding.
+_MARGINAL = 1e-4
+#: A factor on the gain below this is zero but for rounding: the loop may be opened.
+_SMALLEST = 1e-6
+_WHERE = "loop_margins"
+
+#: Name, unit, meaning, and how the worst of many is found.
+_MARGINS: tuple[tuple[str, str, str, Callable[..., Any]], ...] = (
+    ("gain_margin", "1", "largest factor on the loop gain", np.min),
+    ("gain_reduction_margin", "1", "smallest factor on the loop gain", np.max),
+    ("phase_margin", "rad", "phase margin", np.min),
+    ("delay_margin", "s", "delay margin", np.min),
+    ("disk_margin", "1", "symmetric disk margin", np.min),
+)
+
+
+def loop_at(
+    controller: Controller,
+    plant: Arm | None,
+    posture: ArrayLike,
+    hardware: Hardware | None = None,
+    contacts: Sequence[Contact] = (),
+    reference: Reference | None = None,
+    t: float = 0.0,
+) -> SampledLoop:
+    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
+
+    Args:
+        controller: one that declares its ``memory``.
+        plant: None for the arm that the controller believes in.
+        reference: what is held there, as it is at time t (s); None to stay.
+
+    Raises:
+        InputError: if a signal is not on the arm.
+        EquilibriumError: if the arm has no rest there.
+    """
+    own = getattr(controller, "arm", None)
+    own = own if isinstance(own, Arm) else None
+    arm = plant if plant is not None else own
+    assert isinstance(arm, Arm)
+    still = HeldReference(reference, t) if reference is not None else None
+    instruments = instruments_of(arm, hardware, len(contacts))
+    if hardware is None or hardware.instruments is None:
+        names = [item.signal for item in instruments]
+        more = [name for name in needs_of(controller, arm, still).measured if name not in names]
+        instruments += [Instrument(name) for name in more if name in CHANNEL_OUTPUTS]
+    signals = signals_of(instruments)
+    rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
+    model = model_at(arm, posture, signals, contacts)
+    believed = None
+    if mine_of is not arm:
+        believed = model_at(mine_of, posture, signals, contacts)
+    stay = getattr(controller, "at_rest", None)
+    mine = stay() if callable(stay) else controller
+    return loop_of(mine, model, instruments, hardware, still, t, believed, rate)
+
+
+def loop_margins(
+    controller: Controller,
+    plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None = None,
+    postures: ArrayLike | None = None,
+    *,
+    hardware: Hardware | None = None,
+    contacts: Sequence[Contact] = (),
+    reference: Reference | None = None,
+) -> xr.Dataset:
+    """Return gain, phase, delay and disk margins of a sampled loop, at one motor at a time.
+
+    The loop is linearised about the arm at rest and opened at the torque of one joint while the
+    others stay closed. Sampling, the hold, delays and filters are exact. Joints have viscous
+    friction only: near rest, dry friction would count as a damper that moving joints do not have.
+
+    Args:
+        controller: a controller that declares its ``memory``; all built-in ones do but
+            `EstimatorController` and `RBFAdaptive`.
+        plants: arms to put the controller on, listed or by name; None for the one it was designed
+            for.
+        postures: (joints,) or (k, joints) rad; None for those that the controller was designed in,
+            else all zeros. With a ``reference``: times (k,) s of it instead, by default its
+            beginning.
+        hardware: instruments and motors; None for exact ones.
+        contacts: surfaces; those that the arm touches at rest belong to the loop, without friction.
+        reference: motion that presses (`pressed_motion`), for the force controllers.
+
+    Returns:
+        Dataset over ``plant``, ``posture`` and ``joint``: ``gain_margin`` and
+        ``gain_reduction_margin`` (the largest and the smallest factor on the torque at which the
+        loop stays stable), ``phase_margin`` (rad), ``delay_margin`` (s) and ``disk_margin`` alpha
+        = 2 / max|S - T|, which allows gain and phase to change together: at least factors
+        (2 + alpha) / (2 - alpha) and its inverse, and 2 arctan(alpha / 2) rad. ``worst_...`` over
+        ``joint`` is the worst case over plants and postures; ``growth`` (plant, posture), 1/s, the
+        largest real part of the poles. Of an unstable loop gain margins are 1, the others 0.
+
+    Raises:
+        InputError: if the controller does not declare its memory, an instrument has frames of its
+            own, or an argument has the wrong shape.
+        EquilibriumError: if an arm has no rest in a posture.
+
+    Warns:
+        LargeDeflectionWarning: a link of an arm bends too far at rest, once for all of them.
+
+    Seiler, Packard and Gahinet 2020 for the disk margin.
+    """
+    import xarray as xr
+
+    if hardware is not None:
+        check_kind(_WHERE, "hardware", hardware, Hardware)
+    contacts = check_list_of(_WHERE, "contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(_WHERE, reference)
+    arms = _plants(controller, plants)
+    places = _places(controller, next(iter(arms.values())), postures, reference)
+    names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
+    found = {name: np.zeros(shape) for name, *_ in _MARGINS}
+    growth = np.zeros(shape[:2])
+    bent: list[str] = []
+    bare = [replace(contact, friction=0.0) for contact in contacts]
+    for i, arm in enumerate(arms.values()):
+        for k, (t, posture) in enumerate(places):
+            with one_warning() as kept:
+                loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
+            bent += kept
+            if len(loop.plant.A) > 1:
+                rule = "have no instruments with a sample_time of their own"
+                raise InputError(Problem(_WHERE, "hardware", rule, "one with such"))
+            growth[i, k] = loop.poles()[0].real
+            margins = _margins_of(loop, bool(growth[i, k] < _MARGINAL))
+            for (name, *_), value in zip(_MARGINS, margins, strict=True):
+                found[name][i, k] = value
+    warn_of_first(bent)
+    first = next(iter(arms.values()))
+    table = xr.Dataset(coords={"plant": names, "joint": list(first.joint_numbers)})
+    angles = np.array([posture for _, posture in places])
+    table["posture_angle"] = (("posture", "joint"), angles, {"units": "rad"})
+    for name, unit, meaning, worst in _MARGINS:
+        labels = {"units": unit, "long_name": meaning}
+        table[name] = (("plant", "posture", "joint"), found[name], labels)
+        labels = {"units": unit, "long_name": f"{meaning}, worst case"}
+        table[f"worst_{name}"] = ("joint", worst(found[name], axis=(0, 1)), labels)
+    labels = {"units": "1/s", "long_name": "largest real part of the poles"}
+    table["growth"] = (("plant", "posture"), growth, labels)
+    return table
+
+
+def _plants(
+    controller: Controller, plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None
+) -> dict[str, Arm]:
+    """Return the arms by name; what is wrong with them or the controller is refused."""
+    problem = controller_problem(_WHERE, "controller", controller)
+    if problem is not None:
+        raise InputError(problem)
+    if memory_of(controller) is None:
+        rule = "declare its memory, the names of what it keeps between samples"
+        raise InputError(Problem(_WHERE, "controller", rule, type(controller).__name__))
+    own = getattr(controller, "arm", None)
+    if plants is None and not isinstance(own, Arm):
+        rule = "be given with a controller that has no arm of its own"
+        raise InputError(Problem(_WHERE, "plants", rule, "nothing"))
+    named = named_arms(_WHERE, own if plants is None else plants)
+    joints = [arm.joints for arm in named.values()]
+    if len(set(joints)) > 1:
+        rule = "be arms with the same number of joints"
+        raise InputError(Problem(_WHERE, "plants", rule, shown(plants)))
+    if isinstance(own, Arm) and own.joints != joints[0]:
+        rule = f"have the {own.joints} joints of the controller's arm"
+        raise InputError(Problem(_WHERE, "plants", rule, shown(joints[0])))
+    for name, arm in named.items():
+        needs = needs_of(controller, arm, None)
+        if "strain" in needs.measured and needs.gauges not in (None, len(arm.gauges)):
+            rule = f"have the {needs.gauges} gauges that {type(controller).__name__} reads"
+            raise InputError(Problem(_WHERE, "plants", rule, f"{name} with {len(arm.gauges)}"))
+    return named
+
+
+def named_arms(where: str, plants: object) -> dict[str, Arm]:
+    """Return arms by name; those without are numbered from 1.
+
+    Raises:
+        InputError: they are not one arm or more.
+    """
+    if isinstance(plants, Mapping):
+        named = {str(name): arm for name, arm in plants.items()}
+    else:
+        listed = [plants] if isinstance(plants, Arm) else as_list(plants) or []
+        named = {str(k): arm for k, arm in enumerate(listed, start=1)}
+    if not named or not all(isinstance(arm, Arm) for arm in named.values()):
+        rule = "be an Arm, or several, listed or by name"
+        raise InputError(Problem(where, "plants", rule, shown(plants)))
+    return named
+
+
+def _places(
+    controller: Controller, arm: Arm, postures: ArrayLike | None, reference: Reference | None
+) -> list[tuple[float, FloatArray]]:
+    """Return times (s) of the reference and postures (joints,) to linearise at."""
+    if reference is not None:
+        given = getattr(reference, "start_time", 0.0) if postures is None else postures
+        times = np.atleast_1d(check_each(_WHERE, "postures", given))
+        if not times.size:
+            raise InputError(Problem(_WHERE, "postures", "hold one time at least", "empty"))
+        return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
+    if postures is None:
+        designs = getattr(controller, "designs", ())
+        listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
+        return [(0.0, posture) for posture in listed]
+    angles = check_numbers(_WHERE, "postures", postures, "be numbers of shape (any, joints)")
+    angles = angles[None] if angles.ndim == 1 else angles
+    checked = check_array(_WHERE, "postures", angles, (-1, arm.joints))
+    if not len(checked):
+        raise InputError(Problem(_WHERE, "postures", "hold one posture at least", "empty"))
+    return [(0.0, posture) for posture in checked]
+
+
+def _margins_of(loop: SampledLoop, stable: bool) -> list[FloatArray]:
+    """Return the margins (joints,) in the order of ``_MARGINS``."""
+    joints = loop.plant.B.shape[1]
+    if not stable:
+        return [np.ones(joints), np.ones(joints), *np.zeros((3, joints))]
+    angles = _grid(loop)
+    S = np.diagonal(_at(loop, angles), axis1=1, axis2=2)
+    every = [_of_joint(loop, k, angles, S[:, k]) for k in range(joints)]
+    return [np.array(column) for column in zip(*every, strict=True)]
+
+
+def _at(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
+    return loop.sensitivity(np.exp(1j * angles))
+
+
+def _of_joint(
+    loop: SampledLoop, joint: int, angles: FloatArray, S: ComplexArray
+) -> tuple[float, float, float, float, float]:
+    """Return the margins of the loop that is opened at one joint."""
+
+    def returned(at: FloatArray) -> ComplexArray:
+        now: ComplexArray = 1.0 / _at(loop, at)[:, joint, joint] - 1.0
+        return now
+
+    L = 1.0 / S - 1.0
+    turned = _crossings(angles, L.imag, lambda at: returned(at).imag)
+    real = np.append(returned(turned).real if turned.size else np.zeros(0), L[[0, -1]].real)
+    real[-2] = real[-2] if abs(L[0].imag) < 1e-3 * abs(L[0].real) else 0.0
+    factors = -1.0 / real[real < 0.0]
+    more, less = factors[factors > 1.0], factors[(factors < 1.0) & (factors > _SMALLEST)]
+    at = _crossings(angles, np.abs(L) - 1.0, lambda at: np.abs(returned(at)) - 1.0)
+    phase = np.angle(-returned(at)) if at.size else np.zeros(0)
+    lag = np.where(phase > 0.0, phase, phase + 2.0 * np.pi)
+    return (
+        float(more.min(initial=np.inf)),
+        float(less.max(initial=0.0)),
+        float(np.abs(phase).min(initial=np.pi)),
+        float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * loop.sample_time,
+        2.0 / _largest(loop, joint, angles, np.abs(2.0 * S - 1.0)),
+    )
+
+
+def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray) -> float:
+    """Return the largest |S - T|, looked for once more between the neighbours of the largest."""
+    k = int(np.argmax(size))
+    between = np.linspace(angles[max(k - 1, 0)], angles[min(k + 1, len(angles) - 1)], 101)
+    closer = np.abs(2.0 * _at(loop, between)[:, joint, joint] - 1.0)
+    return float(max(size[k], closer.max()))
+
+
+def _crossings(
+    at: FloatArray, values: FloatArray, function: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """Return where a function changes sign between the places ``at``, by bisection."""
+    rising = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    low, high, sign = at[rising], at[rising + 1], np.sign(values[rising])
+    for _ in range(_HALVINGS if rising.size else 0):
+        middle = 0.5 * (low + high)
+        before = function(middle) * sign > 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return 0.5 * (low + high)
+
+
+def _grid(loop: SampledLoop) -> FloatArray:
+    """Return frequencies (f,) in rad per sample: everywhere, and densely around every pole."""
+    everywhere = np.pi * np.geomspace(_LOWEST, 1.0, _FREQUENCIES)
+    z = np.concatenate([loop.multipliers(), np.linalg.eigvals(loop.plant.A[0])])
+    pole = np.log(z[(np.abs(z) > 1e-3) & (z.imag >= 0.0)])
+    width = np.maximum(np.abs(pole.real), 1e-7)
+    spread = np.tan(np.linspace(-1.5, 1.5, _AROUND))
+    near = (np.abs(pole.imag)[:, None] + width[:, None] * spread).ravel()
+    near = near[(near > everywhere[0]) & (near < np.pi)]
+    return np.unique(np.concatenate([everywhere, near]))

@@ -1,0 +1,197 @@
+"""The linear arm in a loop: about a posture, with a reading of every signal that is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.contacts import Contact
+from flexarm.control.base import Controller, Reference
+from flexarm.hardware.hardware import Hardware
+from flexarm.hardware.instruments import Instrument
+from flexarm.hardware.measurement import FloatArray
+from flexarm.linear.equilibrium import equilibrium
+from flexarm.linear.linearize import linearize
+from flexarm.linear.signals import OutputName, Sensor
+from flexarm.loop_analysis.linear_controller import (
+    HeldReference,
+    LinearController,
+    linear_controller,
+)
+from flexarm.loop_analysis.sampled_loop import SampledLoop
+from flexarm.loop_analysis.sampled_plant import Reading, sampled_plant
+from flexarm.model import Friction
+
+#: Factors on the rate and weights of a mean without terms of first to third order.
+_RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 6.0))
+
+
+class Signal(NamedTuple):
+    """A signal of a linear arm: value + C x + D (acting torque)."""
+
+    value: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+
+class PlantModel(NamedTuple):
+    """Small deviations x of (q, qd): x' = A x + B (acting torque), and the signals measured."""
+
+    A: FloatArray
+    B: FloatArray
+    signals: dict[OutputName, Signal]
+
+
+class Sliding(NamedTuple):
+    """What a loop is analysed about in place of joints that stick.
+
+    At zero rate regularised dry friction is a viscous damper a hundred times its own size, which
+    no moving joint has. So the arms have none of it, and a controller that compensates friction is
+    linearised at joint rates where that does not change any more.
+
+    Attributes:
+        rate: joint rate (rad/s) to linearise the controller at, zero unless it knows friction.
+        arms: as given, without Coulomb and static friction.
+    """
+
+    rate: float
+    arms: tuple[Arm, ...]
+
+
+def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
+    """Take dry friction out of a loop, except for a controller that needs a reference for that."""
+    believed, inner = [], controller
+    while inner is not None:
+        believed.append(getattr(inner, "arm", None))
+        inner = getattr(inner, "inner", None)
+    rate = max([0.0, *(_sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
+    if rate > 0.0 and reference is None:
+        return Sliding(0.0, arms)
+    free = {id(arm): _without_dry_friction(arm) for arm in arms}
+    return Sliding(rate, tuple(free[id(arm)] for arm in arms))
+
+
+def _sliding_rate(arm: Arm) -> float:
+    """Return a rate (rad/s) above which dry friction is constant to 1e-7, zero without any."""
+    every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
+    rates = [(10.0 * one.smoothing_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
+    return max((max(pair) for pair in rates), default=0.0)
+
+
+def _is_dry(friction: Friction) -> bool:
+    return friction.coulomb > 0.0 or bool(friction.static)
+
+
+def _without_dry_friction(arm: Arm) -> Arm:
+    """Return an arm whose joints have viscous friction only; the same one if that is so."""
+    if not _sliding_rate(arm):
+        return arm
+    joints = [
+        joint.replace(friction=joint.friction.replace(coulomb=0.0, static=None))
+        if joint.friction is not None
+        else joint
+        for joint in arm.spec.joints
+    ]
+    return Arm(arm.spec.replace(joints=joints))
+
+
+def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:
+    """Return the instruments of a run: those of the hardware, or the exact ones without it."""
+    if hardware is not None and hardware.instruments is not None:
+        return list(hardware.instruments)
+    names = ["joint_angle", "joint_rate"]
+    names += ["strain"] * bool(arm.gauges) + ["contact_force"] * (contacts > 0)
+    return [Instrument(name) for name in names]
+
+
+def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
+    """Return the signals of instruments, each once."""
+    return list(dict.fromkeys(item.signal for item in instruments))
+
+
+def model_at(
+    arm: Arm,
+    posture: ArrayLike,
+    signals: Sequence[OutputName],
+    contacts: Sequence[Contact] = (),
+) -> PlantModel:
+    """Linearise an arm at rest in a posture (joints,) rad.
+
+    Raises:
+        InputError: if a signal is not on the arm.
+        EquilibriumError: if the arm has no rest there.
+    """
+    rest = equilibrium(arm, posture, contacts=contacts)
+    model = linearize(arm, rest, outputs=signals)
+    found: dict[OutputName, Signal] = {}
+    for signal in signals:
+        names = signal.labels() if isinstance(signal, Sensor) else [signal]
+        rows = [
+            k
+            for k, label in enumerate(model.outputs)
+            if any(label == name or label.startswith(f"{name}[") for name in names)
+        ]
+        found[signal] = Signal(model.output[rows], model.C[rows], model.D[rows])
+    return PlantModel(model.A, model.B, found)
+
+
+def loop_of(
+    controller: Controller,
+    model: PlantModel,
+    instruments: Sequence[Instrument],
+    hardware: Hardware | None,
+    reference: Reference | None = None,
+    t: float = 0.0,
+    believed: PlantModel | None = None,
+    rate: float = 0.0,
+) -> SampledLoop:
+    """Close the loop of a controller that declares its memory around a linear arm.
+
+    The controller is linearised about the readings of the model that it believes in, by default
+    the same, and about the force that the ``reference`` requests: errors are zero there, and no
+    limit of torques or integrals is reached.
+
+    Args:
+        rate: of all joints (rad/s), see `Sliding`. Slopes of Coriolis and centrifugal torques,
+            proportional to the rate and its square, cancel in a mean over several rates.
+    """
+    about = model if believed is None else believed
+    measured: dict[str, FloatArray] = {}
+    for item in instruments:
+        value = about.signals[item.signal].value
+        if item.signal == "contact_force":
+            value = value.reshape(-1, 2).copy()
+            asked: Any = reference
+            if hasattr(asked, "contact_force"):
+                value[0] = asked.contact_force(t) * asked.normal(t)
+        labels = item.labels
+        measured[labels[0]] = value
+        if len(labels) > 1:
+            measured[labels[1]] = np.zeros_like(value)
+    motors = hardware.motors if hardware is not None else None
+    readings = [
+        Reading(item, model.signals[item.signal].C, model.signals[item.signal].D)
+        for item in instruments
+    ]
+    plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)
+    if rate == 0.0 or reference is None:
+        return SampledLoop(plant, linear_controller(controller, measured, reference, t))
+    turning = {item.labels[-1] for item in instruments if _is_rate(item)}
+    terms = []
+    for factor, weight in _RATES:
+        now = {k: v + factor * rate if k in turning else v for k, v in measured.items()}
+        moving = HeldReference(reference, t, factor * rate)
+        slopes = linear_controller(controller, now, moving, t)
+        terms.append([weight * slope for slope in slopes])
+    mean = LinearController(*(np.sum(slope, axis=0) for slope in zip(*terms, strict=True)))
+    return SampledLoop(plant, mean)
+
+
+def _is_rate(item: Instrument) -> bool:
+    """Tell whether the last reading of an instrument is of joint rates."""
+    filtered = item.signal == "joint_angle" and len(item.labels) > 1
+    return filtered or item.signal == "joint_rate"

@@ -1,0 +1,80 @@
+"""The sampled loop of a linear controller and a linear arm: its poles and its response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.hardware.measurement import FloatArray
+from flexarm.loop_analysis.linear_controller import LinearController
+from flexarm.loop_analysis.sampled_plant import SampledPlant
+
+ComplexArray = NDArray[Any]
+#: A multiplier below this is zero but for rounding.
+_NONE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLoop:
+    """A controller around an arm, its motors and its instruments, all linear.
+
+    Attributes:
+        plant, controller: the two parts. The measurement of the plant is that of the controller.
+    """
+
+    plant: SampledPlant
+    controller: LinearController
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples, s."""
+        return self.plant.sample_time
+
+    def matrices(self) -> list[FloatArray]:
+        """Return the maps of (plant, controller) over each sample of a period."""
+        A, B, C, D = self.controller
+        P, push = self.plant.A, self.plant.B
+        return [
+            np.block([[now + push @ D @ seen, push @ C], [B @ seen, A]])
+            for now, seen in zip(P, self.plant.C, strict=True)
+        ]
+
+    def multipliers(self) -> ComplexArray:
+        """Return the eigenvalues (k,) of the loop over one sample, largest magnitude first."""
+        maps = self.matrices()
+        z = np.linalg.eigvals(reduce(lambda done, now: now @ done, maps)).astype(complex)
+        z = z ** (1.0 / len(maps))
+        found: ComplexArray = z[np.argsort(-np.abs(z))]
+        return found
+
+    def poles(self) -> ComplexArray:
+        """Return the poles (k,), 1/s, slowest decay first: ``log(z) / sample_time``."""
+        z = self.multipliers()
+        # Multipliers of zero are of numbers that no later sample uses: they have no pole.
+        poles: ComplexArray = np.log(z[np.abs(z) > _NONE]) / self.sample_time
+        return poles
+
+    def sensitivity(self, z: ComplexArray) -> ComplexArray:
+        """Return the input sensitivity (f, joints, joints) at points z (f,) of the plane.
+
+        It is that of the torque that acts to one that is added to it. The instruments have no
+        frames of their own.
+        """
+        A, B, C, D = self.controller
+        plant = _response(self.plant.A[0], self.plant.B, self.plant.C[0], z)
+        loop = -(_response(A, B, C, z) + D) @ plant
+        found: ComplexArray = np.linalg.inv(np.eye(len(D)) + loop)
+        return found
+
+
+def _response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> ComplexArray:
+    """C (z - A)^-1 B at points z (f,)."""
+    if not len(A):
+        return np.zeros((len(z), len(C), B.shape[1]), dtype=complex)
+    shifted = z[:, None, None] * np.eye(len(A)) - A
+    response: ComplexArray = C @ np.linalg.solve(shifted, B.astype(complex))
+    return response

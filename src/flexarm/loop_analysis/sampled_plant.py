@@ -1,0 +1,148 @@
+"""A linear arm between its motors and instruments, from one sample time to the next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.control_design.linear_design import held
+from flexarm.errors import InputError, Problem
+from flexarm.hardware.hardware import Motors
+from flexarm.hardware.instruments import Instrument, filter_of, ticks_of
+from flexarm.hardware.measurement import FloatArray
+
+#: Numbers of the state, and samples after which all instruments repeat, that are analysed at most.
+_MOST_STATES, _MOST_SAMPLES = 1000, 300
+
+#: How much a delay may miss a whole number of samples by: rounding of decimal fractions.
+_GRID = 1e-9
+
+
+class Reading(NamedTuple):
+    """One instrument, and its exact reading of the linear model: C x + D (acting torque)."""
+
+    instrument: Instrument
+    C: FloatArray
+    D: FloatArray
+
+
+class SampledPlant(NamedTuple):
+    """X+ = A X + B u, y = C X at each sample, u the torque of the controller.
+
+    The state X is that of the arm, then of the motors, then of the instruments. Matrices of more
+    than one sample follow each other periodically where instruments have frames of their own.
+    """
+
+    A: list[FloatArray]
+    B: FloatArray
+    C: list[FloatArray]
+    sample_time: float
+
+
+def sampled_plant(
+    A: FloatArray,
+    B: FloatArray,
+    readings: Sequence[Reading],
+    motors: Motors | None,
+    sample_time: float,
+) -> SampledPlant:
+    """Sample a linear arm x' = A x + B (acting torque) exactly, with its hardware.
+
+    Delays, the motors' lag, the frames of instruments and their filtered rates count; what is not
+    linear (limits, resolution) and noise do not.
+
+    Raises:
+        InputError: if frames repeat too late, or delays need too many states.
+    """
+    motors = motors or Motors()
+    m, lag = B.shape[1], motors.time_constant
+    if lag > 0.0:  # the acting torque is a state and follows its target
+        rows = np.hstack([np.zeros((m, len(A))), -np.eye(m) / lag])
+        A, B = np.vstack([np.hstack([A, B]), rows]), np.vstack([np.zeros_like(B), np.eye(m) / lag])
+    late, part = _delay(motors.delay, sample_time)
+    before, push_before = held(A, B, part * sample_time)
+    after, push_after = held(A, B, (1.0 - part) * sample_time)
+    past = late + 1  # torques requested before this sample
+    slots = [_slots(reading, sample_time) for reading in readings]
+    n = len(A)
+    starts = n + m * past + np.cumsum([0, *(count * width for count, width in slots)])
+    size = int(starts[-1])
+    period = math.lcm(*(ticks_of(item.instrument, sample_time)[0] for item in readings))
+    if size > _MOST_STATES or period > _MOST_SAMPLES:
+        rule = f"repeat within {_MOST_SAMPLES} samples and have up to {_MOST_STATES} states"
+        value = f"of {period} samples and {size} states with these frames and delays"
+        raise InputError(Problem("loop analysis", "the sampled plant", rule, value))
+    # Row j holds the torque requested j samples ago; that of this sample is the input.
+    asked = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
+    step, push = np.zeros((size, size)), np.zeros((size, m))
+    step[:n, :n] = after @ before
+    step[:n] += after @ push_before @ asked[late + 1] + push_after @ asked[late]
+    if late == 0:
+        push[:n] = push_after
+    push[n : n + m] = np.eye(m)
+    for j in range(1, past):
+        step[n + m * j : n + m * (j + 1)] = asked[j]
+    acting = _places(m, n - m, size) if lag > 0.0 else asked[late + 1]
+    steps, outputs = [], []
+    for k in range(period):
+        now, shown = step.copy(), []
+        for reading, start, (count, width) in zip(readings, starts, slots, strict=False):
+            exact = reading.D @ acting
+            exact[:, : reading.C.shape[1]] += reading.C
+            shown.append(_read(reading, exact, now, int(start), count, width, k, sample_time))
+        steps.append(now)
+        outputs.append(np.vstack(shown) if shown else np.zeros((0, size)))
+    return SampledPlant(steps, push, outputs, sample_time)
+
+
+def _delay(delay: float, sample_time: float) -> tuple[int, float]:
+    """Return whole samples of a delay, and the part of a sample beyond them."""
+    late = math.floor(delay / sample_time + _GRID)
+    part = delay / sample_time - late
+    return late, part if part > _GRID else 0.0
+
+
+def _places(count: int, start: int, size: int) -> FloatArray:
+    """Rows that take ``count`` numbers of a state out of it."""
+    return np.eye(size)[start : start + count]
+
+
+def _slots(reading: Reading, sample_time: float) -> tuple[int, int]:
+    """Return how many earlier frames an instrument keeps, and the numbers of each."""
+    every, late = ticks_of(reading.instrument, sample_time)
+    filtered = reading.instrument.rate_cutoff is not None
+    count = max(late, 1) if filtered or every > 1 else late
+    return count, len(reading.C) * (1 + filtered)
+
+
+def _read(
+    reading: Reading,
+    exact: FloatArray,
+    step: FloatArray,
+    start: int,
+    count: int,
+    width: int,
+    tick: int,
+    sample_time: float,
+) -> FloatArray:
+    """Return what the controller reads, as rows over the state; write the memory into ``step``."""
+    every, late = ticks_of(reading.instrument, sample_time)
+    p, size = len(exact), exact.shape[1]
+    if tick % every:  # no frame: the last one stands
+        frame = _places(width, start, size)
+    elif reading.instrument.rate_cutoff is None:
+        frame = exact
+    else:
+        forget, per_change = filter_of(reading.instrument.rate_cutoff, every * sample_time)
+        last, rate = _places(p, start, size), _places(p, start + p, size)
+        frame = np.vstack([exact, forget * rate + per_change * (exact - last)])
+    if count:
+        step[start : start + width] = frame
+        for j in range(1, count):
+            step[start + j * width : start + (j + 1) * width] = _places(
+                width, start + (j - 1) * width, size
+            )
+    return frame if late == 0 else _places(width, start + (late - 1) * width, size)

@@ -1,0 +1,93 @@
+"""The controller that a drive of a file describes: its keys are the arguments of the class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import Parameter, signature
+from typing import Any
+
+from flexarm.arm import Arm
+from flexarm.control.base import Controller
+from flexarm.controllers import CONTROLLERS
+from flexarm.errors import InputError, Problem
+from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.hardware.hardware import Hardware
+from flexarm.model.drives import ControllerDrive, FilterSpec
+from flexarm.motion import Motion
+from flexarm.scenarios.file_errors import told_inside
+from flexarm.scenarios.hardware import instruments_of
+from flexarm.scenarios.initial_state import Start, feedforward
+
+
+@dataclass(frozen=True, eq=False)
+class Around:
+    """What the keys of a drive refer to.
+
+    Attributes:
+        arm: that controllers believe in. motion: of rigid links, or None. start: of the run.
+        hardware: of the scenario, or None.
+    """
+
+    arm: Arm
+    motion: Motion | None
+    start: Start
+    hardware: Hardware | None
+
+
+def controller_of(drive: ControllerDrive, around: Around) -> Controller:
+    """Make the controller that a drive describes.
+
+    Raises:
+        InputError: a value does not fit the arm; problems are named by the keys of the drive.
+    """
+    given: dict[str, Any] = {}
+    for name in type(drive).model_fields:
+        value = getattr(drive, name)
+        if name == "kind" or value is None:  # the class's own default
+            continue
+        make = _MADE.get(name)
+        given |= {name: value} if make is None else make(value, around)
+    kind: Any = CONTROLLERS[drive.kind]  # type: ignore[attr-defined]
+    needed = signature(kind).parameters.get("arm")
+    if needed is not None and needed.default is Parameter.empty:
+        given["arm"] = around.arm
+    made: Controller = kind(**given)
+    return made
+
+
+def _feedforward(asked: str, around: Around) -> dict[str, Any]:
+    motion = around.motion if asked == "rigid_inverse_dynamics" else None
+    return {"feedforward": feedforward(around.arm, motion, around.start)}
+
+
+def _gravity(asked: str, around: Around) -> dict[str, Any]:
+    return {"arm": None if asked == "none" else around.arm, "sag": asked == "sag"}
+
+
+def _inner(drive: ControllerDrive, around: Around) -> dict[str, Any]:
+    with told_inside("inner"):
+        return {"inner": controller_of(drive, around)}
+
+
+def _estimator(spec: FilterSpec, around: Around) -> dict[str, Any]:
+    if spec.instruments is not None:
+        instruments = instruments_of(spec.instruments)
+    else:
+        instruments = list((around.hardware and around.hardware.instruments) or ())
+    if not instruments:
+        rule = "be given where the hardware has none"
+        raise InputError(Problem("drive", "estimator.instruments", rule, "missing"))
+    names = ("torque_noise", "payload_deviation", "payload_drift", "rate_deviation")
+    options = {name: getattr(spec, name) for name in (*names, "energy_deviation")}
+    with told_inside("estimator"):
+        return {"estimator": ExtendedKalmanFilter(around.arm, instruments, **options)}
+
+
+#: Arguments of a class from the value of a key that is not the argument itself.
+_MADE: dict[str, Callable[[Any, Around], dict[str, Any]]] = {
+    "estimator": _estimator,
+    "feedforward": _feedforward,
+    "gravity": _gravity,
+    "inner": _inner,
+}

@@ -1,0 +1,111 @@
+"""Where a scenario starts: angles, prescribed joints, bent links, and what holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm import Arm
+from flexarm.bending import one_warning
+from flexarm.histories.prescribed import PrescribedAngle, constant
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import equilibrium
+from flexarm.linear.pressed import PressedMotion
+from flexarm.model import HeldJoint, Scenario, TabulatedJoint
+from flexarm.motion import Motion, RigidTorque, rigid_torque
+from flexarm.scenarios.environment import base_acceleration_at_start, contacts_of, loads_at_start
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """How a scenario starts.
+
+    Attributes:
+        q: (dof,) coordinates.
+        prescribed: motions of joints, by number from 1.
+        holding: (joints,) N m that hold the arm there and that the drive is to give too, or None.
+    """
+
+    q: FloatArray
+    prescribed: dict[int, PrescribedAngle | Motion]
+    holding: FloatArray | None = None
+
+
+def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None) -> Start:
+    """Find the start of a scenario; along a motion that presses, links start bent by the force.
+
+    Raises:
+        EquilibriumError: it is to be an equilibrium, and none was found.
+    """
+    asked = scenario.initial
+    angles = np.zeros(arm.joints)
+    if asked.joint_angle is not None:
+        angles = np.array(asked.joint_angle)
+    elif motion is not None:
+        angles = np.array(motion.joint_angle(0.0))
+    prescribed: dict[int, PrescribedAngle | Motion] = {}
+    numbers = arm.joint_numbers.tolist()
+    for spec in scenario.prescribed:
+        place = numbers.index(spec.joint)
+        own: PrescribedAngle | Motion
+        if isinstance(spec, TabulatedJoint):
+            own = PrescribedAngle.table(spec.times, spec.angles, spec.ends)
+            angles[place] = own.angle(0.0)
+        elif isinstance(spec, HeldJoint):
+            own = PrescribedAngle.hold(angles[place])
+        else:
+            assert isinstance(motion, Motion)  # refused otherwise when the file was read
+            own = motion
+            angles[place] = motion.joint_angle(0.0)[place]
+        prescribed[spec.joint] = own
+    if not asked.equilibrium:
+        chosen = asked.joint_angle is not None or prescribed
+        if isinstance(motion, PressedMotion) and not chosen:
+            return Start(motion.initial, prescribed)
+        return Start(arm.rest(angles), prescribed)
+    loads, base = loads_at_start(scenario), base_acceleration_at_start(scenario)
+    contacts = contacts_of(scenario)
+    with one_warning():  # the run reports its states, this one included
+        found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
+    return Start(found.q, prescribed, found.torque if asked.balance else None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Balanced:
+    """Rigid torques along a motion, and what the flexible arm takes besides to rest at its start.
+
+    Sagging links shift weight, and loads are nothing that rigid torques know of.
+    """
+
+    vectorized: ClassVar[bool] = True
+
+    rigid: RigidTorque
+    more: FloatArray  # (joints,)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.rigid.breaks
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        return self.rigid(t) + self.more
+
+
+def feedforward(arm: Arm, motion: Motion | None, start: Start) -> Callable[[Any], Any] | None:
+    """Return the torque of the rigid arm along a motion, balanced where the start asks for it.
+
+    Without a motion only the holding torque is left, or None.
+    """
+    holding = start.holding
+    if motion is None:
+        return None if holding is None else partial(constant, holding)
+    rigid = rigid_torque(arm, motion)
+    if holding is None:
+        return rigid
+    still = np.zeros(arm.joints)
+    known = rigid.twin.inverse_dynamics(motion.joint_angle(0.0), still, still)
+    return _Balanced(rigid, holding - known)

@@ -1,0 +1,98 @@
+"""The motion that a scenario asks for, as the object that Python users make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.control_design.input_shaping import shaped
+from flexarm.integrate.base import FloatArray
+from flexarm.linear.pressed import PressedMotion, pressed_motion
+from flexarm.model import LineMotionSpec, Scenario
+from flexarm.model.contacts import RoundWallSpec, SurfaceSpec, WallSpec
+from flexarm.model.motions import ForceTable, JointMotionSpec, PressedMotionSpec
+from flexarm.motion import Motion, TimingLaw, joint_motion, line_motion, quintic, smoothed
+from flexarm.scenarios.file_errors import told_inside
+
+#: What a scenario may ask for.
+Asked = Motion | PressedMotion
+
+
+def motion_of(arm: Arm, scenario: Scenario) -> Asked | None:
+    """Make the motion of a scenario.
+
+    Raises:
+        InputError: it leaves the arm's reach, or the bent arm cannot follow; problems are named by
+            the keys of the motion.
+    """
+    asked = scenario.motion
+    if isinstance(asked, PressedMotionSpec):
+        return _pressed(arm, asked, scenario)
+    return None if asked is None else _plain(arm, asked)
+
+
+def _plain(arm: Arm, asked: LineMotionSpec | JointMotionSpec) -> Motion:
+    common: dict[str, Any] = {"profile": asked.profile, "start_time": asked.start_time}
+    motion: Motion
+    if isinstance(asked, LineMotionSpec):
+        common["elbow"] = asked.elbow
+        motion = line_motion(arm, asked.start, asked.end, asked.duration, **common)
+    else:
+        motion = joint_motion(arm, asked.start, asked.end, asked.duration, **common)
+    if asked.shaping is not None:
+        options = {name: getattr(asked.shaping, name) for name in type(asked.shaping).model_fields}
+        with told_inside("shaping"):
+            motion = shaped(motion, arm, **options)
+    if asked.smoothing is not None:
+        with told_inside("smoothing"):
+            motion = smoothed(motion, asked.smoothing.duration, asked.smoothing.window)
+    return motion
+
+
+def _pressed(arm: Arm, asked: PressedMotionSpec, scenario: Scenario) -> PressedMotion:
+    with told_inside("path"):
+        path = _plain(arm, asked.path)
+    force = asked.force
+    surface = scenario.contacts[0].surface if scenario.contacts else None
+    return pressed_motion(
+        arm,
+        path,
+        _over_time(force) if isinstance(force, ForceTable) else force,
+        asked.normal if asked.normal is not None else _normal(surface, path),
+        duration=max(scenario.run.duration, path.end_time),
+        friction=asked.friction,
+        interval=asked.interval,
+    )
+
+
+def _over_time(table: ForceTable) -> Callable[[float], float]:
+    """Return the force over time: from each value to the next as a quintic goes, at rest at both.
+
+    The arm bends with the force: where that had a kink, the motion of the joints would jump.
+    """
+    return partial(_eased, np.array(table.times), np.array(table.values), quintic())
+
+
+def _eased(times: FloatArray, values: FloatArray, law: TimingLaw, t: float) -> float:
+    if len(times) == 1:
+        return float(values[0])
+    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2))
+    part = float(law((t - times[k]) / (times[k + 1] - times[k])).s)
+    return float(values[k] + part * (values[k + 1] - values[k]))
+
+
+def _normal(surface: SurfaceSpec | None, path: Motion) -> Any:
+    """Return the normal of a surface: a direction, or of a circle one that follows the path."""
+    if isinstance(surface, WallSpec):
+        return surface.normal
+    assert isinstance(surface, RoundWallSpec)  # the record lets nothing else through
+    return partial(_away_from, np.array(surface.center), -1.0 if surface.inside else 1.0, path)
+
+
+def _away_from(center: FloatArray, sign: float, path: Motion, t: float) -> FloatArray:
+    away: FloatArray = sign * (path.tip(t) - center)
+    return away

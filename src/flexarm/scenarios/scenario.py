@@ -1,0 +1,240 @@
+"""Run a scenario file: the same calls that a user of the Python interface would make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arguments import check_path
+from flexarm.arm import Arm
+from flexarm.contacts import place_contacts
+from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.engine.events import events_of
+from flexarm.engine.integrator_choice import check_integrator
+from flexarm.errors import InputError, SimulationError
+from flexarm.histories.torques import constant_torque, sampled_torque
+from flexarm.loads import Load
+from flexarm.loop.requirements import misfits
+from flexarm.loop.stability import instability
+from flexarm.model import (
+    EventSpec,
+    RigidInverseDynamicsDrive,
+    Scenario,
+    TorqueDrive,
+    file_text,
+    locate_scenario,
+)
+from flexarm.model.drives import ControllerDrive
+from flexarm.model.wording import path_of
+from flexarm.motion import Motion
+from flexarm.scenarios.controllers import Around, controller_of
+from flexarm.scenarios.environment import base_acceleration_of, contacts_of, loads_of
+from flexarm.scenarios.file_errors import Where, told_as
+from flexarm.scenarios.hardware import hardware_of
+from flexarm.scenarios.initial_state import Start, feedforward, start_of
+from flexarm.scenarios.motions import Asked, motion_of
+from flexarm.simulation.run import simulate
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scenario turned into objects, every check done, ready to run.
+
+    Attributes:
+        arm: the arm. motion: what it is asked to do, or None. options: arguments of ``simulate``.
+        text: the scenario as a file, which results keep. events: what it asks to watch for; in
+        the options they are those of ``arm``.
+    """
+
+    arm: Arm
+    motion: Asked | None
+    options: dict[str, Any]
+    text: str
+    events: Sequence[EventSpec] = ()
+
+    def unstable_loop(self, plant: Arm | None = None) -> str:
+        """Say how the sampled loop around the arm, or a ``plant``, is unstable; or nothing."""
+        options = self.options
+        if "controller" not in options:
+            return ""
+        simulated = plant or self.arm
+        return instability(
+            self.arm,
+            simulated,
+            options["controller"],
+            options["reference"],
+            options.get("hardware"),
+            options.get("contacts", ()),
+            simulated.rest(self.arm.joint_angles(options["initial"])),
+            options["duration"],
+        )
+
+    def run(
+        self,
+        *,
+        arm: Arm | None = None,
+        plant: Arm | None = None,
+        loads: Sequence[Load] = (),
+        progress: bool | None = None,
+    ) -> xr.Dataset:
+        """Simulate, with another ``arm`` of as many joints (its rigid twin, say) if given.
+
+        With ``plant``, what is made for the arm of the scenario acts on that one instead; with
+        ``loads``, these act beside those of the scenario.
+        """
+        options = dict(self.options)
+        if plant is not None:
+            options["plant"] = plant
+        if loads:
+            options["loads"] = [*options.get("loads", ()), *loads]
+        if arm is not None:
+            options["initial"] = arm.rest(self.arm.joint_angles(options["initial"]))
+            if "initial_rate" in options:
+                rates = self.arm.joint_angles(options["initial_rate"])
+                options["initial_rate"] = arm.rest(rates)
+            options["events"] = events_of(self.events, arm)
+        try:
+            result = simulate(arm or self.arm, progress=progress, **options)
+        except SimulationError as error:
+            if error.result is not None:
+                error.result.attrs["scenario"] = self.text
+            raise
+        result.attrs["scenario"] = self.text
+        return result
+
+
+def prepare(
+    scenario: Scenario, where: str | Where = "scenario", motion: Asked | None = None
+) -> Prepared:
+    """Make the arm, the motion and the drive of a scenario.
+
+    Args:
+        scenario: what to run.
+        where: the file that it comes from, or where in it a key path stands, for messages.
+        motion: the scenario's, where it has been made before.
+
+    Raises:
+        InputError: the motion leaves the arm's reach, or the torques do not cover the run.
+        EquilibriumError: the equilibrium to start from was not found.
+    """
+    place = where if callable(where) else lambda _: where
+    with told_as(place, ""):
+        arm = Arm(scenario.arm)
+    if motion is None:
+        with told_as(place, "motion"):
+            motion = motion_of(arm, scenario)
+    run = scenario.run
+    options: dict[str, Any] = {"duration": run.duration, "rate": run.rate}
+    options["integrator"] = run.integrator
+    options["stations"] = run.stations
+    for name in ("rtol", "atol", "step"):
+        if getattr(run, name) is not None:
+            options[name] = getattr(run, name)
+    if scenario.loads:
+        options["loads"] = loads_of(scenario.loads)
+    if scenario.events:
+        options["events"] = events_of(scenario.events, arm)
+    if scenario.contacts:
+        options["contacts"] = contacts_of(scenario)
+    if scenario.base_acceleration is not None:
+        options["base_acceleration"] = base_acceleration_of(scenario)
+    with told_as(place, "initial"):
+        start = start_of(arm, scenario, motion)
+    options["initial"] = start.q
+    if scenario.initial.joint_rate is not None:
+        options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
+    if start.prescribed:
+        options["prescribed"] = start.prescribed
+    if scenario.hardware is not None:
+        with told_as(place, "hardware"):
+            options["hardware"] = hardware_of(scenario.hardware)
+    with told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
+        _set_drive(arm, scenario, motion, start, options)
+    _check_fit(arm, scenario, place, options)
+    with told_as(place, "run"):
+        check_integrator(run.integrator, run.step, "scenario", bool(scenario.contacts))
+    if scenario.contacts:
+        _check_touch(arm, place, options, motion)
+    return Prepared(arm, motion, options, file_text(scenario), scenario.events)
+
+
+def _check_touch(arm: Arm, place: Where, options: dict[str, Any], motion: Asked | None) -> None:
+    """Refuse what contacts would refuse when the run begins.
+
+    Raises:
+        InputError: the start is deep in a surface, or the motion presses away from one.
+    """
+    contacts = options["contacts"]
+    placed = place_contacts(arm, "scenario", contacts)
+    q = np.asarray(options["initial"])
+    state = arm.padded(np.stack([q, np.zeros_like(q)]))
+    with told_as(place, "initial", {"initial": "joint_angle"}):
+        refuse_deep_start("scenario", arm, state, placed)
+    with told_as(place, "motion", {"reference.normal": "normal"}):
+        refuse_pressing_outward("scenario", arm, contacts, placed, motion, options["duration"])
+
+
+def _check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
+    """Refuse a drive that will not find what it measures.
+
+    Raises:
+        InputError: so it is, told at the places of the file where it would come from.
+    """
+    if "controller" not in options:
+        return
+    found = misfits(
+        options["controller"],
+        arm,
+        options["reference"],
+        options.get("hardware"),
+        len(scenario.contacts),
+        called=scenario.drive.kind,
+    )
+    names = {"hardware": "hardware.instruments", "controller": "drive"}
+    problems = []
+    for problem in found:
+        name = names.get(problem.name, problem.name)
+        problems.append(replace(problem, where=place(path_of(name)), name=name))
+    if problems:
+        raise InputError(*problems)
+
+
+def run_scenario(
+    scenario: Scenario | str | PathLike[str], *, progress: bool | None = None
+) -> xr.Dataset:
+    """Simulate a scenario, given as an object or as the path of its file.
+
+    Raises:
+        ModelError: the file is wrong; every problem with its line.
+        InputError, SimulationError: as ``simulate``.
+    """
+    where: str | Where = "scenario"
+    if not isinstance(scenario, Scenario):
+        scenario, where = locate_scenario(check_path("run_scenario", "scenario", scenario))
+    return prepare(scenario, where).run(progress=progress)
+
+
+def _set_drive(
+    arm: Arm, scenario: Scenario, motion: Asked | None, start: Start, options: dict[str, Any]
+) -> None:
+    drive = scenario.drive
+    plain = motion if isinstance(motion, Motion) else None
+    if isinstance(drive, TorqueDrive):
+        history = sampled_torque(
+            drive.values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
+        )
+        options["torque"] = history if start.holding is None else history.shifted(start.holding)
+    elif isinstance(drive, RigidInverseDynamicsDrive):
+        options["torque"] = feedforward(arm, plain, start)
+    elif isinstance(drive, ControllerDrive):
+        around = Around(arm, plain, start, options.get("hardware"))
+        options["controller"], options["reference"] = controller_of(drive, around), motion
+    elif start.holding is not None:
+        options["torque"] = constant_torque(start.holding)

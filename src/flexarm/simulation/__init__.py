@@ -1,0 +1,1 @@
+"""Simulate an arm: the calls, their results, metrics and comparisons."""

@@ -1,0 +1,118 @@
+"""How well a run did what its reference asked for, in a few numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm import Arm
+from flexarm.control.base import Reference
+from flexarm.integrate.base import FloatArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Metric(NamedTuple):
+    """One number of a run."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+METRICS = (
+    Metric("tip_error_rms", "m", "distance of the tip from its reference while this moves, RMS"),
+    Metric("tip_error_peak", "m", "largest distance of the tip from its reference, all the run"),
+    Metric("tip_error_settled", "m", "mean tip from its goal, after the motion"),
+    Metric("residual_vibration", "m", "largest distance of the tip from its mean, likewise"),
+    Metric("joint_error_rms", "rad", "joint angles from their reference while this moves, RMS"),
+    Metric("torque_rms", "N m", "root of the mean sum of squares of the torques"),
+    Metric("torque_peak", "N m", "largest torque of any joint"),
+    Metric(
+        "force_error_rms",
+        "N",
+        "normal force of the first contact from its reference while this moves, RMS",
+    ),
+    Metric(
+        "force_error_peak", "N", "largest difference of that force from its reference, likewise"
+    ),
+    Metric("controller_time", "s", "computing time of the controller for one sample"),
+)
+
+
+def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArray:
+    """Return where the tip is asked to be, (T, 2) m: of the rigid arm along the reference."""
+    tip = getattr(reference, "tip", None)
+    if tip is not None:
+        return np.asarray(tip(times))
+    rigid = arm.rigid()
+    angles = (np.asarray(reference.joint_angle(float(t))) for t in times)
+    return np.array([rigid.tip(rigid.rest(angle))[:2] for angle in angles])
+
+
+def metrics_of(
+    result: xr.Dataset, arm: Arm, reference: Reference, settling: float = 0.0
+) -> dict[str, float]:
+    """Return ``METRICS`` of a closed-loop result; NaN where the run or the reference has none.
+
+    Args:
+        arm: whose rigid twin the reference is for.
+        reference: with ``end_time`` (s), as motions have it, or moving to the end of the run.
+        settling: s after the end of the motion that the numbers of the time after it leave out.
+
+    The first four are relative to the tip of the rigid arm along the reference; an arm that sags
+    under gravity misses it by its sag.
+    """
+    times = result["time"].values
+    start = float(getattr(reference, "start_time", 0.0))
+    end = float(getattr(reference, "end_time", np.inf))
+    moving = (times >= start) & (times <= end)
+    after = times >= end + settling
+    tip = result["tip"].values
+    missed = tip - tip_reference(arm, reference, times)
+    distance = np.hypot(*missed.T)
+    angles = np.array([np.asarray(reference.joint_angle(float(t))) for t in times[moving]])
+    joints = result["joint_angle"].values[moving] - angles.reshape(-1, arm.joints)
+    torque = result["torque"].values
+    values = dict.fromkeys((metric.name for metric in METRICS), np.nan)
+    if moving.any():
+        values["tip_error_rms"] = _rms(distance[moving])
+        values["joint_error_rms"] = _rms(np.hypot.reduce(joints, axis=1))
+    values["tip_error_peak"] = float(distance.max())
+    if after.any():
+        values["tip_error_settled"] = float(np.hypot(*missed[after].mean(axis=0)))
+        about = tip[after] - tip[after].mean(axis=0)
+        values["residual_vibration"] = float(np.hypot(*about.T).max())
+    values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
+    values["torque_peak"] = float(abs(torque).max())
+    if moving.any():
+        missed_force = _force_error(result, reference, times, moving)
+        if missed_force is not None:
+            values["force_error_rms"] = _rms(missed_force)
+            values["force_error_peak"] = float(abs(missed_force).max())
+    calls = result.attrs.get("controller_calls", 0)
+    if calls:
+        values["controller_time"] = result.attrs["controller_seconds"] / calls
+    return values
+
+
+def _force_error(
+    result: xr.Dataset, reference: Reference, times: FloatArray, moving: NDArray[np.bool_]
+) -> FloatArray | None:
+    """Force across the surface less what a reference that presses asks for, while it moves, N."""
+    asked, normal = getattr(reference, "contact_force", None), getattr(reference, "normal", None)
+    if asked is None or normal is None or "contact_force" not in result:
+        return None
+    now = times[moving]
+    on_arm = result["contact_force"].values[moving, 0]
+    wanted = np.array([asked(float(t)) for t in now])
+    across = np.array([normal(float(t)) for t in now])
+    missed: FloatArray = np.sum(across * on_arm, axis=1) - wanted
+    return missed
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

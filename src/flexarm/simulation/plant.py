@@ -1,0 +1,248 @@
+"""An arm that is stepped from outside: torques in, readings out, one sample time at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_count, check_flag, check_kind, check_list_of, check_positive
+from flexarm.arm import Arm
+from flexarm.contacts import Contact
+from flexarm.engine.contact_start import refuse_deep_start
+from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
+from flexarm.engine.progress import Meter
+from flexarm.engine.validity import BendingWatch
+from flexarm.errors import (
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    warn_caller,
+)
+from flexarm.hardware.hardware import Hardware
+from flexarm.hardware.measurement import Measurement
+from flexarm.histories.loads import BaseAcceleration
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.loads import Load
+from flexarm.loop.sampled_loop import Ticks
+from flexarm.loop.sensors import TipMotion
+from flexarm.observe import contact_forces
+
+
+class Plant:
+    """An arm behind its hardware, for programs that have a loop of their own.
+
+    It stands at a sample time, in the beginning at zero: at rest, links straight, all joint angles
+    zero. ``step`` holds a torque until the next sample time and returns what the sensors say there.
+    The loop of ``flexarm.simulate`` is made of the same parts, and its digits are the same. Nothing
+    is recorded. A copy (``copy.deepcopy``, ``pickle``) stands where the plant stood and goes on by
+    itself; a pickle takes no load or base that is a function without a name.
+
+    Args:
+        arm: the arm that is simulated.
+        sample_time: s from one step to the next.
+        hardware: instruments and motors in between; None for exact sensors of joint angles, rates
+            and strain, and motors that give what they are asked for.
+        tip_force, loads, base_acceleration, contacts: what acts from outside, see
+            ``flexarm.simulate``.
+        breaks: times (s) at which loads or a base that are functions of time jump or bend.
+        integrator, step, rtol, atol: how closely it is followed, see ``flexarm.simulate``.
+        duration: s, the latest that it may be stepped to; None for ever, which loads or a base that
+            are functions of time do not allow: they are looked at beforehand.
+        specialized: True compiles the hot loop for the sizes of this arm: several seconds, once per
+            size and machine, then a third faster.
+        warn: whether ``step`` warns of links that bend too far; ``warning`` says it in any case.
+
+    Attributes:
+        arm, sample_time: as given.
+        measurement: what the sensors said at the sample time that it stands at.
+        warning: which link has bent too far for the linear theory since the reset, or nothing.
+
+    Raises:
+        InputError: an argument has the wrong shape, is not finite, or contradicts another.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        sample_time: float = 1e-3,
+        hardware: Hardware | None = None,
+        *,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: BaseAcceleration | None = None,
+        breaks: ArrayLike = (),
+        contacts: Sequence[Contact] = (),
+        integrator: str | Integrator = "auto",
+        step: float | None = None,
+        rtol: float = RTOL,
+        atol: float = ATOL,
+        duration: float | None = None,
+        specialized: bool = False,
+        warn: bool = True,
+    ) -> None:
+        self.arm = arm = check_kind("Plant", "arm", arm, Arm)
+        if hardware is not None:
+            check_kind("Plant", "hardware", hardware, Hardware, "a Hardware object")
+        self.sample_time = check_positive("Plant", "sample_time", sample_time)
+        if duration is None:
+            _refuse_functions(loads, base_acceleration)
+        self._duration = (
+            math.inf if duration is None else check_positive("Plant", "duration", duration)
+        )
+        self._hardware, self._warn = hardware, check_flag("Plant", "warn", warn)
+        self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
+        self._new_run = partial(
+            new_run,
+            "Plant",
+            arm,
+            duration=self._duration,
+            sample_times=np.zeros(0),
+            tip_force=tip_force,
+            loads=loads,
+            base_acceleration=base_acceleration,
+            breaks=breaks,
+            spacing=self.sample_time,
+            contacts=contacts,
+            integrator=integrator,
+            step=step,
+            rtol=check_positive("Plant", "rtol", rtol),
+            atol=check_positive("Plant", "atol", atol),
+            meter=Meter("stepping", False),
+            specialized=check_flag("Plant", "specialized", specialized),
+        )
+        self.reset()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle keeps: what only looks at the arm is made anew of it."""
+        return {k: v for k, v in self.__dict__.items() if k not in ("_bending", "_tip")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bending, self._tip = BendingWatch(self.arm), TipMotion(self.arm)
+
+    def reset(
+        self,
+        initial: ArrayLike | None = None,
+        initial_rate: ArrayLike | None = None,
+        seed: int | None = None,
+    ) -> Measurement:
+        """Go back to time zero and return what the sensors say there.
+
+        Args:
+            initial: q (dof,), by default straight links and all joint angles zero.
+            initial_rate: qd (dof,), zero by default.
+            seed: of the instruments' noise, in place of the hardware's.
+
+        Raises:
+            InputError: an argument has the wrong shape or is not finite, or it starts deep inside a
+                surface.
+        """
+        arm, hardware = self.arm, self._hardware
+        straight = np.zeros(arm.joints)
+        state = initial_state("Plant.reset", arm, initial, initial_rate, straight)
+        if seed is not None:
+            check_count("Plant.reset", "seed", seed, least=0, most=2**63 - 1)
+        if hardware is not None and seed is not None:
+            hardware = replace(hardware, seed=seed)
+        run, _ = self._new_run(state)
+        run.loads_of = None  # A plant repeats no run, and a user's function cannot be pickled.
+        if initial is not None:
+            refuse_deep_start("Plant.reset", arm, state, run.loads.placed.contacts)
+        self._ticks = Ticks(run, self.sample_time, hardware, keep=False)
+        self._stopped_at: float | None = None
+        self.warning = ""
+        self.measurement = self._ticks.measure()
+        return self.measurement
+
+    def step(self, torque: ArrayLike) -> Measurement:
+        """Hold a torque (joints,) N m for one sample time and return what the sensors say then.
+
+        Raises:
+            InputError: the torque has the wrong shape or is not finite, the plant's duration is
+                over, or it starts deep inside a surface; nothing has moved.
+            SimulationError: the arm could not be followed to the next sample time; ``.state`` is
+                the last good one. Only ``reset`` is left to do.
+
+        Warns:
+            LargeDeflectionWarning: a link has bent too far for the theory of the arm; once after
+                each reset.
+        """
+        ticks = self._ticks
+        asked = check_array("Plant.step", "torque", torque, (self.arm.joints,))
+        self._check_time((ticks.tick + 1) * self.sample_time)
+        if ticks.tick == 0:  # not where it is made: a reset may take it out of a wall first
+            start, contacts = ticks.run.progress.state, ticks.run.loads.placed.contacts
+            refuse_deep_start("Plant.step", self.arm, start, contacts)
+        try:
+            ticks.hold(asked)
+        except SimulationError as error:
+            self._stopped_at = error.time
+            raise
+        self.measurement = ticks.measure()
+        if not self.warning:
+            self.warning = self._bending(ticks.run.progress.state)
+            if self.warning and self._warn:
+                warn_caller(self.warning, LargeDeflectionWarning)
+        return self.measurement
+
+    def _check_time(self, until: float) -> None:
+        where = "Plant.step"
+        if self._stopped_at is not None:
+            stopped = f"one that stopped at t = {self._stopped_at:.6g} s"
+            raise InputError(Problem(where, "the plant", "be reset first", stopped))
+        # Sample times may add up to the duration and a rounding.
+        if until > self._duration * (1.0 + 1e-12):
+            rule = f"stay within the plant's duration of {self._duration:.6g} s"
+            raise InputError(Problem(where, "the next sample time", rule, f"{until:.6g} s"))
+
+    @property
+    def time(self) -> float:
+        """Sample time that it stands at, s; after a failure the time reached."""
+        return self._ticks.time if self._stopped_at is None else self._stopped_at
+
+    @property
+    def q(self) -> FloatArray:
+        """Coordinates (dof,)."""
+        return self._ticks.run.state()[0]
+
+    @property
+    def qd(self) -> FloatArray:
+        """Rates of the coordinates (dof,)."""
+        return self._ticks.run.state()[1]
+
+    @property
+    def tip(self) -> FloatArray:
+        """World position x, y (m) and angle (rad) of the tip, (3,)."""
+        return self._tip(self._ticks.run.progress.state)[:3].copy()
+
+    @property
+    def tip_velocity(self) -> FloatArray:
+        """Rates of ``tip``, (3,)."""
+        return self._tip(self._ticks.run.progress.state)[3:].copy()
+
+    @property
+    def contact_force(self) -> FloatArray:
+        """Forces (contacts, 2) of contacts on the arm, N, world axes."""
+        run = self._ticks.run
+        state = run.progress.state[None]
+        forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
+        return forces
+
+
+def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration | None) -> None:
+    """Refuse what would have to be looked at for ever."""
+    loads = check_list_of("Plant", "loads", loads, Load)
+    factors = [load.factor for load in loads]
+    if callable(base_acceleration) or any(callable(factor) for factor in factors):
+        rule = "be given with loads or a base that are functions of time"
+        hint = "Tables (times, values) need none."
+        raise InputError(Problem("Plant", "duration", rule, "nothing", hint))

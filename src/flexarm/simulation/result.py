@@ -1,0 +1,175 @@
+"""The labelled result of a run."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.engine.channels import CHANNELS
+from flexarm.integrate.base import FloatArray
+from flexarm.model import file_text
+from flexarm.observe import channels_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from flexarm.loop.closed_loop import ClosedLoop
+
+
+class _Labels(NamedTuple):
+    """Dimensions, coordinates and attributes of a result, with data that take no memory."""
+
+    times: FloatArray
+    shapes: dict[str, tuple[int, ...]]
+    dataset: xr.Dataset
+
+
+#: Labels of each arm's last result: the next one often has the same.
+_labels_of: WeakKeyDictionary[Arm, _Labels] = WeakKeyDictionary()
+_texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
+
+
+@cache
+def package_version() -> str:
+    """Return the version of this package, which is looked up once: that takes a millisecond."""
+    return version("flexarm")
+
+
+def arm_text(arm: Arm) -> str:
+    """Return the text of an arm's file, written once for each arm."""
+    text = _texts.get(arm)
+    if text is None:
+        text = _texts[arm] = file_text(arm.spec)
+    return text
+
+
+def make_result(
+    arm: Arm,
+    times: FloatArray,
+    states: FloatArray,
+    forces: dict[str, FloatArray],
+    attributes: dict[str, Any],
+) -> xr.Dataset:
+    """Label the samples of a run.
+
+    Args:
+        times: (samples,) s. states: (samples, 2, n, 1 + m). forces: channels of joint torques
+            and reactions.
+        attributes: plain numbers and strings, so that every file format can keep them.
+    """
+    values = channels_of(arm, states)
+    values |= forces
+    if "bending_moment" in values:  # the coordinate `position` is an array that users may change
+        dataset = _labelled(arm, times, values)
+    else:
+        labels = _labels_of.get(arm)
+        shapes = {name: array.shape for name, array in values.items()}
+        if (
+            labels is None
+            or list(labels.shapes.items()) != list(shapes.items())
+            or not np.array_equal(labels.times, times)
+        ):
+            labels = _labels_of[arm] = _new_labels(arm, times, shapes)
+        dataset = labels.dataset.copy(data=values)
+    dataset.attrs = {**attributes, "arm": arm_text(arm)}
+    return dataset
+
+
+def _new_labels(arm: Arm, times: FloatArray, shapes: dict[str, tuple[int, ...]]) -> _Labels:
+    times = times.copy()
+    times.setflags(write=False)  # results share the index of the time
+    nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
+    return _Labels(times, shapes, _labelled(arm, times, nothing))
+
+
+def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
+    """Label the values of channels at times (samples,)."""
+    import xarray as xr
+
+    variables = {
+        name: (("time", *CHANNELS[name].dims), array, _channel_labels(name))
+        for name, array in values.items()
+    }
+    coordinates = _coordinates(arm, times)
+    if "bending_moment" in values:
+        coordinates |= _stations(arm, values["bending_moment"].shape[-1])
+    if "contact_gap" in values:
+        numbers = np.arange(1, values["contact_gap"].shape[1] + 1)
+        meaning = "contact, counted as given"
+        coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
+    return xr.Dataset(variables, coords=coordinates)
+
+
+def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
+    """Add what a closed loop tells beside the arm's own motion.
+
+    ``torque_command`` (time, joint), and with hardware for each reading ``measured_NAME`` over
+    ``tick``, the number of the sample time, with the coordinate ``tick_time`` (s).
+    """
+    dataset.attrs["controller_calls"] = len(loop.ticks)
+    dataset.attrs["controller_seconds"] = loop.seconds
+    dataset.attrs |= loop.report()
+    if "torque_command" not in dataset.variables:
+        asked = loop.asked_at(dataset["time"].values)
+        labels = _channel_labels("torque_command")
+        dataset["torque_command"] = (("time", "joint"), asked, labels)
+    if loop.hardware is None:
+        return dataset
+    times = np.asarray(loop.ticks)
+    ticks = ("tick", times, {"units": "s", "long_name": "sample time of the controller"})
+    for name, values in loop.readings().items():
+        reading = f"measured_{name}"
+        meaning = {"long_name": f"{name} as measured"}
+        # Most readings are rows of numbers; a contact's force has an axis more.
+        parts = [f"{reading}_part", f"{reading}_axis"][: values.ndim - 1]
+        dataset[reading] = (("tick", *parts), values[: len(times)], meaning)
+    return dataset.assign_coords(tick_time=ticks)
+
+
+def _channel_labels(name: str) -> dict[str, str]:
+    return {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning}
+
+
+def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
+    names = [""] * arm.dof
+    for seat in arm.assembly.seats:
+        names[seat.angle] = f"joint_{seat.link + 1}"
+        if seat.twist is not None:
+            names[seat.twist] = f"joint_{seat.link + 1}_twist"
+    for piece in arm.assembly.pieces:
+        label = f"link_{piece.link + 1}"
+        if arm.spec.links[piece.link].segments > 1:
+            label += f"_segment_{piece.body - arm.assembly.link_body[piece.link] + 1}"
+        for mode, place in enumerate(range(arm.dof)[piece.modal], start=1):
+            names[place] = f"{label}_mode_{mode}"
+    coordinates: dict[str, Any] = {
+        "time": ("time", times, {"units": "s", "long_name": "time"}),
+        "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
+        "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
+        "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
+        "coordinate": ("coordinate", names, {"long_name": "generalised coordinate"}),
+    }
+    if arm.gauges:
+        labels = [f"link {link + 1} at {station:g} m" for link, station, _ in arm.gauges]
+        coordinates["gauge"] = ("gauge", labels, {"long_name": "strain gauge"})
+    return coordinates
+
+
+def _stations(arm: Arm, count: int) -> dict[str, Any]:
+    """Where section forces are: as a fraction of each link, to select by, and in metres."""
+    fraction = np.linspace(0.0, 1.0, count)
+    position = arm.lengths[:, None] * fraction
+    meaning = "place on the link, as a fraction of its length"
+    return {
+        "station": ("station", fraction, {"units": "1", "long_name": meaning}),
+        "position": (
+            ("link", "station"),
+            position,
+            {"units": "m", "long_name": "distance from the root of the link"},
+        ),
+    }

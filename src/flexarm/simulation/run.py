@@ -1,0 +1,399 @@
+"""Simulate an arm: the call behind ``flexarm.simulate``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import (
+    check_choice,
+    check_flag,
+    check_function,
+    check_kind,
+    check_mapping,
+    check_positive,
+)
+from flexarm.arm import Arm
+from flexarm.bending import too_far_bent
+from flexarm.contacts import Contact
+from flexarm.control.base import Controller, Reference, check_reference, controller_problem
+from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.engine.events import Event, event_log, event_variables
+from flexarm.engine.impacts import run_through_impacts
+from flexarm.engine.integrator_choice import Choice
+from flexarm.engine.new_run import (
+    ATOL,
+    RTOL,
+    TORQUE_SHARE,
+    initial_state,
+    new_run,
+)
+from flexarm.engine.progress import Meter
+from flexarm.engine.section_forces import section_channels
+from flexarm.engine.stepping import Run
+from flexarm.errors import (
+    AccuracyWarning,
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    UnstableLoopWarning,
+    check_array,
+    shown,
+    warn_caller,
+)
+from flexarm.hardware.hardware import Hardware
+from flexarm.histories.loads import BaseAcceleration
+from flexarm.histories.prescribed import Prescribed, prescribe
+from flexarm.histories.torques import (
+    INTERPOLATIONS,
+    TorqueHistory,
+    constant_torque,
+    function_torque,
+    sampled_torque,
+)
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.loads import Load
+from flexarm.loop.closed_loop import ClosedLoop
+from flexarm.loop.stability import instability
+from flexarm.model.events import DURATION, FAILURE
+from flexarm.model.scenario import sample_fault
+from flexarm.observe import contact_channels
+from flexarm.simulation.interrupted_runs import computed_until_failure
+from flexarm.simulation.result import add_loop, make_result, package_version
+from flexarm.stations import check_stations
+from flexarm.user_functions import call
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Torque = ArrayLike | Callable[[float], ArrayLike] | TorqueHistory
+
+
+@computed_until_failure
+def simulate(
+    arm: Arm,
+    duration: float,
+    *,
+    torque: Torque | None = None,
+    controller: Controller | None = None,
+    reference: Reference | None = None,
+    plant: Arm | None = None,
+    hardware: Hardware | None = None,
+    prescribed: Prescribed | None = None,
+    initial: ArrayLike | None = None,
+    initial_rate: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: BaseAcceleration | None = None,
+    events: Sequence[Event] = (),
+    contacts: Sequence[Contact] = (),
+    integrator: str | Integrator = "auto",
+    rate: float = 1000.0,
+    stations: int = 0,
+    step: float | None = None,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+    torque_interpolation: str = "cubic",
+    breaks: ArrayLike = (),
+    specialized: bool | None = None,
+    progress: bool | None = None,
+) -> xr.Dataset:
+    """Simulate an arm and return its motion, labelled.
+
+    Args:
+        arm: the arm; with ``plant`` given, what the controller believes it to be.
+        duration: s, positive.
+        torque: joint torques, zero by default. An array (samples, joints) at ``rate``, N m, from
+            time zero, its last row held to the end of the run; or a function of time that returns
+            (joints,), followed closely enough to be exact to the run's tolerance, except for
+            features shorter than ``1 / rate`` that ``breaks`` does not name.
+        controller: called at its sample time, the torque held between (see
+            ``flexarm.Controller``); instead of ``torque``.
+        reference: motion for the controller; the arm starts at its beginning.
+        plant: the arm that is really simulated, where it differs from ``arm``.
+        hardware: instruments and motors between controller and arm; None for exact sensors of joint
+            angles, rates and strain, and motors that give what they are asked for.
+        prescribed: joints, by number from 1, that follow a given motion exactly; the result's
+            torque is what that takes. Not together with a controller.
+        initial: q (dof,), by default straight links at the start of the reference, or of
+            ``torque`` where that comes from a motion, else all angles zero.
+        initial_rate: qd (dof,), zero by default.
+        tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
+        loads: forces and moments anywhere on the simulated arm; no controller knows of them.
+        base_acceleration: (ax, ay) of the base joint, m/s^2, a function of time that gives it, or a
+            table ``(times, values)``; positions stay relative to the base.
+        events: what to locate on the way (``Event``, ``joint_event``, ``tip_event``); looked for
+            between samples, so that ``rate`` decides what is too brief to be seen. A terminal one
+            ends the run, with the event as the last sample.
+        contacts: surfaces that points of the arm may touch; they stand still relative to the base.
+        integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
+        rate: samples recorded per second, Hz; the last one may lie before the end of the run.
+        stations: sections of each link, evenly spaced from root to tip, at which to record axial
+            force, shear force and bending moment; 0 for none.
+        step: fixed step, or first step of a method with step control, s; an integrator object has
+            its own. A fixed-step method without one halves its step until the tip differs by
+            at most 1e-4 of the reach from the motion at twice the step.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
+            fixed step only how closely functions of time are followed. At the defaults a run in
+            which joints meet their stops is made again at 1e-5 of them.
+        torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
+            samples that jump; the other two never exceed them.
+        breaks: times (s) at which a function of time given here (torque, factor of a load, base
+            acceleration, prescribed motion) jumps or bends, besides ``breaks`` of its own: for
+            those shorter than the attribute ``shortest_feature``. They part the cubic of ``torque``
+            samples, which is straight from the sample before to the one after.
+        specialized: True compiles the hot loop for the sizes of this arm (several seconds, once per
+            size and machine; a third faster); None does so in the middle of a long run.
+        progress: True or False shows or hides the bar that long runs get on a terminal.
+
+    Returns:
+        Dataset over ``time`` with the channels of ``flexarm.engine.channels``; with ``events``
+        also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1 falling),
+        ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is "duration",
+        "failure" or the name of the event that ended the run.
+
+    Raises:
+        InputError: an argument has the wrong shape, is not finite, or contradicts another; a start
+            deep inside a surface, or a reference that presses away from one.
+        SimulationError: the run stopped early, or a function of time raised an exception;
+            ``.time`` says when, ``.result`` holds what was computed until then.
+
+    Warns:
+        LargeDeflectionWarning: a link has bent too far for the theory of the arm.
+        AccuracyWarning: impacts on joint stops have amplified errors to 1 % of the reach. Runs with
+            a controller, or other tolerances, are not checked; see the attribute ``impact_steps``.
+        UnstableLoopWarning: the sampled loop is unstable where the motion begins or ends, by a
+            factor of ten or more within the run.
+    """
+    where = "simulate"
+    _check_objects(where, arm, plant, controller, hardware)
+    if reference is not None:
+        check_reference(where, reference)
+    if prescribed is not None:
+        check_mapping(where, "prescribed", prescribed, "joint numbers and motions")
+    if specialized is not None:
+        check_flag(where, "specialized", specialized)
+    for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
+        if given and controller is not None:
+            raise InputError(Problem(where, name, "not be combined with a controller", "given"))
+    duration = check_positive(where, "duration", duration)
+    if step is not None and check_positive(where, "step", step) > duration:
+        rule = f"be at most the duration of {duration:.6g} s"
+        raise InputError(Problem(where, "step", rule, shown(step)))
+    rate = check_positive(where, "rate", rate)
+    known = check_array(where, "breaks", breaks, (-1,))
+    check_choice(where, "torque_interpolation", torque_interpolation, INTERPOLATIONS)
+    rtol = check_positive(where, "rtol", rtol)
+    atol = check_positive(where, "atol", atol)
+    simulated = plant if plant is not None else arm
+    if simulated.joints != arm.joints:
+        rule = f"have the {arm.joints} joints of the arm"
+        raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
+    if (fault := sample_fault(duration, rate)) is not None:
+        raise InputError(fault.problem(where))
+    if type(stations) is not int or stations != 0:
+        stations = check_stations(where, stations)
+    state = _initial_state(simulated, initial, initial_rate, reference, torque)
+    log = event_log(where, simulated, events)
+    # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
+    times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
+    with Meter("simulating", progress) as meter:
+        run, choice = new_run(
+            where,
+            simulated,
+            state,
+            duration=duration,
+            sample_times=times,
+            tip_force=tip_force,
+            loads=loads,
+            base_acceleration=base_acceleration,
+            breaks=known,
+            spacing=1.0 / rate,
+            contacts=contacts,
+            log=log,
+            integrator=integrator,
+            step=step,
+            rtol=rtol,
+            atol=atol,
+            meter=meter,
+            stations=stations,
+            specialized=specialized,
+        )
+        placed = run.loads.placed.contacts
+        refuse_deep_start(where, simulated, state, placed)
+        refuse_pressing_outward(where, simulated, contacts, placed, reference, duration)
+        if controller is not None:
+            loop = ClosedLoop(run, controller, reference, hardware)
+            q = simulated.unpadded(state[0])
+            unstable = instability(
+                arm, simulated, controller, reference, hardware, contacts, q, duration
+            )
+            if unstable:
+                warn_caller(unstable, UnstableLoopWarning)
+            result = _closed_loop(run, loop, choice, unstable)
+        else:
+
+            def history_of(relative: float) -> TorqueHistory:
+                share = max(relative * TORQUE_SHARE, 1e-12)
+                history = _history(
+                    torque, duration, rate, arm.joints, share, torque_interpolation, known
+                )
+                if not prescribed:
+                    return history
+                return prescribe(
+                    simulated, prescribed, state, history, duration, share, known, 1.0 / rate
+                )
+
+            run.prescribed = tuple(prescribed or ())
+            result = _open_loop(run, history_of, choice)
+    if result.attrs["warning"]:
+        warn_caller(result.attrs["warning"], LargeDeflectionWarning)
+    if run.doubt:
+        warn_caller(run.doubt, AccuracyWarning)
+        result.attrs["warning"] = " ".join(filter(None, [result.attrs["warning"], run.doubt]))
+    return result
+
+
+def _open_loop(
+    run: Run, history_of: Callable[[float], TorqueHistory], choice: Choice
+) -> xr.Dataset:
+    started = time.perf_counter()
+    failure: SimulationError | None = None
+    try:
+        run_through_impacts(run, history_of)
+    except SimulationError as error:
+        if run.history is None:  # a function of time failed before anything was computed
+            raise
+        failure = error
+    assert run.history is not None
+    result = _result(run, run.history, choice, started, str(failure or ""))
+    if failure is not None:
+        failure.result = result
+        raise failure
+    return result
+
+
+def _closed_loop(run: Run, loop: ClosedLoop, choice: Choice, unstable: str) -> xr.Dataset:
+    started = time.perf_counter()
+    try:
+        loop.execute()
+    except SimulationError as error:
+        if unstable:  # the reason of whatever stopped the run
+            error.hint = f"{unstable[0].upper()}{unstable[1:]}"
+        if loop.ticks:
+            result = _result(run, loop, choice, started, str(error), unstable)
+            error.result = add_loop(result, loop)
+        raise
+    return add_loop(_result(run, loop, choice, started, "", unstable), loop)
+
+
+def _result(
+    run: Run,
+    drive: TorqueHistory | ClosedLoop,
+    choice: Choice,
+    started: float,
+    failure: str = "",
+    unstable: str = "",
+) -> xr.Dataset:
+    count = run.progress.sample
+    times = run.sample_times[:count]
+    integrator, progress = run.integrator, run.progress
+    log = run.watch.log if run.watch is not None else None
+    ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
+    reason = choice.reason + (run.default_step.reason() if run.default_step else "")
+    law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
+    attributes: dict[str, Any] = {
+        "flexarm_version": package_version(),
+        "integrator": integrator.name,
+        "integrator_reason": reason,
+        "rtol": run.tolerance.relative,
+        "atol": run.tolerance.absolute,
+        "steps": progress.steps,
+        "rejected_steps": progress.rejected,
+        "impact_steps": progress.impacts,
+        "evaluations": progress.evaluations + run.discarded,
+        "shortest_feature": max(
+            run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
+        ),
+        "wall_seconds": time.perf_counter() - started,
+        "references": " ".join([*integrator.reference, *law]),
+        "failure": failure,
+        "ended_by": ended_by,
+        "warning": too_far_bent(run.arm, run.samples[:count]),
+        "unstable_loop": unstable,
+    }
+    given = drive.at(times) if isinstance(drive, TorqueHistory) else drive.torque_at(times)
+    motor, force, moment, inside = run.reactions(times, given)
+    forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
+    forces |= section_channels(inside) | contact_channels(
+        run.arm, run.loads.placed.contacts, run.samples[:count]
+    )
+    if isinstance(drive, ClosedLoop) and log is None:  # with a log it follows after the events
+        forces["torque_command"] = drive.asked_at(times)
+    result = make_result(run.arm, times, run.samples[:count], forces, attributes)
+    return result if log is None else result.assign(event_variables(run.arm, log))
+
+
+def _check_objects(
+    where: str,
+    arm: object,
+    plant: object | None,
+    controller: object | None,
+    hardware: object | None,
+) -> None:
+    """Refuse what is no arm or no controller before anything is asked of it."""
+    check_kind(where, "arm", arm, Arm)
+    if plant is not None:
+        check_kind(where, "plant", plant, Arm)
+    if hardware is not None and (not isinstance(hardware, Hardware) or controller is None):
+        rule = "be a Hardware object, and given together with a controller"
+        value = "given" if isinstance(hardware, Hardware) else shown(hardware)
+        raise InputError(Problem(where, "hardware", rule, value))
+    if controller is None:
+        return
+    if (problem := controller_problem(where, "controller", controller)) is not None:
+        raise InputError(problem)
+    check_positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
+
+
+def _initial_state(
+    arm: Arm,
+    initial: ArrayLike | None,
+    initial_rate: ArrayLike | None,
+    reference: Reference | None,
+    torque: Torque | None,
+) -> FloatArray:
+    motion = reference if reference is not None else getattr(torque, "motion", None)
+    straight = np.zeros(arm.joints)
+    if initial is None and motion is not None:
+        name = "reference" if reference is not None else "torque"
+        straight = np.asarray(call(name, motion.joint_angle, 0.0))
+        if straight.shape != (arm.joints,):
+            rule = f"be of an arm with {arm.joints} joints"
+            raise InputError(Problem("simulate", name, rule, f"of one with {straight.size}"))
+    return initial_state("simulate", arm, initial, initial_rate, straight)
+
+
+def _history(
+    torque: Torque | None,
+    duration: float,
+    rate: float,
+    joints: int,
+    relative: float,
+    interpolation: str,
+    breaks: FloatArray,
+) -> TorqueHistory:
+    if torque is None:
+        return constant_torque(np.zeros(joints))
+    if isinstance(torque, TorqueHistory):
+        return torque.held_to(duration)
+    if callable(torque):
+        check_function("simulate", "torque", torque)
+        return function_torque(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
+    return sampled_torque(torque, rate, duration, joints, interpolation, breaks)

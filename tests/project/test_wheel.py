@@ -1,0 +1,92 @@
+"""The wheel that users install: built, looked into, and installed into an empty environment.
+
+Nothing is fetched. The wheel is built without isolation, by the build backend of the extra `dev`,
+and the new environment finds the dependencies in the one that runs the tests.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+#: Nothing of the source folder may help the installed package.
+CLEAN = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    """Run a command and return its output; on failure the test shows both streams."""
+    done = subprocess.run(
+        [*map(str, command)], cwd=cwd, env=CLEAN, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("hatchling", reason="the build backend comes with: pip install -e '.[dev]'")
+    pytest.importorskip("pip", reason="this environment has no pip to build a wheel with")
+    folder = tmp_path_factory.mktemp("wheel")
+    offline = ("--no-index", "--no-deps", "--disable-pip-version-check")
+    pip = (sys.executable, "-m", "pip")
+    run(*pip, "wheel", "--no-build-isolation", *offline, "-w", folder, ROOT, cwd=folder)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Programs of a new environment with the wheel, and nothing else of its own."""
+    folder = tmp_path_factory.mktemp("environment")
+    run(sys.executable, "-m", "venv", "--without-pip", folder, cwd=folder)
+    programs = folder / ("Scripts" if os.name == "nt" else "bin")
+    python = programs / "python"
+    pip = (sys.executable, "-m", "pip", "--python", python, "install")
+    offline = ("--no-index", "--no-deps", "--no-compile", "--disable-pip-version-check")
+    run(*pip, *offline, wheel, cwd=folder)
+    # Folders behind its own. Python does not follow the .pth files in them, and so it does not
+    # find an editable installation of flexarm there.
+    found = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder)
+    folders = [entry for entry in sys.path if entry.endswith("-packages")]
+    Path(found.strip(), "dependencies.pth").write_text("\n".join(folders) + "\n")
+    return programs
+
+
+def test_it_contains_the_package_and_nothing_else(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    information = {name for name in names if re.match(r"flexarm-[^/]*\.dist-info/", name)}
+    source = ROOT / "src"
+    files = [path for path in (source / "flexarm").rglob("*") if path.is_file()]
+    expected = {str(p.relative_to(source).as_posix()) for p in files if p.suffix != ".pyc"}
+    assert names - information == expected
+    assert {"flexarm/py.typed", "flexarm/library/paper.yaml"} <= names
+    assert not [name for name in names if "test" in name.partition("/")[0]]
+    assert {"METADATA", "WHEEL", "entry_points.txt", "LICENSE"} <= {
+        name.rpartition("/")[2] for name in information
+    }
+
+
+def test_it_is_for_every_platform(wheel: Path) -> None:
+    assert wheel.name == f"flexarm-{version('flexarm')}-py3-none-any.whl"
+
+
+def test_the_command_starts(environment: Path, tmp_path: Path) -> None:
+    printed = run(environment / "flexarm", "--version", cwd=tmp_path)
+    assert printed == f"flexarm {version('flexarm')}\n"
+
+
+def test_the_installed_package_reads_its_own_library(environment: Path, tmp_path: Path) -> None:
+    code = "import flexarm; print(flexarm.__file__)"
+    package = Path(run(environment / "python", "-c", code, cwd=tmp_path).strip()).parent
+    assert package.is_relative_to(environment.parent)
+    checked = run(environment / "flexarm", "check", package / "library/paper.yaml", cwd=tmp_path)
+    assert checked.splitlines()[-1] == "ok"

@@ -1,0 +1,51 @@
+"""Deprecated public names work, warn where they are used, and are removed on time."""
+
+import warnings
+from importlib.metadata import version
+
+import pytest
+
+import flexarm as fa
+
+
+@pytest.fixture
+def renamed(monkeypatch):
+    """Pretend that `Payload` was called `TipMass`."""
+    monkeypatch.setitem(fa._RENAMED, "TipMass", ("Payload", "99.0"))
+
+
+def test_an_old_name_is_the_new_object_and_warns_where_it_is_used(renamed):
+    with warnings.catch_warnings(record=True) as record:
+        warnings.simplefilter("always")
+        assert fa.TipMass is fa.Payload
+        assert fa.TipMass is fa.Payload  # every use warns, not the first one only
+    text = "flexarm.TipMass is deprecated and will be removed in flexarm 99.0; use flexarm.Payload."
+    assert [str(warning.message) for warning in record] == [text] * 2
+    assert {warning.category for warning in record} == {DeprecationWarning}
+    assert {warning.filename for warning in record} == {__file__}
+
+
+def test_an_import_of_an_old_name_warns_at_the_import(renamed):
+    with warnings.catch_warnings(record=True) as record:
+        warnings.simplefilter("always")
+        from flexarm import TipMass
+    assert TipMass is fa.Payload
+    assert {warning.filename for warning in record} == {__file__}
+
+
+def test_old_names_are_not_listed(renamed):
+    assert "TipMass" not in dir(fa)
+    assert "TipMass" not in fa.__all__
+
+
+def test_old_names_lead_to_public_names_and_are_removed_on_time():
+    now = numbers(version("flexarm"))
+    for old, (new, removal) in fa._RENAMED.items():
+        assert old not in fa.__all__
+        assert new in fa.__all__
+        assert now < numbers(removal), f"{old} was to be removed in {removal}"
+
+
+def numbers(text):
+    """Return major and minor version."""
+    return tuple(int(part) for part in text.split(".")[:2])
