@@ -1,1 +1,1 @@
-"""The contract of controllers: their base class, their requirements, checks of their gains."""
+"""Contract of controllers: their base class, their requirements, checks of their gains."""

@@ -1,4 +1,4 @@
-"""What a controller is: plain Python at a sample time, torque held in between."""
+"""Base class of controllers, and checks of objects that act as one."""
 
 from __future__ import annotations
 
@@ -20,38 +20,43 @@ __all__ = ["Controller", "FloatArray", "Measurement", "Needs", "Reference"]
 
 
 class Reference(Protocol):
-    """The motion to follow, such as ``line_motion`` or ``joint_motion`` make."""
+    """Motion that a controller follows, such as one from ``line_motion`` or ``joint_motion``."""
 
     def joint_angle(self, t: float) -> FloatArray:
-        """Joint angles (joints,) at time t, rad."""
+        """Return the joint angles (joints,) at time t, rad."""
 
     def joint_rate(self, t: float) -> FloatArray:
-        """Joint rates (joints,) at time t, rad/s."""
+        """Return the joint rates (joints,) at time t, rad/s."""
 
     def joint_acceleration(self, t: float) -> FloatArray:
-        """Joint accelerations (joints,) at time t, rad/s^2."""
+        """Return the joint accelerations (joints,) at time t, rad/s^2."""
 
 
 class Controller(ABC):
-    """Base of all controllers. The rules that ``simulate`` relies on:
+    """Base class of all controllers.
+
+    ``simulate`` relies on these rules:
 
     1. ``sample_time`` (s) is constant during a run.
-    2. ``reset`` is called once before a run and makes two runs alike: no state survives it.
-    3. ``update`` is called at 0, sample_time, 2 sample_time, ... in order, with what the sensors
-       say at that moment, and returns torques (joints,) N m, held until the next call.
-    4. It sees the measurement and the reference only, never the simulated state.
-    5. ``needs`` tells what it relies on, before ``reset``; what is missing is refused there.
-    6. ``memory`` names the attributes, numbers or arrays, by which one sample affects the next;
-       None if it is not declared. The stability of the sampled loop is analysed with it.
+    2. ``reset`` is called once before a run and clears all state, so that runs are repeatable.
+    3. ``update`` is called at 0, sample_time, 2 sample_time, ... in order, with the measurement at
+       that time. It returns torques (joints,) N m, which a zero-order hold applies until the next
+       call.
+    4. ``update`` receives the measurement and the reference only, never the simulated state.
+    5. ``needs`` is called before ``reset`` and returns the requirements of the controller.
+       ``simulate`` raises if one is not met.
+    6. ``memory`` lists the attributes (numbers or arrays) that carry information from one sample to
+       the next; None if they are not declared. The stability analysis of the sampled loop uses it.
 
-    Any object with the first three names will do; deriving from this class is a convenience.
+    Any object with ``sample_time``, ``reset`` and ``update`` is accepted; deriving from this class
+    is optional.
     """
 
     sample_time: float
     memory: tuple[str, ...] | None = None
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Check the arguments of a built-in controller's methods before they are computed with."""
+        """Wrap the methods of built-in controllers with checks of their arguments."""
         super().__init_subclass__(**options)
         if cls.__module__.startswith("flexarm."):
             for name, checked in (("update", _checked_update), ("needs", _checked_needs)):
@@ -59,18 +64,18 @@ class Controller(ABC):
                     setattr(cls, name, checked(vars(cls)[name]))
 
     def reset(self) -> None:  # noqa: B027  (most controllers keep nothing between samples)
-        """Forget everything kept from a run before."""
+        """Clear all state of the previous run."""
 
     @abstractmethod
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> ArrayLike:
-        """Return the joint torques (joints,) N m to hold from time t on."""
+        """Return the joint torques (joints,) N m to apply from time t to the next sample."""
 
     def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """Return what it relies on to control ``arm`` along ``reference``; here, nothing."""
+        """Return the requirements for controlling ``arm`` along ``reference``; none by default."""
         return Needs()
 
     def report(self) -> dict[str, float]:
-        """Return numbers about the run since ``reset``, attributes of its result; here, none."""
+        """Return numbers about the run since ``reset``, stored as attributes of its result."""
         return {}
 
 
@@ -79,7 +84,7 @@ def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArr
     def checked(
         self: Controller, t: float, measurement: Measurement, reference: Reference | None
     ) -> FloatArray:
-        # Cheap tests, as this runs at every sample time; NaN fails the comparison.
+        # The tests are cheap because they run at every sample time. NaN fails the comparison.
         if type(t) is not float or not -_LATEST < t < _LATEST:
             t = _time(f"{type(self).__name__}.update", t)
         if not isinstance(measurement, Measurement):
@@ -103,7 +108,7 @@ def _checked_needs(needs: Callable[..., Needs]) -> Callable[..., Needs]:
     return checked
 
 
-#: Times beyond this (s) are mistakes: sample times are counted in integers.
+#: Largest accepted time (s): samples are counted in integers, which overflow beyond it.
 _LATEST = 1e12
 
 
@@ -118,10 +123,10 @@ _REFERENCE = ("joint_angle", "joint_rate", "joint_acceleration")
 
 
 def check_reference(where: str, reference: object) -> None:
-    """Refuse an object without joint angles, rates and accelerations over time.
+    """Raise if an object lacks the methods of a `Reference`.
 
     Raises:
-        InputError: if a method is missing.
+        InputError: if a method is missing, or the object is a class.
     """
     kind = type(reference)
     if kind in _KNOWN:
@@ -138,25 +143,25 @@ def check_reference(where: str, reference: object) -> None:
         _KNOWN.add(kind)
 
 
-#: Classes whose objects are references: looked at once, as controllers ask at every sample time.
+#: Classes that passed the check. They are cached because the check runs at every sample time.
 _KNOWN: WeakSet[type] = WeakSet()
 
 
 def needs_of(controller: object, arm: Arm, reference: Reference | None) -> Needs:
-    """Return what any object that controls relies on; nothing where it does not say."""
+    """Return the requirements of any controlling object; none if it does not declare them."""
     tell = getattr(controller, "needs", None)
     told = tell(arm, reference) if callable(tell) else None
     return told if isinstance(told, Needs) else Needs()
 
 
 def report_of(controller: object) -> dict[str, float]:
-    """Return what any controlling object reports about its run; nothing if it has no report."""
+    """Return the report of any controlling object about its run; empty if it has none."""
     report = getattr(controller, "report", None)
     return dict(report()) if callable(report) else {}
 
 
 def controller_problem(where: str, name: str, value: object) -> Problem | None:
-    """Return why a value is no controller; None where it is one."""
+    """Return the reason why a value is not a controller, or None if it is one."""
     if isinstance(value, type):
         hint = f"Make one: {value.__name__}(...)."
         rule = "be a controller"

@@ -1,4 +1,4 @@
-"""A torque function of time, computed for many sample times in one go."""
+"""Feedforward torques, evaluated for many sample times in one call."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from numpy.typing import ArrayLike
 
 from flexarm.hardware.measurement import FloatArray
 
-#: Sample times computed in one go.
+#: Number of sample times evaluated in one call.
 _AHEAD = 512
 
 
 class SampledFeedforward:
-    """The values of a function of time at the sample times of a controller.
+    """Feedforward torque of a controller at its sample times.
 
-    Functions that take many times, such as ``rigid_torque`` makes, cost a thousand times as much
-    asked one by one: they are asked for ``_AHEAD`` sample times at once. Any other function, and
-    any other time, is asked directly.
+    Vectorized functions, such as those from ``rigid_torque``, are evaluated for ``_AHEAD`` sample
+    times at once, because one call per sample takes a thousand times as long. Other functions are
+    called directly, and so are vectorized functions at other times.
 
     Args:
-        function: of time (s), gives torques (joints,) N m; with an attribute ``vectorized`` that is
-            true it also takes times (T,) and gives (T, joints).
+        function: function of time (s) that returns torques (joints,) N m; if its attribute
+            ``vectorized`` is true, it also takes times (T,) and returns (T, joints).
         sample_time: s.
-        later: s, how long after a sample time the function is read for it.
+        later: s, offset that is added to the sample time before the function is evaluated.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Numbers that controllers are given, checked."""
+"""Checks of the gains and other arguments of controllers."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from flexarm.model.wording import nearest
 
 
 class Gains:
-    """Collects what is wrong with the arguments of one controller, to tell it all at once."""
+    """Collector of argument problems of one controller, to report all of them in one error."""
 
     def __init__(self, where: str) -> None:
         self._where = where
         self._problems: list[Problem] = []
 
     def one(self, name: str, value: object, *, positive: bool = False) -> float:
-        """Return a finite number, at least 0 or greater."""
+        """Return a finite number, at least 0, or above 0 if ``positive``."""
         try:
             number = check_array(self._where, name, value, ())
         except InputError as error:
@@ -32,7 +32,7 @@ class Gains:
         return float(number) if self._in_range(name, value, number, positive) else 1.0
 
     def flag(self, name: str, value: object) -> bool:
-        """Return a truth value."""
+        """Return a Boolean."""
         try:
             return check_flag(self._where, name, value)
         except InputError as error:
@@ -40,7 +40,7 @@ class Gains:
             return False
 
     def mapping(self, name: str, value: object) -> dict[str, Any]:
-        """Return values by name; nothing for None."""
+        """Return values by name; an empty dictionary for None."""
         try:
             words = "names and values"
             return {} if value is None else dict(check_mapping(self._where, name, value, words))
@@ -58,9 +58,9 @@ class Gains:
         negative: bool = False,
         what: str = "joint",
     ) -> FloatArray:
-        """Return (count,) numbers, from one for all or a list with one for each.
+        """Return (count,) numbers, from one number for all or a list with one for each.
 
-        They are at least 0, or where ``positive`` greater, or where ``negative`` any.
+        They are at least 0; above 0 if ``positive``; of any sign if ``negative``.
         """
         try:
             numbers = check_each(self._where, name, value, count)
@@ -94,37 +94,37 @@ class Gains:
         return float(pair[0]), float(pair[1])
 
     def refuse(self, name: str, rule: str, value: object) -> None:
-        """Note one more problem."""
+        """Add a problem."""
         self._problems.append(Problem(self._where, name, rule, shown(value)))
 
     def known(self, name: str, given: Iterable[str], choices: Iterable[str]) -> None:
-        """Refuse names that are not among the choices."""
+        """Add a problem for each name that is not among the choices."""
         for item in given:
             if not isinstance(item, str) or item not in choices:
                 rule, hint = f"be names out of {', '.join(choices)}", nearest(item, choices)
                 self._problems.append(Problem(self._where, name, rule, shown(item), hint))
 
     def controller(self, name: str, value: object) -> None:
-        """Refuse what is no controller."""
+        """Add a problem if a value is not a controller."""
         problem = controller_problem(self._where, name, value)
         if problem is not None:
             self._problems.append(problem)
 
     def done(self) -> None:
-        """Tell what was wrong.
+        """Raise one error with all problems, if there are any.
 
         Raises:
-            InputError: something was.
+            InputError: if a problem was added.
         """
         if self._problems:
             raise InputError(*self._problems)
 
 
 def check_gains(where: str, name: str, value: ArrayLike) -> FloatArray:
-    """Return gains, one number or one per joint, none negative.
+    """Return nonnegative gains, one number or one per joint.
 
     Raises:
-        InputError: one is negative or not finite, or they are no numbers.
+        InputError: if a gain is negative, not finite or not a number.
     """
     gains = check_each(where, name, value)
     if np.any(gains < 0.0):
@@ -136,7 +136,7 @@ def check_sample_time(where: str, value: float) -> float:
     """Return a sample time, s.
 
     Raises:
-        InputError: it is not a positive finite time.
+        InputError: if it is not positive and finite.
     """
     try:
         return check_positive(where, "sample_time", value)
@@ -147,10 +147,10 @@ def check_sample_time(where: str, value: float) -> float:
 
 
 def check_joints(where: str, joints: int, **given: FloatArray) -> None:
-    """Refuse lists that do not have one number for each joint.
+    """Check that lists have one number for each joint.
 
     Raises:
-        InputError: so it is.
+        InputError: if the length of a list differs from ``joints``.
     """
     problems = [
         Problem(where, name, f"be one number, or one for each of {joints} joints", f"{v.size} long")

@@ -1,4 +1,4 @@
-"""What a controller relies on, told before a run."""
+"""Requirements of a controller, declared before a run."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 
 from flexarm.hardware.measurement import FloatArray
 
-#: What nearly every controller reads.
+#: Readings that nearly every controller uses.
 JOINTS = ("joint_angle", "joint_rate")
 
 
 class Needs(NamedTuple):
-    """What a controller relies on; None and nothing for what it takes as it comes."""
+    """Requirements of a controller; None and empty entries are not checked."""
 
-    joints: int | None = None  # that it was made for
-    measured: tuple[str, ...] = ()  # names that it looks up in every measurement
-    gauges: int | None = None  # length of the strain that it reads
+    joints: int | None = None  # number of joints of the controller's arm
+    measured: tuple[str, ...] = ()  # names that it reads from every measurement
+    gauges: int | None = None  # length of the strain reading
 
 
 def joints_of(expected: int, *numbers: FloatArray) -> int:
-    """Return how many joints lists are for: the first length that is not ``expected``, or that."""
+    """Return the number of joints of lists: the first length other than ``expected``, if any."""
     lengths = [len(value) for value in numbers if np.ndim(value)]
     return next((length for length in lengths if length != expected), expected)
