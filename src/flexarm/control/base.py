@@ -108,7 +108,7 @@ def _checked_needs(needs: Callable[..., Needs]) -> Callable[..., Needs]:
     return checked
 
 
-#: Largest accepted time (s): samples are counted in integers, which overflow beyond it.
+#: Times beyond this (s) are rejected, because samples are counted in integers.
 _LATEST = 1e12
 
 

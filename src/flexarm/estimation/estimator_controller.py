@@ -1,4 +1,4 @@
-"""A filter in front of a controller: the inner one sees estimates beside the readings."""
+"""Controller that passes the estimates of a filter to an inner controller."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ from flexarm.control.base import (
 from flexarm.control.gains import Gains
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 
-#: What the inner controller is told instead of read.
+#: Entries of the measurement that the filter supplies to the inner controller.
 _TOLD = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
 
 
 class EstimatorController(Controller):
-    """Shows an inner controller what an ``ExtendedKalmanFilter`` makes of the readings.
+    """Controller that passes the estimates of an ``ExtendedKalmanFilter`` to an inner controller.
 
-    To the inner controller ``joint_angle`` and ``joint_rate`` are the estimated ones; besides it
-    finds ``q`` (dof,), ``qd`` (dof,) and ``payload_mass`` (1,) kg, and the other readings as they
-    are.
+    The measurement of the inner controller has the estimated ``joint_angle`` and ``joint_rate``,
+    ``q`` (dof,), ``qd`` (dof,) and ``payload_mass`` (1,) kg, and the other readings unchanged.
 
     Args:
-        estimator: the filter; its sample time becomes that of the inner controller.
+        estimator: the filter; it uses the sample time of the inner controller.
         inner: any controller.
 
-    Where an instrument measures "torque", it is taken for what acted; else what was asked for.
+    The filter predicts with the measured "torque" if an instrument reads it, and with the requested
+    torque otherwise.
 
     Raises:
-        InputError: the estimator is no filter, or inner no controller.
+        InputError: if ``estimator`` is not an `ExtendedKalmanFilter` or ``inner`` is not a
+            controller.
     """
 
     name = "estimator"
@@ -51,7 +52,7 @@ class EstimatorController(Controller):
 
     @property
     def sample_time(self) -> float:
-        """Time between samples: that of the inner controller, s."""
+        """Sample time of the inner controller, s."""
         return self.inner.sample_time
 
     @sample_time.setter
@@ -59,14 +60,14 @@ class EstimatorController(Controller):
         self.inner.sample_time = value
 
     def reset(self) -> None:
-        """Forget the run before, and let filter and inner controller do so."""
+        """Clear the state of the previous run, including the filter and the inner controller."""
         self.estimator.sample_time = self.inner.sample_time
         self.estimator.reset()
         self.inner.reset()
         self._asked = None
 
     def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``: what the filter reads, and what it does not tell the inner."""
+        """Return the readings of the filter, and those of ``inner`` that it does not supply."""
         inner = needs_of(self.inner, arm, reference)
         own = [item.label for item in self.estimator.instruments]
         more = [name for name in inner.measured if name not in _TOLD]
@@ -79,7 +80,7 @@ class EstimatorController(Controller):
         )
 
     def report(self) -> dict[str, float]:
-        """See ``Controller.report``: the estimator's and the inner controller's."""
+        """Return the reports of the estimator and of the inner controller."""
         return self.estimator.report() | report_of(self.inner)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:

@@ -1,4 +1,4 @@
-"""An extended Kalman filter: elastic states and the payload from encoders and strain gauges."""
+"""Extended Kalman filter for elastic states and payload, from encoders and strain gauges."""
 
 from __future__ import annotations
 
@@ -41,18 +41,19 @@ from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.sampled_step import SampledStep
 from flexarm.model.variation import varied_spec
 
-#: Encoders are read with the first sample: before it, angles are this much less certain.
+#: Ratio of the standard deviation of joint angles before the first reading to that of the reading.
 _BEFORE_READING = 100.0
-#: Updates by readings that are not linear in the state are linearised anew so many times.
+#: Number of linearisations in an update by readings that are not linear in the state.
 _ITERATIONS = 3
 
 
 class Estimates(NamedTuple):
-    """Estimates of a record, after the readings of each tick.
+    """Estimates from a record, after the readings of each sample.
 
-    q and qd (ticks, dof), payload_mass (ticks,) kg, covariance (ticks, s, s) of
-    [q, qd, payload_mass]; innovation (ticks,), the normalised innovation squared of each tick over
-    the number of readings, one on average; consistent, False if the innovation test failed.
+    q and qd (samples, dof), payload_mass (samples,) kg, covariance (samples, s, s) of
+    [q, qd, payload_mass]; innovation (samples,), the normalised innovation squared of each sample
+    divided by the number of readings, one on average; consistent, False if the innovation test
+    failed.
     """
 
     q: FloatArray
@@ -64,37 +65,38 @@ class Estimates(NamedTuple):
 
 
 class ExtendedKalmanFilter:
-    """Joint angles, rates, modal coordinates and payload mass from readings; (C.55) to (C.58).
+    """Extended Kalman filter for joint angles, rates, modal coordinates and payload mass.
 
-    Between samples the arm's nonlinear equations propagate the estimate, and their exact derivative
-    its covariance. The payload is a sum of Gaussians over the logarithm of payload plus own mass
-    of the tip, each with an extended Kalman filter of its own, until one is left. Use it in a loop
-    by ``EstimatorController``, on a record by ``run``, or by hand: ``reset``, then ``correct`` and
-    ``predict`` in turn.
+    Between samples the nonlinear equations of the arm propagate the estimate, and their exact
+    derivative propagates the covariance: (C.55) to (C.58). The payload is a sum of Gaussians over
+    the logarithm of the payload mass plus the effective mass of the tip. Each Gaussian has its own
+    extended Kalman filter, until one is left. Use the filter in a loop with
+    ``EstimatorController``, on a record with ``run``, or in your own loop: ``reset``, then
+    ``correct`` and ``predict`` alternately.
 
     Args:
-        arm: what is believed of the arm. One or two modes a link are enough.
-        instruments: what is read: "joint_angle" (needed), "joint_rate", "strain", `Sensor`s; noise
-            and resolution weigh them.
+        arm: model of the arm. One or two modes per link are enough.
+        instruments: instruments of "joint_angle" (required), "joint_rate", "strain" or a `Sensor`;
+            their noise and resolution determine their weights.
         torque_noise: N m, one number or one per joint, standard deviation of an error of the torque
-            that is drawn anew at each sample: everything the model leaves out.
-        payload_deviation: kg, standard deviation of the arm's payload mass; 0 where it is known. A
-            large one raises the mean of the start, as masses are not negative.
-        payload_drift: kg/s^0.5, by which it wanders.
-        rate_deviation: rad/s, of the joint rates at the start.
-        energy_deviation: J, energy of vibration expected in each mode at the start.
+            that is drawn independently at each sample. It represents all errors of the model.
+        payload_deviation: kg, standard deviation of the arm's payload mass; 0 for a known payload.
+            A large value raises the initial mean, because masses are not negative.
+        payload_drift: kg/s^0.5, intensity of a random walk of the payload mass.
+        rate_deviation: rad/s, standard deviation of the initial joint rates.
+        energy_deviation: J, expected initial energy of vibration in each mode.
         sample_time: s.
 
     Attributes:
-        innovation: mean of the normalised innovations squared over the last 100 samples, one if
-            the filter is consistent; NaN before.
+        innovation: mean of the normalised innovations squared over the last 100 samples, about one
+            if the filter is consistent; NaN before there are as many.
         consistent: False once that mean exceeded its distribution (probability 1e-9). An
-            ``InconsistentEstimateWarning`` says so once after each ``reset``.
+            ``InconsistentEstimateWarning`` reports it once after each ``reset``.
 
     Raises:
-        InputError: if numbers are negative or not finite, or instruments do not fit.
+        InputError: if a number is negative or not finite, or the filter cannot use the instruments.
 
-    It starts at the first readings of the encoders, with links at rest as gravity bends them.
+    The filter starts at the first readings of the encoders, with links at rest under gravity.
     """
 
     def __init__(
@@ -127,7 +129,7 @@ class ExtendedKalmanFilter:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything; the next ``correct`` begins anew."""
+        """Clear the estimate; the next ``correct`` starts from its readings."""
         if self._step is None or self._made_for != self.sample_time:
             self._step = SampledStep(self.arm, self.sample_time, where="ExtendedKalmanFilter")
             self._made_for = self.sample_time
@@ -135,7 +137,7 @@ class ExtendedKalmanFilter:
         self._scale = self._nominal + self._own  # kg, mass at logarithm 0
         self._parts = [Hypothesis(np.zeros(size), np.zeros((size, size)), 0.0)]
         self._torque = np.zeros(joints)
-        # How much the error of the last torque has moved [q, qd, payload] of each hypothesis.
+        # Change of [q, qd, payload] of each hypothesis by the error of the last torque.
         self._moved = [np.zeros((size, joints))]
         self._begun = False
         self._test = InnovationTest(self._readings.size)
@@ -163,12 +165,12 @@ class ExtendedKalmanFilter:
 
     @property
     def innovation(self) -> float:
-        """Mean of the normalised innovations squared over the last 100 samples; NaN before."""
+        """Mean of the normalised innovations squared over the last 100 samples, or NaN."""
         return self._test.ratio
 
     @property
     def consistent(self) -> bool:
-        """Whether that mean has stayed within its distribution."""
+        """True if ``innovation`` has stayed within its distribution."""
         return self._test.passed
 
     def report(self) -> dict[str, float]:
@@ -181,10 +183,10 @@ class ExtendedKalmanFilter:
     def begin(
         self, q: ArrayLike, qd: ArrayLike, payload_mass: float, covariance: ArrayLike
     ) -> None:
-        """Begin at an estimate (dof,), (dof,), kg with a covariance, in place of the first reading.
+        """Start at an estimate (dof,), (dof,), kg and its covariance, not at the first reading.
 
         Raises:
-            InputError: if a shape is wrong, a number NaN, infinite or above 1e9, or the mass
+            InputError: if a shape is wrong, a number is NaN, infinite or above 1e9, or the mass is
                 negative.
         """
         where, size = "ExtendedKalmanFilter.begin", 2 * self.arm.dof + 1
@@ -198,11 +200,11 @@ class ExtendedKalmanFilter:
         self._start(np.concatenate([*parts, [mass]]), given)
 
     def correct(self, measurement: Measurement) -> None:
-        """Take the readings of this moment.
+        """Correct the estimate by the readings at the current sample time.
 
         Raises:
-            InputError: if it is not a `Measurement`, a reading has the wrong shape, is not finite
-                or above 1e9, or the estimate has diverged.
+            InputError: if ``measurement`` is not a `Measurement`, a reading has the wrong shape, is
+                not finite or above 1e9, or the estimate has diverged.
         """
         where = "ExtendedKalmanFilter.correct"
         check_kind(where, "measurement", measurement, Measurement)
@@ -214,7 +216,7 @@ class ExtendedKalmanFilter:
         if not all(np.isfinite(part.x).all() and np.isfinite(part.P).all() for part in self._parts):
             hint = "Correct the arm, the readings or the torques, and call reset."
             raise InputError(Problem(where, "the estimate", "be finite", "infinite", hint))
-        # Weights before the readings: those of the prediction.
+        # The innovation test needs the weights of the prediction, which the update changes.
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
         for part, moved in zip(self._parts, self._moved, strict=True):
@@ -230,7 +232,7 @@ class ExtendedKalmanFilter:
         self._moved = [np.zeros_like(self._moved[0])] * len(self._parts)
 
     def predict(self, torque: ArrayLike) -> None:
-        """Go on to the next sample time under a torque (joints,) N m, held.
+        """Predict the next sample under a zero-order-hold torque (joints,) N m.
 
         Raises:
             InputError: if the torque does not have shape (joints,), or is not finite.
@@ -255,14 +257,15 @@ class ExtendedKalmanFilter:
             self._moved.append(np.vstack([noisy, np.zeros_like(noisy[:1])]))
 
     def run(self, torque: ArrayLike, readings: Mapping[str, ArrayLike]) -> Estimates:
-        """Filter a record from its start: what ``correct`` and ``predict`` give, tick by tick.
+        """Filter a record from its start, with ``correct`` and ``predict`` at each sample.
 
         Args:
-            torque: (ticks, joints) N m, held from each tick to the next.
-            readings: by the instruments' names, (ticks, ...).
+            torque: (samples, joints) N m, constant from each sample to the next.
+            readings: by the instruments' names, (samples, ...).
 
         Raises:
-            InputError: if readings of an instrument are missing or not as many as torques.
+            InputError: if readings of an instrument are missing, or their number differs from that
+                of the torques.
         """
         where = "ExtendedKalmanFilter.run"
         held = check_array(where, "torque", torque, (-1, self.arm.joints))
@@ -289,7 +292,7 @@ class ExtendedKalmanFilter:
     def _update(
         self, part: Hypothesis, moved: FloatArray, readings: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Correct a hypothesis; return the readings that it predicted, and their covariance."""
+        """Correct a hypothesis; return its predicted readings and their covariance."""
         from scipy.linalg import cho_factor, cho_solve
 
         assert self._step is not None
@@ -298,7 +301,8 @@ class ExtendedKalmanFilter:
             constants = self._step.constants(self._change(x))
             seen = self._readings.predict(x[:-1], self._torque, constants)
             H = np.hstack([seen.state, (seen.parameter * self._moving(x))[:, None]])
-            # Accelerometers feel the same error of the torque that has moved the state.
+            # The error of the torque affects both the state and the accelerometers, so their errors
+            # are correlated by N.
             felt = seen.torque * self.torque_noise
             R = np.diag(self._readings.variance) + felt @ felt.T
             N = moved @ felt.T
@@ -309,7 +313,7 @@ class ExtendedKalmanFilter:
                 predicted, deviation = expected, S
             x = before + K @ (readings - expected)
         left = np.eye(x.size) - K @ H
-        # In Joseph's form rounding leaves the covariance symmetric and positive.
+        # The Joseph form keeps the covariance symmetric and positive despite rounding.
         both = left @ N @ K.T
         part.x, part.P = x, left @ part.P @ left.T + K @ R @ K.T - both - both.T
         return predicted, deviation
@@ -321,7 +325,7 @@ class ExtendedKalmanFilter:
         predicted: list[FloatArray],
         expected: list[FloatArray],
     ) -> None:
-        """Test the innovation of the whole mixture."""
+        """Add the innovation of the whole mixture to the test."""
         mean, covariance = combined(before, predicted, expected)
         missed = readings - mean
         squared = float(missed @ np.linalg.solve(covariance, missed))
@@ -329,18 +333,18 @@ class ExtendedKalmanFilter:
         self._test.add(squared)
 
     def _moments(self) -> tuple[FloatArray, FloatArray]:
-        """Return mean and covariance of [q, qd, payload_mass]."""
+        """Return the mean and covariance of [q, qd, payload_mass]."""
         return moments(self._parts, self._scale, self._own)
 
     def _moving(self, x: FloatArray) -> float:
-        """Return the mass (kg) whose logarithm is estimated: payload and own mass of the tip."""
+        """Return the mass (kg) whose logarithm is estimated: payload plus effective tip mass."""
         return self._scale * float(np.exp(x[-1]))
 
     def _change(self, x: FloatArray) -> float:
         return max(self._moving(x) - self._own, 0.0) - self._nominal
 
     def _start(self, x: FloatArray, covariance: FloatArray) -> None:
-        """Begin at mean and covariance of [q, qd, payload_mass]."""
+        """Start at a mean and covariance of [q, qd, payload_mass]."""
         self._scale, parts = split(x + self._own * np.eye(x.size)[-1], covariance)
         self._parts = [part for part in parts if self._moving(part.x) >= self._own] or parts
         self._moved = [np.zeros((x.size, self.arm.joints))] * len(self._parts)
@@ -358,7 +362,7 @@ class ExtendedKalmanFilter:
         variance = np.full(2 * count + 1, energy)
         variance[:count] = energy / np.maximum(stiffness, 1e-12)
         joints = arm.joint_index
-        # The reading is used once, by the update that follows.
+        # The prior is wide, because the update that follows uses the reading itself.
         variance[joints] = angle_item.noise**2 + angle_item.resolution**2 / 12.0
         variance[joints] *= _BEFORE_READING**2
         variance[count + joints] = self.rate_deviation**2
@@ -368,7 +372,7 @@ class ExtendedKalmanFilter:
         self._start(np.concatenate([q, np.zeros(count), [self._nominal]]), P)
 
     def _sag(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return coordinates (dof,) at rest and their derivative by the payload, 1/kg."""
+        """Return the coordinates (dof,) at rest and their derivative by the payload mass, 1/kg."""
         arm = self.arm
         if not any(arm.spec.gravity):
             q = arm.rest(angles)
@@ -376,17 +380,18 @@ class ExtendedKalmanFilter:
         q = equilibrium(arm, angles).q
         if self.payload_deviation == 0.0:
             return q, np.zeros_like(q)
-        # Sag is linear in the mass but for large bending: a difference is enough.
+        # A difference is accurate enough, because sag is nearly linear in the mass.
         more = 0.1 * self.payload_deviation
         heavier = Arm(varied_spec(arm.spec, payload_mass=self._nominal + more))
         return q, (equilibrium(heavier, angles).q - q) / more
 
 
 def _tip_mass(arm: Arm) -> float:
-    """Return the mass (kg) at the tip with the inertia of the last link about its joint.
+    """Return the effective mass (kg) of the tip, without the payload.
 
-    Accelerations of the tip go with one over this mass plus the payload's, so that they are nearly
-    exponential in the logarithm of the sum, down to no payload at all.
+    It is the inertia of the last link about its joint over its length squared. Accelerations of
+    the tip are inversely proportional to this mass plus the payload mass. Therefore they are nearly
+    exponential in the logarithm of the sum, even for a payload of zero.
     """
     inertia = RigidModel(arm).mass_matrix(np.zeros(arm.joints))[-1, -1]
     own = float(inertia) / float(arm.lengths[-1]) ** 2 - arm.spec.payload.mass

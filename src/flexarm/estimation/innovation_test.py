@@ -1,4 +1,4 @@
-"""Whether the readings of a filter depart from its predictions by as much as it expects."""
+"""Consistency test of a filter: its innovations against their covariance."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from flexarm.errors import InconsistentEstimateWarning, warn_caller
 
-#: Samples over which normalised innovations are averaged.
+#: Number of samples over which normalised innovations squared are averaged.
 WINDOW = 100
-#: Probability that a consistent filter fails in a given window.
+#: Probability that a consistent filter fails the test in a given window.
 _FALSE_ALARM = 1e-9
 
 
 @cache
 def largest_ratio(size: int) -> float:
-    """Return the largest windowed mean of innovations squared of a consistent filter, over 1."""
+    """Return the limit of the windowed mean of normalised innovations squared (expected: 1)."""
     from scipy.stats import chi2
 
     count = WINDOW * size
@@ -24,15 +24,16 @@ def largest_ratio(size: int) -> float:
 
 
 class InnovationTest:
-    """Mean of the normalised innovations squared over a window, against its distribution.
+    """Test of the mean normalised innovation squared over a window against its distribution.
 
     Attributes:
-        ratio: mean over the last ``WINDOW`` samples, one if the filter is consistent; NaN before.
-        worst: largest ratio so far, NaN before. passed: whether it is within its distribution.
+        ratio: mean over the last ``WINDOW`` samples, about one if the filter is consistent; NaN
+            before there are as many.
+        worst: largest ratio so far, or NaN. passed: whether it is within its distribution.
 
     Y. Bar-Shalom, X. R. Li and T. Kirubarajan, Estimation with Applications to Tracking and
-    Navigation, 2001, section 5.4. Ratios far below one are no failure: noise is smaller than
-    stated, and so are the errors.
+    Navigation, 2001, section 5.4. Ratios far below one pass the test: the noise is then smaller
+    than specified, and so are the errors.
     """
 
     def __init__(self, size: int) -> None:
@@ -43,15 +44,15 @@ class InnovationTest:
 
     @property
     def passed(self) -> bool:
-        """Whether all windows so far were within their distribution."""
+        """True if all windows so far were within their distribution."""
         return not self.worst > self._limit
 
     def add(self, squared: float) -> None:
-        """Take a sample's normalised innovation squared, of ``size`` readings.
+        """Add the normalised innovation squared of a sample of ``size`` readings.
 
         Warns:
-            InconsistentEstimateWarning: the first time that a window is not within its
-                distribution.
+            InconsistentEstimateWarning: if a window is outside its distribution, for the first
+                one only.
         """
         passed = self.passed
         self._last[self._count % WINDOW] = squared / self._size

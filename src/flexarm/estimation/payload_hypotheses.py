@@ -1,8 +1,9 @@
-"""A distribution of states and of an unknown mass, as a sum of Gaussians over its logarithm.
+"""Distribution of states and of an unknown mass, as a sum of Gaussians over its logarithm.
 
-Where rates and bending are as uncertain as they are large, their product with an unknown mass is
-not nearly linear: one Gaussian then learns the mass from its own errors. Each of these Gaussians
-knows the mass well enough for linear theory; readings decide between them.
+If rates and bending are as uncertain as they are large, their product with an unknown mass is far
+from linear, and the mass estimate of a single Gaussian follows its linearisation errors. In each
+Gaussian of the sum the mass is certain enough for linear theory, and the readings update the
+weights of the Gaussians.
 
 References:
     D. L. Alspach and H. W. Sorenson, IEEE Trans. Automatic Control 17 (1972) 439-448.
@@ -17,19 +18,21 @@ import numpy as np
 
 from flexarm.hardware.measurement import FloatArray
 
-#: Number of Gaussians, how far the outermost are from the mean in deviations, and how wide each is
-#: as a part of their distance. Nine, each 35 % of the mass wide, were too wide: seeds of light
-#: payloads had squared errors nine times as large as the covariance allowed.
+#: Number of Gaussians; distance of the outermost ones from the mean, in standard deviations; and
+#: standard deviation of each, relative to their spacing. Nine Gaussians, each 35 % of the mass
+#: wide, were too wide: for light payloads some random seeds gave squared errors nine times as large
+#: as the covariance allowed.
 _COUNT, _RANGE, _WIDTH = 25, 2.5, 0.9
-#: Deviation of the logarithm up to which one Gaussian does.
+#: Standard deviation of the logarithm up to which one Gaussian is sufficient.
 _NARROW = 0.1
-#: Gaussians less likely than this are dropped; those closer than half a deviation are merged.
+#: Gaussians with a lower probability than this are dropped; those closer than half a standard
+#: deviation are merged.
 _LEAST, _CLOSE = 1e-6, 0.5
 
 
 @dataclass
 class Hypothesis:
-    """One Gaussian: mean (n + 1,) and covariance of [state, log(mass / scale)], and its weight."""
+    """Gaussian over [state, log(mass / scale)]: mean (n + 1,), covariance and log weight."""
 
     x: FloatArray
     P: FloatArray
@@ -40,8 +43,9 @@ def split(x: FloatArray, P: FloatArray) -> tuple[float, list[Hypothesis]]:
     """Return a scale (kg) and Gaussians over [state, log(mass / scale)].
 
     Args:
-        x, P: mean and covariance of [state, mass], kg. The masses are lognormal. A deviation above
-            the mean is not one of a mass: both are then the root of half the mean square.
+        x, P: mean and covariance of [state, mass], kg. The masses are lognormal. If the standard
+            deviation of the mass exceeds its mean, both are replaced by the square root of half
+            the mean square, because masses are not negative.
     """
     mean, variance = float(x[-1]), float(P[-1, -1])
     slope = P[:-1, -1] / variance if variance > 0.0 else np.zeros(x.size - 1)
@@ -70,7 +74,7 @@ def split(x: FloatArray, P: FloatArray) -> tuple[float, list[Hypothesis]]:
 
 
 def reduced(parts: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the likely ones, those close together merged, weights summing to one."""
+    """Drop unlikely Gaussians, merge close ones, and normalise the weights to a sum of one."""
     logs = np.array([part.log_weight for part in parts])
     logs -= np.logaddexp.reduce(logs)
     kept: list[Hypothesis] = []
@@ -91,7 +95,7 @@ def reduced(parts: list[Hypothesis]) -> list[Hypothesis]:
 def combined(
     parts: list[Hypothesis], means: list[FloatArray], covariances: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of a mixture with the weights of its parts."""
+    """Return the mean and covariance of a mixture of Gaussians with the weights of ``parts``."""
     if len(parts) == 1:
         return means[0].copy(), covariances[0].copy()
     weights = np.exp([part.log_weight for part in parts])
@@ -103,7 +107,7 @@ def combined(
 
 
 def moments(parts: list[Hypothesis], scale: float, own: float) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of [state, payload], kg: lognormal masses without ``own``."""
+    """Return mean and covariance of [state, payload], kg; ``own`` is subtracted from the mass."""
     means, covariances = [], []
     for part in parts:
         x, P = part.x.copy(), part.P.copy()

@@ -1,4 +1,4 @@
-"""What instruments should say of a state, and how that changes with it: for filters."""
+"""Predicted readings of a state and their derivatives, for filters."""
 
 from __future__ import annotations
 
@@ -21,29 +21,30 @@ from flexarm.linear.sampled_step import state_places
 from flexarm.linear.signals import Sensor
 from flexarm.loads import Load, place_loads
 
-#: Readings, masses and covariances above this, in SI units, are mistakes.
+#: Largest accepted reading, mass and covariance, in SI units.
 LARGEST = 1e9
 _SIGNALS = ("joint_angle", "joint_rate", "strain")
 
 
 class Predicted(NamedTuple):
-    """Readings that a state should give, and their slopes."""
+    """Predicted readings of a state, and their derivatives."""
 
     values: FloatArray  # (size,)
-    state: FloatArray  # (size, 2 dof) by [q, qd]
-    parameter: FloatArray  # (size,) by the parameter of ``SampledStep``
-    torque: FloatArray  # (size, joints) by the torque that acts
+    state: FloatArray  # (size, 2 dof), derivative by [q, qd]
+    parameter: FloatArray  # (size,), derivative by the parameter of ``SampledStep``
+    torque: FloatArray  # (size, joints), derivative by the acting torque
 
 
 class PredictedReadings:
     """Readings of instruments as a function of the state, stacked in one column.
 
     Attributes:
-        size: readings in all. variance: (size,) of their errors, rounding included.
-        linear: whether all are linear in the state.
+        size: number of readings. variance: (size,), of their errors, rounding included.
+        linear: whether all readings are linear in the state.
 
     Raises:
-        InputError: an instrument that a filter cannot use on this arm.
+        InputError: if a filter cannot use one of the instruments on this arm, or none reads
+            "joint_angle".
     """
 
     def __init__(self, where: str, arm: Arm, instruments: Sequence[Instrument]) -> None:
@@ -102,7 +103,7 @@ class PredictedReadings:
         """Return the readings (size,) of a measurement.
 
         Raises:
-            InputError: if one is missing, of another length, not finite or too large.
+            InputError: if a reading is missing, has the wrong length, is not finite or too large.
         """
         given = [measurement.get(name) for name in self._labels]
         missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
@@ -124,9 +125,9 @@ class PredictedReadings:
         torque: FloatArray,
         constants: tuple[ArmConstants, ArmConstants],
     ) -> Predicted:
-        """Return the readings of [q, qd] (2 dof,) and their slopes.
+        """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives.
 
-        ``torque`` (joints,) acts at that moment; ``constants`` as of ``SampledStep``.
+        ``torque`` (joints,) is the acting torque; ``constants`` are those of ``SampledStep``.
         """
         slopes, joints = self._linear.copy(), self._arm.joints
         found = Predicted(slopes @ x, slopes, np.zeros(self.size), np.zeros((self.size, joints)))
@@ -139,7 +140,7 @@ class PredictedReadings:
             found.values[place] = by[-1]
         none = self._state_places[:0]
         for joint in range(joints):
-            # Accelerations are linear in the torque: one newton metre more is the slope.
+            # Accelerations are linear in the torque, so the change by 1 N m is the derivative.
             more = torque.copy()
             more[joint] += 1.0
             self._points(x, more, constants, none, self._pushed)
@@ -175,7 +176,7 @@ class PredictedReadings:
 
 
 def _linear(arm: Arm, item: Instrument) -> FloatArray:
-    """Slope (readings, 2 dof) of what is linear in the state; zeros for the others."""
+    """Return the derivative (readings, 2 dof) of a linear reading; zeros for a `Sensor`."""
     count = arm.dof
     if isinstance(item.signal, Sensor):
         return np.zeros((2, 2 * count))

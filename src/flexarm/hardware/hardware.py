@@ -1,4 +1,4 @@
-"""The hardware between a controller and an arm: its instruments and its motors."""
+"""Hardware between a controller and an arm: instruments and motors."""
 
 from __future__ import annotations
 
@@ -27,25 +27,26 @@ _POSITIVE = ("torque_limit", "torque_constant", "current_limit", "voltage_limit"
 
 @dataclass(frozen=True)
 class Motors:
-    """What becomes of a torque that a controller asks for.
+    """Motors with delay, limits and lag.
 
-    In this order: it waits for ``delay``; it is cut to what the limits allow at the joint rates of
-    that moment; and the motors reach it as ``1 - exp(-t / time_constant)``.
+    A torque that a controller requests is delayed by ``delay``, clipped to the limits at the joint
+    rates of that instant, and reached by the motors as ``1 - exp(-t / time_constant)``.
 
     Args:
         torque_limit: N m at the joint, one number or one per joint, positive.
-        delay: s from the sample time to the moment when the torque begins to act.
+        delay: s from the sample time to the instant at which the torque starts to act.
         time_constant: s, lag of the current loop; 0 for none.
-        torque_constant: N m at the joint per A, gear included; one number or one per joint. Needed
-            for limits of current or voltage.
+        torque_constant: N m at the joint per A, gear included; one number or one per joint.
+            Required with ``current_limit`` or ``voltage_limit``.
         current_limit: A.
-        voltage_limit: V; with it a motor that turns fast gives less: ``torque_constant`` is its
-            back electromotive force, too, V s/rad at the joint.
-        resistance: ohm, of the winding; needed for a voltage limit.
+        voltage_limit: V. It reduces the available torque of fast motors, because
+            ``torque_constant`` is also the constant of the back electromotive force, V s/rad at
+            the joint.
+        resistance: ohm, of the winding; required with ``voltage_limit``.
 
     Raises:
-        InputError: a number is not positive (``delay``, ``time_constant``: negative), or one that
-            another needs is missing.
+        InputError: if a number is not positive, ``delay`` or ``time_constant`` is negative, or a
+            limit is given without the arguments that it requires.
     """
 
     torque_limit: ArrayLike = math.inf
@@ -81,10 +82,10 @@ class Motors:
             raise InputError(*problems)
 
     def check_joints(self, joints: int) -> None:
-        """Refuse lists that do not fit the joints of an arm.
+        """Check that lists have one number for each joint of an arm.
 
         Raises:
-            InputError: a list is longer or shorter.
+            InputError: if the length of a list differs from ``joints``.
         """
         check_count("Motors.check_joints", "joints", joints, least=0)
         problems = []
@@ -98,7 +99,7 @@ class Motors:
             raise InputError(*problems)
 
     def allowed(self, torque: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return what of a torque (joints,) the motors can give at these joint rates (joints,)."""
+        """Return a torque (joints,) clipped to the limits at joint rates (joints,)."""
         if type(torque) is not np.ndarray or torque.dtype != np.float64:
             torque = check_numbers("Motors.allowed", "torque", torque, _OF_JOINTS)
         if type(rate) is not np.ndarray or rate.dtype != np.float64:
@@ -108,7 +109,7 @@ class Motors:
             constant = _numbers(self.torque_constant)
             limit = np.minimum(limit, constant * _numbers(self.current_limit))
             if self.resistance is not None:
-                # What the supply leaves after the back electromotive force drives the current.
+                # The supply voltage less the back electromotive force drives the current.
                 supply, resistance = _numbers(self.voltage_limit), _numbers(self.resistance)
                 most = constant * (supply - constant * rate) / resistance
                 least = constant * (-supply - constant * rate) / resistance
@@ -128,13 +129,14 @@ class Hardware:
     """Instruments and motors between a controller and an arm, for ``simulate(hardware=...)``.
 
     Args:
-        instruments: what the measurement consists of; None for exact ``joint_angle``,
-            ``joint_rate`` and, with gauges, ``strain``.
-        motors: None for motors that give at once what they are asked for.
-        seed: of all noise; the same seed gives the same run.
+        instruments: instruments whose readings form the measurement; None for exact
+            ``joint_angle``, ``joint_rate`` and, with gauges, ``strain``.
+        motors: None for ideal motors, without delay, lag or limits.
+        seed: seed of all noise; the same seed gives the same run.
 
     Raises:
-        InputError: two instruments have the same name, or something is no instrument.
+        InputError: if two readings have the same name, an entry is not an instrument, or
+            ``motors`` is not a `Motors` object.
     """
 
     instruments: Sequence[Instrument] | None = None

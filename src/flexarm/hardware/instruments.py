@@ -1,4 +1,4 @@
-"""Sensors as they are: resolution, noise, bias, range, frames of their own and delay."""
+"""Instruments with resolution, noise, bias, range, sample time and delay."""
 
 from __future__ import annotations
 
@@ -17,36 +17,39 @@ FloatArray = NDArray[np.float64]
 
 #: Channels that an instrument can read.
 SIGNALS = tuple(CHANNEL_OUTPUTS)
-#: How much a time may miss a whole number of sample times by: rounding of decimal fractions.
+#: Tolerance for whole multiples of the sample time, because decimal fractions are rounded.
 _GRID = 1e-9
 
 
 @dataclass(frozen=True)
 class Instrument:
-    """One sensor, or one for each joint, link or gauge: what it reads and how well.
+    """One sensor, or one for each joint, link or gauge, with its errors.
 
-    What it says of a value is ``clip(round_to(value + bias + noise, resolution), +-limit)``, taken
-    at its own frames, and known ``delay`` later. Until the first frame is known it says what it
-    would have said of the start.
+    The reading of a value is ``clip(round_to(value + bias + noise, resolution), +-limit)``, taken
+    at the frames of the instrument and available ``delay`` later. Until the first frame is
+    available, the measurement has the reading of the initial state.
 
     Args:
         signal: a channel of results ("joint_angle", "strain", "tip", "torque", ...), or a `Sensor`
             for the position, velocity or acceleration of a point of a link.
-        name: in the measurement; None for that of the signal.
-        resolution: step that readings are rounded to, unit of the signal; 0 for none.
-        noise: standard deviation of a white, normal error, drawn afresh for each frame.
+        name: name of the reading in the measurement; None for the name of the signal.
+        resolution: step that readings are rounded to, in the unit of the signal; 0 for none.
+        noise: standard deviation of a white, normal error, drawn independently for each frame.
         bias: constant error.
-        limit: largest reading, in both directions.
-        delay: s from a frame to the moment when the controller knows it.
-        sample_time: s between frames, a multiple of the controller's; None for that of the
-            controller.
-        rate_cutoff: Hz; given, the instrument also tells the rate of what it reads, by a filtered
-            difference of its readings (Tustin's rule for ``s / (1 + s / (2 pi rate_cutoff))``).
-        rate_name: of that rate in the measurement; "joint_rate" for a joint angle, else the name
-            with "_rate".
+        limit: largest magnitude of a reading.
+        delay: s from a frame to the instant at which the controller receives it.
+        sample_time: s between frames, a multiple of the controller's sample time; None for the
+            sample time of the controller.
+        rate_cutoff: Hz, cutoff of a filtered difference of the readings, which adds their rate to
+            the measurement (Tustin's rule for ``s / (1 + s / (2 pi rate_cutoff))``); None for no
+            rate.
+        rate_name: name of that rate in the measurement; None for "joint_rate" for a joint angle,
+            and for the name followed by "_rate" otherwise.
 
     Raises:
-        InputError: an unknown signal, or a number that is negative or not finite.
+        InputError: if the signal is unknown, a name is not an identifier, ``limit``,
+            ``sample_time`` or ``rate_cutoff`` is not positive, or another number is not finite or,
+            except for ``bias``, negative.
     """
 
     signal: str | Sensor
@@ -90,7 +93,7 @@ class Instrument:
 
     @property
     def label(self) -> str:
-        """What the measurement calls its reading."""
+        """Name of the reading in the measurement."""
         if self.name is not None:
             return self.name
         if isinstance(self.signal, Sensor):
@@ -99,7 +102,7 @@ class Instrument:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What the measurement calls its readings: the value, and the rate if it tells one."""
+        """Names of the readings in the measurement: the value, and with ``rate_cutoff`` its rate."""
         if self.rate_cutoff is None:
             return (self.label,)
         rate = "joint_rate" if self.label == "joint_angle" else f"{self.label}_rate"
@@ -107,7 +110,7 @@ class Instrument:
 
 
 def ticks_of(instrument: Instrument, tick: float) -> tuple[int, int]:
-    """Return samples from frame to frame, and from a frame to when it is known.
+    """Return the numbers of samples between frames, and from a frame to its reading.
 
     Raises:
         InputError: if the frames are not at sample times, ``tick`` (s) apart.
@@ -121,7 +124,7 @@ def ticks_of(instrument: Instrument, tick: float) -> tuple[int, int]:
 
 
 def filter_of(cutoff: float, frame: float) -> tuple[float, float]:
-    """Return the filtered difference's weights of the rate before and of the change.
+    """Return the coefficients of the previous rate and of the change in a filtered difference.
 
     Tustin's rule for ``s / (1 + s / (2 pi cutoff))``, ``cutoff`` in Hz, over ``frame`` (s).
     """
@@ -130,7 +133,7 @@ def filter_of(cutoff: float, frame: float) -> tuple[float, float]:
 
 
 class Readings:
-    """An instrument in use: frames, delays and the memory of its difference."""
+    """State of an instrument during a run: frames, delays and the filtered difference."""
 
     def __init__(self, instrument: Instrument, tick: float, generator: np.random.Generator) -> None:
         self._instrument = instrument
@@ -145,11 +148,11 @@ class Readings:
             self._forget, self._per_change = filter_of(cutoff, self._every * tick)
 
     def wants(self, k: int) -> bool:
-        """Whether there is a frame at sample time k."""
+        """Return whether sample k is a frame of the instrument."""
         return k % self._every == 0
 
     def take(self, k: int, value: FloatArray) -> None:
-        """Take the frame of sample time k."""
+        """Take the frame at sample k."""
         read = self._read(value)
         rate = self._difference(read)
         if self._known is None:
@@ -157,7 +160,7 @@ class Readings:
         self._frames.append((k + self._late, read, rate))
 
     def tell(self, k: int, values: dict[str, FloatArray]) -> None:
-        """Write what is known at sample time k; copies, which the reader may change."""
+        """Write copies of the readings that are available at sample k into ``values``."""
         while self._frames and self._frames[0][0] <= k:
             self._known = self._frames.popleft()[1:]
         assert self._known is not None
@@ -178,7 +181,7 @@ class Readings:
         if self._instrument.rate_cutoff is None:
             return None
         if self._last is None or self._rate is None:
-            self._rate = np.zeros_like(read)  # as at rest
+            self._rate = np.zeros_like(read)  # the first frame gives no difference
         else:
             self._rate = self._forget * self._rate + self._per_change * (read - self._last)
         self._last = read

@@ -1,4 +1,4 @@
-"""What the sensors say at one sample time, by name."""
+"""Readings of the instruments at one sample time, by name."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ FloatArray = NDArray[np.float64]
 
 
 class Measurement(Mapping[str, FloatArray]):
-    """Readings by name: ``measurement.joint_angle`` and ``measurement["joint_angle"]`` alike.
+    """Readings by name, as ``measurement.joint_angle`` or ``measurement["joint_angle"]``.
 
-    Without ``hardware`` every arm gives ``joint_angle`` (joints,) rad and ``joint_rate`` (joints,)
-    rad/s, relative, and ``strain`` (gauges,). With it, what its instruments are called.
+    Without ``hardware`` the readings are ``joint_angle`` (joints,) rad and ``joint_rate`` (joints,)
+    rad/s, relative, and ``strain`` (gauges,). With it, they are those of its instruments.
     """
 
     _values: dict[str, FloatArray]
 
     def __init__(self, **values: FloatArray) -> None:
-        # Readings stand among the attributes as well, where they are found ten times as fast as by
-        # ``__getattr__``; but not in the place of a method that has their name.
+        # Readings are also stored as attributes, because attribute access is ten times as fast as
+        # ``__getattr__``. A reading does not replace a method of the same name.
         mine = vars(self)
         mine.update(values)
         for name in _METHODS.intersection(values):
@@ -44,7 +44,7 @@ class Measurement(Mapping[str, FloatArray]):
         return name in self._values
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return a reading, or ``default`` where nobody measures it."""
+        """Return a reading, or ``default`` if it is not measured."""
         return self._values.get(name, default) if isinstance(name, str) else default
 
     def __iter__(self) -> Iterator[str]:
@@ -57,7 +57,7 @@ class Measurement(Mapping[str, FloatArray]):
         return _measurement, (self._values,)
 
     def __getattr__(self, name: str) -> FloatArray:
-        if name.startswith("_"):  # asked for by copies and pickles, before there are values
+        if name.startswith("_"):  # copy and pickle look these up before there are values
             raise AttributeError(name)
         try:
             return self._values[name]
@@ -68,12 +68,12 @@ class Measurement(Mapping[str, FloatArray]):
         return f"Measurement({', '.join(f'{k}={v}' for k, v in self._values.items())})"
 
 
-#: Names that are no readings.
+#: Attribute names that readings do not replace.
 _METHODS = frozenset(dir(Measurement)) | {"_values"}
 
 
 class _NotMeasured(KeyError):
-    """A name that is not measured; worded when it is shown, since ``get`` asks often."""
+    """Error for a name that is not measured; its message is composed only when it is shown."""
 
     def __str__(self) -> str:
         name, values = self.args
@@ -86,7 +86,7 @@ def _not_measured(name: str, values: Mapping[str, FloatArray]) -> str:
 
 
 def _hint(name: str) -> str:
-    """Say where a name would come from."""
+    """Return a hint on how to measure a name."""
     if name == "contact_force":
         return (
             "Without contacts there is none: give simulate contacts and, where it has a hardware, "
@@ -101,5 +101,5 @@ def _hint(name: str) -> str:
 
 
 def _measurement(values: dict[str, FloatArray]) -> Measurement:
-    """Make a measurement of its values: what a pickle calls."""
+    """Create a measurement from its values, for unpickling."""
     return Measurement(**values)
