@@ -102,7 +102,7 @@ class Instrument:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the readings in the measurement: the value, and with ``rate_cutoff`` its rate."""
+        """Names of the readings in the measurement: the value, and its rate if it is read."""
         if self.rate_cutoff is None:
             return (self.label,)
         rate = "joint_rate" if self.label == "joint_angle" else f"{self.label}_rate"
@@ -110,7 +110,7 @@ class Instrument:
 
 
 def ticks_of(instrument: Instrument, tick: float) -> tuple[int, int]:
-    """Return the numbers of samples between frames, and from a frame to its reading.
+    """Return the stride of the frames and the delay of the readings, in samples.
 
     Raises:
         InputError: if the frames are not at sample times, ``tick`` (s) apart.
