@@ -1,4 +1,4 @@
-"""Controllers: one a file, and the registry of their names."""
+"""Built-in controllers, one per file, and the registry of their names."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flexarm.hardware.hardware import Hardware, Motors
 from flexarm.hardware.instruments import Instrument
 from flexarm.loop_analysis.margins import loop_margins
 
-#: Every controller by its name, which is that of its record in files.
+#: Controllers by name. The records in files use the same names.
 CONTROLLERS: dict[str, type[Controller]] = {
     Adaptive.name: Adaptive,
     Admittance.name: Admittance,

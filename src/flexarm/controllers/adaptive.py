@@ -1,4 +1,4 @@
-"""Adaptive control after Slotine and Li, on the rigid twin of the arm."""
+"""Adaptive control after Slotine and Li, with the rigid model of the arm."""
 
 from __future__ import annotations
 
@@ -17,32 +17,35 @@ from flexarm.kernels.adaptation import adaptive_torque
 
 
 class Adaptive(Controller):
-    """Computed torque of a rigid model whose parameters are learned on the way; (C.40) to (C.46).
+    """Computed torque of a rigid model with adapted parameters; (C.40) to (C.46).
 
     Slotine and Li, On the adaptive control of robot manipulators, Int. J. Robotics Research 6(3),
-    1987. ``torque = Y a - damping s``, with Y the regressor of the rigid twin, and
-    ``a' = -adaptation Y' s - leakage (a - initial)``, kept within bounds.
+    1987. ``torque = Y a - damping s``, with Y the regressor of the rigid model, and
+    ``a' = -adaptation Y' s - leakage (a - initial)``, clipped to the bounds.
 
     Args:
-        arm: what is believed of the arm; estimates begin there.
-        bandwidth: 1/s, one number or one per joint: how fast angle errors die on s = 0.
-        damping: N m s/rad, likewise.
-        adaptation: how fast parameters move, one number or one for each of them: unit of the
+        arm: model of the arm; its parameters are the initial estimates.
+        bandwidth: 1/s, one number or one per joint: decay rate of angle errors on s = 0.
+        damping: N m s/rad, one number or one per joint: gain of s.
+        adaptation: adaptation gains, one number or one for each parameter, in the unit of the
             parameter squared per (N m rad).
-        parameters: what is learned: "payload" (its mass), "links" (mass, first moment and inertia
-            of each), "friction" (viscous and Coulomb of each joint), or a list of names such as
-            "payload.mass", "link_2.inertia", "joint_1.coulomb".
-        bounds: name to (lowest, largest) value; without, at least 0.
-        initial: name to a value to begin with in place of the arm's.
-        leakage: 1/s, pulls estimates back to where they began (sigma modification).
-        dead_zone: rad/s, of the length of s: within it nothing is learned.
-        strain_gain: rad/s per 1/m, one number or one per joint: the joint yields to the curvature
-            at the root of its link, which damps vibration; needs a gauge on it.
-        washout: Hz: curvature that changes more slowly is left alone.
+        parameters: parameters to adapt: "payload" (its mass), "links" (mass, first moment and
+            inertia of each), "friction" (viscous and Coulomb of each joint), or a list of names
+            such as "payload.mass", "link_2.inertia", "joint_1.coulomb".
+        bounds: mapping from names to (lowest, largest) values; parameters without bounds are at
+            least 0.
+        initial: mapping from names to initial estimates that replace the values of the arm.
+        leakage: 1/s, decay rate of the estimates to their initial values (sigma modification).
+        dead_zone: rad/s, norm of s below which the estimates are constant.
+        strain_gain: rad/s per 1/m, one number or one per joint: feedback of the curvature at the
+            root of the joint's link to the reference rate, which damps vibration; requires a gauge
+            on that link.
+        washout: Hz, cutoff of the high-pass filter of the curvature.
         sample_time: s.
 
     Raises:
-        InputError: unknown names, numbers that are negative or not finite, bounds without room.
+        InputError: if a name is unknown, a number is negative or not finite, or a lower bound
+            exceeds the upper one.
     """
 
     name = "adaptive"
@@ -100,11 +103,11 @@ class Adaptive(Controller):
 
     @property
     def estimate(self) -> dict[str, float]:
-        """Present value of each parameter."""
+        """Current estimate of each parameter."""
         return dict(zip(self.parameters, self._estimate.tolist(), strict=True))
 
     def reset(self) -> None:
-        """Forget what was learned."""
+        """Reset the estimates to their initial values."""
         self._estimate[:] = self._start
         self._sliding.reset(self.sample_time)
 

@@ -1,4 +1,4 @@
-"""Admittance control: the measured force moves the reference, which a stiff loop follows."""
+"""Admittance control: the force error moves the reference of a stiff position loop."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from flexarm.controllers.task_controller import TaskController, felt_force
 
 
 class Admittance(TaskController):
-    """A position loop whose reference yields to the error of the force like spring and damper.
+    """Position loop whose reference yields to the force error like a spring and a damper.
 
-    The reference goes away from the surface by y with ``damping`` y' + ``stiffness`` y = measured
-    force - reference's force, and the joints' tip follows it with the rigid model's inertia, as a
-    mass, a spring and a damper of ``frequency`` and ``damping_ratio``. Without stiffness the force
-    has no steady error: (F.12). Theory page "control-force", (F.10) to (F.12).
+    The reference moves away from the surface by y with ``damping`` y' + ``stiffness`` y = measured
+    force - force of the reference. The tip of the rigid model follows it as a mass, a spring and a
+    damper of ``frequency`` and ``damping_ratio``. Without stiffness the force has no steady-state
+    error: (F.12). Theory page "control-force", (F.10) to (F.12).
 
     Args:
-        arm: what the controller believes the arm to be.
-        damping: N s/m: what the surface and the arm give in for, over it, is the bandwidth.
-        stiffness: N/m, that draws y back to zero.
-        frequency: rad/s, of the position loop.
-        damping_ratio: of the position loop.
-        most_speed: m/s, limit of y': that of the approach of a tip that does not touch.
+        arm: model of the arm.
+        damping: N s/m. The bandwidth is the stiffness of surface and arm in series over it.
+        stiffness: N/m, of the spring that moves y back to zero.
+        frequency: rad/s, natural frequency of the position loop.
+        damping_ratio: damping ratio of the position loop.
+        most_speed: m/s, limit of y', and so of the speed of approach without contact.
         sample_time: s.
 
-    It measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which the first contact's
-    counts. Where the reference has no force, as a plain motion or none, the joints follow that with
-    ``frequency``, and no force is measured.
+    The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
+    the first contact. If the reference has no force, or there is no reference, the joints follow
+    the motion or keep their first angles with ``frequency``, and no force is measured.
 
     Raises:
-        InputError: a gain is negative or not finite, or damping, frequency, speed or sample time
+        InputError: if a gain is negative or not finite, or damping, frequency, speed or sample time
             are not positive.
     """
 
@@ -60,7 +60,7 @@ class Admittance(TaskController):
         self._away = 0.0  # y, m
 
     def reset(self) -> None:
-        """Forget how far the reference has gone, and the reference."""
+        """Clear the displacement of the reference, and the reference."""
         super().reset()
         self._away = 0.0
 

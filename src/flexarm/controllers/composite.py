@@ -1,4 +1,4 @@
-"""Composite control: slow motion of the joints, fast vibration of the links; (C.32) to (C.38)."""
+"""Composite control of slow joint motion and fast link vibration; (C.32) to (C.38)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from flexarm.errors import InputError, Problem
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.linearize import linearize
 
-#: What the fast part may weigh: outputs that the links' bending alone decides.
+#: Outputs that the fast part may weight: those that depend on the bending of the links only.
 BENDING = (
     "strain",
     "link_tip_deflection",
@@ -40,13 +40,13 @@ BENDING = (
 
 @dataclass(frozen=True, eq=False)
 class FastDesign:
-    """The two parts at one posture; bending has k coordinates, the fast state 2 k.
+    """Fast part of a `Composite` controller at one posture, with k elastic coordinates.
 
     Attributes:
         frequency: (k,) of the boundary layer, rad/s, lowest first.
-        flexibility: (k, k) bending per elastic force.
-        A, B: boundary layer, sampled, (2 k, 2 k) and (2 k, joints).
-        gain: (joints, 2 k) of the fast part. cost: (2 k, 2 k), its least cost.
+        flexibility: (k, k) elastic coordinates per elastic force.
+        A, B: sampled boundary layer, (2 k, 2 k) and (2 k, joints).
+        gain: (joints, 2 k) of the fast part. cost: (2 k, 2 k), its minimum cost.
     """
 
     frequency: FloatArray
@@ -60,25 +60,25 @@ class FastDesign:
 class Composite(LQG):
     """Singular-perturbation control: computed torque for the joints, damping for the links.
 
-    The slow part gives the joint errors of the rigid arm a bandwidth and a damping ratio. The fast
-    part brings the links back to the bend that goes with the slow motion, by the linear-quadratic
-    gain of the boundary layer. Both are fed by the Kalman filter of `LQG`.
+    The slow part gives the joint errors of the rigid model a bandwidth and a damping ratio. The
+    fast part returns the links to the slow manifold with the linear-quadratic gain of the boundary
+    layer. Both use the state that the Kalman filter of `LQG` estimates.
 
     Args:
-        arm, posture, options: as for `LQG`, which says what each means: ``schedule``,
-            ``measured``, ``disturbance``, ``torque_limit``, ``sample_time``.
+        arm, posture, options: arguments of `LQG`: ``schedule``, ``measured``, ``disturbance``,
+            ``torque_limit``, ``sample_time``.
         bandwidth: rad/s of the joint errors, one number or one for each joint.
-        damping_ratio: of the joint errors, likewise.
-        acceptable: outputs of `linearize` that bending alone decides, and the deviation of each
-            that counts as much as the others'; by default 10 mm of ``link_tip_deflection`` and
+        damping_ratio: of the joint errors, one number or one for each joint.
+        acceptable: mapping from outputs of `linearize` that depend on bending only to their
+            acceptable deviations, as for `LQG`; by default 10 mm of ``link_tip_deflection`` and
             0.1 m/s of its rate.
         acceptable_torque: N m of the fast part, as for `LQG`.
 
     Attributes:
-        fast_designs: for every posture of the grid, the `FastDesign`.
+        fast_designs: the `FastDesign` of each posture of the grid.
 
     Raises:
-        InputError: as `LQG`; an arm whose links do not bend.
+        InputError: as for `LQG`, or if the links of the arm are rigid.
 
     Siciliano and Book 1988.
     """
@@ -113,7 +113,7 @@ class Composite(LQG):
 
     @property
     def epsilon(self) -> float:
-        """The fastest bandwidth over the slowest frequency of the boundary layer; (C.33)."""
+        """Largest bandwidth over the lowest frequency of the boundary layer; (C.33)."""
         return float(np.max(self.bandwidth) / min(item.frequency[0] for item in self.fast_designs))
 
     def _design_all(self, where: str) -> tuple[Design, ...]:
@@ -122,7 +122,7 @@ class Composite(LQG):
         return tuple(item for _, item in pairs)
 
     def _both(self, where: str, item: Design) -> tuple[FastDesign, Design]:
-        """Design both parts in a posture, and put them into one gain; (C.34) to (C.37)."""
+        """Design both parts at a posture, and combine them into one gain; (C.34) to (C.37)."""
         from scipy.linalg import eigvals
 
         arm, joints, elastic = self.arm, self.arm.joint_index, self._model.elastic
@@ -147,17 +147,18 @@ class Composite(LQG):
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
-        # As the joints turn, gravity bends the links and turns the joints: (C.38).
+        # Gravity adds a stiffness, as the sag of the links depends on the joint angles: (C.38).
         whole = model.stiffness
         sag = -flexibility @ whole[np.ix_(elastic, joints)]
         weight = whole[np.ix_(joints, joints)] + whole[np.ix_(joints, elastic)] @ sag
-        # The slow angles by the state, but for the bend that goes with the acceleration: (C.35).
+        # Slow angles as a function of the state, without the bending due to acceleration: (C.35).
         carried = np.linalg.solve(rigid, coupling)
         alone = np.linalg.inv(np.eye(arm.joints) + carried @ sag)
         slow, rate = np.zeros((2, arm.joints, 2 * arm.dof))
         slow[:, joints], slow[:, elastic] = alone, alone @ carried
         rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
-        # Acceleration that the slow part requests; its bend moves the slow angles in turn.
+        # The acceleration that the slow part requests bends the links, and this bending changes the
+        # slow angles. Solve for both.
         stiff, damped = self.bandwidth**2, 2.0 * self.damping_ratio * self.bandwidth
         bend = -flexibility @ coupling.T
         moves = alone @ carried @ bend
@@ -170,7 +171,7 @@ class Composite(LQG):
         return fast, replace(item, gain=gain @ swing - rigid @ asked - weight @ slow)
 
     def _known_force_gain(self, item: Design) -> FloatArray:
-        """The bend under the reference's own forces is no deviation: (C.37)."""
+        """Return the gain that adds the reference's elastic forces to the slow manifold: (C.37)."""
         at = [np.array_equal(item.posture, other.posture) for other in self.designs].index(True)
         bent = item.gain[:, self._model.elastic] @ self.fast_designs[at].flexibility
         return -bent[:, None, :]

@@ -1,4 +1,4 @@
-"""Computed torque: the rigid model turns accelerations wanted into torques."""
+"""Computed torque: joint control with the inverse dynamics of the rigid model."""
 
 from __future__ import annotations
 
@@ -18,24 +18,26 @@ from flexarm.errors import InputError, Problem, shown
 
 
 class ComputedTorque(JointFollower):
-    """Torques of the rigid model for the accelerations that would make errors die out.
+    """Computed torque with the rigid model of an arm.
 
     Args:
-        arm: what the controller believes; its rigid twin is the model.
+        arm: model of the arm; the controller uses its rigid counterpart.
         frequency_hz: natural frequency of each joint's error, Hz, one number or one per joint.
-        damping_ratio: of each joint's error, likewise, not negative.
-        feedforward: None for feedback linearisation: the model's torques at the angles and rates
-            measured. Or a function of time that gives torques (joints,) N m to follow the
-            reference, such as the ``torque`` of `tip_inversion` together with its ``reference``;
-            the model then turns the errors alone into torque, by its mass matrix.
+        damping_ratio: damping ratio of each joint's error, one number or one per joint, not
+            negative.
+        feedforward: None for feedback linearisation, with the torques of the model at the measured
+            angles and rates; or a function of time that returns torques (joints,) N m to follow
+            the reference, such as the ``torque`` of `tip_inversion` together with its
+            ``reference``. The mass matrix of the model then converts only the errors to torques.
         sample_time: s, positive.
 
-    Without a reference it holds the angles of its first measurement. The theory page has (C.2):
-    on a rigid arm the errors obey a linear equation of second order; on a flexible one the links
-    are not modelled, and the frequency should stay below the lowest with joints locked.
+    Without a reference the controller keeps the angles of its first measurement. On a rigid arm the
+    errors satisfy a linear equation of second order, (C.2). The model has no flexible links, so on
+    a flexible arm the frequency should be below the lowest one with locked joints.
 
     Raises:
-        InputError: a number is negative, zero or not finite, or lists do not fit the joints.
+        InputError: if a frequency or the sample time is not positive and finite, a damping ratio is
+            negative or not finite, or the length of a list differs from the number of joints.
     """
 
     name = "computed_torque"
@@ -79,5 +81,5 @@ class ComputedTorque(JointFollower):
             return self._fed_forward(t) + self._model.mass_matrix(now) @ wanted
         if reference is not None:
             wanted = wanted + reference.joint_acceleration(t)
-        # A copy: the model writes into the same array the next time.
+        # Return a copy, because the next call of the model overwrites the array.
         return self._model.torque(now, speed, wanted).copy()

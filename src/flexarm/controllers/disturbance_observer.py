@@ -1,4 +1,4 @@
-"""A disturbance observer around any controller: what pushes is estimated and taken off."""
+"""Disturbance observer around any controller, with compensation of the estimated torque."""
 
 from __future__ import annotations
 
@@ -25,23 +25,26 @@ from flexarm.loop_analysis.linear_controller import memory_of
 
 
 class DisturbanceObserver(Controller):
-    """Torques that the rigid model does not explain, subtracted from those of an inner controller.
+    """Generalised-momentum observer that compensates disturbance torques at the joints.
 
-    The generalised-momentum observer of De Luca and Mattone, Actuator failure detection and
-    isolation using generalized momenta, ICRA 2003; (C.52) to (C.54). The estimate follows what
-    pushes as a first-order filter, without accelerations and without the inverse mass matrix.
+    De Luca and Mattone, Actuator failure detection and isolation using generalized momenta, ICRA
+    2003; (C.52) to (C.54). The estimate is the torque that the rigid model does not explain, passed
+    through a first-order filter. It needs neither accelerations nor the inverse mass matrix.
 
     Args:
-        arm: what is believed of the arm.
-        inner: the controller whose torque is corrected; its sample time is this one's.
-        cutoff: Hz, one number or one per joint, of that filter. Links that bend push, too: keep it
-            below their lowest frequency.
-        compensation: part of the estimate that is taken off, 0 (only watch) to 1.
+        arm: model of the arm.
+        inner: the controller whose torque is corrected; both have the same sample time.
+        cutoff: Hz, one number or one per joint, cutoff of that filter. It should be below the
+            lowest frequency of the links, because bending acts as a disturbance, too.
+        compensation: fraction of the estimate that is subtracted from the torque, from 0 (observe
+            only) to 1.
 
-    Where an instrument measures "torque", it is taken for what acted; else what was asked for.
+    The observer uses the measured "torque" if an instrument reads it, and the requested torque
+    otherwise.
 
     Raises:
-        InputError: numbers that are negative or not finite, or an inner that is no controller.
+        InputError: if a number is negative or not finite, ``compensation`` exceeds 1, or ``inner``
+            is not a controller.
     """
 
     name = "disturbance_observer"
@@ -67,7 +70,7 @@ class DisturbanceObserver(Controller):
 
     @property
     def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
-        """What it keeps between samples, if the inner controller declares that too."""
+        """Attributes kept between samples; None if ``inner`` does not declare its own."""
         inside = memory_of(self.inner)
         if inside is None:
             return None
@@ -75,7 +78,7 @@ class DisturbanceObserver(Controller):
 
     @property
     def sample_time(self) -> float:
-        """Time between samples: that of the inner controller, s."""
+        """Sample time of the inner controller, s."""
         return self.inner.sample_time
 
     @sample_time.setter
@@ -84,11 +87,11 @@ class DisturbanceObserver(Controller):
 
     @property
     def estimate(self) -> FloatArray:
-        """What pushes at the joints besides the motors, as far as is known, (joints,) N m."""
+        """Estimated disturbance torque at the joints, (joints,) N m."""
         return self._estimate.copy()
 
     def reset(self) -> None:
-        """Forget the run before, and let the inner controller do so."""
+        """Clear the state of the previous run, including the inner controller."""
         self.inner.reset()
         self._estimate[:] = 0.0
         self._last = None
@@ -106,7 +109,8 @@ class DisturbanceObserver(Controller):
         """See ``Controller.update``."""
         now = self._model.momentum(measurement.joint_angle, measurement.joint_rate).copy()
         if self._last is not None:
-            # Over the sample the torque was constant, and the flow of momentum nearly linear.
+            # The trapezoidal rule is accurate, because the torque is constant over the sample and
+            # the other terms are nearly linear.
             pushed = (now[0] - self._last[0]) / self.sample_time
             pushed -= measurement.get("torque", self._asked)
             pushed -= 0.5 * (now[1] + self._last[1])
@@ -118,5 +122,5 @@ class DisturbanceObserver(Controller):
         return self._asked.copy()
 
     def report(self) -> dict[str, float]:
-        """See ``Controller.report``: the inner controller's."""
+        """Return the report of the inner controller."""
         return report_of(self.inner)

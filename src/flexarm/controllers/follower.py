@@ -1,4 +1,4 @@
-"""What controllers of the joint angles share: where the joints should be, and a torque added."""
+"""Base of joint controllers: reference angles and rates, and feedforward torque."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexarm.errors import InputError, Problem, shown
 
 
 class JointFollower(Controller):
-    """Base of controllers that follow a reference; without one, they hold the first angles.
+    """Base of joint controllers that follow a reference, or keep the first angles without one.
 
     A subclass sets ``sample_time`` and ``feedforward``.
     """
@@ -24,14 +24,14 @@ class JointFollower(Controller):
         self._ahead: SampledFeedforward | None = None
 
     def reset(self) -> None:
-        """Forget the angles held."""
+        """Clear the stored angles and feedforward torques."""
         self._held = None
         self._ahead = None
 
     def _wanted(
         self, t: float, measurement: Measurement, reference: Reference | None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the angles (rad) and rates (rad/s) to be at."""
+        """Return the reference angles (rad) and rates (rad/s)."""
         if reference is not None:
             return reference.joint_angle(t), reference.joint_rate(t)
         if self._held is None:
@@ -39,10 +39,10 @@ class JointFollower(Controller):
         return self._held, 0.0 * self._held
 
     def _fed_forward(self, t: float) -> FloatArray:
-        """Return the torque of ``feedforward`` for the time from t to the next sample, N m.
+        """Return the torque of ``feedforward`` for the sample that starts at t, N m.
 
-        Held, it stands best for the middle of that time: half a sample late it would be a
-        disturbance, and the largest one where the model is good.
+        The function is evaluated in the middle of the sample, because a zero-order hold delays its
+        input by half a sample. With a good model that delay would be the largest disturbance.
         """
         assert self.feedforward is not None
         if self._ahead is None:
@@ -52,10 +52,10 @@ class JointFollower(Controller):
 
 
 def check_feedforward(where: str, value: object) -> None:
-    """Refuse what cannot be called.
+    """Check that a feedforward is a function or None.
 
     Raises:
-        InputError: so it is.
+        InputError: if it is neither callable nor None.
     """
     if value is not None and not callable(value):
         rule = "be a function of time that gives torques, or None"

@@ -1,4 +1,4 @@
-"""Hybrid position and force control: the tip follows its path along a surface and presses on it."""
+"""Hybrid control of the position along a surface and of the force normal to it."""
 
 from __future__ import annotations
 
@@ -9,41 +9,42 @@ from flexarm.control.gains import Gains
 from flexarm.control_design.task_plan import Asked
 from flexarm.controllers.task_controller import TaskController, felt_force
 
-#: The integral corrects by no more than this part of the force asked for: a tip that has been off
-#: the surface for long does not hit it.
+#: Limit of the integral, relative to the requested force. It prevents windup without contact,
+#: which would make the tip hit the surface.
 _MOST_CORRECTION = 0.5
 
 
 class HybridForce(TaskController):
-    """Position control along a surface, force control across it (Raibert and Craig 1981).
+    """Position control along a surface, force control normal to it (Raibert and Craig 1981).
 
-    Along the tangent the joints' tip follows the reference with the rigid model's inertia,
-    like a mass, a spring and a damper of ``frequency`` and ``damping_ratio``. Across it the torque
-    presses with the reference's force, corrected by the integral of its error, against
-    ``normal_damping``. What the bent arm needs to press at rest comes from the reference
-    (`pressed_motion`). A tip that does not touch goes to the surface at ``approach_speed``. Theory
-    page "control-force", (F.1) to (F.7).
+    Along the surface the tip of the rigid model follows the reference as a mass, a spring and a
+    damper of ``frequency`` and ``damping_ratio``. Normal to it the torque presses with the force of
+    the reference plus the integral of the force error, damped by ``normal_damping``. The reference
+    (`pressed_motion`) supplies the torque that the bent arm needs to press at rest. Without contact
+    the tip approaches the surface at ``approach_speed``. Theory page "control-force", (F.1) to
+    (F.7).
 
     Args:
-        arm: what the controller believes the arm to be.
-        frequency: rad/s, of the error along the surface.
-        damping_ratio: of that error.
-        path_integral: 1/s, of that error: what friction is not foreseen is made up for in about
-            its inverse.
-        force_integral: 1/s, of the force error: the bandwidth of the force control, below the
-            arm's lowest frequency in touch.
-        force_proportional: of the force error.
-        normal_damping: N s/m, against motion of the joints' tip across the surface.
-        approach_speed: m/s, of a tip that has to press and does not touch.
-        touch_force: N; a measured force below it counts as none.
+        arm: model of the arm.
+        frequency: rad/s, natural frequency of the error along the surface.
+        damping_ratio: damping ratio of that error.
+        path_integral: 1/s, integral gain of that error. It compensates unmodelled friction within
+            about its inverse.
+        force_integral: 1/s, integral gain of the force error. It is the bandwidth of the force
+            control and should be below the lowest frequency of the arm in contact.
+        force_proportional: proportional gain of the force error.
+        normal_damping: N s/m, damping of the tip of the rigid model normal to the surface.
+        approach_speed: m/s, speed of approach without contact.
+        touch_force: N, measured force below which there is no contact.
         sample_time: s.
 
-    It measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which the first contact's
-    counts. Where the reference has no force, as a plain motion or none, the joints follow that with
-    ``frequency``, and no force is measured.
+    The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
+    the first contact. If the reference has no force, or there is no reference, the joints follow
+    the motion or keep their first angles with ``frequency``, and no force is measured.
 
     Raises:
-        InputError: a gain is negative or not finite, or speed or sample time are not positive.
+        InputError: if a gain is negative or not finite, or frequency, speed or sample time are not
+            positive.
     """
 
     name = "hybrid_force"
@@ -78,7 +79,7 @@ class HybridForce(TaskController):
         self._x_sum, self._y_sum = 0.0, 0.0
 
     def reset(self) -> None:
-        """Forget the integrals of both errors, and the reference."""
+        """Clear the integrals of both errors, and the reference."""
         super().reset()
         self._sum, self._touched = 0.0, False
         self._x_sum, self._y_sum = 0.0, 0.0
@@ -96,7 +97,7 @@ class HybridForce(TaskController):
         damper = 2.0 * self.damping_ratio * self.frequency
         x_slip, y_slip = asked.x_rate - x_rate, asked.y_rate - y_rate
         x_off, y_off = asked.x - x, asked.y - y
-        # Across the surface nothing is pulled to its place: force alone acts there.
+        # Remove the normal component of the position error, which the force control replaces.
         across = nx * x_off + ny * y_off
         x_off, y_off = x_off - across * nx, y_off - across * ny
         x_pull = spring * (x_off + self._x_sum) + damper * x_slip
@@ -118,14 +119,14 @@ class HybridForce(TaskController):
         )
 
     def _push(self, asked: Asked, measurement: Measurement, slip: float) -> float:
-        """Force (N) on the surface beyond the reference's; (F.5) in touch, (F.6) before it."""
+        """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""
         felt, against = felt_force(asked, measurement), -self.normal_damping * slip
         error, limit = asked.force - felt, _MOST_CORRECTION * asked.force
         touching = felt >= self.touch_force
         self._touched = self._touched or touching
         push = self.force_proportional * error + self._sum + against
         if self._touched:
-            # In the air too: a tip that bounces presses with the right force on average.
+            # Integrate without contact as well, so that a bouncing tip has the correct mean force.
             added = self._sum + self.force_integral * self.sample_time * error
             self._sum = min(max(added, -limit), limit)
         if touching:

@@ -1,4 +1,4 @@
-"""Impedance control: the tip is a spring and a damper towards its path, and yields to a surface."""
+"""Impedance control: stiffness and damping of the tip about its path."""
 
 from __future__ import annotations
 
@@ -10,33 +10,34 @@ from flexarm.controllers.task_controller import TaskController, felt_force
 
 
 class Impedance(TaskController):
-    """Stiffness and damping at the tip, along a surface and across it (Hogan 1985).
+    """Stiffness and damping of the tip, along a surface and normal to it (Hogan 1985).
 
-    Joint torques pull the joints' tip to the reference as springs and dampers would, beside the
-    rigid model's torques along it; the inertia felt is the arm's own. A reference that presses
-    (`pressed_motion`) asks for joint angles whose rigid tip lies behind the surface, and so the
-    spring presses with its force there. Without a measured force that holds as well as the surface
-    is where it is believed, and the links as stiff: (F.9). With ``force_integral`` the spring's
-    end moves until the measured force is right. Theory page "control-force", (F.8) and (F.9).
+    Springs and dampers act between the tip of the rigid model and the reference, in addition to the
+    torques of the rigid model along it. The inertia is that of the arm. A reference that presses
+    (`pressed_motion`) has joint angles that place the tip of the rigid model behind the surface, so
+    that the spring presses on it. Without force feedback, errors in the position of the surface and
+    in the stiffness of the links cause force errors: (F.9). ``force_integral`` moves the end of the
+    spring until the measured force is correct. Theory page "control-force", (F.8) and (F.9).
 
     Args:
-        arm: what the controller believes the arm to be.
+        arm: model of the arm.
         tangent_stiffness: N/m along the surface.
-        tangent_damping: N s/m, likewise.
-        normal_stiffness: N/m across it.
-        normal_damping: N s/m, likewise.
-        force_proportional: of the force error, where a force is measured.
-        force_integral: 1/s, of the force error.
-        posture_frequency: rad/s, with which more than two joints keep to the reference's posture,
-            and all of them follow a reference that has no force.
+        tangent_damping: N s/m along the surface.
+        normal_stiffness: N/m normal to the surface.
+        normal_damping: N s/m normal to the surface.
+        force_proportional: proportional gain of the force error.
+        force_integral: 1/s, integral gain of the force error.
+        posture_frequency: rad/s, natural frequency of the posture error of arms with more than two
+            joints, and of all joint errors along a reference without force.
         sample_time: s.
 
-    It measures ``joint_angle`` and ``joint_rate``, and ``contact_force``, of which the first
-    contact's counts, if one of the force gains is not zero and the reference has a force. Where it
-    has none, as a plain motion or none at all, the joints follow with ``posture_frequency``.
+    The controller measures ``joint_angle`` and ``joint_rate``, and also ``contact_force``, of which
+    it uses the first contact, if a force gain is not zero and the reference has a force. If the
+    reference has no force, or there is no reference, the joints follow the motion or keep their
+    first angles with ``posture_frequency``.
 
     Raises:
-        InputError: a gain is negative or not finite, or the sample time is not positive.
+        InputError: if a gain is negative or not finite, or the sample time is not positive.
     """
 
     name = "impedance"
@@ -69,7 +70,7 @@ class Impedance(TaskController):
         self._sum = 0.0
 
     def reset(self) -> None:
-        """Forget the integral of the force error, and the reference."""
+        """Clear the integral of the force error, and the reference."""
         super().reset()
         self._sum = 0.0
 
@@ -88,7 +89,7 @@ class Impedance(TaskController):
             asked.x_rate - x_rate,
             asked.y_rate - y_rate,
         )
-        # As if the tangent's were everywhere, and what the normal's has more or less on top.
+        # Apply the tangential gains in all directions, and add the difference along the normal.
         k, d = self.tangent_stiffness, self.tangent_damping
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
         across += (self.normal_damping - d) * (nx * x_rate + ny * y_rate)

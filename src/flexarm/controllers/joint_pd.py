@@ -1,4 +1,4 @@
-"""Independent joint control: a spring and a damper at every motor."""
+"""Independent joint control: proportional and derivative feedback at every joint."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ class JointPD(JointFollower):
 
     Args:
         proportional: gain (N m/rad), one number or one per joint, not negative.
-        derivative: gain (N m s/rad), likewise.
+        derivative: gain (N m s/rad), one number or one per joint, not negative.
         sample_time: s, positive.
-        feedforward: function of time that gives torques (joints,) N m, such as
-            ``rigid_torque(arm, motion)``; None for none. Asked for the middle of each sample time.
+        feedforward: function of time that returns torques (joints,) N m, such as
+            ``rigid_torque(arm, motion)``; None for none. It is evaluated in the middle of each
+            sample.
 
-    Without a reference it holds the angles of its first measurement.
+    Without a reference the controller keeps the angles of its first measurement.
 
     Raises:
-        InputError: a gain is negative or not finite, or the sample time is not positive.
+        InputError: if a gain is negative or not finite, or the sample time is not positive.
     """
 
     name = "joint_pd"

@@ -1,4 +1,4 @@
-"""Independent joint control with an integral, and the arm's weight balanced."""
+"""Independent joint control with integral feedback and gravity compensation."""
 
 from __future__ import annotations
 
@@ -24,21 +24,25 @@ class JointPID(JointFollower):
 
     Args:
         proportional: gain (N m/rad), one number or one per joint, not negative.
-        derivative: gain (N m s/rad), likewise.
-        integral: gain (N m/(rad s)), likewise; zero leaves a PD controller.
-        arm: the arm whose weight is balanced, at the angles measured; None for none.
-        sag: whether its links sag under their weight, or are taken as straight.
-        torque_limit: N m, largest torque asked for, one number or one per joint. While it is
-            reached, the integral takes up nothing that asks for more (anti-windup).
+        derivative: gain (N m s/rad), one number or one per joint, not negative.
+        integral: gain (N m/(rad s)), one number or one per joint, not negative; zero for a PD
+            controller.
+        arm: model for gravity compensation at the measured angles; None for no compensation.
+        sag: whether the compensation includes the sag of the links under gravity; if False, the
+            links are straight.
+        torque_limit: N m, largest requested torque, one number or one per joint. At the limit the
+            integral is not advanced in the direction of more torque (anti-windup).
         sample_time: s, positive.
-        feedforward: function of time that gives torques (joints,) N m, as in `JointPD`; None for
+        feedforward: function of time that returns torques (joints,) N m, as in `JointPD`; None for
             none.
 
-    Without a reference it holds the angles of its first measurement. The theory page has (C.1).
+    Without a reference the controller keeps the angles of its first measurement. Theory page:
+    (C.1).
 
     Raises:
-        InputError: a gain is negative or not finite, a limit or the sample time is not positive,
-            or lists do not fit the joints of ``arm``.
+        InputError: if a gain is negative or not finite, a limit or the sample time is not positive,
+            ``sag`` is given without ``arm``, or the length of a list differs from the number of
+            joints of ``arm``.
     """
 
     name = "joint_pid"
@@ -79,7 +83,7 @@ class JointPID(JointFollower):
         self._sum: FloatArray | float = 0.0
 
     def reset(self) -> None:
-        """Forget the angles held and the integral."""
+        """Clear the stored angles and the integral."""
         super().reset()
         self._sum = 0.0
         if isinstance(self._weight, SaggingArm):

@@ -29,55 +29,55 @@ from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.loop_analysis.margin_design import for_margin
 from flexarm.loop_analysis.margins import loop_at
 
-#: Nodes of the preview, and the longest one, s.
+#: Number of intervals of the preview, and its largest length, s.
 _NODES, _LONGEST = 64, 60.0
 
-#: Largest recovery and uncertainty: from here on a design has no digits left.
+#: Largest recovery and uncertainty. Beyond it rounding errors exceed the result of the design.
 _MOST_UNSURE = 1e6
 
 
 class LQG(Controller):
-    """Feedback of the whole state of a flexible arm, estimated from what is measured.
+    """Linear-quadratic feedback of the state of a flexible arm, estimated by a Kalman filter.
 
-    Designed on `linearize` at rest in a posture, sampled exactly. How the reference will bend the
-    links is known ahead, and answered optimally: what is acceptable is acceptable on the way too.
+    The design uses `linearize` at rest in a posture, sampled exactly. The elastic forces along the
+    reference are known in advance, and the preview compensates them optimally.
 
     Args:
-        arm: what the controller believes.
-        posture: (joints,) rad to design for; zeros by default.
-        schedule: for each joint None, or rising angles (rad): designs on the grid of them, and
-            interpolated gains between; the other angles as in ``posture``.
-        acceptable: outputs of `linearize` and the deviation of each, in its unit, that counts as
-            much as the others': Bryson's rule. By default 10 mrad of ``joint_angle``, 10 mm of
-            ``tip`` and 0.2 rad/s of ``joint_rate``.
-        acceptable_torque: N m, one number or one for each joint; by default what gives each joint
-            of the rigid arm 10 rad/s^2.
-        measured: what is measured, out of ``joint_angle``, ``joint_rate``, ``strain`` and ``tip``,
-            and the standard deviation of its noise. By default joint angles to 0.1 mrad, and
-            strain to 2e-5 where there are gauges.
-        disturbance: inputs of `linearize` that act unseen, and their standard deviations. By
-            default ``torque``, a tenth of the acceptable, and ``tip_force``, a fifth of what
-            the largest acceptable torque exerts at the length of the arm.
-        integral: True, or which deviation is fed back integrated: "joint_angle" or "tip" (which
-            then must be measured), or a mapping from it to the integral that is acceptable (rad s,
-            m s).
-        recovery: loop-transfer recovery: fictitious torque noise of the filter, in parts of
-            ``acceptable_torque``. With more of it the loop has more of the margins of a regulator
-            that measures the whole state, and passes more noise (Doyle and Stein 1981).
-        rigidity_uncertainty: relative error of the links' stiffness to be robust against, such as
-            0.3: the filter then expects elastic forces of that part, and the regulator damps the
-            vibrations (Tahk and Speyer 1987).
+        arm: model of the arm.
+        posture: (joints,) rad, posture of the design; zeros by default.
+        schedule: for each joint None, or increasing angles (rad). Gains are designed on the grid of
+            these angles, with the other angles of ``posture``, and interpolated.
+        acceptable: mapping from outputs of `linearize` to their acceptable deviations, in their
+            units, which determine the weights (Bryson's rule). By default 10 mrad of
+            ``joint_angle``, 10 mm of ``tip`` and 0.2 rad/s of ``joint_rate``.
+        acceptable_torque: N m, one number or one for each joint; by default the torque that
+            accelerates each joint of the rigid model by 10 rad/s^2.
+        measured: mapping from readings, out of ``joint_angle``, ``joint_rate``, ``strain`` and
+            ``tip``, to the standard deviations of their noise. By default 0.1 mrad of joint
+            angles, and 2e-5 of strain if the arm has gauges.
+        disturbance: mapping from inputs of `linearize` that act as unmeasured disturbances to their
+            standard deviations. By default a tenth of the acceptable torque for ``torque``, and
+            for ``tip_force`` a fifth of the largest acceptable torque over the length of the arm.
+        integral: True, or the output whose deviation is integrated: "joint_angle" or "tip" (which
+            must then be measured), or a mapping from it to its acceptable integral (rad s, m s).
+        recovery: loop-transfer recovery: fictitious torque noise of the filter, relative to
+            ``acceptable_torque``. A larger value brings the margins closer to those of a regulator
+            that measures the whole state, and amplifies noise (Doyle and Stein 1981).
+        rigidity_uncertainty: relative error of the stiffness of the links for which the design is
+            robust, such as 0.3. The filter then includes elastic forces of this relative size as
+            noise, and the regulator damps vibrations more (Tahk and Speyer 1987).
         torque_limit: N m, one number or one for each joint, or None.
-        preview: s of the reference that are known ahead.
-        nominal: a result of ``simulate``, to keep the arm on instead of a reference.
-        sample_time: s. Setting it later designs anew.
+        preview: s, span of the reference that is known in advance.
+        nominal: result of ``simulate`` that replaces the reference as nominal motion.
+        sample_time: s. Setting it later repeats the design.
 
     Attributes:
-        designs: for every posture of the grid, the `Design`.
+        designs: the `Design` of each posture of the grid.
 
     Raises:
-        InputError: a wrong shape, name or number; weights or measurements that are not enough.
-        EquilibriumError: the arm has no rest in a posture.
+        InputError: if a shape, name or number is wrong, ``acceptable`` gives no weight to an
+            undamped mode, or a mode is not detectable from ``measured``.
+        EquilibriumError: if the arm has no equilibrium at a posture.
     """
 
     name = "lqg"
@@ -155,11 +155,11 @@ class LQG(Controller):
         )
 
     def _known_force_gain(self, item: Design) -> FloatArray:
-        """Torque per elastic force known ahead, (joints, nodes, dof - joints)."""
+        """Return the torque per previewed elastic force, (joints, nodes, dof - joints)."""
         return preview_gain(item, self._previewed, self._stride)
 
     def _prepare(self, where: str) -> None:
-        """Make everything that samples need, from the designs."""
+        """Compute the arrays that ``update`` uses from the designs."""
         first = self.designs[0]
         self._states, self._outputs = len(first.A), len(first.C)
         self._integrals = len(first.integrated)
@@ -171,28 +171,28 @@ class LQG(Controller):
         self._motion = self._nominal_motion(where)
         n, p, m = self._states, self._outputs, self.arm.joints
         self._joints = m
-        self._known = np.zeros(n + p)  # the prediction, then what was measured
+        self._known = np.zeros(n + p)  # prediction, measurement
         still = np.zeros((1, self.arm.dof))
         self._places, start = [], n
         parts = self._shown_parts(still[:, :m], still, still)
         for name, part in zip(self.wishes.measured, parts, strict=True):
             self._places.append((name, slice(start, start + part.shape[1])))
             start += part.shape[1]
-        self._whole = np.zeros(n + self._integrals)  # the estimate, then the integrals
-        # The estimate, then the torque, then the elastic forces.
+        self._whole = np.zeros(n + self._integrals)  # estimate, integrals
+        # The parts are the estimate, the torque and the elastic forces.
         self._pushed = np.zeros(n + m + self._model.elastic.size)
         self.reset()
 
     def _link(self) -> None:
-        """Name the arrays that follow the posture."""
+        """Set attributes for the arrays that depend on posture."""
         self._correct, self._gain, self._predict, self._ahead = self._arrays.arrays[:4]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._link()  # a copy's arrays are new ones
+        self._link()  # the interpolated arrays of a copy are new objects
 
     def _node(self, item: Design) -> list[FloatArray]:
-        """Arrays that are interpolated over posture; (C.22) to (C.27)."""
+        """Return the arrays that are interpolated over posture; (C.22) to (C.27)."""
         kept = np.eye(len(item.A)) - item.estimator @ item.C
         ahead = self._known_force_gain(item)
         return [
@@ -204,7 +204,7 @@ class LQG(Controller):
 
     @property
     def _steps(self) -> int:
-        """Samples of the nominal motion to know, the present one included."""
+        """Number of samples of the nominal motion to compute, including the current one."""
         return self._previewed + 1
 
     def _nominal_motion(self, where: str) -> PreviewedReference | RecordedRun:
@@ -216,7 +216,7 @@ class LQG(Controller):
         return PreviewedReference(self._model, sag, self.sample_time, self._steps, self._show)
 
     def reset(self) -> None:
-        """Forget the estimate, the integrals and the nominal motion."""
+        """Clear the estimate, the integrals and the nominal motion."""
         self._known[:] = 0.0
         self._whole[:] = 0.0
         self._motion.reset()
@@ -241,7 +241,7 @@ class LQG(Controller):
         for name, places in self._places:
             self._known[places] = measurement[name]
         self._known[n:] -= nominal.shown
-        # ``dot`` takes half the time of ``@``.
+        # ``dot`` takes half the time of ``@`` on small arrays.
         self._whole[:n] = self._pushed[:n] = self._correct.dot(self._known)
         wanted = nominal.torque + self._feedback()
         torque = self._within_limits(wanted)
@@ -253,7 +253,7 @@ class LQG(Controller):
         return torque
 
     def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
-        """What would be measured (T, p) at so many moments of the nominal motion."""
+        """Return the measurement (T, p) at T instants of the nominal motion."""
         return np.concatenate(self._shown_parts(angle, q, qd), axis=1)
 
     def _shown_parts(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> list[FloatArray]:
@@ -272,7 +272,7 @@ class LQG(Controller):
         return parts
 
     def _feedback(self) -> FloatArray:
-        """Torque (joints,) besides the nominal one, N m; (C.24), (C.27)."""
+        """Return the torque (joints,) N m added to the nominal one; (C.24), (C.27)."""
         known = self._motion.missing[:: self._stride].ravel()
         fed: FloatArray = -self._gain.dot(self._whole) - self._ahead.dot(known)
         return fed
@@ -280,12 +280,12 @@ class LQG(Controller):
     def _within_limits(self, torque: FloatArray) -> FloatArray:
         if self.torque_limit is None:
             return torque
-        # Half the time of ``clip``.
+        # ``minimum`` and ``maximum`` take half the time of ``clip``.
         cut: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
         return cut
 
     def _integrate(self, measurement: Measurement, nominal: Nominal, excess: FloatArray) -> None:
-        """Go on integrating, unless that would ask for more of what the motors cannot give."""
+        """Advance the integrals, unless that would increase a torque at its limit."""
         (name,) = self.wishes.integrated
         wanted = nominal.angle if name == "joint_angle" else self._wanted_tip(nominal)
         step = self.sample_time * (getattr(measurement, name) - wanted)
@@ -296,7 +296,7 @@ class LQG(Controller):
         self._whole[self._states :] += step
 
     def _wanted_tip(self, nominal: Nominal) -> FloatArray:
-        """Where the tip is to be (2,): of a reference, where straight links would have it."""
+        """Return the nominal tip (2,), m: of a reference, that of straight links."""
         bend = nominal.q[self._model.elastic]
         return self._model.tip(nominal.angle, bend if self.nominal is not None else 0.0 * bend)
 
@@ -304,12 +304,16 @@ class LQG(Controller):
         """Return the poles (k,) of the sampled loop around an arm at rest, 1/s, slowest first.
 
         Args:
-            plant: the arm, of as many joints; None for the one believed in. Its state, the
-                estimate and the integrals make up the loop.
-            posture: (joints,) rad; None for that of the design.
+            plant: arm with the same number of joints; None for the model. The state of the loop is
+                the state of the plant, the estimate and the integrals.
+            posture: (joints,) rad; None for the posture of the design.
 
-        Real parts below zero decay. Poles are ``log(z) / sample_time``: faster vibrations than half
-        the sampling rate show up below it.
+        Poles with negative real parts are stable. Poles are ``log(z) / sample_time``, so vibrations
+        above half the sampling rate are aliased below it.
+
+        Raises:
+            InputError: if ``plant`` has another number of joints, or ``posture`` the wrong shape.
+            EquilibriumError: if the plant has no equilibrium at ``posture``.
         """
         where = f"{type(self).__name__}.loop_poles"
         arm = self.arm if plant is None else check_kind(where, "plant", plant, Arm)
@@ -335,20 +339,21 @@ class LQG(Controller):
         postures: ArrayLike | None = None,
         **options: Any,
     ) -> Self:
-        """Design for a disk margin that the loop keeps around several arms.
+        """Design a controller with a given disk margin for several arms.
 
-        ``rigidity_uncertainty`` and ``recovery`` are raised from zero until `loop_margins` finds
-        no smaller margin at any joint of any plant in any posture.
+        ``rigidity_uncertainty`` and ``recovery`` are increased from zero until `loop_margins`
+        returns at least this margin at every joint of every plant in every posture.
 
         Args:
             arm, posture, options: as for the class.
-            plants: arms that the loop has to stand, beside ``arm``.
-            disk_margin: the smallest disk margin that is accepted, above 0 and below 2.
+            plants: arms that the margin must hold for, in addition to ``arm``.
+            disk_margin: smallest accepted disk margin, above 0 and below 2.
             postures: (k, joints) rad, where the margins are evaluated; None for those of the
                 design.
 
         Raises:
-            InputError: as the class; if no design has the margin: the best one found is named.
+            InputError: as for the class, or if no design has the margin; the message has the best
+                one found.
         """
         with one_warning() as bent:
             made = for_margin(cls, arm, posture, plants, disk_margin, postures, options)
@@ -356,7 +361,7 @@ class LQG(Controller):
         return made
 
     def at_rest(self) -> LQG:
-        """Return itself, or a copy without ``nominal``, which stays where it is found."""
+        """Return the controller, or a copy without ``nominal`` that keeps the arm at rest."""
         if self.nominal is None:
             return self
         mine = deepcopy(self)

@@ -1,4 +1,4 @@
-"""Model predictive control: the regulator, within torque limits; (C.29) to (C.31)."""
+"""Model predictive control: the regulator of `LQG` with torque limits; (C.29) to (C.31)."""
 
 from __future__ import annotations
 
@@ -16,41 +16,41 @@ from flexarm.controllers.lqg import LQG
 from flexarm.errors import InputError, Problem
 
 _MOST_STEPS = 500
-#: Largest excess of a plan over a limit, in parts of it: rounding leaves 1e-8 where feedback
-#: requests hundreds of times the limits. Larger ones are counted, and up to the second used.
+#: Largest relative excesses of a plan over a limit. Rounding causes 1e-8 if feedback requests
+#: hundreds of times the limits. Plans above the first are counted, those above the second not used.
 _TOLERANCE, _ACCEPTED = 1e-6, 1e-2
-#: Active-set changes of one sample, as a multiple of the number of limits; the usual number is a
-#: quarter of them.
+#: Largest number of active-set changes at a sample, per number of limits; a quarter is typical.
 _MOST_CHANGES = 10
 
 
 class MPC(LQG):
     """Linear model predictive control with limits of torques and of their rates.
 
-    At every sample it finds the torques of the horizon that cost least within the limits, and
-    applies the first. Beyond the horizon the cost is the regulator's: where no limit is reached it
-    does what `LQG` does, exactly.
+    At every sample the controller computes the torques over the horizon with the least cost within
+    the limits, and applies the first. The cost beyond the horizon is that of the regulator, so the
+    torques are exactly those of `LQG` if no limit is active.
 
     Args:
-        arm, posture, options: as for `LQG`, which also says what each means.
+        arm, posture, options: as for `LQG`.
         torque_limit: N m, one number or one for each joint.
-        torque_rate: N m/s, likewise, or None: how fast torques may change from sample to sample.
+        torque_rate: N m/s, largest rate of change of torques from sample to sample, one number or
+            one for each joint, or None.
         horizon: number of samples, 1 to 500.
         sample_time: s.
 
     Attributes:
-        limited: samples of the last run at which a limit was within reach of the horizon.
-        inaccurate: those of them whose plan exceeded a limit by 1e-6 to 1e-2 of it; the torque
-            itself is cut.
-        fallback: those of them without a usable plan; the plan of the sample before was used,
-            one sample later.
+        limited: number of samples of the last run at which a limit was active over the horizon.
+        inaccurate: number of those whose plan exceeded a limit by 1e-6 to 1e-2 of it; the applied
+            torque is clipped.
+        fallback: number of those without a usable plan; the plan of the previous sample was used,
+            shifted by one sample.
 
     Raises:
-        InputError: as `LQG`.
+        InputError: as for `LQG`.
 
-    A plan within the limits always exists: the last torque, held. The quadratic programme (C.31)
-    is solved exactly as a least-distance problem (Lawson and Hanson 1974, chapter 23). The three
-    counts are attributes of results: ``mpc_limited``, ``mpc_inaccurate``, ``mpc_fallback``.
+    A plan within the limits always exists: a constant torque, the last one. The quadratic programme
+    (C.31) is solved exactly as a least-distance problem (Lawson and Hanson 1974, chapter 23). The
+    three counts are attributes of results: ``mpc_limited``, ``mpc_inaccurate``, ``mpc_fallback``.
     """
 
     name = "mpc"
@@ -96,7 +96,7 @@ class MPC(LQG):
         return super()._steps + self.horizon
 
     def _node(self, item: Design) -> list[FloatArray]:
-        """Torques of the horizon by state, by changes of torque and by elastic forces; (C.30)."""
+        """Return the torques of the horizon per state, torque change and elastic force; (C.30)."""
         m, n, k = item.B.shape[1], len(item.A), len(item.integrated)
         push = np.vstack([item.B, np.zeros((k, m))])
         forced = np.vstack([item.B_elastic, np.zeros((k, item.B_elastic.shape[1]))])
@@ -112,16 +112,16 @@ class MPC(LQG):
         return [*super()._node(item), np.vstack(free), by_torque, by_force, price]
 
     def reset(self) -> None:
-        """Forget the estimate, the integrals, the nominal motion and the last plan."""
+        """Clear the estimate, the integrals, the nominal motion and the last plan."""
         super().reset()
         self._applied: FloatArray | None = None
         self._plan: FloatArray | None = None
         self.limited, self.inaccurate, self.fallback = 0, 0, 0
 
     def _ignore_rate_limit(self) -> None:
-        """Leave out ``torque_rate``, for `linear_controller`: a linear loop has no limits.
+        """Ignore ``torque_rate``, for `linear_controller`: a linear loop has no limits.
 
-        Small changes of a reading from one update to the next would meet this one.
+        Otherwise the small changes of readings between its updates would activate this limit.
         """
         self._rate_step = None
 
@@ -151,7 +151,7 @@ class MPC(LQG):
         nominal = self._motion.torques(N).ravel()
         low, high = self._bounds(nominal, free)
         if np.all(low <= 0.0) and np.all(high >= 0.0):
-            wanted = free  # the regulator keeps within the limits: nothing is cheaper
+            wanted = free  # the regulator is optimal if it is within the limits
         else:
             self.limited += 1
             wanted = self._limited(nominal, free, low, high)
@@ -161,7 +161,7 @@ class MPC(LQG):
     def _limited(
         self, nominal: FloatArray, free: FloatArray, low: FloatArray, high: FloatArray
     ) -> FloatArray:
-        """Return the cheapest torques (horizon joints,) within the limits, or the last plan's."""
+        """Return optimal torques (horizon joints,) within the limits, or the last plan."""
         change, excess = self._change(low, high)
         if excess > _TOLERANCE:
             self.inaccurate += excess <= _ACCEPTED
@@ -169,12 +169,12 @@ class MPC(LQG):
             return free + change
         self.fallback += 1
         if self._plan is None:
-            return free  # at the first sample; what is requested is cut
+            return free  # there is no plan at the first sample; the caller clips the torque
         m = self.arm.joints
         return np.append(self._plan[m:], self._plan[-m:]) - nominal
 
     def _bounds(self, nominal: FloatArray, free: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Room that the regulator leaves to the limits, over the horizon."""
+        """Return the distances of the regulator's torques from the limits, over the horizon."""
         torque = nominal + free
         most = np.tile(self._most, self.horizon)
         low, high = -most - torque, most - torque
@@ -183,19 +183,19 @@ class MPC(LQG):
             step = np.tile(self._rate_step, self.horizon)
             m = self.arm.joints
             if self._applied is None:
-                step[:m] = np.inf  # motors may begin with any torque
+                step[:m] = np.inf  # the first torque is arbitrary
             else:
                 change[:m] -= self._applied
             low, high = np.append(low, -step - change), np.append(high, step - change)
         return low, high
 
     def _change(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, float]:
-        """Return the cheapest change (horizon joints,) of the regulator's torques; (C.31).
+        """Return the optimal change (horizon joints,) of the regulator's torques; (C.31).
 
-        And by how much it exceeds a limit, in parts of it; infinite if none was found.
+        The second result is its relative excess over a limit, infinite if no change was found.
         """
         N, m = self.horizon, self.arm.joints
-        # In these unknowns the cost is the sum of squares, however different the joints are.
+        # Scale the unknowns so that the cost is their sum of squares.
         root = np.linalg.inv(np.linalg.cholesky(self._price)).T
         by_unknown = (self._by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m)
         rows, limit = by_unknown, np.tile(self._most, N)
@@ -215,15 +215,15 @@ class MPC(LQG):
 
 
 def least_distance(matrix: FloatArray, floor: FloatArray) -> FloatArray | None:
-    """Return the shortest x (n,) with ``matrix @ x >= floor``; None if it was not found.
+    """Return the shortest x (n,) with ``matrix @ x >= floor``, or None if it was not found.
 
-    By the dual, a problem of nonnegative least squares: an active-set method that ends after
-    finitely many steps and has nothing to tune. Lawson and Hanson, Solving Least Squares
-    Problems (1974), chapter 23, algorithm LDP.
+    The dual is a nonnegative least-squares problem, which an active-set method solves in finitely
+    many steps without tuning parameters. Lawson and Hanson, Solving Least Squares Problems (1974),
+    chapter 23, algorithm LDP.
     """
     from scipy.optimize import nnls
 
-    # Rows of length one and floors of at most one: the answer's scale is that of the problem.
+    # Scale rows to length one and floors to at most one, so that tolerances are relative.
     length = np.linalg.norm(matrix, axis=1)
     scaled = floor / length
     size = max(float(np.max(scaled)), 1e-300)
@@ -242,7 +242,7 @@ def least_distance(matrix: FloatArray, floor: FloatArray) -> FloatArray | None:
 
 
 def _lower(blocks: list[FloatArray]) -> FloatArray:
-    """Return the block matrix whose diagonals below the first hold the blocks in turn."""
+    """Return the lower block-triangular Toeplitz matrix with these blocks."""
     count, (rows, columns) = len(blocks), blocks[0].shape
     whole = np.zeros((count * rows, count * columns))
     for i in range(count):

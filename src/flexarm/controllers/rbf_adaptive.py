@@ -1,4 +1,4 @@
-"""Adaptive control by a network of radial basis functions: nothing is known of the dynamics."""
+"""Adaptive control with a network of radial basis functions, without a model of the arm."""
 
 from __future__ import annotations
 
@@ -18,34 +18,36 @@ from flexarm.controllers.sliding import SlidingVariable
 from flexarm.errors import is_count
 from flexarm.kernels.adaptation import network_torque
 
-#: More Gaussians than this take longer than a sample time.
+#: Largest number of Gaussians; more of them take longer than a sample time.
 _MOST_CENTRES = 10_000
 
 
 class RBFAdaptive(Controller):
-    """A network learns the torque that the motion takes; (C.49) to (C.51).
+    """Adaptive control with a neural network that learns the inverse dynamics; (C.49) to (C.51).
 
     Ge, Lee and Harris, Adaptive Neural Network Control of Robotic Manipulators, 1998; Lewis,
     Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996. Gaussians of the joint
-    angles multiply what the dynamics are linear in: accelerations, products of rates, gravity,
-    rates and signs of rates.
+    angles multiply the signals in which the dynamics are linear: accelerations, products of rates,
+    a constant for gravity, rates and signs of rates.
 
     Args:
-        arm: tells the number of joints, and with ``prior`` the rigid model.
-        bandwidth: 1/s, one number or one per joint: how fast angle errors die on s = 0.
-        damping: N m s/rad, likewise.
-        adaptation: how fast weights move, positive.
-        lower, upper: rad, (joints,): box of joint angles that the motion stays in.
-        centres: Gaussians along each joint angle, one number or one per joint; 1 for a joint
-            whose angle changes nothing, such as the first one without gravity. Their width is
-            their distance.
-        leakage: 1/s, forgets weights (sigma modification).
-        e_modification: 1/rad, forgets them at this times the length of s.
-        prior: whether the arm's rigid model is added, so that the network learns the rest.
-        strain_gain, washout, sample_time: as of ``Adaptive``.
+        arm: gives the number of joints, and with ``prior`` the rigid model.
+        bandwidth: 1/s, one number or one per joint: decay rate of angle errors on s = 0.
+        damping: N m s/rad, one number or one per joint: gain of s.
+        adaptation: adaptation gain of the weights, positive.
+        lower, upper: rad, (joints,): bounds of the joint angles of the motion.
+        centres: number of Gaussians along each joint angle, one number or one per joint; 1 for a
+            joint whose angle does not affect the dynamics, such as the first one without gravity.
+            Their width is their spacing.
+        leakage: 1/s, decay rate of the weights (sigma modification).
+        e_modification: 1/rad, decay rate of the weights per norm of s.
+        prior: whether to add the torque of the arm's rigid model, so that the network learns the
+            remainder.
+        strain_gain, washout, sample_time: as in ``Adaptive``.
 
     Raises:
-        InputError: numbers that are negative or not finite, a box without room.
+        InputError: if a number is negative or not finite, ``upper`` is less than ``lower``, or
+            there are too many Gaussians.
     """
 
     name = "rbf_adaptive"
@@ -89,11 +91,11 @@ class RBFAdaptive(Controller):
 
     @property
     def weights(self) -> FloatArray:
-        """Present weights (joints, Gaussians, signals)."""
+        """Current weights (joints, Gaussians, signals)."""
         return self._weights.copy()
 
     def reset(self) -> None:
-        """Forget what was learned."""
+        """Reset the weights to zero."""
         self._weights[:] = 0.0
         self._sliding.reset(self.sample_time)
 
@@ -134,7 +136,7 @@ class RBFAdaptive(Controller):
         return torque
 
 
-#: Rate at which the sign of a rate counts as known, rad/s.
+#: Rate over which the sign of a rate is smoothed, rad/s.
 SIGN_RATE = 0.05
 
 
@@ -162,7 +164,7 @@ def _counts(gains: Gains, centres: int | Sequence[int], joints: int) -> tuple[in
 def _grid(
     lower: FloatArray, upper: FloatArray, counts: tuple[int, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Centres (c, joints) on a grid, and one over the width of the Gaussians (joints,)."""
+    """Return centres (c, joints) on a grid, and the inverse widths of the Gaussians (joints,)."""
     axes = [
         np.linspace(a, b, k) if k > 1 else np.array([0.5 * (a + b)])
         for a, b, k in zip(lower, upper, counts, strict=True)

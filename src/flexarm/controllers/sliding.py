@@ -1,4 +1,4 @@
-"""The sliding variable that the controllers for uncertain arms share: errors of angle and rate."""
+"""Sliding variable of the controllers for uncertain arms."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from flexarm.control.base import FloatArray, Measurement, Needs, Reference
 from flexarm.control.gains import Gains
 from flexarm.control.requirements import JOINTS
 
-#: Above this frequency curvature is not fed back, Hz: rates of noise would drown the rest.
+#: Cutoff (Hz) of the low-pass filter of the curvature, which limits noise in its rate.
 _NOISE_CUTOFF = 100.0
 
 
 class SlidingVariable:
     """Reference rates and s = qd - qd_r, theory page "control under uncertainty", (C.40).
 
-    The reference rate is that of the motion, plus ``bandwidth`` times the angle error, plus
-    ``strain_gain`` times the curvature at the root of the joint's link, without what stands still.
-    Without a reference, the angles of the first measurement are held.
+    The reference rate is the rate of the motion, plus ``bandwidth`` times the angle error, plus
+    ``strain_gain`` times the high-pass filtered curvature at the root of the joint's link. Without
+    a reference, the angles of the first measurement are the reference.
 
     Attributes, after ``take``: angle, rate, reference_rate, reference_acceleration, s, (joints,).
     """
@@ -40,7 +40,7 @@ class SlidingVariable:
         self.reset(1.0)
 
     def _find_gauge(self, gains: Gains, arm: Arm, joint: int) -> None:
-        """Take the gauge nearest to the root of the joint's link."""
+        """Select the gauge nearest to the root of the joint's link."""
         link = arm.joint_numbers[joint] - 1
         own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
         if not own:
@@ -51,13 +51,13 @@ class SlidingVariable:
         self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
 
     def needs(self, arm: Arm) -> Needs:
-        """Return what it reads, for the controller of ``arm``."""
+        """Return the requirements of a controller of ``arm``."""
         if self._fed:
             return Needs(arm.joints, (*JOINTS, "strain"), len(arm.gauges))
         return Needs(arm.joints, JOINTS)
 
     def reset(self, sample_time: float) -> None:
-        """Forget the run before; s."""
+        """Clear the state of the previous run; ``sample_time`` in s."""
         self._held: FloatArray | None = None
         self._slow: FloatArray | None = None
         self._fast = np.zeros_like(self.bandwidth)
@@ -66,7 +66,7 @@ class SlidingVariable:
         self._sample_time = sample_time
 
     def take(self, t: float, measurement: Measurement, reference: Reference | None) -> None:
-        """Compute everything at one sample time."""
+        """Compute all attributes at sample time t (s)."""
         self.angle, self.rate = measurement.joint_angle, measurement.joint_rate
         if reference is None:
             if self._held is None:

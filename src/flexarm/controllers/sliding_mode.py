@@ -1,4 +1,4 @@
-"""Sliding-mode control with a boundary layer: robust against errors of the model within bounds."""
+"""Sliding-mode control with a boundary layer, robust against bounded model errors."""
 
 from __future__ import annotations
 
@@ -16,23 +16,26 @@ from flexarm.controllers.sliding import SlidingVariable
 
 
 class SlidingMode(Controller):
-    """Torque of the rigid model plus a switching torque that outweighs its errors; (C.47), (C.48).
+    """Torque of the rigid model plus a switching torque that exceeds its errors; (C.47), (C.48).
 
-    Slotine and Li, Applied Nonlinear Control, 1991, chapter 7. The switching gain follows from how
-    wrong each parameter may be, at every sample anew; within the boundary layer it is linear in s.
+    Slotine and Li, Applied Nonlinear Control, 1991, chapter 7. The switching gain is computed at
+    every sample from the largest errors of the parameters. Within the boundary layer the switching
+    torque is linear in s.
 
     Args:
-        arm: what is believed of the arm.
-        bandwidth: 1/s, one number or one per joint: how fast angle errors die on s = 0.
-        boundary_layer: rad/s, likewise: width of s within which the torque does not switch.
-        uncertainty: parameter (names as of ``Adaptive``) to the largest error of its value.
-        disturbance: N m, one number or one per joint: what else may push, at most.
-        reaching: N m, likewise, by which the switching torque exceeds the bounds.
-        damping: N m s/rad, likewise: linear in s, everywhere.
-        strain_gain, washout, sample_time: as of ``Adaptive``.
+        arm: model of the arm.
+        bandwidth: 1/s, one number or one per joint: decay rate of angle errors on s = 0.
+        boundary_layer: rad/s, one number or one per joint: width of s within which the torque does
+            not switch.
+        uncertainty: mapping from parameters (names as in ``Adaptive``) to the largest errors of
+            their values.
+        disturbance: N m, one number or one per joint: bound of other disturbance torques.
+        reaching: N m, one number or one per joint: excess of the switching torque over the bounds.
+        damping: N m s/rad, one number or one per joint: gain of s, inside and outside the layer.
+        strain_gain, washout, sample_time: as in ``Adaptive``.
 
     Raises:
-        InputError: unknown names, numbers that are negative or not finite.
+        InputError: if a name is unknown, or a number is negative or not finite.
     """
 
     name = "sliding_mode"
@@ -66,14 +69,14 @@ class SlidingMode(Controller):
         self.sample_time = gains.one("sample_time", sample_time, positive=True)
         errors = [gains.one(f"uncertainty of {k}", v) for k, v in self.uncertainty.items()]
         gains.done()
-        # What is believed, and the errors allowed, of each row of the regressor.
+        # Nominal value and largest error of each row of the regressor.
         known = self._model.known
         self._believed = self._model.placed(np.concatenate([np.ones(known), self._model.values]))
         self._errors = self._model.placed(np.concatenate([np.zeros(known), errors]))
         self._floor = self.disturbance + self.reaching
 
     def reset(self) -> None:
-        """Forget the run before."""
+        """Clear the state of the previous run."""
         self._sliding.reset(self.sample_time)
 
     def needs(self, arm: Arm, reference: Reference | None) -> Needs:
@@ -89,7 +92,7 @@ class SlidingMode(Controller):
         )
         switching = self._errors.dot(abs(rows))
         switching += self._floor
-        # Half the time of ``clip``.
+        # ``minimum`` and ``maximum`` take half the time of ``clip``.
         switching *= np.minimum(np.maximum(now.s / self.boundary_layer, -1.0), 1.0)
         torque: FloatArray = self._believed.dot(rows)
         torque -= self.damping * now.s

@@ -1,4 +1,4 @@
-"""Joint control that yields to the strain at gauges, and so damps the links' vibration."""
+"""Joint control with feedback of strains at gauges, which damps vibration of the links."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ from flexarm.hardware.instruments import filter_of
 class StrainFeedback(JointFollower):
     """Proportional and derivative feedback of each joint angle, and of strains at gauges.
 
-    Torque: that of `JointPD`, less ``strain`` times the strains and ``strain_rate`` times their
-    rates. With a stiff derivative gain the joint's rate then follows the strain: direct strain
-    feedback.
+    The torque is that of `JointPD` minus ``strain`` times the strains and ``strain_rate`` times
+    their rates. With a large derivative gain the joint rates follow the strains, which is direct
+    strain feedback.
 
     Args:
         proportional: gain (N m/rad), one number or one per joint, not negative.
-        derivative: gain (N m s/rad), likewise.
-        strain: gains (N m): one number or one per joint, each for the gauge of the same place in
-            the order of gauges; or a matrix (joints, gauges). Positive ones damp where the gauges
-            have positive distances.
-        strain_rate: gains (N m s), likewise.
-        rate_cutoff: Hz, of the filtered difference that gives the rates of strain.
+        derivative: gain (N m s/rad), one number or one per joint, not negative.
+        strain: gains (N m): one number or one per joint, where gauge k acts on joint k; or a matrix
+            (joints, gauges). Positive gains add damping if the distances of the gauges are
+            positive.
+        strain_rate: gains (N m s), in the same form.
+        rate_cutoff: Hz, cutoff of the filtered difference that computes the rates of strain.
         sample_time: s, positive.
-        feedforward: function of time that gives torques (joints,) N m, as in `JointPD`; None for
+        feedforward: function of time that returns torques (joints,) N m, as in `JointPD`; None for
             none.
 
-    Without a reference it holds the angles of its first measurement. Which gains are stable is
-    seen in the poles of the sampled loop: theory page, (C.11) and (C.12).
+    Without a reference the controller keeps the angles of its first measurement. The poles of the
+    sampled loop show whether gains are stable: theory page, (C.11) and (C.12).
 
     Raises:
-        InputError: a joint's gain is negative or not finite, a time or a cutoff is not positive.
+        InputError: if a joint's gain is negative or not finite, or a time or cutoff is not
+            positive.
 
     References:
         Z.-H. Luo, IEEE Trans. Automatic Control 38 (1993) 1610-1622.
@@ -75,7 +76,7 @@ class StrainFeedback(JointFollower):
         self._rate = np.zeros(0)
 
     def reset(self) -> None:
-        """Forget the angles held and the strains before."""
+        """Clear the stored angles and strains."""
         super().reset()
         self._last = None
 
@@ -103,7 +104,7 @@ class StrainFeedback(JointFollower):
         return torque
 
     def _strain_rate(self, strain: FloatArray) -> FloatArray:
-        """Tustin's rule for s / (1 + s / (2 pi cutoff)), from rest."""
+        """Return the filtered rates: Tustin's rule for s / (1 + s / (2 pi cutoff)), from rest."""
         if self._last is None:
             self._rate = np.zeros_like(strain)
         else:

@@ -1,4 +1,4 @@
-"""What controllers of the tip and its force share."""
+"""Base of controllers of the tip and its contact force."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from flexarm.hardware.measurement import FloatArray, Measurement
 
 
 class TaskController(Controller):
-    """Base of controllers that see the arm as its rigid twin's tip, which touches a surface.
+    """Base of controllers of the tip of a rigid model in contact with a surface.
 
     Attributes:
-        arm: what the controller believes the arm to be. sample_time: s.
+        arm: model of the arm. sample_time: s.
     """
 
     def __init__(self, arm: Arm, sample_time: float, posture_frequency: float) -> None:
@@ -26,18 +26,18 @@ class TaskController(Controller):
         self._plan = TaskPlan(arm, sample_time)
 
     def reset(self) -> None:
-        """Forget the reference, and the angles held without one."""
+        """Clear the reference, and the angles that are kept without one."""
         self._plan.reset()
 
     def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``: of a reference that presses, the force is measured."""
+        """Return the requirements: a reference that presses needs a measured force."""
         presses = self._reads_force and hasattr(reference, "contact_force")
         return Needs(self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS)
 
     def _joints_follow(
         self, asked: Asked, state: TaskState, angle: FloatArray, rate: FloatArray
     ) -> FloatArray:
-        """Torque of a motion without a force: computed torque, which no posture stops."""
+        """Return the torque of a motion without force: computed torque, regular at any posture."""
         w = self._posture_frequency
         wanted = asked.acceleration + w * w * (asked.angle - angle)
         wanted += 2.0 * w * (asked.rate - rate)
@@ -47,7 +47,7 @@ class TaskController(Controller):
         return torque
 
     def _posture(self, asked: Asked, angle: FloatArray, rate: FloatArray) -> FloatArray:
-        """Joint accelerations (joints,) that the tip leaves open: more than two joints' posture."""
+        """Return the joint accelerations (joints,) that more than two joints stay close to."""
         if self._task.joints < 3:
             return asked.acceleration
         w = self._posture_frequency
