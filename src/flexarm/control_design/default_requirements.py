@@ -14,13 +14,13 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.signals import CHANNEL_OUTPUTS
 
-#: What can be measured: how each departs from the nominal motion is known.
+#: Outputs that can be measured, because their nominal values are computed.
 MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
-#: What can be integrated, and by default how much of it counts as one: rad s, m s.
+#: Outputs that can be integrated, and their default acceptable integrals: rad s, m s.
 INTEGRATED = {"joint_angle": 2e-3, "tip": 1e-3}
-#: What can be acceptable: no contacts are known to a design.
+#: Outputs that can have acceptable deviations. A design has no contacts.
 _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
-#: Angular acceleration (rad/s^2) that the acceptable torque gives to the rigid arm by default.
+#: Angular acceleration (rad/s^2) of the rigid model under the default acceptable torque.
 _BRISK = 10.0
 
 
@@ -34,7 +34,12 @@ def wishes_of(
     disturbance: Mapping[str, ArrayLike] | None,
     integral: bool | str | Mapping[str, ArrayLike] | None,
 ) -> Wishes:
-    """Fill in what was left out, and refuse what cannot be."""
+    """Return the requirements of a linear controller, with default values for missing ones.
+
+    Raises:
+        InputError: if a name or number is wrong, several outputs are integrated, or the tip is
+            integrated but not measured.
+    """
     if acceptable is None:
         acceptable = {"joint_angle": 0.01, "tip": 0.01, "joint_rate": 0.2}
     if acceptable_torque is None:

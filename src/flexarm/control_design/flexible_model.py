@@ -1,4 +1,4 @@
-"""The flexible arm as controllers ask it: forces of a motion, and how far links bend under them."""
+"""Fast inverse dynamics and tip position of a flexible arm, for controllers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from flexarm.kernels.observables import poses
 
 
 class FlexibleModel:
-    """Forces of a flexible arm whose joints move and whose links are bent but do not swing.
+    """Inverse dynamics of a flexible arm with moving joints and constant bending.
 
-    Torques and what is missing to balance the links: (D.3). Joint angles, rates and accelerations
-    in rad, rad/s, rad/s^2. Nothing is checked.
+    The elastic forces are those that no actuator applies, -r in (D.3). Joint angles, rates
+    and accelerations are in rad, rad/s, rad/s^2. Arguments are not checked.
 
     Attributes:
-        arm: the arm. elastic: (dof - joints,) positions in q of what is not a joint angle.
+        arm: the arm. elastic: (dof - joints,) indices in q of the elastic coordinates.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -34,9 +34,10 @@ class FlexibleModel:
     def forces_many(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return torques (T, joints) N m and the elastic forces (T, dof - joints) that are missing.
+        """Return the torques (T, joints) N m and elastic forces (T, dof - joints) of a motion.
 
-        ``bend`` (T, dof - joints): the elastic coordinates; their rates and accelerations are zero.
+        The elastic forces are those that would have to act to keep the bending constant. ``bend``
+        (T, dof - joints): the elastic coordinates; their rates and accelerations are zero.
         """
         joints, elastic = self._joint_places, self._elastic_places
         kernels, count = self._kernels, len(angle)
@@ -53,8 +54,8 @@ class FlexibleModel:
         return found[:, joints], found[:, elastic]
 
     def tip(self, angle: FloatArray, bend: FloatArray) -> FloatArray:
-        """Return x and y (m) of the tip, (2,)."""
-        # A flat view: one index for a coordinate, wherever it stands in the kernels' arrays.
+        """Return the position (2,) of the tip, m."""
+        # A flat view has one index for each coordinate in the arrays of the kernels.
         q = self._state[0].reshape(-1)
         q[self._joint_places], q[self._elastic_places] = angle, bend
         self._kernels.call(poses, self._state, self._poses, self._tip)

@@ -1,4 +1,4 @@
-"""The torques that hold an arm's weight while its links sag under it."""
+"""Gravity compensation of an arm whose links sag."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from flexarm.arm import Arm
 from flexarm.hardware.measurement import FloatArray
 from flexarm.kernel_view import KernelView
 
-#: Each correction leaves a part of the one before: weight times deflection over stiffness times
-#: length, a tenth where links sag by a tenth of their length.
+#: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio
+#: of sag to length, for example to a tenth if links sag by a tenth of their length.
 _FIRST_CORRECTIONS = 12
 
 
 class SaggingArm:
-    """Torques that hold a flexible arm still at given joint angles; links sag under their weight.
+    """Static torques of a flexible arm at given joint angles, with sagging links.
 
-    The sag is corrected once a call, from that of the call before: between two sample times it
-    hardly changes, and each correction leaves a small part of the error.
+    Each call corrects the sag of the previous call once. This is sufficient, because the sag
+    changes little between two sample times, and a correction leaves a small fraction of the error.
 
     Attributes:
         arm: the flexible arm.
@@ -37,12 +37,12 @@ class SaggingArm:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the sag."""
+        """Reset the sag to zero."""
         self._state[:] = 0.0
         self._known = False
 
     def gravity_torque(self, angle: FloatArray) -> FloatArray:
-        """Return the torque (joints,) N m that holds the arm still, joint springs included."""
+        """Return the torque (joints,) N m of the arm at rest, joint springs included."""
         self._state[0, self._bodies, 0] = angle
         if not self._known:
             for _ in range(_FIRST_CORRECTIONS):
@@ -51,7 +51,7 @@ class SaggingArm:
         return self._correct()
 
     def _correct(self) -> FloatArray:
-        """Return the torque at the sag as it is, and correct the sag."""
+        """Return the torque at the current sag, and correct the sag."""
         force = self._kernels.inverse_dynamics(self._state, self._still)
         torque: FloatArray = force[self._bodies, 0]
         self._state[0][self._places] -= self._compliance @ force[self._places]

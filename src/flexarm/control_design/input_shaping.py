@@ -1,4 +1,4 @@
-"""Input shapers designed on the modes of an arm along its motion."""
+"""Input shapers for the modes of an arm along its motion."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from flexarm.motion.shaping import SHAPERS, Clock, ShapedMotion, impulses
 
 FloatArray = NDArray[np.float64]
 
-#: Postures at which frequencies are computed.
+#: Number of postures at which frequencies are computed.
 _POSTURES = 49
-#: Frequencies are those of the shaped motion's postures, which they shape: found by repetition.
+#: Largest number of iterations, and relative tolerance of the frequencies. Iterations are needed
+#: because the frequencies depend on the postures of the shaped motion.
 _REPEATED, _SETTLED = 12, 1e-9
 
 
@@ -34,31 +35,33 @@ def shaped(
     damping_ratio: ArrayLike | None = None,
     tolerance: float = 0.05,
 ) -> ShapedMotion:
-    """Shape a motion so that it leaves no vibration: a sum of copies that cancel each other's.
+    """Shape a motion to cancel residual vibration, by a sum of delayed copies.
 
     Args:
-        motion: the original.
-        arm: whose modes are to stay at rest.
-        method: "zv" leaves nothing at the frequencies designed for; "zvd" besides little near
-            them, "ei" at most ``tolerance`` over a wider range.
-        modes: how many of the lowest modes, or which, counted from 1. Each takes half a period (zv)
-            or a whole one (zvd, ei) more time.
-        joints: as in `flexarm.modes`: what the joints do meanwhile; the controller's gains, say.
-        frequency_hz: natural frequencies in Hz, one or several, in place of those of the arm's
-            modes, which change with the posture on the way.
-        damping_ratio: below 1, one number or one for each mode; by default that of the modes, the
-            mean over the way, or zero where frequencies are given.
-        tolerance: for "ei": residual vibration at the frequency designed for, as a part of what a
-            single impulse leaves; between 0 and 1.
+        motion: the original motion.
+        arm: the arm whose modes are to be cancelled.
+        method: "zv" for zero vibration at the design frequencies; "zvd" for small vibration near
+            them as well; "ei" for at most ``tolerance`` over a wider range.
+        modes: number of the lowest modes, or mode numbers counted from 1. Each mode lengthens the
+            motion by half a period (zv) or a period (zvd, ei).
+        joints: condition of the joints, as in `flexarm.modes`, for example the gains of the
+            controller.
+        frequency_hz: natural frequencies in Hz, one or several, that replace those of the arm's
+            modes, which change with posture along the motion.
+        damping_ratio: below 1, one number or one for each mode; by default the mean damping ratio
+            of each mode along the motion, or zero if frequencies are given.
+        tolerance: for "ei": residual vibration at the design frequency, relative to that after a
+            single impulse; between 0 and 1.
 
     Returns:
-        A motion. The tip leaves the path: angles are summed, and the path is not linear in them.
+        The shaped motion. Its tip deviates from the path, because the joint angles are summed and
+        the path is not linear in them.
 
     Raises:
-        InputError: an argument has the wrong value, or neither an arm nor frequencies are given.
+        InputError: if an argument has the wrong value, or neither an arm nor frequencies are given.
 
-    Impulse times follow the phase of the vibration along the shaped motion, (C.7); several modes
-    are shaped one after the other.
+    Impulse times follow the phase of the vibration along the shaped motion, (C.7). Several modes
+    are shaped one after another.
     """
     where = "shaped"
     motion = check_motion(where, motion)
@@ -91,7 +94,7 @@ def _by_modes(
     damping_ratio: ArrayLike | None,
     tolerance: float,
 ) -> ShapedMotion:
-    """Repeat until the frequencies are those along the motion that they shape."""
+    """Iterate until the frequencies are those along the motion that is shaped with them."""
     chosen = _chosen(where, modes, arm)
     unshaped, made = motion, motion
     before = np.zeros((_POSTURES, len(chosen)))
@@ -133,7 +136,7 @@ def _check(
 
 
 def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
-    """Return positions from 0 of the modes to shape for."""
+    """Return the indices (from 0) of the modes to shape for."""
     if isinstance(modes, int) and not isinstance(modes, bool):
         numbers = np.arange(1, min(modes, arm.dof + 1) + 1)
     else:

@@ -1,4 +1,4 @@
-"""Linear-quadratic regulators and Kalman filters of a sampled arm: theory page "control-linear"."""
+"""Linear-quadratic regulator and Kalman filter of a sampled arm: theory page "control-linear"."""
 
 from __future__ import annotations
 
@@ -18,29 +18,31 @@ from flexarm.linear.signals import INPUTS
 from flexarm.linear.state_space import LinearModel
 from flexarm.model.wording import nearest
 
-#: Of the energy of `bending`, how much belongs to the unknown elastic forces, and how large a bend
-#: is acceptable, both for an uncertainty of one: (C.39). With these LQG with its default weights is
-#: stable with links 30 % softer and stiffer, and twice the payload, on the three arms of
-#: docs/how-to/measure_robustness.py, if the uncertainty is 0.3.
+#: Energy of the unknown elastic forces relative to that of `bending`, and acceptable relative
+#: bending, both for an uncertainty of one: (C.39). With these values and an uncertainty of 0.3, LQG
+#: with its default weights is stable on the three arms of docs/how-to/measure_robustness.py with
+#: links 30 % softer and stiffer, and with twice the payload.
 _NOISE, _BEND = 0.25, 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Gains at one posture. States are deviations of (q, qd), n = 2 dof; z are integrals.
+    """Gains at one posture.
+
+    The state x is the deviation of (q, qd), n = 2 dof; z are k integrals.
 
     Attributes:
         posture: (joints,) rad.
-        sag: (dof - joints,) elastic coordinates at rest there.
-        A, B: of the sampled arm, (n, n) and (n, joints); C: of what is measured, (p, n).
+        sag: (dof - joints,) elastic coordinates at rest in the posture.
+        A, B: of the sampled arm, (n, n) and (n, joints); C: of the measurement, (p, n).
         B_elastic: (n, dof - joints), of forces on the elastic coordinates.
-        integrated: (k, n): z (k,) grows by ``integrated`` x at each sample.
+        integrated: (k, n): z (k,) increases by ``integrated`` x at each sample.
         gain: (joints, n + k): torque = -gain (x, z).
-        cost: (n + k, n + k): the least cost from a state is (x, z)' cost (x, z).
-        weight, torque_weight: what is summed over the samples, (n + k, n + k), (joints, joints).
-        estimator: (n, p): corrects the prediction by what was measured.
-        prediction_covariance: (n, n) of the error of the prediction.
-        innovation_covariance: (p, p) of what is measured less what was predicted.
+        cost: (n + k, n + k): the minimum cost from a state is (x, z)' cost (x, z).
+        weight, torque_weight: weights Q and R of the cost, (n + k, n + k) and (joints, joints).
+        estimator: (n, p), gain of the innovation in the correction of the prediction.
+        prediction_covariance: (n, n) of the prediction error.
+        innovation_covariance: (p, p) of the measurement minus its prediction.
     """
 
     posture: FloatArray
@@ -61,16 +63,16 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Wishes:
-    """What a linear controller is to achieve and to believe; every number a standard deviation.
+    """Design requirements of a linear controller: acceptable deviations, and noise.
 
     Attributes:
-        acceptable: outputs and the deviation of each that counts as much as the others'.
+        acceptable: acceptable deviations by output.
         acceptable_torque: (joints,) N m.
-        measured: outputs that are measured, and their noise.
-        disturbance: inputs that act unseen, held over a sample time.
-        integrated: the output to integrate and its acceptable integral, or nothing.
-        recovery: fictitious torque noise of the filter, in parts of the acceptable torque.
-        rigidity_uncertainty: relative, of the links.
+        measured: standard deviations of the noise by measured output.
+        disturbance: standard deviations of unmeasured inputs, constant over a sample.
+        integrated: the output to integrate and its acceptable integral, or empty.
+        recovery: fictitious torque noise of the filter, relative to the acceptable torque.
+        rigidity_uncertainty: relative error of the links' stiffness.
     """
 
     acceptable: Mapping[str, ArrayLike]
@@ -85,9 +87,9 @@ class Wishes:
 def sampled(
     model: LinearModel, sample_time: float, more: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return A and B of a model whose inputs are held over the sample time: exact; (C.22).
+    """Return A and B of a model sampled exactly with zero-order-hold inputs; (C.22).
 
-    ``more`` (dof, k): generalised forces of further inputs, whose columns follow in B.
+    ``more`` (dof, k): generalised forces of further inputs, whose columns are appended to B.
     """
     B = model.B
     if more is not None:
@@ -97,7 +99,7 @@ def sampled(
 
 
 def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
-    """Return A and B over a sample time, inputs held; (C.22)."""
+    """Return A and B over a sample time (s), with zero-order-hold inputs; (C.22)."""
     from scipy.linalg import expm
 
     n, m = B.shape
@@ -108,7 +110,7 @@ def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, 
 
 
 def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
-    """Return the rows of C of the outputs that belong to channels, in their order."""
+    """Return the rows of C for the outputs of the named channels, in this order."""
     rows = [
         k
         for name in names
@@ -120,10 +122,10 @@ def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
 
 
 def scales(where: str, argument: str, given: ArrayLike, count: int) -> FloatArray:
-    """Return positive numbers (count,) from one or as many.
+    """Return positive numbers (count,) from one number or a list of ``count``.
 
     Raises:
-        InputError: they are not.
+        InputError: if a number is not positive and finite, or the list has another length.
     """
     found = check_each(where, argument, given, count)
     if np.any(found <= 0.0):
@@ -134,7 +136,7 @@ def scales(where: str, argument: str, given: ArrayLike, count: int) -> FloatArra
 def sizes_of(
     where: str, argument: str, model: LinearModel, given: Mapping[str, ArrayLike]
 ) -> FloatArray:
-    """Return the numbers of all outputs or inputs that a mapping names, one after the other."""
+    """Return the numbers of a mapping, one for each component of its outputs or inputs."""
     labels = (*model.outputs, *model.inputs)
     found = [np.zeros(0)]
     for name, value in given.items():
@@ -144,11 +146,11 @@ def sizes_of(
 
 
 def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_time: float) -> Design:
-    """Design at rest in a posture, under gravity; (C.22) to (C.26).
+    """Design a regulator and a filter at rest in a posture, under gravity; (C.22) to (C.26).
 
     Raises:
-        InputError: an unknown name, a number that is not positive, or no gains that stabilise.
-        EquilibriumError: no rest there.
+        InputError: if a name is unknown, a number is not positive, or no gains are stabilising.
+        EquilibriumError: if the arm has no equilibrium at the posture.
     """
     from scipy.linalg import block_diag
 
@@ -177,7 +179,7 @@ def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_tim
     gain, cost = regulator(where, A_z, B_z, weight, torque_weight)
     strength = sizes_of(where, "disturbance", model, wishes.disturbance)
     pushed = columns_of(model, tuple(wishes.disturbance), B_all) * strength
-    # Torques and elastic forces that the model does not know: (C.39).
+    # Covariance of torques and elastic forces that represent the model error: (C.39).
     forced = B_all[:, B_all.shape[1] - elastic.size :]
     torques = (wishes.recovery * wishes.acceptable_torque) ** 2
     unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
@@ -206,8 +208,8 @@ def bending(
 ) -> tuple[FloatArray, float]:
     """Return the stiffness (k, k) of the elastic coordinates, and a typical elastic energy, J.
 
-    The energy is that of the links as they bend when each joint accelerates the arm with its
-    acceptable torque (joints,) N m.
+    The energy is that of the bending when each joint accelerates the arm with its acceptable torque
+    (joints,) N m, summed over the joints.
     """
     joints = arm.joint_index
     elastic = np.setdiff1d(np.arange(arm.dof), joints)
@@ -227,7 +229,7 @@ def bend_weight(unsure: float, stiffness: FloatArray, energy: float) -> FloatArr
 
 
 def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> FloatArray:
-    """Return the columns of B of the inputs that belong to names, in their order."""
+    """Return the columns of B for the named inputs, in this order."""
     chosen = [
         k
         for name in names
@@ -244,7 +246,7 @@ def regulator(
     """Return the gain and the cost of the linear-quadratic regulator; (C.23).
 
     Raises:
-        InputError: the weights leave a motion undamped, or cannot be met.
+        InputError: if the cost does not detect an undamped mode, or the model is not stabilisable.
     """
     from scipy.linalg import solve
 
@@ -255,9 +257,9 @@ def regulator(
 
 
 def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
-    """Return torque per known elastic force, (joints, 1 + steps / stride, dof - joints); (C.27).
+    """Return preview gains (joints, 1 + steps / stride, dof - joints) of elastic forces; (C.27).
 
-    Forces are taken at every ``stride``-th sample, and along lines between.
+    Forces are evaluated at every ``stride``-th sample and interpolated linearly between them.
     """
     from scipy.linalg import solve
 
@@ -281,10 +283,10 @@ def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
 def kalman(
     where: str, A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return gain, covariance of the prediction, covariance of the innovation; (C.25).
+    """Return the Kalman gain and the covariances of prediction error and innovation; (C.25).
 
     Raises:
-        InputError: what is measured does not tell the state.
+        InputError: if an undamped mode is not detectable from the measurement.
     """
     from scipy.linalg import solve
 
@@ -333,10 +335,11 @@ def _unsolvable(where: str, argument: str) -> Problem:
 def check_names(
     where: str, argument: str, given: object, allowed: Sequence[str], arm: Arm
 ) -> Mapping[str, ArrayLike]:
-    """Return a mapping whose keys are all known, and there on the arm.
+    """Return a mapping after checking that its names are allowed and exist on the arm.
 
     Raises:
-        InputError: it is none, or one is not.
+        InputError: if it is not a mapping, a name is not allowed, or strain is named for an arm
+            without gauges.
     """
     rule = "be a mapping from " + ", ".join(map(repr, allowed)) + " to numbers"
     if not isinstance(given, Mapping):
@@ -352,5 +355,5 @@ def check_names(
     return given
 
 
-#: Inputs that may act unseen.
+#: Inputs that may act as unmeasured disturbances.
 DISTURBANCES = INPUTS

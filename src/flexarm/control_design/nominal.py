@@ -1,4 +1,4 @@
-"""The motion that linear controllers keep an arm on: coordinates, rates and torques over time."""
+"""Nominal motion of linear controllers: coordinates, rates and torques over time."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from flexarm.control_design.posture_grid import Interpolated
 from flexarm.errors import InputError, Problem, shown
 from flexarm.hardware.measurement import FloatArray
 
-#: Sample times computed in one go.
+#: Number of sample times computed in one call.
 _AHEAD = 64
 
 
 class Nominal(NamedTuple):
-    """One moment of it.
+    """Nominal motion at one instant.
 
     Attributes:
         angle: (joints,) rad. q, qd: (dof,). torque: (joints,) N m.
-        missing: (dof - joints,) elastic forces that the links would need to stay so.
-        shown: (p,) what would be measured.
+        missing: (dof - joints,) elastic forces r that no actuator balances, (C.20).
+        shown: (p,) nominal measurement.
     """
 
     angle: FloatArray
@@ -35,24 +35,24 @@ class Nominal(NamedTuple):
     shown: FloatArray
 
 
-#: What would be measured (T, p) at joint angles (T, joints), q and qd (T, dof).
+#: Function that returns the measurement (T, p) at joint angles (T, joints), q and qd (T, dof).
 Shown = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 
 class PreviewedReference:
-    """The reference with links as bent as they rest there, known some samples ahead; (C.20).
+    """Nominal motion along a reference with sagging links, computed in advance; (C.20).
 
-    A reference with ``vectorized`` true answers arrays of times, and is asked for many sample times
-    at once.
+    A reference with ``vectorized`` true accepts arrays of times, and is evaluated at many sample
+    times at once.
 
     Args:
-        model: of the arm.
-        sag: elastic coordinates (dof - joints,) at rest, over posture.
-        sample_time: s. steps: samples known, the present one included.
-        show: makes ``shown`` of `Nominal`.
+        model: model of the arm.
+        sag: elastic coordinates (dof - joints,) at rest, interpolated over posture.
+        sample_time: s. steps: number of samples computed, including the current one.
+        show: function that computes ``shown`` of `Nominal`.
 
     Attributes:
-        missing: (steps, dof - joints) of `Nominal`, from the present sample on.
+        missing: (steps, dof - joints) of `Nominal`, from the current sample on.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class PreviewedReference:
         self._model, self._sag, self._sample_time, self._steps = model, sag, sample_time, steps
         arm = model.arm
         self._joints, self._elastic = arm.joint_index, model.elastic
-        # Samples move through these; when they reach the end they are copied to the beginning.
+        # Samples fill these buffers from the start. At the end they are copied back to the start.
         places = 3 * steps + _AHEAD
         self._angle, self._torque = np.zeros((places, arm.joints)), np.zeros((places, arm.joints))
         self._q, self._qd = np.zeros((places, arm.dof)), np.zeros((places, arm.dof))
@@ -80,20 +80,20 @@ class PreviewedReference:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the posture held and what was known ahead."""
+        """Clear the stored posture and the samples computed in advance."""
         self._held: FloatArray | None = None
         self._reference: Reference | None = None
         self._first_tick = 0
-        self._start = self._end = 0  # places of the present sample, and after the last known one
+        self._start = self._end = 0  # index of the current sample, and end of the computed ones
         self.missing = self._missing[: self._steps]
 
     def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
-        """Return the moment t (s); without a reference the arm stays where it was found."""
+        """Return the nominal motion at t (s); without a reference, rest at the first angles."""
         if self._end == 0:
             self._first_tick = round(t / self._sample_time)
         else:
             self._start += 1
-            if reference is not self._reference:  # what was known ahead stays
+            if reference is not self._reference:  # keep the samples already previewed
                 self._end = min(self._end, self._start + self._steps - 1)
         self._reference = reference
         if self._start + self._steps > self._end:
@@ -103,11 +103,11 @@ class PreviewedReference:
         return Nominal(*[buffer[k] for buffer in self._buffers])
 
     def torques(self, count: int) -> FloatArray:
-        """Return the torques (count, joints) from the present sample on, N m."""
+        """Return the torques (count, joints) from the current sample on, N m."""
         return self._torque[self._start : self._start + min(count, self._steps)]
 
     def _go_on(self, angle_now: FloatArray, reference: Reference | None) -> None:
-        """Know at least as many samples as are asked for."""
+        """Compute more samples, at least up to the end of the preview."""
         many = reference is None or bool(getattr(reference, "vectorized", False))
         count = self._start + self._steps - self._end
         count = max(count, _AHEAD) if many else count
@@ -124,13 +124,13 @@ class PreviewedReference:
     def _motion(
         self, times: FloatArray, angle_now: FloatArray, reference: Reference | None, many: bool
     ) -> list[FloatArray]:
-        """Angles, rates and accelerations at times (T,): (T, joints) each."""
+        """Return the angles, rates and accelerations at times (T,), (T, joints) each."""
         if reference is None:
             if self._held is None:
                 self._held = np.array(angle_now, dtype=np.float64)
             angle = np.tile(self._held, (len(times), 1))
             return [angle, np.zeros_like(angle), np.zeros_like(angle)]
-        # Motions end at rest, and need not know what comes after.
+        # Motions end at rest, and need not be defined beyond their end.
         end = float(getattr(reference, "end_time", np.inf))
         rests = times > end
         times = np.minimum(times, end)
@@ -156,9 +156,10 @@ class PreviewedReference:
 
 
 class RecordedRun:
-    """A run that was simulated before, as one to stay on: the links' own motion included.
+    """Nominal motion from a simulated run, including the motion of the links.
 
-    Between samples q follows the cubic through its values and rates, the torque a line.
+    Between the samples of the run, q is interpolated by the cubic through its values and rates, and
+    qd and the torque linearly.
     """
 
     def __init__(
@@ -173,7 +174,7 @@ class RecordedRun:
         self._sample_time, self._show = sample_time, show
         arm = model.arm
         self._joints = arm.joint_index
-        self.missing = np.zeros((steps, model.elastic.size))  # it satisfies the arm's equations
+        self.missing = np.zeros((steps, model.elastic.size))  # no missing forces in a run
         try:
             self._time = np.asarray(run.time.values, dtype=np.float64)
             self._q, self._qd = np.asarray(run.q.values), np.asarray(run.qd.values)
@@ -187,11 +188,11 @@ class RecordedRun:
             raise InputError(Problem(where, "nominal", rule, f"one of {self._q.shape[1]}"))
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the start of the run."""
         self._now = 0.0
 
     def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
-        """Return the moment t (s)."""
+        """Return the nominal motion at t (s)."""
         self._now = t
         q, qd = self._state(t)
         torque = self._torque_from(t)
@@ -200,12 +201,12 @@ class RecordedRun:
         return Nominal(angle, q, qd, torque, self.missing[0], shown)
 
     def torques(self, count: int) -> FloatArray:
-        """Return the torques (count, joints) from the present sample on, N m."""
+        """Return the torques (count, joints) from the current sample on, N m."""
         times = self._now + self._sample_time * np.arange(count)
         return np.array([self._torque_from(t) for t in times])
 
     def _torque_from(self, t: float) -> FloatArray:
-        """Torque to hold from t on: a torque that is held does what its mean does."""
+        """Return the torque in the middle of the sample from t, the best zero-order-hold value."""
         return self._line(self._torque, t + 0.5 * self._sample_time)
 
     def _state(self, t: float) -> tuple[FloatArray, FloatArray]:
@@ -226,7 +227,7 @@ class RecordedRun:
 
 
 def strain_matrix(arm: Arm) -> FloatArray:
-    """Return the strains by q, (gauges, dof): they are linear in q."""
+    """Return the derivative (gauges, dof) of the strains by q, in which they are linear."""
     units = np.zeros((arm.dof, 2, arm.dof))
     units[:, 0] = np.eye(arm.dof)
     return arm.strains(arm.padded(units)).T

@@ -1,4 +1,4 @@
-"""Postures at which a controller is designed, and interpolation between them."""
+"""Grid of design postures, and interpolation between them."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from flexarm.hardware.measurement import FloatArray
 
 
 class PostureGrid:
-    """A grid over some of the joint angles; the others keep one value.
+    """Grid over some of the joint angles; the others are constant.
 
     Args:
-        where: the call, for messages.
-        posture: (joints,) rad.
-        schedule: for each joint None, or its angles in the grid, rising; None for one posture.
+        where: name of the caller, for messages.
+        posture: (joints,) rad, of the angles that are constant.
+        schedule: for each joint None, or its increasing angles in the grid; None for one posture.
 
     Attributes:
-        postures: (k, joints) rad, every node.
+        postures: (k, joints) rad of all nodes.
 
     Raises:
-        InputError: angles that do not rise, or of another number of joints.
+        InputError: if angles do not increase, or ``schedule`` does not have one entry per joint.
     """
 
     def __init__(
@@ -73,10 +73,10 @@ class PostureGrid:
 
 
 class Interpolated:
-    """Arrays that are given at the nodes of a grid, and interpolated together.
+    """Arrays that are given at the nodes of a grid and interpolated together.
 
     Args:
-        grid: the grid. nodes: for every node the same arrays.
+        grid: the grid. nodes: the arrays of each node, of equal shapes.
     """
 
     def __init__(self, grid: PostureGrid, nodes: Sequence[Sequence[FloatArray]]) -> None:
@@ -99,12 +99,12 @@ class Interpolated:
         return self._grid, self._values, self._shapes
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        # Arrays of a copy would no longer be parts of what ``move`` writes.
+        # Rebuild the arrays, because copies of them would not be views of the buffer of ``move``.
         self._grid, self._values, self._shapes = state
         self._begin()
 
     def move(self, angle: FloatArray) -> bool:
-        """Write the arrays of a posture into ``arrays``; tell whether they changed."""
+        """Interpolate ``arrays`` at a posture; return whether they changed."""
         corners = self._grid.weights(angle)
         if corners == self._at:
             return False
@@ -116,7 +116,7 @@ class Interpolated:
         return True
 
     def first_at(self, angles: FloatArray) -> FloatArray:
-        """Return the first array at many postures (T, joints): (T, ...)."""
+        """Return the first array at postures (T, joints), with shape (T, ...)."""
         if len(self._values) == 1:
             return np.broadcast_to(self.arrays[0], (len(angles), *self.arrays[0].shape))
         found = []

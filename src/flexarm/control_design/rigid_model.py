@@ -1,4 +1,4 @@
-"""The rigid twin of an arm, quick enough for a controller to ask at every sample time."""
+"""Rigid model of an arm, fast enough for every sample of a controller."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from flexarm.kernels.composite_body import mass_matrix
 
 
 class RigidModel:
-    """Torques and inertias of the rigid twin; the same kernels as the arm's, without checks.
+    """Inverse dynamics and mass matrix of the rigid model of an arm, with the same kernels.
 
-    Joint angles, rates and accelerations (joints,) in rad, rad/s, rad/s^2, relative. Nothing is
-    checked: numbers that are not finite give numbers that are not finite.
+    Joint angles, rates and accelerations (joints,) are relative, in rad, rad/s, rad/s^2. Arguments
+    are not checked, and non-finite arguments give non-finite results.
 
     Attributes:
-        arm: the rigid twin. joints: number of joints.
+        arm: the rigid model. joints: number of joints.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -30,7 +30,7 @@ class RigidModel:
         self._nothing = np.zeros(self.joints)
 
     def torque(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
-        """Return the torque (joints,) N m that a motion takes: M qdd + bias, gravity included."""
+        """Return the torque (joints,) N m of a motion: M qdd + bias, gravity included."""
         self._state[0, self._bodies, 0] = angle
         self._state[1, self._bodies, 0] = rate
         self._acceleration[self._bodies, 0] = acceleration
@@ -39,7 +39,7 @@ class RigidModel:
         return torque
 
     def gravity_torque(self, angle: FloatArray) -> FloatArray:
-        """Return the torque (joints,) N m that holds the arm still, joint springs included."""
+        """Return the torque (joints,) N m of the arm at rest, joint springs included."""
         return self.torque(angle, self._nothing, self._nothing)
 
     def mass_matrix(self, angle: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The rigid twin's torque, linear in named parameters: one model for controllers that adapt."""
+"""Torque of the rigid model as a linear function of named parameters."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.rigid_terms import SET_COLUMNS, momentum, regressor
 from flexarm.model.wording import nearest
 
-#: Columns of a set that a parameter of a link or a joint fills with ones.
+#: Columns of a set that are one for a unit parameter of a link or a joint.
 _LINK = {"mass": 0, "first_moment": 1, "inertia": 3}
 _JOINT = {"viscous": 7, "coulomb": 9}
 _PAYLOAD = ("mass", "inertia")
-#: Columns that are what joints do by themselves.
+#: Columns of joint torques without inertia: damping, stiffness, friction and limits.
 _PASSIVE = slice(7, SET_COLUMNS)
 _NAME = re.compile(r"(link|joint)_(\d+)\.(\w+)")
 
 
 class RigidParameters:
-    """Torques of the rigid twin by parameter, theory page "control under uncertainty", (C.41).
+    """Regressor of the rigid model's torque, theory page "control under uncertainty", (C.41).
 
     Args:
-        arm: an arm; its rigid twin is what is computed.
-        names: parameters to have columns of their own: "payload.mass" (kg, at the payload's
-            offset), "payload.inertia" (kg m^2), "link_1.mass" (kg), "link_1.first_moment" (kg m,
+        arm: an arm, whose rigid model is used.
+        names: parameters of the regressor: "payload.mass" (kg, at the payload's offset),
+            "payload.inertia" (kg m^2), "link_1.mass" (kg), "link_1.first_moment" (kg m,
             about the joint), "link_1.inertia" (kg m^2, about the joint, its hub included),
             "joint_1.viscous" (N m s/rad), "joint_1.coulomb" (N m).
 
     Attributes:
-        names: as given. values: (p,) of the arm. known: how many rows of the regressor come first
-            that are not of a parameter. joints: number of joints.
+        names: as given. values: (p,), of the arm. known: number of leading rows of the regressor
+            that belong to no parameter. joints: number of joints.
 
     Raises:
-        InputError: no such parameter, or one twice.
+        InputError: if a parameter does not exist or is named twice.
 
-    Arguments of methods are not checked; all work on buffers that the next call overwrites.
+    Arguments of methods are not checked. Results are buffers that the next call overwrites.
     """
 
     def __init__(self, where: str, arm: Arm, names: Sequence[str] = ()) -> None:
@@ -63,7 +63,7 @@ class RigidParameters:
         nominal[0] = rest - nominal[1]
         turning = [d for d in directions if not d[:, _PASSIVE].any()]
         others = [d for d in directions if d[:, _PASSIVE].any()]
-        # The kernel wants inertial sets first; ``_order`` puts columns as the user named them.
+        # The kernel requires the inertial sets first. ``_order`` restores the order of the names.
         self._sets = np.stack([nominal[0], *turning, nominal[1], *others])
         self._inertial = 1 + len(turning)
         self._order = _order(directions)
@@ -83,11 +83,11 @@ class RigidParameters:
         reference_acceleration: FloatArray,
         ordered: bool = True,
     ) -> FloatArray:
-        """Return rows of torque (known + p, joints): M qdd_r + C(q, qd) qd_r + g + losses(qd_r).
+        """Return rows (known + p, joints) of M qdd_r + C(q, qd) qd_r + g + losses(qd_r).
 
-        The first ``known`` rows add up to what is not a parameter; each other row is the torque by
-        one unit of its parameter. Without ``ordered`` they come in the order of ``placed``, which
-        takes less time.
+        The sum of the first ``known`` rows is the torque that does not depend on a parameter; each
+        other row is the torque per unit of its parameter. Without ``ordered`` the rows have the
+        order of ``placed``, which is faster.
         """
         motion = self._motion
         motion[0], motion[1] = angle, rate
@@ -107,13 +107,13 @@ class RigidParameters:
         return self._columns[self._order] if ordered else self._columns
 
     def placed(self, numbers: FloatArray) -> FloatArray:
-        """Return numbers (known + p,), one for each row of ``regressor``, in its own order."""
+        """Return numbers (known + p,) in the order of the rows of the unordered ``regressor``."""
         found = np.empty_like(numbers)
         found[self._order] = numbers
         return found
 
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return M qd and C' qd - g - losses, the momentum's rate without motors: (2, joints)."""
+        """Return M qd and its rate without motors, C' qd - g - losses, (2, joints)."""
         self._angle[:], self._rate[:] = angle, rate
         self._kernels.call(
             momentum,
@@ -132,7 +132,7 @@ class RigidParameters:
 
 
 def _directions(where: str, rigid: Arm, names: Sequence[str]) -> list[FloatArray]:
-    """What one unit of each parameter adds to the whole set (n, SET_COLUMNS)."""
+    """Return the derivative of the whole set (n, SET_COLUMNS) by each parameter."""
     known = parameter_names(rigid)
     problems = []
     for i, name in enumerate(names):
@@ -148,7 +148,7 @@ def _directions(where: str, rigid: Arm, names: Sequence[str]) -> list[FloatArray
 
 
 def parameter_names(arm: Arm) -> tuple[str, ...]:
-    """Return every parameter that ``RigidParameters`` knows of an arm."""
+    """Return the names of all parameters of an arm for ``RigidParameters``."""
     links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in _LINK]
     joints = [f"joint_{i}.{name}" for i in arm.joint_numbers for name in _JOINT]
     return (*links, *joints, *(f"payload.{name}" for name in _PAYLOAD))
@@ -178,7 +178,7 @@ def _direction(rigid: Arm, name: str) -> FloatArray:
 
 
 def _whole(constants: ArmConstants) -> FloatArray:
-    """All numbers of the rigid twin, (n, SET_COLUMNS)."""
+    """Return the set of all constants of the rigid model, (n, SET_COLUMNS)."""
     c = constants
     columns = [c.mass, c.first_moment_x, c.first_moment_y, c.inertia, c.tip_mass, c.tip_inertia]
     columns += [c.rotor[:, 0], c.joint_damping, c.joint_stiffness]
@@ -187,13 +187,13 @@ def _whole(constants: ArmConstants) -> FloatArray:
 
 
 def _share(whole: FloatArray, direction: FloatArray) -> float:
-    """How much of a parameter an arm has."""
+    """Return the value of a parameter of the arm."""
     first = np.unravel_index(np.argmax(direction != 0.0), direction.shape)
     return float(whole[first] / direction[first])
 
 
 def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
-    """Rows of the kernel's columns in the order: both known, then the parameters as named."""
+    """Return the indices of the kernel's rows: the two known ones, then the parameters."""
     passive = [bool(d[:, _PASSIVE].any()) for d in directions]
     turning = passive.count(False)
     places = [0, 1 + turning]
@@ -205,12 +205,12 @@ def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
 
 
 def _writable(constants: ArmConstants) -> ArmConstants:
-    """Copies that kernels may write into, with joint laws whether the arm has them or not."""
+    """Return writable copies of the constants, with joint laws enabled."""
     copies = ArmConstants(*(array.copy() for array in constants))
     copies.friction[constants.friction[:, 3] == 1.0, 3] = SMOOTHING_RATE
     copies.arm[HAS_JOINT_LAWS] = 1.0
     return copies
 
 
-#: Of friction that a controller learns at a joint whose description has none, rad/s.
+#: Smoothing rate (rad/s) of adapted friction at joints that have no friction in the arm.
 SMOOTHING_RATE = 0.01

@@ -1,4 +1,4 @@
-"""What a reference asks of the tip, for many sample times in one go."""
+"""Requested motion and force of the tip, computed for many sample times at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate
 
 
 class Asked(NamedTuple):
-    """What is asked at one moment. The tip is that of the rigid twin at the asked joint angles."""
+    """Requested tip motion, force and joint motion at one instant, for the rigid model."""
 
     x: float  # of the tip, m, world axes
     y: float
@@ -24,23 +24,24 @@ class Asked(NamedTuple):
     x_acceleration: float  # m/s^2
     y_acceleration: float
     force: float  # N, on the surface
-    normal_x: float  # of the surface, away from it; 0, 0 where nothing is to be pressed
+    normal_x: float  # of the surface, pointing away from it; 0, 0 without a force
     normal_y: float
     angle: FloatArray  # (joints,) rad
     rate: FloatArray  # (joints,) rad/s
     acceleration: FloatArray  # (joints,) rad/s^2
-    pressing: FloatArray  # (joints,) N m, beyond what the rigid twin takes
+    pressing: FloatArray  # (joints,) N m, in addition to the torque of the rigid model, (F.3)
 
 
-#: Numbers of ``Asked`` that are no arrays.
+#: Number of scalar fields of ``Asked``.
 _NUMBERS = 9
 
 
 class TaskPlan:
-    """Looks ahead in the reference; without one, holds the first angles.
+    """Plan of the requested tip motion along a reference, or at the first angles without one.
 
-    A reference with ``vectorized`` true answers arrays of times, and is asked for many sample times
-    at once. One without ``contact_force``, ``normal`` and ``pressing_torque`` asks for no force.
+    A reference with ``vectorized`` true accepts arrays of times, and is evaluated at many sample
+    times at once. A reference without ``contact_force``, ``normal`` and ``pressing_torque``
+    requests no force.
     """
 
     def __init__(self, arm: Arm, sample_time: float) -> None:
@@ -52,11 +53,11 @@ class TaskPlan:
         self._held: Asked | None = None
 
     def reset(self) -> None:
-        """Forget the reference and the angles held."""
+        """Clear the reference and the stored angles."""
         self._reference = self._rows = self._held = None
 
     def at(self, t: float, angle: FloatArray, reference: Reference | None) -> Asked:
-        """Return what is asked at t (s); without a reference, to stay at the first ``angle``."""
+        """Return the request at t (s); without a reference, rest at the first ``angle``."""
         if reference is None:
             if self._held is None:
                 here, still = np.array([angle]), np.zeros((1, self._joints))
@@ -77,7 +78,7 @@ class TaskPlan:
     def _row(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, of: Any, t: FloatArray
     ) -> FloatArray:
-        """Rows of numbers as in ``Asked`` from joint angles, rates, accelerations (T, joints)."""
+        """Return rows of ``Asked`` from joint angles, rates and accelerations (T, joints)."""
         lengths, turned = self._chain.lengths, angle + self._chain.offset
         J, J_rate = tip_jacobian(lengths, turned), tip_jacobian_rate(lengths, turned, rate)
         velocity = np.einsum("tij,tj->ti", J, rate)
@@ -100,7 +101,7 @@ class TaskPlan:
 
 
 class _Rows:
-    """A reference as a function of time that ``SampledFeedforward`` asks."""
+    """Reference as a function of time, for ``SampledFeedforward``."""
 
     def __init__(self, plan: TaskPlan, reference: Any) -> None:
         self._plan, self._reference = plan, reference
@@ -113,7 +114,7 @@ class _Rows:
 
 
 def _asked_of(reference: Any, name: str, t: FloatArray) -> FloatArray:
-    """Ask a reference for one thing at times (T,)."""
+    """Evaluate one method of a reference at times (T,)."""
     ask = getattr(reference, name)
     if getattr(reference, "vectorized", False):
         return np.asarray(ask(t), dtype=np.float64)

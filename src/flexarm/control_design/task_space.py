@@ -1,4 +1,4 @@
-"""The rigid twin as controllers in the task space need it: its tip, and what moves that."""
+"""Kinematics and dynamics of the tip of a rigid model, for controllers in task space."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from flexarm.kernels.task_dynamics import task_dynamics, tip_torque
 
 
 class TaskState(NamedTuple):
-    """The rigid twin at one moment, until the next is asked for; vectors of the tip, world axes."""
+    """State of the rigid model, overwritten by the next one; tip vectors in world axes."""
 
-    motion: FloatArray  # (3, 2): position m, velocity m/s, acceleration at none of the joints m/s^2
+    motion: FloatArray  # (3, 2): position m, velocity m/s, acceleration at qdd = 0 m/s^2
     jacobian: FloatArray  # (2, joints) m
     mass: FloatArray  # (joints, joints) kg m^2
-    bias_torque: FloatArray  # (joints,) N m: what the motion takes where no joint accelerates
+    bias_torque: FloatArray  # (joints,) N m: torque at qdd = 0
 
 
 class TaskSpace:
-    """Kinematics and dynamics of the rigid twin at its tip; the arm's own kernels, unchecked.
+    """Kinematics and dynamics of the rigid model at its tip, without checks of arguments.
 
     Attributes:
         joints: number of joints.
@@ -53,7 +53,7 @@ class TaskSpace:
         )
 
     def at(self, angle: FloatArray, rate: FloatArray) -> TaskState:
-        """Return the twin at joint angles (rad) and rates (rad/s), (joints,) each."""
+        """Return the state at joint angles (rad) and rates (rad/s), (joints,) each."""
         self._angle[:], self._rate[:] = angle, rate
         self._kernels.call(task_dynamics, *self._arguments)
         return self._state
@@ -66,14 +66,14 @@ class TaskSpace:
         posture: FloatArray,
         added: FloatArray,
     ) -> FloatArray:
-        """Return joint torques (joints,) N m under which the tip accelerates and pushes: (F.1).
+        """Return the joint torques (joints,) N m for an acceleration and a force of the tip: (F.1).
 
         Args:
-            state: as ``at`` has just returned it.
-            acceleration: of the tip, m/s^2, were there nothing to push.
-            push: force of the tip on what it touches, N.
-            posture: accelerations (joints,) rad/s^2 that those of more than two joints come near
-                to.
+            state: last result of ``at``.
+            acceleration: acceleration of the tip without contact, m/s^2.
+            push: force of the tip on the surface, N.
+            posture: joint accelerations (joints,) rad/s^2 that arms with more than two joints stay
+                close to.
             added: torque (joints,) N m that is added.
         """
         torque = np.empty(self.joints)
