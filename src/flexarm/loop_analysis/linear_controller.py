@@ -1,4 +1,4 @@
-"""The linear system that a controller is for small deviations: theory page "control-linear"."""
+"""Linearisation of a controller for small deviations: theory page "control-linear"."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from flexarm.control.base import Controller, Reference
 from flexarm.errors import InputError, Problem, shown
 from flexarm.hardware.measurement import FloatArray, Measurement
 
-#: Differences are taken over this, relative to numbers above one: central differences of smooth
-#: controllers are then exact to about 1e-9, and those of linear ones to rounding.
+#: Step of the central differences, relative for numbers above one. The error is about 1e-9 for
+#: smooth controllers, and rounding only for linear ones.
 _STEP = 1e-5
 
 
 class LinearController(NamedTuple):
-    """Small deviations of a controller: x+ = A x + B y, u = C x + D y.
+    """Linear controller for small deviations: x+ = A x + B y, u = C x + D y.
 
     Attributes:
-        A, B, C, D: (n, n), (n, p), (joints, n), (joints, p). The state x is its memory, y the
-            measurement, u the torque that it returns.
+        A, B, C, D: (n, n), (n, p), (joints, n), (joints, p). The state x is the memory of the
+            controller, y the measurement, u the torque.
     """
 
     A: FloatArray
@@ -33,9 +33,9 @@ class LinearController(NamedTuple):
 
 
 class HeldReference:
-    """A reference that stays where another one is at one time: accelerations are zero.
+    """Constant reference with the angles of another one at a given time, and no acceleration.
 
-    Joint rates are ``rate`` (rad/s), although the angles stay.
+    Joint rates are ``rate`` (rad/s), although the angles are constant.
     """
 
     vectorized = True
@@ -44,15 +44,15 @@ class HeldReference:
         self._reference, self._t, self._rate = reference, t, rate
 
     def joint_angle(self, t: Any) -> FloatArray:
-        """Joint angles (joints,) or (T, joints), rad."""
+        """Return the constant joint angles, (joints,) or (T, joints), rad."""
         return _tiled(self._reference.joint_angle(self._t), t)
 
     def joint_rate(self, t: Any) -> FloatArray:
-        """Joint rates, all the same."""
+        """Return the joint rates, all equal to ``rate``, rad/s."""
         return 0.0 * self.joint_angle(t) + self._rate
 
     def joint_acceleration(self, t: Any) -> FloatArray:
-        """Joint accelerations, zero."""
+        """Return the joint accelerations, zero."""
         return 0.0 * self.joint_angle(t)
 
     def __getattr__(self, name: str) -> Any:
@@ -71,14 +71,14 @@ def _tiled(value: Any, t: Any) -> FloatArray:
 
 
 class MemoryNameError(InputError):
-    """A controller's ``memory`` does not name numbers that the controller has."""
+    """Error in ``memory``: a name is not a numeric attribute of the controller."""
 
 
 def memory_of(controller: object) -> tuple[str, ...] | None:
-    """Return the memory that a controller declares, None without a declaration.
+    """Return the memory that a controller declares, or None without a declaration.
 
-    A class that replaces ``update`` may keep other numbers than its base class. The declaration of
-    the base class does not count for it.
+    The declaration of a base class is ignored if a derived class overrides ``update``, because the
+    derived class may keep other numbers.
 
     Raises:
         MemoryNameError: if ``memory`` is not a tuple or list of names.
@@ -110,13 +110,13 @@ def linear_controller(
 ) -> LinearController:
     """Linearise a controller about a constant measurement, by central differences.
 
-    A copy of the controller is updated at one time again and again, each time from the same memory
-    (``Controller.memory``) but for one number of it, or of the measurement, that is changed.
+    A copy of the controller is updated repeatedly at the same time. Each update starts from the
+    same memory (``Controller.memory``) and measurement, except for one number that is changed.
 
     Args:
-        controller: one that declares its ``memory``; it is not changed itself.
+        controller: controller that declares its ``memory``; it is not modified.
         measured: the readings by name, in the order of the columns of B and D.
-        reference: one that stands still, see `HeldReference`; None for none.
+        reference: constant reference, see `HeldReference`; None for none.
         t: time of all updates, s.
 
     Raises:
@@ -157,7 +157,7 @@ def linear_controller(
 
 
 class _Memory:
-    """The numbers that a controller keeps from one sample to the next, as one vector."""
+    """Memory of a controller between samples, as one vector."""
 
     def __init__(self, controller: Any) -> None:
         self._places = []
@@ -170,7 +170,7 @@ class _Memory:
                 hint = f"There is no attribute {path!r} after the first update."
                 rule = "name attributes of the controller"
                 raise MemoryNameError(_problem(controller, rule, shown(path), hint)) from None
-            if value is None:  # not in use
+            if value is None:  # an unused attribute has no state
                 continue
             if np.asarray(value).dtype.kind not in "iuf":
                 rule = f"name numbers and arrays, which {path!r} is not"
@@ -183,7 +183,7 @@ class _Memory:
         return np.concatenate([np.zeros(0), *values])
 
     def write(self, numbers: FloatArray) -> None:
-        """Put the numbers (n,) into the controller."""
+        """Write the numbers (n,) to the controller."""
         start = 0
         for owner, name, shape in self._places:
             end = start + int(np.prod(shape))

@@ -1,4 +1,4 @@
-"""A search for a linear controller whose loop keeps a margin around several arms."""
+"""Search for a linear controller with a given disk margin for several arms."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexarm.loop_analysis.margins import loop_margins, named_arms
 
 C = TypeVar("C", bound=Controller)
 
-#: Rigidity uncertainty and recovery, from the one that costs least performance on.
+#: Pairs of rigidity uncertainty and recovery, in increasing order of lost performance.
 _TRIED = tuple(
     (unsure, recovery) for unsure in (0.0, 0.1, 0.3, 0.6, 1.0) for recovery in (0.0, 0.3, 1.0, 3.0)
 )
@@ -33,7 +33,8 @@ def for_margin(
     """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``.
 
     Raises:
-        InputError: if none has it, an argument is wrong, or one that is searched for is given.
+        InputError: if no controller has the margin, an argument is wrong, or ``options`` has
+            ``rigidity_uncertainty`` or ``recovery``.
     """
     where = f"{kind.__name__}.for_margin"
     wanted = float(check_array(where, "disk_margin", disk_margin, ()))
@@ -66,7 +67,7 @@ def for_margin(
 def _least(
     controller: Controller, arms: Sequence[Arm], postures: ArrayLike | None, enough: float
 ) -> float:
-    """Return the least disk margin around arms, or a bound of it that is not above ``enough``."""
+    """Return the least disk margin of several arms; stop early once it is at most ``enough``."""
     least = 2.0
     for arm in arms:
         least = min(least, float(loop_margins(controller, arm, postures).disk_margin.min()))

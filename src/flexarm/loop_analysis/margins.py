@@ -1,4 +1,4 @@
-"""Margins of a sampled loop: how much gain, phase and delay it stands at each motor."""
+"""Gain, phase, delay and disk margins of a sampled loop, at each motor."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ from flexarm.loop_analysis.sampled_loop import ComplexArray, SampledLoop
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Frequencies from the lowest one to the Nyquist frequency, and around each pole.
+#: Number of frequencies up to the Nyquist frequency, and number around each pole.
 _FREQUENCIES, _AROUND = 300, 15
-#: The lowest frequency, in parts of the Nyquist frequency.
+#: Lowest frequency, relative to the Nyquist frequency.
 _LOWEST = 1e-6
 _HALVINGS = 40
-#: Growth (1/s) of an integrator that nothing reads is zero but for rounding.
+#: Largest growth (1/s) of a stable loop. Integrators without effect grow by rounding errors.
 _MARGINAL = 1e-4
-#: A factor on the gain below this is zero but for rounding: the loop may be opened.
+#: Gain factors below this are zero except for rounding: the loop is stable when it is open.
 _SMALLEST = 1e-6
 _WHERE = "loop_margins"
 
-#: Name, unit, meaning, and how the worst of many is found.
+#: Name, unit, meaning, and function that returns the worst of several values.
 _MARGINS: tuple[tuple[str, str, str, Callable[..., Any]], ...] = (
     ("gain_margin", "1", "largest factor on the loop gain", np.min),
     ("gain_reduction_margin", "1", "smallest factor on the loop gain", np.max),
@@ -65,13 +65,16 @@ def loop_at(
     """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
 
     Args:
-        controller: one that declares its ``memory``.
-        plant: None for the arm that the controller believes in.
-        reference: what is held there, as it is at time t (s); None to stay.
+        controller: controller that declares its ``memory``.
+        plant: the arm; None for the model of the controller.
+        posture: (joints,) rad.
+        hardware: instruments and motors; None for exact ones.
+        contacts: surfaces.
+        reference: reference whose values at time t (s) are kept constant; None for rest.
 
     Raises:
-        InputError: if a signal is not on the arm.
-        EquilibriumError: if the arm has no rest there.
+        InputError: if the arm does not have a signal.
+        EquilibriumError: if the arm has no equilibrium at the posture.
     """
     own = getattr(controller, "arm", None)
     own = own if isinstance(own, Arm) else None
@@ -106,37 +109,38 @@ def loop_margins(
     """Return gain, phase, delay and disk margins of a sampled loop, at one motor at a time.
 
     The loop is linearised about the arm at rest and opened at the torque of one joint while the
-    others stay closed. Sampling, the hold, delays and filters are exact. Joints have viscous
-    friction only: near rest, dry friction would count as a damper that moving joints do not have.
+    others stay closed. Sampling, zero-order hold, delays and filters are exact. Joints have viscous
+    friction only, because dry friction linearised at rest is a damper that moving joints do not
+    have.
 
     Args:
-        controller: a controller that declares its ``memory``; all built-in ones do but
+        controller: a controller that declares its ``memory``; all built-in ones do except
             `EstimatorController` and `RBFAdaptive`.
-        plants: arms to put the controller on, listed or by name; None for the one it was designed
-            for.
-        postures: (joints,) or (k, joints) rad; None for those that the controller was designed in,
-            else all zeros. With a ``reference``: times (k,) s of it instead, by default its
-            beginning.
+        plants: arms to combine with the controller, as a list or by name; None for the model of
+            the controller.
+        postures: (joints,) or (k, joints) rad; None for the postures of the design, or zeros if the
+            controller has none. With a ``reference``, its times (k,) s instead; None for its start.
         hardware: instruments and motors; None for exact ones.
-        contacts: surfaces; those that the arm touches at rest belong to the loop, without friction.
+        contacts: surfaces; those in contact with the arm at rest belong to the loop, without
+            friction.
         reference: motion that presses (`pressed_motion`), for the force controllers.
 
     Returns:
         Dataset over ``plant``, ``posture`` and ``joint``: ``gain_margin`` and
         ``gain_reduction_margin`` (the largest and the smallest factor on the torque at which the
-        loop stays stable), ``phase_margin`` (rad), ``delay_margin`` (s) and ``disk_margin`` alpha
-        = 2 / max|S - T|, which allows gain and phase to change together: at least factors
+        loop is stable), ``phase_margin`` (rad), ``delay_margin`` (s) and ``disk_margin`` alpha
+        = 2 / max|S - T| for simultaneous changes of gain and phase: it guarantees at least factors
         (2 + alpha) / (2 - alpha) and its inverse, and 2 arctan(alpha / 2) rad. ``worst_...`` over
-        ``joint`` is the worst case over plants and postures; ``growth`` (plant, posture), 1/s, the
-        largest real part of the poles. Of an unstable loop gain margins are 1, the others 0.
+        ``joint`` is the worst case over plants and postures; ``growth`` (plant, posture), 1/s, is
+        the largest real part of the poles. For an unstable loop gain margins are 1, the others 0.
 
     Raises:
-        InputError: if the controller does not declare its memory, an instrument has frames of its
-            own, or an argument has the wrong shape.
-        EquilibriumError: if an arm has no rest in a posture.
+        InputError: if the controller does not declare its memory, an instrument has its own
+            ``sample_time``, or an argument has the wrong shape.
+        EquilibriumError: if an arm has no equilibrium at a posture.
 
     Warns:
-        LargeDeflectionWarning: a link of an arm bends too far at rest, once for all of them.
+        LargeDeflectionWarning: if a link of an arm bends too far at rest, once for all arms.
 
     Seiler, Packard and Gahinet 2020 for the disk margin.
     """
@@ -184,7 +188,11 @@ def loop_margins(
 def _plants(
     controller: Controller, plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None
 ) -> dict[str, Arm]:
-    """Return the arms by name; what is wrong with them or the controller is refused."""
+    """Return the arms by name, after checking them and the controller.
+
+    Raises:
+        InputError: if the controller does not declare its memory, or an arm does not fit it.
+    """
     problem = controller_problem(_WHERE, "controller", controller)
     if problem is not None:
         raise InputError(problem)
@@ -212,10 +220,10 @@ def _plants(
 
 
 def named_arms(where: str, plants: object) -> dict[str, Arm]:
-    """Return arms by name; those without are numbered from 1.
+    """Return arms by name; arms without a name are numbered from 1.
 
     Raises:
-        InputError: they are not one arm or more.
+        InputError: if ``plants`` is not an arm, or a nonempty list or mapping of arms.
     """
     if isinstance(plants, Mapping):
         named = {str(name): arm for name, arm in plants.items()}
@@ -231,7 +239,7 @@ def named_arms(where: str, plants: object) -> dict[str, Arm]:
 def _places(
     controller: Controller, arm: Arm, postures: ArrayLike | None, reference: Reference | None
 ) -> list[tuple[float, FloatArray]]:
-    """Return times (s) of the reference and postures (joints,) to linearise at."""
+    """Return the times (s) of the reference and the postures (joints,) of the linearisations."""
     if reference is not None:
         given = getattr(reference, "start_time", 0.0) if postures is None else postures
         times = np.atleast_1d(check_each(_WHERE, "postures", given))
@@ -251,7 +259,7 @@ def _places(
 
 
 def _margins_of(loop: SampledLoop, stable: bool) -> list[FloatArray]:
-    """Return the margins (joints,) in the order of ``_MARGINS``."""
+    """Return the margins, (joints,) each, in the order of ``_MARGINS``."""
     joints = loop.plant.B.shape[1]
     if not stable:
         return [np.ones(joints), np.ones(joints), *np.zeros((3, joints))]
@@ -268,7 +276,7 @@ def _at(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
 def _of_joint(
     loop: SampledLoop, joint: int, angles: FloatArray, S: ComplexArray
 ) -> tuple[float, float, float, float, float]:
-    """Return the margins of the loop that is opened at one joint."""
+    """Return the margins of the loop opened at one joint."""
 
     def returned(at: FloatArray) -> ComplexArray:
         now: ComplexArray = 1.0 / _at(loop, at)[:, joint, joint] - 1.0
@@ -293,7 +301,7 @@ def _of_joint(
 
 
 def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray) -> float:
-    """Return the largest |S - T|, looked for once more between the neighbours of the largest."""
+    """Return the largest |S - T|, refined on a finer grid around the largest sample."""
     k = int(np.argmax(size))
     between = np.linspace(angles[max(k - 1, 0)], angles[min(k + 1, len(angles) - 1)], 101)
     closer = np.abs(2.0 * _at(loop, between)[:, joint, joint] - 1.0)
@@ -303,7 +311,7 @@ def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray
 def _crossings(
     at: FloatArray, values: FloatArray, function: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Return where a function changes sign between the places ``at``, by bisection."""
+    """Return the sign changes of a function between the points ``at``, by bisection."""
     rising = np.flatnonzero(values[:-1] * values[1:] < 0.0)
     low, high, sign = at[rising], at[rising + 1], np.sign(values[rising])
     for _ in range(_HALVINGS if rising.size else 0):
@@ -314,7 +322,7 @@ def _crossings(
 
 
 def _grid(loop: SampledLoop) -> FloatArray:
-    """Return frequencies (f,) in rad per sample: everywhere, and densely around every pole."""
+    """Return frequencies (f,) in rad per sample, with a dense grid around every pole."""
     everywhere = np.pi * np.geomspace(_LOWEST, 1.0, _FREQUENCIES)
     z = np.concatenate([loop.multipliers(), np.linalg.eigvals(loop.plant.A[0])])
     pole = np.log(z[(np.abs(z) > 1e-3) & (z.imag >= 0.0)])

@@ -1,4 +1,4 @@
-"""The linear arm in a loop: about a posture, with a reading of every signal that is measured."""
+"""Linear model of an arm in a loop, with all measured signals."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from flexarm.loop_analysis.sampled_loop import SampledLoop
 from flexarm.loop_analysis.sampled_plant import Reading, sampled_plant
 from flexarm.model import Friction
 
-#: Factors on the rate and weights of a mean without terms of first to third order.
+#: Factors on the rate, and weights of a mean that cancels terms of first to third order.
 _RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 6.0))
 
 
 class Signal(NamedTuple):
-    """A signal of a linear arm: value + C x + D (acting torque)."""
+    """Linear signal of an arm: value + C x + D (acting torque)."""
 
     value: FloatArray
     C: FloatArray
@@ -39,7 +39,7 @@ class Signal(NamedTuple):
 
 
 class PlantModel(NamedTuple):
-    """Small deviations x of (q, qd): x' = A x + B (acting torque), and the signals measured."""
+    """Linear model of deviations x of (q, qd), x' = A x + B (acting torque), and its signals."""
 
     A: FloatArray
     B: FloatArray
@@ -47,14 +47,16 @@ class PlantModel(NamedTuple):
 
 
 class Sliding(NamedTuple):
-    """What a loop is analysed about in place of joints that stick.
+    """Conditions of sliding joints for the analysis of a loop.
 
-    At zero rate regularised dry friction is a viscous damper a hundred times its own size, which
-    no moving joint has. So the arms have none of it, and a controller that compensates friction is
-    linearised at joint rates where that does not change any more.
+    Linearised at zero rate, regularised dry friction is a viscous damper of about a hundred times
+    its torque per rad/s, which moving joints do not have. Therefore the arms have no dry friction,
+    and a controller that compensates friction is linearised at joint rates where dry friction is
+    constant.
 
     Attributes:
-        rate: joint rate (rad/s) to linearise the controller at, zero unless it knows friction.
+        rate: joint rate (rad/s) at which the controller is linearised, zero if its model has no dry
+            friction.
         arms: as given, without Coulomb and static friction.
     """
 
@@ -63,7 +65,7 @@ class Sliding(NamedTuple):
 
 
 def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
-    """Take dry friction out of a loop, except for a controller that needs a reference for that."""
+    """Remove dry friction, unless the controller models it and there is no ``reference``."""
     believed, inner = [], controller
     while inner is not None:
         believed.append(getattr(inner, "arm", None))
@@ -76,7 +78,7 @@ def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Slid
 
 
 def _sliding_rate(arm: Arm) -> float:
-    """Return a rate (rad/s) above which dry friction is constant to 1e-7, zero without any."""
+    """Return a rate (rad/s) above which dry friction is constant to 1e-7, or zero without it."""
     every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
     rates = [(10.0 * one.smoothing_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
     return max((max(pair) for pair in rates), default=0.0)
@@ -87,7 +89,7 @@ def _is_dry(friction: Friction) -> bool:
 
 
 def _without_dry_friction(arm: Arm) -> Arm:
-    """Return an arm whose joints have viscous friction only; the same one if that is so."""
+    """Return an arm with viscous friction only, which is the same object if it has no other."""
     if not _sliding_rate(arm):
         return arm
     joints = [
@@ -100,7 +102,7 @@ def _without_dry_friction(arm: Arm) -> Arm:
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:
-    """Return the instruments of a run: those of the hardware, or the exact ones without it."""
+    """Return the instruments of a run: those of ``hardware``, or exact ones without it."""
     if hardware is not None and hardware.instruments is not None:
         return list(hardware.instruments)
     names = ["joint_angle", "joint_rate"]
@@ -109,7 +111,7 @@ def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[I
 
 
 def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
-    """Return the signals of instruments, each once."""
+    """Return the signals of instruments without duplicates."""
     return list(dict.fromkeys(item.signal for item in instruments))
 
 
@@ -122,8 +124,8 @@ def model_at(
     """Linearise an arm at rest in a posture (joints,) rad.
 
     Raises:
-        InputError: if a signal is not on the arm.
-        EquilibriumError: if the arm has no rest there.
+        InputError: if the arm does not have a signal.
+        EquilibriumError: if the arm has no equilibrium at the posture.
     """
     rest = equilibrium(arm, posture, contacts=contacts)
     model = linearize(arm, rest, outputs=signals)
@@ -151,13 +153,13 @@ def loop_of(
 ) -> SampledLoop:
     """Close the loop of a controller that declares its memory around a linear arm.
 
-    The controller is linearised about the readings of the model that it believes in, by default
-    the same, and about the force that the ``reference`` requests: errors are zero there, and no
-    limit of torques or integrals is reached.
+    The controller is linearised about the readings of its own model ``believed``, by default
+    ``model``, and about the force that the ``reference`` requests. Errors are zero there, and no
+    limit of torques or integrals is active.
 
     Args:
-        rate: of all joints (rad/s), see `Sliding`. Slopes of Coriolis and centrifugal torques,
-            proportional to the rate and its square, cancel in a mean over several rates.
+        rate: rate of all joints (rad/s), see `Sliding`. The derivatives of Coriolis and centrifugal
+            torques, proportional to the rate and its square, cancel in a mean over several rates.
     """
     about = model if believed is None else believed
     measured: dict[str, FloatArray] = {}
@@ -192,6 +194,6 @@ def loop_of(
 
 
 def _is_rate(item: Instrument) -> bool:
-    """Tell whether the last reading of an instrument is of joint rates."""
+    """Return whether the last reading of an instrument is a joint rate."""
     filtered = item.signal == "joint_angle" and len(item.labels) > 1
     return filtered or item.signal == "joint_rate"

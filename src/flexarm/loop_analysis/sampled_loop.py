@@ -1,4 +1,4 @@
-"""The sampled loop of a linear controller and a linear arm: its poles and its response."""
+"""Sampled loop of a linear controller and a linear arm: poles and sensitivity."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from flexarm.loop_analysis.linear_controller import LinearController
 from flexarm.loop_analysis.sampled_plant import SampledPlant
 
 ComplexArray = NDArray[Any]
-#: A multiplier below this is zero but for rounding.
+#: Multipliers below this are zero except for rounding.
 _NONE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """A controller around an arm, its motors and its instruments, all linear.
+    """Sampled loop of a linear controller and a linear arm with its motors and instruments.
 
     Attributes:
-        plant, controller: the two parts. The measurement of the plant is that of the controller.
+        plant, controller: the two parts. The output of the plant is the measurement of the
+            controller.
     """
 
     plant: SampledPlant
@@ -35,7 +36,7 @@ class SampledLoop:
         return self.plant.sample_time
 
     def matrices(self) -> list[FloatArray]:
-        """Return the maps of (plant, controller) over each sample of a period."""
+        """Return the state matrices of (plant, controller) for each sample of a period."""
         A, B, C, D = self.controller
         P, push = self.plant.A, self.plant.B
         return [
@@ -54,15 +55,15 @@ class SampledLoop:
     def poles(self) -> ComplexArray:
         """Return the poles (k,), 1/s, slowest decay first: ``log(z) / sample_time``."""
         z = self.multipliers()
-        # Multipliers of zero are of numbers that no later sample uses: they have no pole.
+        # Multipliers of zero have no pole. They belong to states that no later sample uses.
         poles: ComplexArray = np.log(z[np.abs(z) > _NONE]) / self.sample_time
         return poles
 
     def sensitivity(self, z: ComplexArray) -> ComplexArray:
-        """Return the input sensitivity (f, joints, joints) at points z (f,) of the plane.
+        """Return the input sensitivity (f, joints, joints) at points z (f,) of the complex plane.
 
-        It is that of the torque that acts to one that is added to it. The instruments have no
-        frames of their own.
+        This is the transfer function from a torque added at the motors to the acting torque. It
+        requires instruments with the sample time of the controller.
         """
         A, B, C, D = self.controller
         plant = _response(self.plant.A[0], self.plant.B, self.plant.C[0], z)
@@ -72,7 +73,7 @@ class SampledLoop:
 
 
 def _response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> ComplexArray:
-    """C (z - A)^-1 B at points z (f,)."""
+    """Return C (z - A)^-1 B at points z (f,)."""
     if not len(A):
         return np.zeros((len(z), len(C), B.shape[1]), dtype=complex)
     shifted = z[:, None, None] * np.eye(len(A)) - A

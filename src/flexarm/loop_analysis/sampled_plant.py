@@ -1,4 +1,4 @@
-"""A linear arm between its motors and instruments, from one sample time to the next."""
+"""Sampled model of a linear arm with its motors and instruments."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from flexarm.hardware.hardware import Motors
 from flexarm.hardware.instruments import Instrument, filter_of, ticks_of
 from flexarm.hardware.measurement import FloatArray
 
-#: Numbers of the state, and samples after which all instruments repeat, that are analysed at most.
+#: Largest number of states, and largest period (samples) after which all instruments repeat.
 _MOST_STATES, _MOST_SAMPLES = 1000, 300
 
-#: How much a delay may miss a whole number of samples by: rounding of decimal fractions.
+#: Tolerance for delays of whole samples, because decimal fractions are rounded.
 _GRID = 1e-9
 
 
 class Reading(NamedTuple):
-    """One instrument, and its exact reading of the linear model: C x + D (acting torque)."""
+    """Instrument and its reading of the linear model without errors: C x + D (acting torque)."""
 
     instrument: Instrument
     C: FloatArray
@@ -30,10 +30,11 @@ class Reading(NamedTuple):
 
 
 class SampledPlant(NamedTuple):
-    """X+ = A X + B u, y = C X at each sample, u the torque of the controller.
+    """Sampled linear system X+ = A X + B u, y = C X, with u the torque of the controller.
 
-    The state X is that of the arm, then of the motors, then of the instruments. Matrices of more
-    than one sample follow each other periodically where instruments have frames of their own.
+    The state X consists of the states of the arm, the motors and the instruments. A and C are
+    periodic sequences of matrices; they have one entry unless an instrument has its own sample
+    time.
     """
 
     A: list[FloatArray]
@@ -51,15 +52,15 @@ def sampled_plant(
 ) -> SampledPlant:
     """Sample a linear arm x' = A x + B (acting torque) exactly, with its hardware.
 
-    Delays, the motors' lag, the frames of instruments and their filtered rates count; what is not
-    linear (limits, resolution) and noise do not.
+    The model includes delays, the motors' lag, and the frames and filtered rates of instruments. It
+    excludes nonlinear effects (limits, resolution) and noise.
 
     Raises:
-        InputError: if frames repeat too late, or delays need too many states.
+        InputError: if the period of the frames is too long, or delays require too many states.
     """
     motors = motors or Motors()
     m, lag = B.shape[1], motors.time_constant
-    if lag > 0.0:  # the acting torque is a state and follows its target
+    if lag > 0.0:  # the acting torque is a state that follows the requested one
         rows = np.hstack([np.zeros((m, len(A))), -np.eye(m) / lag])
         A, B = np.vstack([np.hstack([A, B]), rows]), np.vstack([np.zeros_like(B), np.eye(m) / lag])
     late, part = _delay(motors.delay, sample_time)
@@ -75,7 +76,7 @@ def sampled_plant(
         rule = f"repeat within {_MOST_SAMPLES} samples and have up to {_MOST_STATES} states"
         value = f"of {period} samples and {size} states with these frames and delays"
         raise InputError(Problem("loop analysis", "the sampled plant", rule, value))
-    # Row j holds the torque requested j samples ago; that of this sample is the input.
+    # Entry j selects the torque requested j samples ago. That of the current sample is the input.
     asked = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
     step, push = np.zeros((size, size)), np.zeros((size, m))
     step[:n, :n] = after @ before
@@ -99,19 +100,19 @@ def sampled_plant(
 
 
 def _delay(delay: float, sample_time: float) -> tuple[int, float]:
-    """Return whole samples of a delay, and the part of a sample beyond them."""
+    """Return the whole samples of a delay, and the remaining fraction of a sample."""
     late = math.floor(delay / sample_time + _GRID)
     part = delay / sample_time - late
     return late, part if part > _GRID else 0.0
 
 
 def _places(count: int, start: int, size: int) -> FloatArray:
-    """Rows that take ``count`` numbers of a state out of it."""
+    """Return rows that select ``count`` numbers of a state of length ``size``."""
     return np.eye(size)[start : start + count]
 
 
 def _slots(reading: Reading, sample_time: float) -> tuple[int, int]:
-    """Return how many earlier frames an instrument keeps, and the numbers of each."""
+    """Return the number of earlier frames that an instrument stores, and the size of each."""
     every, late = ticks_of(reading.instrument, sample_time)
     filtered = reading.instrument.rate_cutoff is not None
     count = max(late, 1) if filtered or every > 1 else late
@@ -128,10 +129,10 @@ def _read(
     tick: int,
     sample_time: float,
 ) -> FloatArray:
-    """Return what the controller reads, as rows over the state; write the memory into ``step``."""
+    """Return the rows of a reading over the state; write its memory into ``step``."""
     every, late = ticks_of(reading.instrument, sample_time)
     p, size = len(exact), exact.shape[1]
-    if tick % every:  # no frame: the last one stands
+    if tick % every:  # without a new frame, the last one remains
         frame = _places(width, start, size)
     elif reading.instrument.rate_cutoff is None:
         frame = exact
