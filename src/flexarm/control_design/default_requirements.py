@@ -18,7 +18,7 @@ from flexarm.linear.signals import CHANNEL_OUTPUTS
 MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
 #: Outputs that can be integrated, and their default acceptable integrals: rad s, m s.
 INTEGRATED = {"joint_angle": 2e-3, "tip": 1e-3}
-#: Outputs that can have acceptable deviations. A design has no contacts.
+#: Outputs that can have acceptable deviations: all except contacts, which a design excludes.
 _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
 #: Angular acceleration (rad/s^2) of the rigid model under the default acceptable torque.
 _BRISK = 10.0

@@ -174,7 +174,7 @@ class RecordedRun:
         self._sample_time, self._show = sample_time, show
         arm = model.arm
         self._joints = arm.joint_index
-        self.missing = np.zeros((steps, model.elastic.size))  # no missing forces in a run
+        self.missing = np.zeros((steps, model.elastic.size))  # zero along a simulated run
         try:
             self._time = np.asarray(run.time.values, dtype=np.float64)
             self._q, self._qd = np.asarray(run.q.values), np.asarray(run.qd.values)
@@ -206,7 +206,7 @@ class RecordedRun:
         return np.array([self._torque_from(t) for t in times])
 
     def _torque_from(self, t: float) -> FloatArray:
-        """Return the torque in the middle of the sample from t, the best zero-order-hold value."""
+        """Return the torque at mid-sample: a zero-order-hold torque has the effect of its mean."""
         return self._line(self._torque, t + 0.5 * self._sample_time)
 
     def _state(self, t: float) -> tuple[FloatArray, FloatArray]:

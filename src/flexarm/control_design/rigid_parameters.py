@@ -170,7 +170,7 @@ def _direction(rigid: Arm, name: str) -> FloatArray:
     x, y = payload.offset
     if name == "payload.inertia":
         direction[-1, 3 if payload.mass > 0.0 and (x or y) else 5] = 1.0
-    elif payload.mass > 0.0 and (x or y):  # a body of its own
+    elif payload.mass > 0.0 and (x or y):  # the payload is a separate body
         direction[-1, :4] = 1.0, x, y, x * x + y * y
     else:
         direction[-1, 4] = 1.0

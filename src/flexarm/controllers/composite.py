@@ -171,7 +171,7 @@ class Composite(LQG):
         return fast, replace(item, gain=gain @ swing - rigid @ asked - weight @ slow)
 
     def _known_force_gain(self, item: Design) -> FloatArray:
-        """Return the gain that adds the reference's elastic forces to the slow manifold: (C.37)."""
+        """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""
         at = [np.array_equal(item.posture, other.posture) for other in self.designs].index(True)
         bent = item.gain[:, self._model.elastic] @ self.fast_designs[at].flexibility
         return -bent[:, None, :]

@@ -32,7 +32,7 @@ from flexarm.loop_analysis.margins import loop_at
 #: Number of intervals of the preview, and its largest length, s.
 _NODES, _LONGEST = 64, 60.0
 
-#: Largest recovery and uncertainty. Beyond it rounding errors exceed the result of the design.
+#: Largest recovery and uncertainty. Beyond it rounding errors dominate a design.
 _MOST_UNSURE = 1e6
 
 

@@ -47,7 +47,7 @@ class TaskController(Controller):
         return torque
 
     def _posture(self, asked: Asked, angle: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return the joint accelerations (joints,) that more than two joints stay close to."""
+        """Return joint accelerations (joints,), with posture control of more than two joints."""
         if self._task.joints < 3:
             return asked.acceleration
         w = self._posture_frequency

@@ -89,7 +89,7 @@ def _is_dry(friction: Friction) -> bool:
 
 
 def _without_dry_friction(arm: Arm) -> Arm:
-    """Return an arm with viscous friction only, which is the same object if it has no other."""
+    """Return an arm with viscous friction only; the same object if there is no dry friction."""
     if not _sliding_rate(arm):
         return arm
     joints = [
