@@ -93,8 +93,8 @@ def line_motion(
             or to another singular posture that the joints cannot follow, or if an argument has the
             wrong shape or value. A start or an end with the arm fully extended is not permitted
             either: although the tip is at rest there, the elbow angle varies like the square root
-            of the distance to this point. Its acceleration is infinite with the quintic law, and its rate
-            jumps with the trapezoidal law.
+            of the distance to this point. Its acceleration is infinite with the quintic law, and
+            its rate jumps with the trapezoidal law.
     """
     where = "line_motion"
     duration, start_time = checked_times(where, duration, start_time)
