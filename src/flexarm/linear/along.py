@@ -1,4 +1,4 @@
-"""The paper's separation: a rigid motion, and small elastic deviations about it.
+"""Separation into a rigid motion and small elastic deviations from it, as in the paper.
 
 The deviations obey a linear system whose matrices change with time as the rigid reference moves.
 Theory page "separation", (D.1) to (D.7).
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 JOINTS = ("free", "locked")
-#: Times evaluated in one go: bounds the memory of long motions with many coordinates.
+#: Number of times evaluated in one batch: limits the memory for long motions with many coordinates.
 _CHUNK = 256
 
 
 class Reference(NamedTuple):
-    """The rigid motion in the flexible arm's coordinates, and what it takes, at T times."""
+    """Rigid motion in the coordinates of the flexible arm, and its torques, at T times."""
 
     time: FloatArray  # (T,) s
     q: FloatArray  # (T, dof), straight links
@@ -43,10 +43,11 @@ class Reference(NamedTuple):
 
 
 class Deviation(NamedTuple):
-    """M dqdd + D dqd + K dq = r + (torque added), at T times, over the k coordinates kept.
+    """Matrices and forces of the deviations at T times: M dqdd + D dqd + K dq = r + (added torque).
 
-    Matrices (T, k, k); ``r`` (T, k), the forces of inertia and gravity that bend the links;
-    ``tip`` (T, 2, k), motion of the tip in world axes by dq, m.
+    Over the k coordinates that deviate: matrices (T, k, k); ``r`` (T, k), the inertia and gravity
+    forces that bend the links; ``tip`` (T, 2, k), derivatives of the tip position by dq, world
+    axes, m.
     """
 
     M: FloatArray
@@ -58,15 +59,15 @@ class Deviation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """A rigid reference motion and the linear time-varying system of the deviations about it.
+    """A rigid reference motion and the linear time-varying system of the deviations from it.
 
-    With ``x = [dq, dqd]`` over the k coordinates kept, ``x' = A x + B u + f``: ``u`` (joints,) is
-    the torque added to the rigid one, N m. ``A``, ``B``, ``f`` and the rest are samples at
-    ``time``; ``at(t)`` evaluates the same at any other time, exactly and not by interpolation.
+    With ``x = [dq, dqd]`` over the k coordinates that deviate, ``x' = A x + B u + f``, where ``u``
+    (joints,) is the torque added to the rigid one, N m. ``A``, ``B``, ``f`` and the other arrays
+    are samples at ``time``; ``at(t)`` evaluates them exactly, without interpolation, at any time.
 
     Attributes:
-        arm, motion: what was linearised, and about what.
-        joints: "free", or "locked" where the joints follow the motion and only links deviate.
+        arm, motion: the linearised arm and the reference motion.
+        joints: "free", or "locked" if the joints follow the motion and only the links deviate.
         kept: (k,) positions in the arm's q of the coordinates that deviate.
         reference: the rigid motion at the samples.
         deviation: matrices at the samples.
@@ -114,7 +115,7 @@ class Separation:
 
     @property
     def f(self) -> FloatArray:
-        """Forcing (T, 2 k): what bends the links although they follow the reference; (D.5)."""
+        """Forcing (T, 2 k): effect of the inertia and gravity forces ``r`` on the links; (D.5)."""
         count, k = self.deviation.r.shape
         f = np.zeros((count, 2 * k))
         f[:, k:] = np.linalg.solve(self.deviation.M, self.deviation.r[:, :, None])[:, :, 0]
@@ -122,13 +123,13 @@ class Separation:
 
     @property
     def _inputs(self) -> FloatArray:
-        """Generalised forces (k, inputs) by unit torque."""
+        """Generalised forces (k, inputs) per unit torque."""
         chosen = self.kept[:, None] == self.arm.joint_index
         inputs: FloatArray = chosen[:, chosen.any(axis=0)].astype(np.float64)
         return inputs
 
     def at(self, t: ArrayLike) -> Separation:
-        """Return the same with samples at other times (T,), s: at any time, exact."""
+        """Return a separation sampled at other times (T,), s, evaluated exactly."""
         where = "Separation.at"
         times = check_array(where, "t", np.atleast_1d(check_times(where, "t", t)), (-1,))
         parts = [
@@ -144,17 +145,17 @@ class Separation:
         return Separation(self.arm, self.motion, self.joints, self.kept, reference, deviation)
 
     def quasi_static(self) -> FloatArray:
-        """Return the first estimate of dq (T, k): bent by ``r`` alone, at each instant; (D.7).
+        """Return the quasi-static estimate of dq (T, k), the static deflection under ``r``; (D.7).
 
-        It leaves out that the links swing, and keeps the joints on the reference.
+        It neglects the dynamics of the links and keeps the joints on the reference.
         """
         return self.bent(self.deviation.K, self.deviation.r)
 
     def bent(self, K: FloatArray, r: FloatArray) -> FloatArray:
-        """Return the links' static deflection dq (T, k) by forces r (T, k); (D.7).
+        """Return the static deflection dq (T, k) of the links under forces r (T, k); (D.7).
 
         Raises:
-            InputError: if K does not have shape (T, k, k), or r not (T, k).
+            InputError: if K does not have shape (T, k, k), or r does not have shape (T, k).
         """
         where, k = "Separation.bent", self.kept.size
         r = check_array(where, "r", r, (-1, k))
@@ -167,7 +168,7 @@ class Separation:
         return dq
 
     def to_dataset(self) -> xr.Dataset:
-        """Return the samples as a labelled ``xarray.Dataset``; names of states and inputs in it."""
+        """Return the samples as an ``xarray.Dataset`` labelled with states and inputs."""
         import xarray as xr
 
         q, tau = [f"q[{i}]" for i in self.kept], self._torque_names()
@@ -203,7 +204,7 @@ class Separation:
     def save(self, path: str | PathLike[str]) -> None:
         """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names.
 
-        Missing folders are made. The file appears complete or not at all.
+        Missing folders are created. The file is written completely or not at all.
 
         Raises:
             InputError: if the name does not end in ``.npz``, or the file cannot be written.
@@ -227,21 +228,22 @@ def linearize_along(
     rate: float = 500.0,
     times: ArrayLike | None = None,
 ) -> Separation:
-    """Separate rigid motion and elastic deviations: linearise about the rigid reference.
+    """Linearise a flexible arm about a rigid reference motion.
 
     Args:
         arm: the flexible arm.
-        motion: what the rigid arm follows.
-        joints: "free": joints and links deviate, driven by the rigid torque and what is added to
-            it. "locked": drives hold the joints on the motion, only the links deviate.
-        rate: samples per second of the motion, Hz; both ends are samples too.
-        times: (T,) s, samples at these times instead.
+        motion: reference motion of the rigid arm.
+        joints: "free": joints and links deviate, driven by the rigid torque and the torque added to
+            it. "locked": the joints follow the motion exactly, and only the links deviate.
+        rate: sampling rate, Hz; the start and the end of the motion are samples too.
+        times: (T,) s, sample times to use instead of ``rate``.
 
     Raises:
-        InputError: the motion has other joints, or an argument the wrong value.
+        InputError: if the motion is for another number of joints, or an argument has a wrong value.
 
-    Matrices are exact to rounding: complex perturbation of the inverse dynamics along straight
-    links, (D.3). Where an acceleration jumps, a sample belongs to what follows.
+    The matrices are exact to rounding. They are computed by complex perturbation of the inverse
+    dynamics with straight links, (D.3). Where an acceleration jumps, a sample has the value after
+    the jump.
     """
     where = "linearize_along"
     arm = check_kind(where, "arm", arm, Arm)
@@ -267,12 +269,12 @@ def linearize_along(
 def _sample(
     arm: Arm, motion: Motion, kept: NDArray[np.intp], times: FloatArray
 ) -> tuple[Reference, Deviation]:
-    """Reference and matrices at times (T,)."""
+    """Return the reference and the matrices at times (T,)."""
     q, qd, qdd = np.zeros((3, times.size, arm.dof))
     for array, given in zip((q, qd, qdd), motion.state(times), strict=True):
         array[:, arm.joint_index] = given
     along = dynamics_along(arm, q, qd, qdd)
-    # On straight links the rows of the joints are the torques of the rigid counterpart.
+    # With straight links, the joint rows are the torques of the rigid model.
     torque = along.force[:, arm.joint_index]
     missing = -along.force
     missing[:, arm.joint_index] = 0.0

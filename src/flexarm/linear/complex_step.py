@@ -1,4 +1,4 @@
-"""One step of an integrator with complex numbers, by the kernels that ``simulate`` steps with."""
+"""Integrator steps in complex arithmetic, computed by the kernels that ``simulate`` uses."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from flexarm.kernels.layout import ArmConstants
 
 
 class Stepper(Protocol):
-    """Takes steps of one length."""
+    """One integrator with a fixed step length."""
 
     def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
-        """Return [q, qd] (2 dof,) after the step, complex; ``torque`` (n,) by bodies."""
+        """Return [q, qd] (2 dof,) after one step, complex; ``torque`` (n,) is given by body."""
 
 
 def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
-    """Return what takes steps of h (s) by a method of ``INTEGRATORS``.
+    """Return a stepper of step h (s) for a method of ``INTEGRATORS``.
 
     Raises:
-        InputError: an unknown method, or one whose step is no function of the state alone.
+        InputError: if the method is unknown, or its step does not depend on the state alone.
     """
     kind = INTEGRATORS.get(method) if isinstance(method, str) else None
     if kind is not None and issubclass(kind, ExplicitRungeKutta):
@@ -52,7 +52,7 @@ def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
 
 
 class _Explicit:
-    """Steps of an explicit Runge-Kutta method."""
+    """Steps of an explicit Runge-Kutta method with complex numbers."""
 
     def __init__(self, arm: Arm, rows: FloatArray, h: float) -> None:
         self.arm, self.rows, self.h = arm, rows, h
@@ -77,7 +77,7 @@ class _Explicit:
 
 
 class _Additive:
-    """Steps of a method that is implicit in bending."""
+    """Steps of a method that is implicit in bending, with complex numbers."""
 
     def __init__(self, arm: Arm, tableau: AdditiveTableau, h: float) -> None:
         self.arm, self.tableau, self.h = arm, tableau, h
@@ -104,5 +104,5 @@ class _Additive:
 
 
 def _complex(constants: ArmConstants) -> ArmConstants:
-    """One number type for all, so that one compilation serves."""
+    """Convert all constants to complex numbers, so that the kernels compile only once."""
     return ArmConstants(*(array.astype(complex) for array in constants))

@@ -1,4 +1,4 @@
-"""Small motions drawn: displacements of the axis in the world per unit of a shape."""
+"""Displacements of the neutral axis per unit of a mode shape, for figures."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from flexarm.loads import Load, place_loads
 
 
 def displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) -> NDArray[Any]:
-    """Displacements (k, links, stations, 2) of the neutral axis, world axes, m.
+    """Return displacements (k, links, stations, 2) of the neutral axis, world axes, m.
 
-    Exactly linear in ``shapes`` (k, dof), real or complex: derivatives of the axis by complex
-    perturbation of its kernel, about q (dof,).
+    They are exactly linear in ``shapes`` (k, dof), real or complex: derivatives of the axis about
+    q (dof,) by complex perturbation of its kernel.
     """
     places = [
         Load(link, station=x)

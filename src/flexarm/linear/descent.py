@@ -1,10 +1,10 @@
-"""Steps towards a stable equilibrium, where Newton's method would as soon find an unstable one.
+"""Descent steps towards a stable equilibrium.
 
-Newton's method solves K dx = -g whatever the signs of the stiffness K: from a column that is bent
-the wrong way it goes back to the straight, unstable one. With the absolute values of the
-eigenvalues in their place every step goes down the potential, and near a stable equilibrium it is
-Newton's own (Dauphin et al., Advances in Neural Information Processing Systems 27 (2014)
-2933-2941, "saddle-free Newton").
+Newton's method solves K dx = -g whatever the signs of the eigenvalues of the stiffness K, so a
+column that is bent the wrong way returns to the straight, unstable equilibrium. With the absolute
+values of the eigenvalues in place of the eigenvalues every step decreases the potential, and near a
+stable equilibrium it is the Newton step (Dauphin et al., Advances in Neural Information Processing
+Systems 27 (2014) 2933-2941, "saddle-free Newton").
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 
-#: A step turns no joint and no end of a segment further than this (rad): beyond it the stiffness
-#: says little.
+#: Largest rotation (rad) of a joint or of an end of a segment in one step: for larger rotations
+#: the linearisation with the present stiffness is not accurate.
 LONGEST = 0.2
-#: Eigenvalues count as this part of the largest at least: a joint without a spring has none.
+#: Lower bound of the eigenvalues relative to the largest: a joint without a spring has a zero one.
 _SOFTEST = 1e-12
 
 
 def descent_step(K: FloatArray, M: FloatArray, force: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the step (k,) that the force (k,) makes, downhill, and whether K is stable there."""
+    """Return the descent step (k,) under a force (k,), and whether K is positive definite."""
     from scipy.linalg import eigh
 
     values, vectors = eigh((K + K.T) / 2.0, M)
     pull = vectors.T @ force
-    # A free joint moves under its own weight as on a spring of the size of that weight.
+    # Without a stiffness of its own, a free joint moves as on a spring of the size of the force.
     size = np.abs(values)
     soft = size <= _SOFTEST * size.max()
     size[soft] = max(float(np.linalg.norm(pull)), 1e-300)
@@ -35,7 +35,7 @@ def descent_step(K: FloatArray, M: FloatArray, force: FloatArray) -> tuple[Float
 
 
 def largest_turn(arm: Arm, step: FloatArray) -> float:
-    """Largest rotation (rad) of a joint or of an end of a segment in a step (dof,)."""
+    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,)."""
     turns = [
         np.abs(step[[seat.angle, *([seat.twist] if seat.twist else [])]]).max()
         for seat in arm.assembly.seats

@@ -1,8 +1,8 @@
-"""Solve the deviations about a rigid reference over time, by Gauss's collocation.
+"""Deviations from a rigid reference over time, by Gauss collocation.
 
-The equations are linear, so each step is one linear map from its start to its end, found for many
-steps at once. Stiff modes need no shorter steps; where they are not resolved they keep their
-energy: (D.6).
+The equations are linear, so each step is a linear map from its start to its end, computed for many
+steps at once. Stiff modes do not require shorter steps; unresolved modes conserve their energy:
+(D.6).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from flexarm.assemble import FloatArray
 from flexarm.linear.smooth import SmoothMatrices
 from flexarm.motion import Motion, gauss
 
-#: Steps whose equations are solved in one go: bounds the memory.
+#: Number of steps whose equations are solved in one batch: limits the memory.
 _CHUNK = 256
 
 
@@ -44,11 +44,11 @@ def solve_deviations(
     dqd: FloatArray,
     added: FloatArray | None = None,
 ) -> DeviationPath:
-    """March from edge to edge (N + 1,), s.
+    """Integrate the deviations over the steps between the edges (N + 1,), s.
 
     Args:
         dq, dqd: (k,) at the first edge.
-        added: (N, 3, k) generalised forces at the stages beside ``r``.
+        added: (N, 3, k) generalised forces at the stages, in addition to ``r``.
     """
     k, parts = dq.size, []
     for first in range(0, len(edges) - 1, _CHUNK):
@@ -67,7 +67,7 @@ def solve_deviations(
 def _accelerations(
     matrices: SmoothMatrices, edges: FloatArray, added: FloatArray | None, k: int
 ) -> FloatArray:
-    """Stage accelerations (N, 3, k, 2 k + 1) by unit dq, unit dqd, and by the forces (last)."""
+    """Return stage accelerations (N, 3, k, 2 k + 1) per unit dq and dqd, and by forces (last)."""
     times = gauss.stage_times(edges)
     count, s = times.shape
     M, D, K, r = (part.reshape(count, s, *part.shape[1:]) for part in matrices.at(times.ravel()))
@@ -84,7 +84,7 @@ def _accelerations(
 
 
 def _march(edges: FloatArray, solved: FloatArray, dq: FloatArray, dqd: FloatArray) -> DeviationPath:
-    """Go from edge to edge with the accelerations that ``_accelerations`` gives."""
+    """Advance from edge to edge with the accelerations of ``_accelerations``."""
     count, _, k = solved.shape[:3]
     h = np.diff(edges)[:, None, None]
     maps = np.empty((count, 2 * k, 2 * k + 1))
@@ -101,6 +101,6 @@ def _march(edges: FloatArray, solved: FloatArray, dq: FloatArray, dqd: FloatArra
 
 
 def break_times(motion: Motion, until: float) -> FloatArray:
-    """Return zero, the breaks of a motion within the run, and its end."""
+    """Return zero, the breaks of a motion before ``until``, and ``until``, s."""
     inner = np.array([t for t in motion.breaks if 0.0 < t < until])
     return np.concatenate([[0.0], inner, [until]])

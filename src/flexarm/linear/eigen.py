@@ -1,4 +1,4 @@
-"""Eigenvalues of small motion: undamped pairs first, then what damping and spin make of them."""
+"""Eigenvalues of small motion: undamped modes, and their change by damping and spin."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from numpy.typing import NDArray
 
 from flexarm.assemble import FloatArray
 
-#: Squared frequencies below this part of the shift are rounding about a rigid-body mode.
+#: Squared frequencies below this fraction of the shift are rounding errors of rigid-body modes.
 _ZERO = 1e-10
-#: Modal damping below this part of the largest is rounding of the products that make it.
+#: Modal damping below this fraction of the largest is rounding error.
 _NONE = 1e-13
 
 ComplexArray = NDArray[Any]
 
 
 class Damped(NamedTuple):
-    """Complex modes, in the order of the undamped ones that they belong to.
+    """Complex modes, in the order of the corresponding undamped modes.
 
-    ``eigenvalues`` (k,) 1/s: of each pair the one above the real axis, of two real ones the slower;
-    ``ratio`` (k,); ``vectors`` (k, k): columns, in undamped modes.
+    ``eigenvalues`` (k,) 1/s: of a conjugate pair the one with positive imaginary part, of two real
+    ones the slower; ``ratio`` (k,); ``vectors`` (k, k): columns, in undamped modes.
     """
 
     eigenvalues: ComplexArray
@@ -30,10 +30,10 @@ class Damped(NamedTuple):
 
 
 def undamped(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Solve K x = lambda M x for all pairs, the low ones accurately.
+    """Solve K x = lambda M x for all eigenpairs, accurately for the lowest.
 
-    The stiffest modes of a fine mesh are 1e10 times stiffer than the lowest, whose digits a direct
-    solution would lose. Solving ``M x = mu (K + s M) x`` puts the low modes at the accurate end.
+    The stiffest modes of a fine mesh are 1e10 times stiffer than the lowest, which would lose their
+    digits in a direct solution. In ``M x = mu (K + s M) x`` the lowest modes have the largest mu.
     """
     from scipy.linalg import eigh
 
@@ -50,7 +50,7 @@ def undamped(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _positive_shift(M: FloatArray, K: FloatArray) -> float:
-    """Find a shift that makes K + shift M positive definite, near the lowest stiffness."""
+    """Return a shift s with K + s M positive definite, of the size of the lowest stiffness."""
     from scipy.linalg import cholesky
 
     diagonal = np.abs(np.diag(K)) / np.diag(M)
@@ -70,7 +70,7 @@ def damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> Da
 
     Args:
         squared: (k,) rad^2/s^2.
-        coupling: (k, k) part of the stiffness that the undamped modes leave out.
+        coupling: (k, k) part of the stiffness that is not in the undamped modes.
         damping: (k, k), with gyroscopic terms.
     """
     from scipy.linalg import eig
@@ -82,7 +82,7 @@ def damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> Da
         root = np.sqrt((half * half - squared).astype(complex))
         pairs = np.stack([root - half, -root - half])
         return Damped(pairs[0] + 0.0, _ratio(*pairs), np.eye(count, dtype=complex))
-    # States frequency times displacement, and rate: then no entry is a square of a frequency.
+    # With the states frequency times displacement, and rate, no entry is a squared frequency.
     scale = np.sqrt(np.abs(squared))
     scale[scale == 0.0] = np.min(scale[scale > 0.0], initial=1.0)
     zero = np.zeros((count, count))
@@ -97,7 +97,10 @@ def damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> Da
 
 
 def _ratio(first: ComplexArray, second: ComplexArray) -> FloatArray:
-    """Damping ratio of pairs with s^2 + 2 ratio frequency s + frequency^2; NaN where unstable."""
+    """Return the damping ratio of each pair of eigenvalues; NaN if their product is not positive.
+
+    The pairs are the roots of s^2 + 2 ratio frequency s + frequency^2.
+    """
     product = (first * second).real
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = -(first + second).real / (2.0 * np.sqrt(product))
@@ -105,10 +108,10 @@ def _ratio(first: ComplexArray, second: ComplexArray) -> FloatArray:
 
 
 def _matched(values: ComplexArray, shapes: ComplexArray) -> tuple[NDArray[np.intp], Any]:
-    """Find the two eigenvalues of each undamped mode: the pair whose shape is most its own.
+    """Return the two eigenvalues of each undamped mode, matched by shape.
 
-    Of the shapes (k, 2k) only the share of each undamped mode counts. Where damping has turned
-    pairs into real eigenvalues, each mode that is left takes two of them.
+    The match uses the magnitude of each undamped mode in the shapes (k, 2k). Modes whose pairs
+    have become real eigenvalues by damping are matched to two real ones each.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -118,7 +121,7 @@ def _matched(values: ComplexArray, shapes: ComplexArray) -> tuple[NDArray[np.int
     first, second = np.full(count, -1), np.full(count, -1)
     rows, columns = linear_sum_assignment(share[:, above], maximize=True)
     first[rows] = above[columns]
-    below = np.flatnonzero(values.imag < 0.0)  # LAPACK puts each right behind its conjugate
+    below = np.flatnonzero(values.imag < 0.0)  # in LAPACK's order each follows its conjugate
     second[rows] = below[columns]
     left = np.flatnonzero(first < 0)
     real = np.flatnonzero(values.imag == 0.0)

@@ -18,7 +18,7 @@ from flexarm.linear.descent import LONGEST, descent_step, largest_turn
 from flexarm.loads import Load, acting_loads
 from flexarm.notebook import html_table
 
-#: Residual forces below this part of the largest force present count as none.
+#: Residual forces below this fraction of the largest force count as zero.
 _RESIDUAL = 1e-11
 _NEWTON_STEPS = 30
 _DESCENT_STEPS = 300
@@ -29,8 +29,8 @@ class EquilibriumError(FlexarmError, RuntimeError):
     """No equilibrium was found.
 
     Attributes:
-        load_fraction: part of gravity and loads up to which one was found.
-        q: (dof,) equilibrium under that part.
+        load_fraction: largest fraction of gravity and loads for which one was found.
+        q: (dof,) equilibrium under that fraction.
     """
 
     def __init__(self, load_fraction: float, q: FloatArray, reason: str) -> None:
@@ -48,16 +48,16 @@ class EquilibriumError(FlexarmError, RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A state of rest.
+    """A static equilibrium of an arm.
 
     Attributes:
         q: (dof,) coordinates.
-        torque: (joints,) N m that the motors give: those asked for, or those that hold the angles.
-        stable: whether every small disturbance is drawn back (locked joints cannot be disturbed).
+        torque: (joints,) N m of the motors: the prescribed torques, or those that lock the joints.
+        stable: whether the stiffness of the coordinates that are free is positive definite.
         lowest_eigenvalue: of stiffness over mass, rad^2/s^2: the lowest squared frequency;
-            negative where unstable.
-        loads: what acts besides gravity, the force at the tip among it.
-        contacts: what the arm may touch there.
+            negative if unstable.
+        loads: loads in addition to gravity, including the force at the tip.
+        contacts: contacts between the arm and surfaces.
     """
 
     q: FloatArray
@@ -95,30 +95,32 @@ def equilibrium(
     contacts: Sequence[Contact] = (),
     start: ArrayLike | None = None,
 ) -> Equilibrium:
-    """Find where an arm rests.
+    """Compute a static equilibrium of an arm.
 
     Args:
         arm: the arm, with its gravity.
-        joint_angles: (joints,) relative, rad: joints locked there, the links sag. The default,
-            all zero, applies where ``torque`` is not given either.
-        torque: (joints,) N m: joints free under these torques. With ``joint_angles`` too, those
-            are where the search starts.
+        joint_angles: (joints,) relative, rad, at which the joints are locked, all zero by
+            default; the links deflect.
+        torque: (joints,) N m that act on free joints. ``joint_angles`` is then the starting point
+            of the search.
         tip_force, loads: as in ``Arm.forward_dynamics``, without a factor of time.
-        base_acceleration: (ax, ay) m/s^2, constant: the arm rests relative to its base.
-        contacts: surfaces that points of the arm may lean on, without friction.
-        start: q (dof,) to start from under the full load, instead of straight links under none.
+        base_acceleration: (ax, ay) m/s^2, constant; the equilibrium is relative to the base.
+        contacts: contacts of points of the arm with surfaces, without friction.
+        start: q (dof,) from which the search starts under the full load. By default it starts from
+            straight links without load.
 
     Raises:
-        InputError: an argument has the wrong shape or is not finite.
-        EquilibriumError: none was found; it holds the last one along the way.
+        InputError: if an argument has the wrong shape or is not finite.
+        EquilibriumError: if no equilibrium was found. The exception has the last equilibrium found
+            under a part of the load.
 
     Warns:
         LargeDeflectionWarning: a link bends too far for the theory of the arm.
 
-    Newton's method with the exact stiffness, gravity and loads growing from zero in steps that
-    adapt, so that links that sag far are followed. Where that ends unstable or nowhere, and with
-    free joints from the beginning, steps that go downhill look for a stable one. Friction holds
-    nothing here.
+    Newton's method with the exact stiffness matrix; gravity and loads grow from zero in adaptive
+    steps, so that large deflections are reached. Descent steps then search for a stable equilibrium
+    if this one is unstable or was not found; with free joints they come first. Friction is
+    neglected.
     """
     where = "equilibrium"
     arm = check_kind(where, "arm", arm, Arm)
@@ -144,7 +146,7 @@ def equilibrium(
 
 
 class _Search:
-    """Residual, stiffness and load stepping of one problem."""
+    """Residual, stiffness and load steps of one equilibrium problem."""
 
     def __init__(
         self, arm: Arm, loads: list[Load], q: FloatArray, contacts: Sequence[Contact]
@@ -157,7 +159,8 @@ class _Search:
             rule = "be constant in time for an equilibrium"
             value = "a function" if callable(factor) else "a table"
             raise InputError(Problem("equilibrium", "Load.factor", rule, value))
-        place_outside(arm, "equilibrium", loads, None, contacts)  # refuses what is not on the arm
+        # Raise if a load or a contact is not on the arm.
+        place_outside(arm, "equilibrium", loads, None, contacts)
 
     def _scaled(self, fraction: float) -> tuple[Arm, list[Load]]:
         if fraction == 1.0:
@@ -171,12 +174,12 @@ class _Search:
         return arm, loads
 
     def _force(self, arm: Arm, q: FloatArray, loads: list[Load]) -> FloatArray:
-        """Generalised force (dof,) that it takes to rest at q."""
+        """Return the generalised force (dof,) required for rest at q."""
         rest = np.zeros(arm.dof)
         return arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=self.contacts)
 
     def newton(self, q: FloatArray, fraction: float) -> FloatArray:
-        """Solve at a part of the load, from q; LinAlgError where it does not converge."""
+        """Solve under a fraction of the load, from q; LinAlgError if it does not converge."""
         from scipy.linalg import solve
 
         arm, loads = self._scaled(fraction)
@@ -195,8 +198,8 @@ class _Search:
         for _ in range(_NEWTON_STEPS):
             K = arm.stiffness_matrix(q, loads=loads, contacts=self.contacts)[part]
             step = solve(K, -missing)
-            # The stiffest modes take forces that are huge beside those of the lowest: judge by
-            # the displacement that is still missing.
+            # The stiffest modes carry forces far larger than those of the lowest, so convergence
+            # is judged by the size of the displacement step.
             size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(q[free])))
             shortened = 1.0
             while shortened > 1e-3:
@@ -213,11 +216,11 @@ class _Search:
         raise np.linalg.LinAlgError("Newton's method does not converge")
 
     def best(self, q: FloatArray, free: bool) -> Equilibrium:
-        """Find a stable equilibrium if there is one near, else an unstable one.
+        """Return a stable equilibrium if the search finds one, else an unstable one.
 
-        Under growing loads Newton's method keeps to the branch that begins at the straight arm;
-        downhill steps leave it where it loses its stability. Arms with free joints go downhill at
-        once: without loads nothing says where they are.
+        With load steps Newton's method remains on the branch that begins at the straight arm, and
+        descent steps leave this branch where it becomes unstable. With free joints descent comes
+        first, because without loads their position is indeterminate.
         """
         found, failure = None, None
         for way in (self.descend, self.follow) if free else (self.follow, self.descend):
@@ -235,7 +238,7 @@ class _Search:
         return found
 
     def descend(self, q: FloatArray) -> FloatArray:
-        """Go downhill under the full load, then finish by Newton's method."""
+        """Take descent steps under the full load, then converge by Newton's method."""
         arm, free, begin = self.arm, self.unknown, q
         part = np.ix_(free, free)
         for _ in range(_DESCENT_STEPS if free.size else 0):
@@ -257,7 +260,7 @@ class _Search:
         raise EquilibriumError(0.0, begin, "going downhill does not come to rest.")
 
     def follow(self, q: FloatArray, at_once: bool = False) -> FloatArray:
-        """Grow the load from zero to one, or give up if the whole does not go at once."""
+        """Increase the load from zero to one; ``at_once`` permits the full load only."""
         done, step = 0.0, 1.0
         while done < 1.0:
             wanted = min(1.0, done + step)
@@ -273,7 +276,7 @@ class _Search:
         return q
 
     def result(self, q: FloatArray) -> Equilibrium:
-        """Judge stability and collect the torques."""
+        """Evaluate stability and collect the torques."""
         from scipy.linalg import eigh
 
         arm, free = self.arm, self.unknown
@@ -283,7 +286,7 @@ class _Search:
             part = np.ix_(free, free)
             K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)[part]
             M = arm.mass_matrix(q)[part]
-            # Only the symmetric part stores energy; a follower load's rest may still flutter.
+            # Only the symmetric part has a potential; with follower loads flutter remains possible.
             try:
                 stored = (K + K.T) / 2.0
                 lowest = float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])

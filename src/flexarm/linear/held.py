@@ -1,4 +1,4 @@
-"""What the joints do while an arm vibrates: locked, free, or held by gains."""
+"""Boundary conditions of the joints for modes: locked, free, or controlled by gains."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ JOINTS = ("locked", "free")
 
 
 class Gains(Protocol):
-    """What holds every joint, such as a `JointPD`: (joints,) N m/rad and N m s/rad."""
+    """Feedback gains of every joint, such as a `JointPD`: (joints,) N m/rad and N m s/rad."""
 
     @property
     def proportional(self) -> ArrayLike: ...
@@ -31,7 +31,7 @@ Joints = str | Sequence[OneJoint] | Gains
 
 
 class Held(NamedTuple):
-    """Coordinates that can move, and what the motors add on the diagonals, (dof,)."""
+    """Coordinates that can move, and stiffness and damping of the feedback, each (dof,)."""
 
     moving: NDArray[np.intp]
     stiffness: FloatArray
@@ -39,10 +39,10 @@ class Held(NamedTuple):
 
 
 def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
-    """Read ``joints`` as `modes` takes it.
+    """Convert the argument ``joints`` of `modes` to the coordinates and gains of `Held`.
 
     Raises:
-        InputError: an unknown word, gains that are not numbers, a wrong count.
+        InputError: if a word is unknown, gains are not numbers, or their number is wrong.
     """
     stiffness, damping = np.zeros(arm.dof), np.zeros(arm.dof)
     index = arm.joint_index
@@ -56,7 +56,7 @@ def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
         return Held(np.arange(arm.dof), stiffness, damping)
     if isinstance(joints, str):
         each: list[OneJoint] = [joints] * arm.joints
-        if joints not in JOINTS:  # also of an arm without joints
+        if joints not in JOINTS:  # checked for an arm without joints, too
             raise _unknown(where, "joints", joints)
     else:
         listed = as_list(joints)

@@ -1,8 +1,8 @@
 """Linear models about any state: theory page "small motion", (S.1).
 
-The accelerations and the outputs are evaluated by the kernels at states, torques and loads with an
-imaginary part of 1e-30 in one place after the other (``kernels.sensitivity``): every entry of A, B,
-C and D is exact to rounding, and no derivative is written down anywhere.
+The kernels evaluate accelerations and outputs at states, torques and loads with an imaginary part
+of 1e-30 in one entry at a time (``kernels.sensitivity``). Every entry of A, B, C and D is therefore
+exact to rounding without hand-written derivatives.
 """
 
 from __future__ import annotations
@@ -61,20 +61,22 @@ def linearize(
 
     Args:
         arm: the arm.
-        q: (dof,); or an `Equilibrium`, with its torque and loads; or None for the equilibrium with
-            the joints at zero, or free under ``torque`` where that is given.
-        qd: (dof,) rates; None for none.
-        torque: (joints,) N m; None for those that hold the joints at their rates.
+        q: (dof,) operating point; or an `Equilibrium`, with its torque, loads and contacts; or None
+            for the equilibrium with the joints at zero, or with free joints under ``torque`` if
+            that is given.
+        qd: (dof,) rates; zero by default.
+        torque: (joints,) N m; by default those of the inverse dynamics at zero acceleration.
         inputs: "torque", "tip_force", "tip_moment", "base_acceleration"; a `Load`, whose numbers
-            say in which direction one unit of the input acts; or a pair of a name and a `Load`.
+            give the direction of a unit input; or a pair of a name and a `Load`.
         outputs: channels of results such as "joint_angle", "tip", "strain", "torque"; `Sensor`s.
-        tip_force, loads, base_acceleration, contacts: what acts all the time, as in
-            `Arm.forward_dynamics`. A point that touches nothing there leaves no trace in the model.
+        tip_force, loads, base_acceleration, contacts: those at the operating point, as in
+            `Arm.forward_dynamics`. A contact that is open at the operating point has no effect on
+            the model.
 
     Raises:
-        InputError: an unknown signal, a wrong shape, loads given with an equilibrium that has its
-            own, a base that accelerates while the arm is to rest.
-        EquilibriumError: an equilibrium was asked for, and there is none.
+        InputError: if a signal is unknown, a shape is wrong, torque, loads or contacts are given
+            with an equilibrium, or ``base_acceleration`` is given without ``q``.
+        EquilibriumError: if ``q`` is None and no equilibrium is found.
 
     Warns:
         LargeDeflectionWarning: a link is bent too far for the theory of the arm.
@@ -86,7 +88,7 @@ def linearize(
         rule = "be left out where the equilibrium is asked for: the base rests there"
         raise InputError(Problem(_WHERE, "base_acceleration", rule, "given"))
     acting = acting_loads(arm, _WHERE, tip_force, loads)
-    # Here, so that what is not on the arm is told by this call and not by one within.
+    # Validate here, so that errors name this function.
     place_outside(arm, _WHERE, acting, None, contacts)
     with one_warning():
         point = _operating_point(arm, q, qd, torque, acting, contacts)
@@ -113,7 +115,7 @@ class _Point:
 
 
 def _count(q: object, contacts: Sequence[Contact]) -> int:
-    """Number of contacts at the operating point."""
+    """Return the number of contacts at the operating point."""
     return len(q.contacts if isinstance(q, Equilibrium) else contacts)
 
 
@@ -141,9 +143,9 @@ def _operating_point(
 
 
 class _Perturbed:
-    """States, torques and loads with an imaginary step in one place after the other.
+    """States, torques and loads, each row with an imaginary step in one entry.
 
-    Row 0 has none; rows 1 to 2 dof step a state, the others an input.
+    Row 0 is the operating point; rows 1 to 2 dof perturb a state, the other rows an input.
     """
 
     def __init__(
@@ -169,7 +171,7 @@ class _Perturbed:
         self.accelerations = self._respond()
 
     def _loads(self) -> tuple[Loads, ComplexArray, ComplexArray]:
-        """Places of all loads; their values (rows, k, 3) and the base's accelerations (rows, 2)."""
+        """Return all loads, their values (rows, k, 3) and the base accelerations (rows, 2)."""
         acting = list(self.point.loads)
         pushes = [item.load for item in self.inputs if item.load is not None]
         placed = place_outside(self.arm, _WHERE, [*acting, *pushes], None, self.point.contacts)
@@ -181,7 +183,7 @@ class _Perturbed:
         bases = np.tile(self.base.astype(complex), (self.rows, 1))
         for part, owner in enumerate(owners):
             if owner is not None:
-                values[:, part] = 0.0  # an input is zero at the operating point
+                values[:, part] = 0.0  # inputs are zero at the operating point
         push = -1
         for row, item in enumerate(self.inputs, start=1 + 2 * self.arm.dof):
             if item.axis is not None:
@@ -202,7 +204,7 @@ class _Perturbed:
         for row in range(self.rows):
             try:
                 kernels.forward_dynamics(self.states[row], tau[row], self._loads_of(row))
-            except ZeroDivisionError:  # raised for complex numbers only; real ones give infinity
+            except ZeroDivisionError:  # complex division only; real division gives infinity
                 acceleration[:] = np.nan
             found[row] = acceleration
         point = self.point
@@ -210,7 +212,7 @@ class _Perturbed:
         return found
 
     def _outputs(self) -> ComplexArray:
-        """Outputs (rows, outputs) of every row."""
+        """Return the outputs (rows, outputs) of every row."""
         channels: dict[str, Any] = {}
         if any(item.channel not in (None, "torque") for item in self.outputs):
             channels = channels_of(self.arm, self.states)
@@ -226,7 +228,7 @@ class _Perturbed:
         return np.concatenate(columns, axis=1)
 
     def _sensors(self) -> list[ComplexArray]:
-        """Motions (rows, 8) of each sensor's point."""
+        """Return the motions (rows, 8) of the point of each sensor."""
         sensors = [item.sensor for item in self.outputs if item.sensor is not None]
         if not sensors:
             return []
@@ -249,7 +251,7 @@ class _Perturbed:
         return [motions[:, k] for k in range(len(sensors))]
 
     def model(self) -> LinearModel:
-        """Collect the matrices."""
+        """Assemble the matrices of the linear model."""
         arm, point, size = self.arm, self.point, 2 * self.arm.dof
         qdd = arm.unpadded(self.accelerations)
         by_all = qdd[1:].imag.T / STEP

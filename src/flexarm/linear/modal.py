@@ -30,20 +30,20 @@ _WHERE = "modes"
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of small vibration, frequencies ascending.
+    """Modes of small vibration, in the order of ascending frequency.
 
     Attributes:
-        frequency_hz: (k,) natural frequencies: undamped at rest, of an arm that spins the moduli
-            of the eigenvalues; zero for rigid-body modes, and for modes that gravity or spin make
-            unstable (``squared_frequency`` is negative there).
-        damping_ratio: (k,) -Re / modulus of the eigenvalues; above one where a mode does not
-            oscillate at all; NaN where the frequency is zero.
+        frequency_hz: (k,) natural frequencies: undamped at rest; for a spinning arm the moduli of
+            the eigenvalues over 2 pi. Zero for rigid-body modes, and for modes that gravity or spin
+            makes unstable (``squared_frequency`` is negative there).
+        damping_ratio: (k,) -Re / modulus of the eigenvalues; above one if a mode does not
+            oscillate; NaN if the frequency is zero.
         squared_frequency: (k,) eigenvalues of stiffness over mass, rad^2/s^2.
         shapes: (k, dof) undamped shapes in the arm's coordinates, unit modal mass.
-        eigenvalues: (k,) of the damped motion, 1/s, with imaginary part zero or above; of a mode
-            that does not oscillate the slower of two. The other of a pair is its conjugate.
-        complex_shapes: (k, dof) shapes of the damped motion: parts out of phase are imaginary.
-        q: (dof,) about which the arm vibrates. spin: rate of the whole arm, rad/s.
+        eigenvalues: (k,) of the damped motion, 1/s, with nonnegative imaginary part; the other one
+            of a pair is the conjugate. For a mode that does not oscillate, the slower of two.
+        complex_shapes: (k, dof) shapes of the damped motion; imaginary parts are out of phase.
+        q: (dof,) state of the linearisation. spin: rate of the whole arm, rad/s.
     """
 
     frequency_hz: FloatArray
@@ -69,24 +69,24 @@ class Modes:
 
     @property
     def damped_frequency_hz(self) -> FloatArray:
-        """Frequencies (k,) of free vibration: imaginary parts of the eigenvalues."""
+        """Frequencies (k,) of damped free vibration, imaginary parts of the eigenvalues, Hz."""
         hertz: FloatArray = np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
         return hertz
 
     def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
         """Return displacements of the axis for unit modal amplitude, (k, links, stations, 2) m.
 
-        World axes. ``damped`` gives those of ``complex_shapes``: multiply by exp(i phase).
+        World axes. ``damped`` selects ``complex_shapes``: multiply by exp(i phase).
         """
         where = "Modes.displacements"
         shapes = self.complex_shapes if check_flag(where, "damped", damped) else self.shapes
         return displacements(self.arm, self.q, shapes, check_stations(where, stations))
 
     def curves(self, stations: int = 50, amplitude: float | None = None) -> FloatArray:
-        """Return the mode shapes as curves in the world, (k, links, stations, 2) m.
+        """Return the mode shapes as curves in the world frame, (k, links, stations, 2) m.
 
-        The arm as it rests plus displacements, the largest of each mode being ``amplitude`` (m); a
-        tenth of the arm's length by default.
+        The shape of the arm at ``q`` plus displacements; the largest displacement of each mode is
+        ``amplitude`` (m), by default a tenth of the arm's length.
 
         Raises:
             InputError: if ``amplitude`` is not a finite number, or there are fewer than two
@@ -112,34 +112,35 @@ def modes(
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
 ) -> Modes:
-    """Compute the modes about straight links at rest, about a bent state, or about a steady spin.
+    """Compute the modes of an arm about a posture, a bent state, or a steady spin.
 
     Args:
         arm: the arm.
-        joint_angles: (joints,) relative, rad, the links straight; all zero by default. Or an
-            `Equilibrium`, with its loads.
-        joints: "locked" clamps every joint, "free" lets every joint turn; or for each joint one of
-            them, or gains (proportional N m/rad, derivative N m s/rad) that hold it; or an object
-            with such gains for all, as a `JointPD`.
-        q: (dof,) to vibrate about, or an `Equilibrium`, in place of ``joint_angles``.
-        spin: rad/s at which the whole arm turns about its base joint, in the shape that it takes;
-            the first joint is driven at that rate, or free. Without gravity and loads only.
-        tip_force, loads: as in `Arm.forward_dynamics`, whose stiffness counts; those of an
-            `Equilibrium` come with it, as do its contacts.
+        joint_angles: (joints,) relative, rad, with straight links; all zero by default. Or an
+            `Equilibrium`, with its loads and contacts.
+        joints: "locked" clamps every joint, "free" lets every joint rotate. Or one entry per joint:
+            one of these words, or feedback gains (proportional N m/rad, derivative N m s/rad). Or
+            an object with gains for all joints, such as a `JointPD`.
+        q: (dof,) state of the linearisation, or an `Equilibrium`, in place of ``joint_angles``.
+        spin: rad/s of the whole arm about its base joint, in its steady bent shape; the first joint
+            is driven at that rate, or free. Not supported with gravity, loads or contacts.
+        tip_force, loads: as in `Arm.forward_dynamics`; they contribute to the stiffness. Not to be
+            combined with an `Equilibrium`, which has its own.
 
     Raises:
-        InputError: unknown ``joints``, numbers of the wrong shape, a spin with gravity or loads.
-        EquilibriumError: no steady shape at that spin.
+        InputError: if ``joints`` is unknown, numbers have the wrong shape, ``spin`` is combined
+            with gravity or loads, or loads are combined with an equilibrium.
+        EquilibriumError: if the arm has no steady shape at that spin.
 
     Warns:
         LargeDeflectionWarning: a link is bent too far for the theory of the arm.
 
-    The stiffness is that of small motion about the state, held there if it is no equilibrium.
+    The stiffness is that of small motion about the state, which is treated as an equilibrium.
     Theory page "small motion", (S.2) to (S.5).
     """
     arm = check_kind(_WHERE, "arm", arm, Arm)
     acting = acting_loads(arm, _WHERE, tip_force, loads)
-    place_loads(arm, _WHERE, acting)  # here, so that what is not on the arm is told by this call
+    place_loads(arm, _WHERE, acting)  # errors name this function
     held = hold_joints(arm, _WHERE, joints)
     rate = float(check_array(_WHERE, "spin", spin, ()))
     place, acting, contacts = _place(arm, joint_angles, q, acting)
@@ -158,7 +159,7 @@ def _place(
     q: ArrayLike | Equilibrium | None,
     loads: list[Load],
 ) -> tuple[FloatArray, list[Load], Sequence[Contact]]:
-    """Find q, the loads and the contacts there."""
+    """Return q, the loads and the contacts of the operating point."""
     if q is not None and joint_angles is not None:
         raise InputError(Problem(_WHERE, "joint_angles", "be left out where q is given", "given"))
     given = joint_angles if isinstance(joint_angles, Equilibrium) else q
@@ -177,7 +178,7 @@ def _small_motion(
     arm: Arm, q: FloatArray, spin: float, loads: list[Load], contacts: Sequence[Contact]
 ) -> Tangent:
     if spin == 0.0 and not contacts and not arm.assembly.constants.has_joint_laws:
-        # At rest the rates enter through constant dampers alone, and K may be diagonal.
+        # At rest the rates have an effect through constant dampers only, and K may be diagonal.
         K = arm.stiffness_matrix(q, loads=loads)
         return Tangent(arm.mass_matrix(q), arm.damping_matrix(), K)
     return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), loads, None, contacts)
@@ -190,7 +191,7 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> 
     K = (small.stiffness + np.diag(held.stiffness))[part]
     D = (small.damping + np.diag(held.damping))[part]
     squared, vectors = undamped(M, (K + K.T) / 2.0)
-    # Follower loads and centrifugal terms have a part without energy, in rounding else.
+    # Follower loads and centrifugal terms give a skew part; otherwise it is rounding.
     skew = (K - K.T) / 2.0
     lasting = np.abs(skew).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0)
     coupling = vectors.T @ skew @ vectors * lasting
@@ -208,7 +209,7 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> 
     ratio = np.where(frequency > 0.0, found.ratio, np.nan)
     return Modes(
         frequency_hz=frequency[order] / (2.0 * np.pi),
-        damping_ratio=ratio[order] + 0.0,  # no minus before a zero
+        damping_ratio=ratio[order] + 0.0,  # avoids negative zeros
         squared_frequency=squared[order],
         shapes=shapes[order],
         eigenvalues=found.eigenvalues[order],

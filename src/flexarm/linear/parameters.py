@@ -1,8 +1,8 @@
-"""How the constants of an arm change with its parameters: exactly, by laws of scale.
+"""Exact derivatives of the constants of an arm by its parameters, from scaling laws.
 
-Stiffen a whole link, make all of it heavier or longer, and its shapes keep their form: only
-their sizes and frequencies change, by powers of the factor. So no derivative of an eigenvector is
-needed, and the derivatives are exact also for reduced modes; theory page "separation", (D.15).
+If a whole link becomes stiffer, heavier or longer by a factor, its mode shapes keep their form:
+only amplitudes and frequencies change, by powers of the factor. No derivative of an eigenvector is
+needed, and the derivatives are exact for reduced modes too; theory page "separation", (D.15).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.layout import ArmConstants
 from flexarm.model import RayleighDamping
 
-#: Powers by which the constants of a body grow with a factor on its whole link. Those left out do
-#: not change. ``inertia`` and ``residual_inertia`` are the link's own, without the hub's.
+#: Exponents of the constants of a body for a factor on its whole link. Constants that are not
+#: listed do not change. ``inertia`` and ``residual_inertia`` are those of the link without the hub.
 POWERS: dict[str, dict[str, Any]] = {
     "length": {
         "mass": 1.0,
@@ -61,22 +61,22 @@ _PAYLOAD = ("payload.mass", "payload.inertia")
 
 
 def parameter_names(arm: Arm) -> tuple[str, ...]:
-    """Return every parameter that ``constants_by`` knows of this arm."""
+    """Return the names of all parameters that ``constants_by`` accepts for this arm."""
     links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in POWERS]
     return (*links, *_PAYLOAD)
 
 
 def constants_by(arm: Arm, where: str, parameter: str) -> ArmConstants:
-    """Return the derivative of every constant of an arm by a parameter.
+    """Return the derivatives of all constants of an arm by a parameter.
 
     Args:
-        parameter: "link_1.length", "link_1.mass" or "link_1.rigidity": by a factor on the whole
-            link, at one; its mass and rotary inertia, and its bending and shear rigidity, each
-            by one factor. "payload.mass" by kg, "payload.inertia" by kg m^2.
+        parameter: "link_1.length", "link_1.mass" or "link_1.rigidity": derivative by a factor on
+            the whole link, at factor one; "mass" scales mass and rotary inertia, "rigidity" scales
+            bending and shear rigidity. "payload.mass" by kg, "payload.inertia" by kg m^2.
 
     Raises:
-        InputError: no such parameter, or the length of a link that shears or whose sections have
-            rotary inertia: with it the shapes change their form.
+        InputError: if the parameter is unknown, or is the length of a link with shear or rotary
+            inertia, whose mode shapes change their form with the length.
     """
     known = parameter_names(arm)
     if parameter not in known:

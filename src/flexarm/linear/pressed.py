@@ -1,4 +1,4 @@
-"""A motion of the tip along a surface that it presses on: how the bent arm does that."""
+"""References for force control: the bent arm follows a surface and presses on it."""
 
 from __future__ import annotations
 
@@ -29,35 +29,36 @@ from flexarm.user_functions import call
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-#: The tip is brought onto its path this closely (m), within so many corrections.
+#: Tolerance of the tip position (m), and largest number of corrections.
 _CLOSE, _CORRECTIONS = 1e-9, 60
 _FEWEST_SAMPLES, _MOST_SAMPLES = 8, 4000
-#: Friction turns over smoothly below this part of the fastest sliding: a jump would excite the arm.
+#: Friction changes sign smoothly below this fraction of the largest sliding speed, because a jump
+#: would excite vibration.
 _SLOW = 0.2
 
 
 class Held(NamedTuple):
-    """The bent arm at one moment, pressing and held still."""
+    """Equilibrium of the bent arm at one instant, with the contact force at its tip."""
 
     angle: FloatArray  # (joints,) rad
-    torque: FloatArray  # (joints,) N m that hold it
-    pressing: FloatArray  # (joints,) N m of these that the rigid twin does not take
+    torque: FloatArray  # (joints,) N m, in equilibrium
+    pressing: FloatArray  # (joints,) N m, minus the torque of the rigid model
     q: FloatArray  # (dof,)
 
 
 class PressedMotion:
-    """A reference for force control: a motion of the joints, and the force at the tip with it.
+    """Reference for force control: a motion of the joints and the force at the tip.
 
-    The joints go where the tip of the *bent* arm, pressed by the force and held still at each
-    moment, lies on the motion's path. Between the sampled times everything is a spline of the
-    fifth degree; after the last one the arm rests and the force stays. Every method takes a time
-    (s) or times (T,).
+    At each instant the joint angles place the tip of the *bent* arm, in equilibrium with the
+    contact force, on the path of the motion. Between the sampled times all quantities are splines
+    of degree five. After the last sample the arm is at rest and the force remains constant. All
+    methods accept a time (s) or times (T,).
 
     Attributes:
-        motion: of the rigid arm, whose tip is the path.
-        start_time, end_time, breaks: its own, s.
-        initial: q (dof,) of the arm pressed at time zero.
-        vectorized: true: methods take many times at once.
+        motion: motion of the rigid arm, whose tip follows the path.
+        start_time, end_time, breaks: those of ``motion``, s.
+        initial: q (dof,) of the arm in contact at time zero.
+        vectorized: true: methods accept many times at once.
     """
 
     vectorized = True
@@ -92,42 +93,42 @@ class PressedMotion:
         return np.clip(check_times("PressedMotion", "t", t), self._first, self._last)
 
     def _moving(self, t: ArrayLike) -> FloatArray:
-        """Return 1 within the sampled times and 0 outside of them, (..., 1)."""
+        """Return 1 within the sampled times and 0 outside, (..., 1)."""
         times = check_times("PressedMotion", "t", t)
         return np.asarray((times >= self._first) & (times <= self._last), float)[..., None]
 
     def joint_angle(self, t: ArrayLike) -> FloatArray:
-        """Joint angles (joints,) or (T, joints), rad."""
+        """Return the joint angles (joints,) or (T, joints), rad."""
         return np.asarray(self._angle(self._inside(t)))
 
     def joint_rate(self, t: ArrayLike) -> FloatArray:
-        """Joint rates (joints,) or (T, joints), rad/s."""
+        """Return the joint rates (joints,) or (T, joints), rad/s."""
         return np.asarray(self._rate(self._inside(t)) * self._moving(t))
 
     def joint_acceleration(self, t: ArrayLike) -> FloatArray:
-        """Joint accelerations (joints,) or (T, joints), rad/s^2."""
+        """Return the joint accelerations (joints,) or (T, joints), rad/s^2."""
         return np.asarray(self._acceleration(self._inside(t)) * self._moving(t))
 
     def holding_torque(self, t: ArrayLike) -> FloatArray:
-        """Torques (joints,) or (T, joints) N m that hold the bent arm, pressing, at each moment."""
+        """Return the equilibrium torques of the arm in contact, (joints,) or (T, joints), N m."""
         return np.asarray(self._holding(self._inside(t)))
 
     def pressing_torque(self, t: ArrayLike) -> FloatArray:
-        """Part of ``holding_torque`` that is not what the rigid twin takes at these angles."""
+        """Return ``holding_torque`` minus the torque of the rigid model at the same angles, N m."""
         return np.asarray(self._pressing(self._inside(t)))
 
     def tip(self, t: ArrayLike) -> FloatArray:
-        """Where the tip is to be, (2,) or (T, 2), m."""
+        """Return the prescribed position of the tip, (2,) or (T, 2), m."""
         return self.motion.tip(t)
 
     def contact_force(self, t: ArrayLike) -> FloatArray:
-        """Force () or (T,) N that the tip presses on the surface with, at least 0."""
+        """Return the contact force () or (T,) of the tip on the surface, N, at least 0."""
         times = self._inside(t)
         forces = [float(self._force(float(now))) for now in times.ravel()]
         return np.array(forces).reshape(times.shape)
 
     def normal(self, t: ArrayLike) -> FloatArray:
-        """Unit normal (2,) or (T, 2) of the surface, world axes, away from it."""
+        """Return the outward unit normal of the surface, (2,) or (T, 2), world axes."""
         times = self._inside(t)
         normals = [self._normal(float(now)) for now in times.ravel()]
         return np.array(normals).reshape(*times.shape, 2)
@@ -149,23 +150,23 @@ def pressed_motion(
     friction: float = 0.0,
     interval: float = 0.05,
 ) -> PressedMotion:
-    """Make a motion along a surface one that presses on it.
+    """Compute a reference for a tip that presses on a surface along a motion.
 
     Args:
-        arm: flexible or rigid; how far it yields to the force and to gravity counts.
-        motion: its tip path lies on the surface.
-        force: N, at least 0, or a smooth function of time (s) that gives it.
-        normal: (2,) of the surface where the path is, away from it, world axes, any length; or a
-            function of time that gives it, on a surface that is not straight.
-        duration: s, of the whole run; None for the motion's end.
-        friction: coefficient, of a sliding tip.
-        interval: s between the times at which the arm's equilibrium is computed; force and path
-            must be smooth over some of them.
+        arm: flexible or rigid; its deflection under the force and gravity is included.
+        motion: motion of the rigid arm whose tip path is on the surface.
+        force: N, at least 0, or a smooth function of time (s) that returns it.
+        normal: (2,) outward normal of the surface on the path, world axes, any length; or a
+            function of time that returns it, for a surface that is not straight.
+        duration: s, of the whole run; by default until the end of the motion.
+        friction: coefficient of sliding friction at the tip.
+        interval: s between the times at which the equilibrium is computed; force and path must be
+            smooth over several intervals.
 
     Raises:
-        InputError: a force that is negative or not finite, a normal of no direction, a friction
-            that is negative, a motion of another arm, or an arm that cannot follow.
-        SimulationError: a function of time that raises an exception.
+        InputError: if a force is negative or not finite, a normal is zero, ``friction`` is
+            negative, the motion is for another arm, or the bent arm cannot reach the path.
+        SimulationError: if a function of time raises an exception.
     """
     where = "pressed_motion"
     arm = check_kind(where, "arm", arm, Arm)
@@ -184,7 +185,7 @@ def pressed_motion(
 
 
 def _force(where: str, given: float | Callable[[float], float]) -> Callable[[float], float]:
-    """Make the force a function of time that refuses negative values."""
+    """Return the force as a function of time that raises for negative values."""
     if callable(given):
         check_function(where, "force", given)
     return partial(_checked_force, where, given)
@@ -199,7 +200,7 @@ def _checked_force(where: str, given: float | Callable[[float], float], t: float
 def _normal(
     where: str, given: ArrayLike | Callable[[float], ArrayLike]
 ) -> Callable[[float], FloatArray]:
-    """Make the normal a function of time of length one."""
+    """Return the unit normal as a function of time."""
     if callable(given):
         check_function(where, "normal", given)
     return partial(_unit_normal, where, given)
@@ -218,7 +219,7 @@ def _unit_normal(
 
 
 class _Search:
-    """Joint angles at which the tip of the loaded arm is where it is to be; each from the last."""
+    """Search for joint angles that place the tip of the loaded arm, starting at the last result."""
 
     def __init__(self, arm: Arm, motion: Motion, friction: float) -> None:
         self._arm, self._motion, self._friction = arm, motion, friction
@@ -228,10 +229,10 @@ class _Search:
         self._slow = max(_SLOW * fastest, 1e-9)
         self._q: FloatArray | None = None
         self._beside = np.zeros(arm.joints)
-        self._drift = np.zeros(arm.joints)  # change of that from one time to the next
+        self._drift = np.zeros(arm.joints)  # its change between two times
 
     def at(self, t: float, force: float, normal: FloatArray) -> Held:
-        """Find the arm at time t (s) under a force (N) along a normal (2,)."""
+        """Return the equilibrium at time t (s) under a force (N) along a normal (2,)."""
         arm, motion = self._arm, self._motion
         tangent = np.array([-normal[1], normal[0]])
         rigid = np.asarray(motion.joint_angle(t))
@@ -257,7 +258,7 @@ class _Search:
                 twin = self._rigid.bias_force(self._rigid.rest(angle), np.zeros(self._rigid.dof))
                 pressing = rest.torque - twin[self._rigid.joint_index]
                 return Held(angle, rest.torque, pressing, rest.q)
-            if step.any():  # Broyden's update: the bent arm's way, learnt from the last step
+            if step.any():  # Broyden's update of the inverse Jacobian
                 gained = way @ (missed - before)
                 scale = step @ gained
                 if scale > 0.1 * (step @ step):

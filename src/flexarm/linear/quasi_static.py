@@ -1,4 +1,4 @@
-"""A motion of flexible links that bend at once as inertia and weight ask, with the tip in place.
+"""Quasi-static reference: links bend statically under inertia and gravity, tip on its path.
 
 Theory page "position control", (C.13) to (C.15).
 """
@@ -27,12 +27,12 @@ from flexarm.motion.tip_constraint import TipConstraint
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-#: Instants between two breaks at which the links' bending is solved for.
+#: Number of instants between two breaks at which the bending of the links is computed.
 _INSTANTS = 161
 _NEWTON_STEPS = 12
-#: Gauss's points between two breaks of the bending, and times averaged in one go.
+#: Gauss points between two breaks of the bending, and number of times averaged in one batch.
 _POINTS, _CHUNK = 32, 512
-#: Part of the slowest period over which the bending is averaged by default.
+#: Default averaging window as a fraction of the slowest period.
 _SHARE = 0.25
 
 
@@ -40,12 +40,12 @@ _SHARE = 0.25
 class QuasiStaticReference(Motion):
     """Joint angles that keep the tip of a flexible arm on a motion, and the torques for them.
 
-    Links bend by what inertia and weight ask for at each instant, as if they never swung.
+    The bending at each instant is the static response to inertia and gravity, without vibration.
 
     Attributes:
         arm: the flexible arm.
-        motion: of the rigid arm, which the tip follows.
-        smoothing: s, window over which the bending is averaged; half of it comes early.
+        motion: motion of the rigid arm, which the tip follows.
+        smoothing: s, window over which the bending is averaged, centred at each instant.
     """
 
     arm: Arm = field(repr=False)
@@ -63,7 +63,7 @@ class QuasiStaticReference(Motion):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Those of the motion, and where they enter and leave the window, s."""
+        """Breaks of the motion, and the times at which they enter and leave the window, s."""
         own, half = self.motion.breaks, 0.5 * self.smoothing
         inner = {t + d for t in own for d in (-half, 0.0, half)}
         inside = (t for t in inner if self.start_time < t < self.end_time)
@@ -71,17 +71,20 @@ class QuasiStaticReference(Motion):
 
     @cached_property
     def initial(self) -> FloatArray:
-        """Coordinates q (dof,) before it sets off."""
+        """Coordinates q (dof,) before the start."""
         q: FloatArray = self.coordinates(np.array([-np.inf]))[0][0]
         return q
 
     @property
     def torque(self) -> QuasiStaticTorque:
-        """Function of time: the torques (joints,) N m of the bent arm along this reference."""
+        """Joint torques (joints,) N m of the bent arm along this reference, as a function of time.
+
+        See (C.14).
+        """
         return QuasiStaticTorque(self)
 
     def tip(self, t: ArrayLike) -> FloatArray:
-        """Return where the tip (2,) or (T, 2) is to be, world axes, m."""
+        """Return the prescribed position of the tip, (2,) or (T, 2), world axes, m."""
         return self.motion.tip(t)
 
     def at(self, times: FloatArray) -> JointState:
@@ -100,7 +103,7 @@ class QuasiStaticReference(Motion):
         return whole
 
     def _averages(self, times: FloatArray) -> list[FloatArray]:
-        """The bending averaged, and its derivatives: those of the window, (C.15)."""
+        """Return the averaged bending and its two derivatives, those of the window; (C.15)."""
         half = 0.5 * self.smoothing
         away = np.clip(times[:, None] - np.array(self.motion.breaks), -half, half)
         edges = np.sort(np.pad(away, ((0, 0), (1, 1)), constant_values=((0, 0), (-half, half))))
@@ -119,7 +122,7 @@ class QuasiStaticReference(Motion):
         return [np.einsum("tk,tkd->td", shares * window, bent) for window in windows]
 
     def _bent(self, times: FloatArray) -> FloatArray:
-        """What is added to the rigid motion (T, k, dof) at times (T, k), not averaged."""
+        """Return the unaveraged corrections of the rigid q, (T, k, dof), at times (T, k)."""
         breaks = np.array(self.motion.breaks)
         inside = np.clip(times, breaks[0], breaks[-1])
         piece = np.searchsorted(breaks, times, side="right")
@@ -131,9 +134,9 @@ class QuasiStaticReference(Motion):
 
 @dataclass(frozen=True, eq=False)
 class QuasiStaticTorque:
-    """The torque of the bent arm along a quasi-static reference; call it with the time."""
+    """Torque of the bent arm along a quasi-static reference; callable with the time."""
 
-    #: ``simulate`` may ask for many times in one call.
+    #: ``simulate`` may evaluate many times in one call.
     vectorized: ClassVar[bool] = True
 
     motion: QuasiStaticReference
@@ -159,24 +162,28 @@ class QuasiStaticTorque:
 def quasi_static_reference(
     arm: Arm, motion: Motion, *, smoothing: float | None = None
 ) -> QuasiStaticReference:
-    """Find joint angles and torques for the tip of a flexible arm, as if links never swung.
+    """Compute joint angles and torques that keep the tip of a flexible arm on a motion.
+
+    The links bend statically under inertia and gravity: their vibration is neglected.
 
     Args:
         arm: the arm, with links that bend.
-        motion: rest to rest, of the rigid arm, whose tip is followed. With three joints or more
-            all but the two that move the tip best keep to the motion; of a single link, the tip is
-            kept in the direction of the rigid one.
-        smoothing: s, window over which the bending is averaged, a quarter of the slowest period
-            with locked joints by default: bending follows accelerations, which may jump or bend.
-            The reference sets off half a window before the motion and ends half a window after it.
+        motion: motion of the rigid arm from rest to rest, whose tip is followed. With three joints
+            or more, all joints except the two that move the tip best follow the motion. With a
+            single link, the tip keeps the direction of the rigid link.
+        smoothing: s, window over which the bending is averaged, by default a quarter of the slowest
+            period with locked joints. Averaging is necessary because bending follows the
+            accelerations, which may have jumps or corners. The reference starts half a window
+            before the motion and ends half a window after it.
 
     Raises:
-        InputError: no motion of this arm, a rigid arm, joints that lose hold of the tip, or a
-            window that is not positive.
-        SimulationError: no bending was found that bears the motion.
+        InputError: if ``motion`` is not a motion of this arm, the arm is rigid, the joints cannot
+            move the tip in every direction somewhere along the motion, or the window is not
+            positive.
+        SimulationError: if Newton's method does not converge.
 
-    (C.13) to (C.15); the first term of what `tip_inversion` solves in full, at a small part of
-    its cost.
+    (C.13) to (C.15). This is the first term of the solution that `tip_inversion` computes in full,
+    at a small fraction of the cost.
     """
     where = "quasi_static_reference"
     arm = check_kind(where, "arm", arm, Arm)
@@ -201,7 +208,7 @@ def quasi_static_reference(
 def _piece(constraint: TipConstraint, a: float, b: float) -> BSpline:
     from scipy.interpolate import make_interp_spline
 
-    # Gauss-Lobatto's kind of spacing: dense at the ends, where the bending sets in.
+    # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
     times = a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
     times[0], times[-1] = a, np.nextafter(b, -np.inf)
     return make_interp_spline(times, _bending(constraint, times), k=5)
@@ -215,7 +222,7 @@ def _rest(constraint: TipConstraint, t: float) -> BSpline:
 
 
 def _bending(constraint: TipConstraint, times: FloatArray) -> FloatArray:
-    """Newton's method at each instant for (C.13): what is added to the rigid q, (T, dof)."""
+    """Solve (C.13) by Newton's method at each instant; return the corrections of q, (T, dof)."""
     arm, motion = constraint.arm, constraint.motion
     elastic: NDArray[np.intp] = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     rigid = np.zeros((3, times.size, arm.dof))

@@ -1,4 +1,4 @@
-"""How small torques beside those of a run change its coordinates: along the bent arm itself."""
+"""Response of a run to small changes of its torques, linearised along the bent arm."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ _CHUNK = 256
 def torque_response(
     arm: Arm, times: FloatArray, q: FloatArray, qd: FloatArray, shapes: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """Return what outputs change by for a unit of each torque shape, (T, r, shapes, joints).
+    """Return the change of outputs per unit of each torque shape, (T, r, shapes, joints).
 
     Args:
-        times: (T,) s, evenly spaced. q, qd: (T, dof), a run of the arm at them.
-        shapes: (T - 1, 3, s) torque shapes at the stages of each step, N m, for each joint alike.
+        times: (T,) s, evenly spaced. q, qd: (T, dof), a run of the arm at these times.
+        shapes: (T - 1, 3, s) torque shapes at the stages of each step, N m, the same for each
+            joint.
         rows: (T, r, dof) derivatives of the outputs by q.
 
-    Gauss's collocation on the equations linearised along the run, (D.3), with their matrices of the
-    middle of each step: the arm's vibrations are followed to high order, its change of posture to
-    second, which is what an iteration needs that judges by the run itself.
+    Gauss collocation of the equations linearised along the run, (D.3), with the matrices at the
+    middle of each step. This is of high order for the vibrations and of order two for the change of
+    posture, which is sufficient for an iteration that evaluates its error with the full model.
     """
     h = float(times[1] - times[0])
     count, dof = q.shape
@@ -44,8 +45,11 @@ def torque_response(
 def _step_maps(
     arm: Arm, h: float, q: FloatArray, qd: FloatArray, part: slice
 ) -> tuple[FloatArray, FloatArray]:
-    """Maps of some steps: from the start (N, 2 dof, 2 dof), from torques at the stages
-    (N, 2 dof, 3, joints)."""
+    """Return the linear maps of some steps.
+
+    From the start of a step (N, 2 dof, 2 dof), and from the torques at its stages
+    (N, 2 dof, 3, joints).
+    """
     after = slice(part.start + 1, part.stop + 1)
     middle = [0.5 * (q[part] + q[after]), 0.5 * (qd[part] + qd[after]), (qd[after] - qd[part]) / h]
     by = dynamics_along(arm, *middle).force_by

@@ -1,4 +1,4 @@
-"""From one sample time to the next: the nonlinear step of an arm and its exact derivatives."""
+"""Nonlinear step of an arm over one sample time, and its exact derivatives."""
 
 from __future__ import annotations
 
@@ -17,30 +17,32 @@ from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.sensitivity import STEP
 from flexarm.linear.parameters import constants_by
 
-#: Largest step times fastest rate: the classical method then misses the frequency of the fastest
-#: mode by 0.2^4 / 120 = 1.3e-5. A filter takes an error of a frequency for one of a mass: with
-#: steps of 1.0 its errors were ten times as large as its covariance allowed.
+#: Largest product of step and fastest rate. The relative error of the frequency of the fastest
+#: mode is then 0.2^4 / 120 = 1.3e-5 with the classical Runge-Kutta method. A filter interprets a
+#: frequency error as a mass error: at a product of 1.0 its errors were ten times as large as its
+#: covariance predicts.
 _REACH = 0.2
 
 
 class Step(NamedTuple):
-    """A state after a sample time, and its derivatives."""
+    """A state after one sample time, and its derivatives."""
 
     after: FloatArray  # (2 dof,) [q, qd]
     state: FloatArray  # (2 dof, 2 dof) by the state before
-    torque: FloatArray  # (2 dof, joints) by the torque held, N m
+    torque: FloatArray  # (2 dof, joints) by the zero-order-hold torque, N m
     parameter: FloatArray  # (2 dof,) by the parameter
 
 
 class SampledStep:
-    """Steps of an arm over a sample time under a held torque, one parameter free.
+    """Steps of an arm over a sample time under a zero-order-hold torque, with one free parameter.
 
-    As ``step_jacobian`` with the method "rk4", in as many equal steps as the arm's fastest mode
-    asks for; compiled as a whole, for filters that step at every sample.
+    The steps are those of ``step_jacobian`` with the method "rk4". Their number follows from the
+    fastest mode of the arm. They are compiled as a whole, for filters that step at every sample.
 
     Args:
-        arm: the arm. sample_time: s. parameter: one that the constants are linear in, such as
-            "payload.mass".
+        arm: the arm.
+        sample_time: s.
+        parameter: one in which the constants are linear, such as "payload.mass".
     """
 
     def __init__(
@@ -61,7 +63,7 @@ class SampledStep:
         self._slopes = np.zeros((len(self.places) + arm.joints + 1, 2, *kernels.shape))
 
     def constants(self, change: float) -> tuple[ArmConstants, ArmConstants]:
-        """Return complex constants with the parameter changed, without and with its small step."""
+        """Return the complex constants with the changed parameter, unperturbed and perturbed."""
         plain, moved = list(self._exact), list(self._exact)
         for k, by in self._by:
             plain[k] = self._exact[k] + change * by
@@ -69,7 +71,7 @@ class SampledStep:
         return ArmConstants(*plain), ArmConstants(*moved)
 
     def take(self, x: FloatArray, torque: FloatArray, change: float = 0.0) -> Step:
-        """Carry [q, qd] (2 dof,) over a sample time; ``change`` of the parameter from the arm's."""
+        """Advance [q, qd] (2 dof,) by one sample time, with a ``change`` of the parameter."""
         arm = self.arm
         plain, moved = self.constants(change)
         held_torque_jacobian(
@@ -97,14 +99,14 @@ class SampledStep:
 
 
 def state_places(arm: Arm) -> IntArray:
-    """Level, body and column of each state [q, qd] in the kernels' layout, (2 dof, 3)."""
+    """Return level, body and column of each state [q, qd] in the kernels' layout, (2 dof, 3)."""
     body, column = np.divmod(arm.assembly.coordinates, 1 + arm.assembly.modes)
     levels = [np.stack([np.full_like(body, level), body, column], axis=1) for level in range(2)]
     return np.concatenate(levels)
 
 
 def fastest_rate(arm: Arm) -> float:
-    """Largest modulus of the poles at rest with the joints straight, 1/s."""
+    """Return the largest modulus of the poles at rest with zero joint angles, 1/s."""
     zero = np.zeros(arm.dof)
     small = arm.derivatives(zero, zero, np.zeros(arm.joints))
     eye = np.eye(arm.dof)

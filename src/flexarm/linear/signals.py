@@ -1,4 +1,4 @@
-"""Inputs and outputs of linear models: their names, units and places."""
+"""Inputs and outputs of linear models: names, units, and points of application."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _AXES = ("x", "y")
 
 @dataclass(frozen=True)
 class Sensor:
-    """A point of a link whose motion is an output, in two components.
+    """A point of a link whose motion is an output with two components.
 
     Args:
-        kind: "position" (m) and "velocity" (m/s), from the base joint; "acceleration" (m/s^2), in
-            space, that of the base included.
+        kind: "position" (m) and "velocity" (m/s) are relative to the base joint; "acceleration"
+            (m/s^2) is absolute and includes that of the base.
         link: number of the link, counted from 1 at the base.
         station: distance from the link's root, m; None for its tip.
-        frame: "world": x and y; "link", for accelerations: what an accelerometer on the link reads
-            along and across the root tangent (of the segment that carries it), gravity included.
-        name: of the outputs; None for one made of the others.
+        frame: "world": x and y; "link", for accelerations: the reading of an accelerometer on the
+            link, along and across the root tangent of its segment, gravity included.
+        name: name of the outputs; None for one that is composed of kind, link and station.
 
     Raises:
-        InputError: an unknown kind or frame, a frame that the kind does not have, a link that is no
-            number, or a station that is none or negative.
+        InputError: if the kind or the frame is unknown, the kind does not support the frame, the
+            link is not a number of 1 or more, or the station is not a number of 0 or more.
     """
 
     kind: str
@@ -65,35 +65,35 @@ class Sensor:
 
     @property
     def columns(self) -> slice:
-        """Columns of ``kernels.point_motion`` that it shows."""
+        """Columns of ``kernels.point_motion`` with the components of the output."""
         first = 6 if self.frame == "link" else 2 * KINDS.index(self.kind)
         return slice(first, first + 2)
 
     def labels(self) -> list[str]:
-        """Names of its two outputs."""
-        # In mm: python-control takes no dots in names.
+        """Return the names of the two outputs."""
+        # The station is in mm, because python-control does not permit dots in names.
         place = "tip" if self.station is None else f"{1e3 * self.station:.0f}mm"
         stem = self.name or f"{self.kind}[{self.link}@{place}]"
         return [f"{stem}[{a}]" for a in (_AXES if self.frame == "world" else ("along", "across"))]
 
     @property
     def unit(self) -> str:
-        """Unit of its outputs."""
+        """Unit of both outputs."""
         return ("m", "m/s", "m/s^2")[KINDS.index(self.kind)]
 
 
 class Input(NamedTuple):
-    """One scalar input. Exactly one of the places is given."""
+    """One scalar input; exactly one of ``joint``, ``load`` and ``axis`` is set."""
 
     name: str
     unit: str
     joint: int | None = None  # position among the joints
-    load: Load | None = None  # what acts for an input of one
-    axis: int | None = None  # of the base
+    load: Load | None = None  # the load of a unit input
+    axis: int | None = None  # axis of the acceleration of the base
 
 
 class Output(NamedTuple):
-    """What is seen in one go: a channel of results, the torque, or a sensor."""
+    """Outputs that are evaluated together: a channel of results, the torque, or a sensor."""
 
     names: tuple[str, ...]
     unit: str
@@ -101,7 +101,7 @@ class Output(NamedTuple):
     sensor: Sensor | None = None
 
 
-#: Channels of results that can be outputs: what their columns are counted by, and the unit.
+#: Channels of results that can be outputs: the objects that count their columns, and the unit.
 CHANNEL_OUTPUTS = {
     "joint_angle": ("joint", "rad"),
     "joint_rate": ("joint", "rad/s"),
@@ -128,10 +128,11 @@ OutputName = str | Sensor
 
 
 def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
-    """Resolve what the user calls the inputs.
+    """Return the inputs for the names and loads that the user gives.
 
     Raises:
-        InputError: an unknown name.
+        InputError: if a name is unknown, a load has no direction or depends on time, or two inputs
+            have the same name.
     """
     found: list[Input] = []
     loads = 0
@@ -148,7 +149,7 @@ def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
             raise InputError(Problem("linearize", "inputs", rule, shown(item)))
         unit = "N/m" if load.spread is not None else "N" if np.any(load.force) else "N m"
         if load.factor is None and np.any(load.value):
-            # The numbers of the load are its direction; the input scales them.
+            # The numbers of the load give its direction; the input scales them.
             found.append(Input(str(name), f"x {unit}", load=load))
         else:
             rule = "have a direction, and no function of time, where it is an input"
@@ -176,10 +177,14 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
 
 
 def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> list[Output]:
-    """Resolve what the user calls the outputs; ``contacts``: how many there are.
+    """Return the outputs for the names and sensors that the user gives.
+
+    Args:
+        contacts: number of contacts at the operating point.
 
     Raises:
-        InputError: an unknown name, strains of an arm without gauges, contacts where are none.
+        InputError: if a name is unknown, ``strain`` is requested of an arm without gauges, or a
+            contact channel is requested without contacts.
     """
     counted = {
         "joint": [str(n) for n in arm.joint_numbers],
@@ -215,7 +220,7 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
 
 
 def _check_place(arm: Arm, sensor: Sensor) -> None:
-    """Refuse a sensor that is not on the arm."""
+    """Raise if a sensor is not on the arm."""
     if sensor.link > arm.links:
         rule = f"be the number of a link, 1 to {arm.links}"
         raise InputError(Problem("linearize", "Sensor.link", rule, shown(sensor.link)))
@@ -226,7 +231,7 @@ def _check_place(arm: Arm, sensor: Sensor) -> None:
 
 
 def _is_length(value: object) -> bool:
-    """Tell whether a value is a finite number, zero or more."""
+    """Return whether a value is a finite number, zero or more."""
     try:
         return float(check_array("Sensor", "station", value, ())) >= 0.0
     except InputError:
@@ -234,7 +239,7 @@ def _is_length(value: object) -> bool:
 
 
 def _listed(wanted: object) -> list[object]:
-    """Take one name for a list of one."""
+    """Return a list of names; a single name becomes a list of one."""
     pair = isinstance(wanted, tuple) and len(wanted) == 2 and isinstance(wanted[1], Load)
     if isinstance(wanted, (str, Load, Sensor)) or pair:
         return [wanted]
@@ -256,7 +261,7 @@ def _check_names(which: str, names: list[str]) -> None:
 
 
 def state_names(arm: Arm) -> tuple[list[str], list[str]]:
-    """Names and units of the states: the coordinates, then their rates, 2 dof of each."""
+    """Return names and units of the states: the coordinates, then their rates, 2 dof of each."""
     names = [""] * arm.dof
     rates = [""] * arm.dof
     units = ["m kg^0.5"] * arm.dof
@@ -277,7 +282,7 @@ def state_names(arm: Arm) -> tuple[list[str], list[str]]:
 
 
 def torque_places(inputs: list[Input], joints: int) -> FloatArray:
-    """Derivative (joints, inputs) of the torque by the inputs."""
+    """Return the derivative (joints, inputs) of the torque by the inputs."""
     matrix = np.zeros((joints, len(inputs)))
     for column, item in enumerate(inputs):
         if item.joint is not None:

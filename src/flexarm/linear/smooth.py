@@ -1,7 +1,7 @@
 """The matrices of a separation between the breaks of its motion, as Chebyshev series.
 
-Along a smooth piece of a motion they are analytic functions of time: a few dozen evaluations of the
-kernels give them everywhere, to nearly all digits.
+They are analytic functions of time between two breaks, so a few dozen evaluations of the kernels
+give them at all times with an error close to rounding.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from flexarm.assemble import FloatArray
 from flexarm.linear.along import Separation
 
 _FIRST, _MOST = 32, 256
-#: A series is long enough when its last coefficients are this small beside its largest.
+#: A series is long enough if its last coefficients are below this fraction of the largest.
 _DIGITS = 1e-10
 
 
 class SmoothMatrices:
-    """M, D, K (T, k, k) and r (T, k) of a separation at any times, faster than the kernels."""
+    """M, D, K (T, k, k) and r (T, k) of a separation at any times, from Chebyshev series."""
 
     def __init__(self, model: Separation) -> None:
         self._model = model
         motion = model.motion
-        # At rest, before the motion and after it, one evaluation serves.
+        # Before and after the motion the matrices are constant, so one evaluation suffices.
         self._rest = [
             self._packed(np.array([t])) for t in (motion.start_time - 1.0, motion.end_time)
         ]
@@ -33,7 +33,7 @@ class SmoothMatrices:
         ]
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Evaluate at times (T,)."""
+        """Return M, D, K and r at times (T,)."""
         k = self._model.kept.size
         packed = np.empty((times.size, 3 * k * k + k))
         packed[times < self._breaks[0]] = self._rest[0]
@@ -54,7 +54,7 @@ class SmoothMatrices:
         while True:
             places = chebyshev.chebpts1(count)
             values = self._packed(0.5 * (a + b) + 0.5 * (b - a) * places)
-            # At these points the polynomials are orthogonal: no equations to solve.
+            # Chebyshev polynomials are orthogonal over these points, so no system is solved.
             series = chebyshev.chebvander(places, count - 1).T @ values * (2.0 / count)
             series[0] *= 0.5
             scale = np.max(np.abs(series), axis=0)

@@ -1,4 +1,4 @@
-"""A linear model: matrices with names on their rows and columns."""
+"""Linear state-space models with named states, inputs and outputs."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """Small deviations from an operating point: x' = A x + B u, y = C x + D u; (S.1), (S.2).
+    """Linear model of small deviations: x' = A x + B u, y = C x + D u; (S.1), (S.2).
 
     Attributes:
         A, B, C, D: (2 dof, 2 dof), (2 dof, inputs), (outputs, 2 dof), (outputs, inputs).
         states, inputs, outputs: names; ``units`` maps each to its unit.
-        mass, damping, stiffness: (dof, dof): M, D, K of M q'' + D q' + K q = forces, the same
-            motion to second order in time; gyroscopic and centrifugal terms included.
+        mass, damping, stiffness: (dof, dof) matrices of M q'' + D q' + K q = forces, the same model
+            in second-order form; gyroscopic and centrifugal terms included.
         q, qd, torque: the operating point, (dof,), (dof,), (joints,) N m.
-        drift: (2 dof,) rate of the state there, zero at an equilibrium; a term x' lacks otherwise.
-        output: (outputs,) values of the outputs there.
+        drift: (2 dof,) rate of the state at the operating point, zero at an equilibrium; otherwise
+            a constant term of x' that the model omits.
+        output: (outputs,) values of the outputs at the operating point.
     """
 
     A: FloatArray
@@ -61,7 +62,7 @@ class LinearModel:
 
     @property
     def poles(self) -> Any:
-        """Eigenvalues of A (2 dof,), complex, 1/s, slowest first."""
+        """Eigenvalues of A (2 dof,), complex, 1/s, in ascending magnitude."""
         from scipy.linalg import eigvals
 
         return slowest_first(eigvals(self.A))
@@ -69,8 +70,8 @@ class LinearModel:
     def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
         """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
 
-        Output unit per input unit; NaN at the frequency of an undamped pole, where no steady
-        response exists.
+        The unit is output unit per input unit. NaN at the frequency of an undamped pole, where no
+        steady response exists.
 
         Args:
             omega: (frequencies,) rad/s.
@@ -82,16 +83,17 @@ class LinearModel:
         return frequency_response(self.A, self.B, self.C, self.D, omega)
 
     def zeros(self, input: str | None = None, output: str | None = None) -> Any:
-        """Return the transmission zeros from one input to one output (zeros,), complex, 1/s.
+        """Return the transmission zeros of one input and one output (zeros,), complex, 1/s.
 
-        Slowest first. On a fine mesh they have more digits than those that python-control computes
-        from the same matrices, because states are scaled and zeros at infinity removed beforehand.
+        In ascending magnitude. On a fine mesh they are more accurate than those that python-control
+        computes from the same matrices, because the states are scaled and zeros at infinity are
+        removed beforehand.
 
         Args:
-            input, output: names; may be left out where the model has only one.
+            input, output: names; optional if the model has only one.
 
         Raises:
-            InputError: if the model has no such input or output, or more than one and no name.
+            InputError: if the name is unknown, or is omitted and the model has more than one.
         """
         k, j = self._place("output", output), self._place("input", input)
         return transmission_zeros(self.A, self.B[:, j], self.C[k], float(self.D[k, j]))
@@ -103,10 +105,10 @@ class LinearModel:
         return names.index(check_choice("LinearModel.zeros", kind, name, names))
 
     def to_control(self) -> control.StateSpace:
-        """Return a system of python-control with the same names.
+        """Convert to a state-space system of python-control with the same names.
 
         Raises:
-            InputError: python-control is not installed.
+            InputError: if python-control is not installed.
         """
         try:
             import control
@@ -128,7 +130,7 @@ class LinearModel:
         )
 
     def arrays(self) -> dict[str, Any]:
-        """Return all of it by name, as ``scipy.io.savemat`` and JSON take it; names as lists."""
+        """Return all arrays and names in a dictionary for ``scipy.io.savemat`` or JSON."""
         numeric = ("A", "B", "C", "D", "mass", "damping", "stiffness")
         point = ("q", "qd", "torque", "drift", "output")
         named = ("states", "inputs", "outputs")

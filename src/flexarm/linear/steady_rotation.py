@@ -1,4 +1,4 @@
-"""Steady rotation of a whole arm: the bent shape that turns without changing."""
+"""Steady rotation of a whole arm: the bent shape at a constant rate of the base joint."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _STEPS = 40
 
 
 def steady_rates(arm: Arm, spin: float) -> FloatArray:
-    """Rates (dof,) of an arm that turns as a whole with ``spin``, rad/s.
+    """Return the rates (dof,) of an arm that rotates as a whole with ``spin``, rad/s.
 
     Raises:
-        InputError: a spin with gravity, in which no shape stays as it is; or without a joint at
-            the base.
+        InputError: if the spin is not zero and the arm has gravity, under which no shape is steady,
+            or its first joint is fixed.
     """
     rates = np.zeros(arm.dof)
     if spin == 0.0:
@@ -33,13 +33,13 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
 
 
 def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
-    """Find q (dof,) that the links take at a steady spin, the joints at their angles in ``q``.
+    """Compute the steady shape q (dof,) at a constant spin, with the joint angles of ``q``.
 
     Theory page "small motion", (S.5); Newton's method with the exact tangent.
 
     Raises:
-        InputError: as ``steady_rates``.
-        EquilibriumError: none was found.
+        InputError: under the conditions of ``steady_rates``.
+        EquilibriumError: if Newton's method does not converge.
     """
     from scipy.linalg import solve
 
@@ -55,7 +55,7 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
         except np.linalg.LinAlgError:
             break
         found[bending] += step
-        # Quadratic convergence: once a step is that small, the next is rounding.
+        # Newton's method converges quadratically: after a step this small only rounding remains.
         if np.max(np.abs(step)) <= 1e-9 * (1e-3 + np.max(np.abs(found[bending]))):
             return found
     raise EquilibriumError(0.0, q, f"no steady shape at {spin:g} rad/s")

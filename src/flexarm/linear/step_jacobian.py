@@ -20,13 +20,13 @@ from flexarm.linear.parameters import constants_by
 
 @dataclass(frozen=True, eq=False)
 class StepJacobian:
-    """A step x = [q, qd] to x', and its derivatives, exact to rounding.
+    """One step from x = [q, qd] to x', and its derivatives, exact to rounding.
 
     Attributes:
         q, qd: (dof,) after the step.
         state: (2 dof, 2 dof) by [q, qd] before it.
-        torque: (2 dof, joints) by the torque held over it, N m.
-        parameters: for each parameter asked for, (2 dof,) by it, q and qd before the step held.
+        torque: (2 dof, joints) by the constant torque during the step, N m.
+        parameters: for each requested parameter, (2 dof,) by it, at constant initial q and qd.
     """
 
     q: FloatArray
@@ -50,25 +50,25 @@ def step_jacobian(
     method: str = "rk4",
     parameters: Sequence[str] = (),
 ) -> StepJacobian:
-    """Take one step of an integrator and differentiate it.
+    """Compute one step of an integrator and its exact derivatives.
 
     Args:
         arm: the arm.
         q, qd: (dof,) before the step.
-        torque: (joints,) N m, held over the step.
-        step: s.
+        torque: (joints,) N m, constant during the step.
+        step: length of the step, s.
         method: a one-step method of ``flexarm.integrate.INTEGRATORS``, explicit or implicit in
-            bending; one with step control takes this step as it is.
+            bending. A method with step control takes this step without control.
         parameters: "link_1.length", "link_1.mass", "link_1.rigidity": by a factor on the whole
             link, at one; "payload.mass" by kg, "payload.inertia" by kg m^2.
 
     Raises:
-        InputError: an argument has the wrong shape or value, a multistep method, or a parameter
-            that cannot be had.
+        InputError: if an argument has the wrong shape or value, the method is not a one-step
+            method, or a parameter is not supported.
 
-    By parameters the modal coordinates are held, not the nodal ones: chained over steps that is the
-    derivative of the whole run as ``simulate`` computes it, from links that start straight. Complex
-    perturbation of the same kernels that step; (D.15).
+    The derivatives by parameters are at constant modal coordinates, not constant nodal ones.
+    Chained over steps they give the derivative of a whole run of ``simulate`` from straight links.
+    Computed by complex perturbation of the kernels of the integrator; (D.15).
     """
     where = "step_jacobian"
     arm = check_kind(where, "arm", arm, Arm)
@@ -102,7 +102,7 @@ def step_jacobian(
 
 
 def _unit(place: int, size: int) -> FloatArray:
-    """An imaginary step in one direction."""
+    """Return an imaginary step in one entry of a vector."""
     unit = np.zeros(size, dtype=complex)
     unit[place] = 1j * STEP
     return unit

@@ -1,4 +1,4 @@
-"""Mass, damping and stiffness of small motion about any motion: theory "small motion", (S.2)."""
+"""Mass, damping and stiffness matrices of small deviations; theory "small motion", (S.2)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexarm.loads import Load
 
 
 class Tangent(NamedTuple):
-    """M qdd + D qd + K q of small deviations, each (dof, dof)."""
+    """Matrices M, D, K of M qdd + D qd + K q for small deviations, each (dof, dof)."""
 
     mass: FloatArray
     damping: FloatArray
@@ -32,9 +32,9 @@ def tangent(
     base_acceleration: FloatArray | None = None,
     contacts: Sequence[Contact] = (),
 ) -> Tangent:
-    """Linearise the inverse dynamics about a motion (dof,) each; exact to rounding.
+    """Linearise the inverse dynamics about a motion q, qd, qdd, each (dof,); exact to rounding.
 
-    About a state that moves, ``damping`` holds gyroscopic terms and ``stiffness`` centrifugal ones.
+    If qd is not zero, ``damping`` includes gyroscopic terms and ``stiffness`` centrifugal terms.
     """
     kernels = KernelView(arm.assembly.constants, complex)
     n, width = kernels.shape

@@ -1,4 +1,4 @@
-"""Modes followed along postures, a motion, or a rising spin: lines that do not swap."""
+"""Tracking of modes along postures, a motion, or increasing spin, by similarity of their shapes."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.held import Joints
 from flexarm.linear.modal import Modes, modes
 
-#: Shapes less alike than this ask for a posture between; below it they teach nothing.
+#: Minimum similarity of the shapes at neighbouring samples; below it the interval is halved.
 _ALIKE = 0.8
 _MOST_HALVINGS = 8
 _SAMPLES = 101
 
 
 class Motion(Protocol):
-    """What `line_motion` and `joint_motion` return."""
+    """Interface of motions such as those of `line_motion` and `joint_motion`."""
 
     @property
     def start_time(self) -> float: ...
@@ -39,16 +39,16 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ModeTracks:
-    """Modes followed along a parameter; column j is one mode throughout.
+    """Modes tracked along a parameter; column j is the same mode at all samples.
 
     Attributes:
-        parameter: (s,), the ``parameter_name`` in ``parameter_unit``.
-        frequency_hz: (s, k) undamped; of a spinning arm the moduli of the eigenvalues.
+        parameter: (s,) values of the ``parameter_name`` in ``parameter_unit``.
+        frequency_hz: (s, k) undamped; for a spinning arm the moduli of the eigenvalues over 2 pi.
         damping_ratio: (s, k).
         eigenvalues: (s, k) 1/s, complex.
         shapes: (s, k, dof) of the damped motion.
-        similarity: (s, k): how much of the shape at the sample before is in this one, 0 to 1, in
-            the sense of (S.6); one at the first.
+        similarity: (s, k) of the shape to that at the previous sample, 0 to 1, (S.6); one at the
+            first sample.
     """
 
     parameter: FloatArray
@@ -79,24 +79,26 @@ def track_modes(
     samples: int = _SAMPLES,
     sag: bool = False,
 ) -> ModeTracks:
-    """Follow modes along postures or a motion.
+    """Track modes of vibration along postures or a motion.
 
     Args:
         arm: the arm.
-        along: joint angles (s, joints) rad, or a motion of `line_motion` or `joint_motion`, of
-            which ``samples`` postures are taken; the parameter is then its time (s), else the
-            number of the posture.
+        along: joint angles (s, joints) rad, or a motion such as that of `line_motion` or
+            `joint_motion`, evaluated at ``samples`` times. The parameter is the number of the
+            posture or the time (s), respectively.
         joints: as in `modes`.
-        count: how many, from the lowest that is no rigid-body mode at the first posture.
-        sag: vibrate about the equilibrium under gravity at each posture, not about straight links.
+        count: number of modes, from the lowest that is not a rigid-body mode at the first posture.
+        samples: number of postures along a motion.
+        sag: compute modes about the equilibrium under gravity at each posture, instead of about
+            straight links.
 
     Raises:
-        InputError: postures of the wrong shape, fewer than one mode.
-        EquilibriumError: with ``sag``, where there is none.
+        InputError: if the postures have the wrong shape, or ``count`` is less than one.
+        EquilibriumError: if ``sag`` is set and a posture has no equilibrium.
 
-    Each mode goes on as the one whose shape is most like it; where none is, postures between are
-    looked at. Two lines that come close and part again (veering) exchange their shapes gradually
-    and are followed as the curves that they are.
+    Each mode is continued by the mode with the most similar shape. If none is similar enough,
+    intermediate postures are evaluated. Two curves that approach each other and separate again
+    (veering) exchange their shapes gradually, and are tracked as the curves that they are.
     """
     where = "track_modes"
     arm = check_kind(where, "arm", arm, Arm)
@@ -131,17 +133,17 @@ def campbell(
     *,
     count: int = 4,
 ) -> ModeTracks:
-    """Follow modes of an arm that turns as a whole, faster and faster.
+    """Track modes of an arm that rotates as a whole at increasing spin (Campbell diagram).
 
     Args:
-        arm: the arm, without gravity; only with ``theory="second_order"`` does spin stiffen it.
+        arm: the arm, without gravity. Spin stiffens links only with ``theory="second_order"``.
         spin: (s,) rad/s, ascending.
         joint_angles, joints: as in `modes`.
-        count: how many, from the lowest that is no rigid-body mode at the first spin.
+        count: number of modes, from the lowest that is not a rigid-body mode at the first spin.
 
     Raises:
-        InputError: gravity, a fixed first joint, fewer than one mode.
-        EquilibriumError: no steady shape at some spin.
+        InputError: if the arm has gravity, its first joint is fixed, or ``count`` is less than one.
+        EquilibriumError: if the arm has no steady shape at some spin.
     """
     arm = check_kind("campbell", "arm", arm, Arm)
     rates = check_array("campbell", "spin", spin, (-1,))
@@ -197,13 +199,13 @@ def _row(found: Modes, chosen: NDArray[np.intp], alike: FloatArray) -> tuple[Any
 
 
 class _Lines:
-    """The shapes that are followed, as they were last seen clearly."""
+    """The tracked shapes, each from the last sample with a clear match."""
 
     def __init__(self, arm: Arm, shapes: NDArray[Any]) -> None:
         self.arm, self.shapes = arm, shapes
 
     def match(self, found: Modes) -> tuple[NDArray[np.intp], FloatArray]:
-        """Find each line's mode and how much alike they are: (S.6)."""
+        """Return the mode that continues each tracked mode, and their similarity: (S.6)."""
         from scipy.optimize import linear_sum_assignment
 
         M = self.arm.mass_matrix(found.q)
@@ -216,7 +218,7 @@ class _Lines:
         return columns, alike[rows, columns]
 
     def take(self, found: Modes, chosen: NDArray[np.intp], alike: FloatArray) -> None:
-        """Go on with the shapes now seen; where lines cross and shapes mix, keep the older."""
+        """Update the tracked shapes, except where modes cross and the match is not clear."""
         clear = alike >= _ALIKE
         self.shapes = np.where(clear[:, None], found.complex_shapes[chosen], self.shapes)
 
@@ -224,7 +226,7 @@ class _Lines:
 def _step(
     lines: _Lines, solve: Callable[[float], Modes], before: float, at: float, depth: int
 ) -> tuple[Modes, NDArray[np.intp], FloatArray]:
-    """Go from one parameter to the next, in halves where shapes change too much for one step."""
+    """Advance to the next parameter, halving the interval if shapes change too much."""
     found = solve(at)
     chosen, alike = lines.match(found)
     if alike.min() < _ALIKE and depth < _MOST_HALVINGS:

@@ -1,7 +1,7 @@
 """Transfer functions of a linear model: frequency responses and transmission zeros.
 
-Both work on the matrices themselves: the polynomials of a transfer function lose all digits with
-twenty states.
+Both use the state-space matrices directly, because the coefficients of the polynomials of a
+transfer function lose all digits with twenty states.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from flexarm.assemble import FloatArray
 
-#: A solution this many times larger than a regular matrix of this size would give is rounding.
+#: A matrix counts as singular if its solution exceeds that of a regular one by this factor.
 _SINGULAR = 1e13
 
 
 def slowest_first(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return eigenvalues ordered by magnitude; of equal ones stable before not, then by the sign.
+    """Return eigenvalues by ascending magnitude, then stable before unstable, then by sign.
 
-    They are compared to nine digits: the last ones differ between machines, and would put a
-    conjugate pair in either order.
+    Magnitudes are compared to nine digits, because the last digits differ between machines and
+    would change the order of a conjugate pair.
     """
     size = np.abs(values)
     direction = np.round(values / np.maximum(size, np.finfo(float).tiny), 9)
@@ -32,7 +32,7 @@ def slowest_first(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
 def frequency_response(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, omega: FloatArray
 ) -> NDArray[np.complex128]:
-    """Return C (i omega - A)^-1 B + D, (frequencies, outputs, inputs); NaN on an undamped pole."""
+    """Return C (i omega - A)^-1 B + D, (frequencies, outputs, inputs); NaN at undamped poles."""
     from scipy.linalg import matrix_balance
 
     A, (scale, _) = matrix_balance(A, permute=False, separate=True)
@@ -46,7 +46,7 @@ def frequency_response(
 
 
 def _solved(matrices: NDArray[np.complex128], B: FloatArray) -> NDArray[np.complex128]:
-    """Solve for many matrices; NaN for those that are exactly singular."""
+    """Solve with many matrices; return NaN for those that are exactly singular."""
     right = np.broadcast_to(B, (len(matrices), *B.shape))
     try:
         return np.asarray(np.linalg.solve(matrices, right), dtype=complex)
@@ -57,14 +57,15 @@ def _solved(matrices: NDArray[np.complex128], B: FloatArray) -> NDArray[np.compl
 
 
 def transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) -> Any:
-    """Return the zeros of one input to one output (zeros,), complex, 1/s, slowest first.
+    """Return the transmission zeros of one input and one output (zeros,), complex, 1/s.
 
-    A zero is an s at which a state x and an input u exist with s x = A x + b u and c x + d u = 0.
-    Without feedthrough the pencil of these equations has eigenvalues at infinity whose rounding
-    spoils the finite ones, so they are removed beforehand: for a rate (c b not zero) x lies in the
-    null space of c, for a place in that of c and c A, and only the equations orthogonal to b, and
-    for a place to c, say anything new. The states are scaled first, because coordinates and their
-    rates differ by the highest frequency, 1e5 on a fine mesh.
+    In ascending magnitude. A zero is an s for which a state x and an input u other than zero exist
+    with s x = A x + b u and c x + d u = 0. Without feedthrough the pencil of these equations has
+    eigenvalues at infinity whose rounding errors affect the finite ones, so they are removed
+    beforehand. For a velocity (c b not zero), x is in the null space of c; for a position, it is in
+    that of c and c A. Only the equations orthogonal to b, and for a position to c, are independent
+    of these constraints. The states are scaled first, because coordinates and their rates differ by
+    a factor of the highest frequency, 1e5 on a fine mesh.
 
     Source: A. Emami-Naeini and P. Van Dooren, Computation of zeros of linear multivariable systems,
     Automatica 18 (1982) 415-430, for the pencil and for the deflation of infinite zeros.
@@ -78,13 +79,13 @@ def transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) ->
     if d != 0.0:
         found = eigvals(A - np.outer(b, c) / d)
     else:
-        # Scales are powers of two, so that the product of a place and a force is exactly zero.
+        # Scales are powers of two, so that the product of a position and a force is exactly zero.
         constraints = np.array([c] if c @ b != 0.0 else [c, c @ A])
         constraints /= np.linalg.norm(constraints, axis=1, keepdims=True)
         orthogonal = np.vstack([b / np.linalg.norm(b), constraints[:-1]])
         allowed, equations = null_space(constraints), null_space(orthogonal)
-        # The direct effect of a torque on a far point fades with each element: on a fine mesh
-        # a zero may lie beyond all numbers.
+        # The direct effect of a torque on a distant point decreases with each element, so on a fine
+        # mesh the magnitude of a zero may exceed the range of floating-point numbers.
         if allowed.shape[1] == 0:
             return np.zeros(0, dtype=complex)
         found = eigvals(equations.T @ A @ allowed, equations.T @ allowed)

@@ -1,4 +1,7 @@
-"""What the user says: arms and scenarios, in Python and in files. No numerics, no NumPy."""
+"""User input: descriptions of arms, scenarios and studies, in Python and in files.
+
+This package imports no numerics and no NumPy.
+"""
 
 from flexarm.model.contacts import ContactSpec as ContactSpec
 from flexarm.model.contacts import RoundWallSpec as RoundWallSpec

@@ -1,9 +1,8 @@
-"""`Record`: the base of everything a user writes down, in Python or in a file.
+"""`Record`, the base class of user input in Python and in files.
 
-A record is a frozen pydantic model that refuses unknown keys and tells all its problems at once:
-those of single values together with those between values, as far as the values concerned are
-right. In Python it raises `ModelError`; inside a file the faults go up to the reader of the file,
-which knows the lines.
+A record is a frozen pydantic model that rejects unknown keys and reports all its problems together:
+those of single values and, for values that are valid, those between values. In Python it raises
+`ModelError`; in a file the reader of the file receives the faults and adds the lines.
 """
 
 from __future__ import annotations
@@ -36,17 +35,17 @@ else:
 
 T = TypeVar("T")
 
-#: Attributes that records get from pydantic and from Python's class machinery.
+#: Attributes of records that pydantic and Python's class machinery define.
 _INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__, "__abstractmethods__", "__annotations__"}
 _INTERNAL -= set(dir(object))
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(Field,))
 class RecordType(ModelMetaclass):
-    """Makes ``Link(length=-1)`` raise `ModelError` instead of pydantic's own error.
+    """Metaclass of records: ``Link(length=-1)`` raises `ModelError` instead of pydantic's error.
 
-    Overriding ``__init__`` would do the same to records nested in a file, whose faults must reach
-    the reader of the file with their place; pydantic does not come through here for those.
+    Overriding ``__init__`` would also affect records nested in a file, whose faults must reach the
+    reader of the file with their paths. Pydantic does not call the metaclass for those.
     """
 
     def __call__(cls: type[T], *args: Any, **kwargs: Any) -> T:
@@ -68,33 +67,33 @@ class RecordType(ModelMetaclass):
 
     @property
     def __doc__(cls) -> str:  # type: ignore[override]
-        # A property, because fields are not complete until the class is.
+        # This is a property, because the fields are complete only after the class is.
         text = cls.__dict__.get("__doc__") or ""
         return docstring_of(cls, text) if getattr(cls, "model_fields", None) else text  # type: ignore[arg-type]
 
     def __dir__(cls) -> list[str]:
-        """List what a record offers itself: pydantic's own attributes would bury it in ``help``."""
+        """List the attributes of a record without pydantic's own, for a short ``help``."""
         names = super().__dir__()
         return [n for n in names if n not in _INTERNAL and not n.startswith("__pydantic")]
 
 
 class Given:
-    """The fields of a record that are right: all of them, or what an invalid input has left."""
+    """The valid fields of a record, and the raw input."""
 
     def __init__(self, valid: Mapping[str, Any], raw: object) -> None:
         self._valid = valid
         self._raw = raw if isinstance(raw, dict) else {}
 
     def has(self, *names: str) -> bool:
-        """Tell whether all these fields are right and not None."""
+        """Return whether all these fields are valid and not None."""
         return all(self._valid.get(name) is not None for name in names)
 
     def absent(self, name: str) -> bool:
-        """Tell whether the user has left the field out (a wrong value is not left out)."""
+        """Return whether the user has omitted the field (an invalid value is not omitted)."""
         return self.raw(name) is None
 
     def raw(self, name: str) -> Any:
-        """Return what the user wrote for the field, checked or not."""
+        """Return the user's value of the field, validated or not."""
         return self._valid.get(name, self._raw.get(name))
 
     def __getattr__(self, name: str) -> Any:
@@ -102,7 +101,10 @@ class Given:
 
 
 class Record(BaseModel, metaclass=RecordType):
-    """Frozen, keyword-only, no unknown keys, no NaN; raises `ModelError` with every problem."""
+    """Base of user input: frozen, keyword-only, finite numbers; lists all problems in an error.
+
+    An unknown key or an invalid value raises `ModelError`.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -111,14 +113,14 @@ class Record(BaseModel, metaclass=RecordType):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        """Yield what is wrong between fields; look only at fields that `given` has."""
+        """Yield the faults between fields; use only fields that `given` has."""
         yield from ()
 
     def replace(self, **changes: Any) -> Self:
-        """Return a checked copy in which the named fields have other values.
+        """Return a validated copy in which the named fields have other values.
 
         Raises:
-            ModelError: the changed record is wrong.
+            ModelError: if the changed record is invalid.
         """
         kept = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**{**kept, **changes})
@@ -127,13 +129,13 @@ class Record(BaseModel, metaclass=RecordType):
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """Describe the record by its own docstring: the schema has an entry for each field."""
+        """Return a JSON schema whose description is the docstring of the record."""
         made = handler(schema)
         handler.resolve_ref_schema(made)["description"] = cleandoc(cls.__dict__["__doc__"])
         return made
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
-        """Show what was given, not the defaults."""
+        """Show only the fields that the user gave, not the defaults."""
         return ((k, v) for k, v in super().__repr_args__() if k in self.model_fields_set)
 
     @model_validator(mode="wrap")
@@ -160,12 +162,12 @@ class Record(BaseModel, metaclass=RecordType):
 
 
 def faults_of(error: ValidationError) -> list[Fault]:
-    """Return the faults a record's validation has raised, paths relative to the record."""
+    """Return the faults of the validation of a record, with paths relative to the record."""
     return [worded(details, None, ()) for details in error.errors(include_url=False)]
 
 
 def _hinted(fault: Fault, hints: Mapping[str, str]) -> Fault:
-    """Give a fault directly at a field that field's hint."""
+    """Return a fault with the hint of its field, if it has none and is directly at the field."""
     if fault.hint or len(fault.path) != 1:
         return fault
     return Fault(fault.path, fault.rule, fault.value, hints.get(str(fault.path[0]), ""))
@@ -174,7 +176,7 @@ def _hinted(fault: Fault, hints: Mapping[str, str]) -> Fault:
 def _right_fields(
     cls: type[Record], data: Mapping[str, Any], wrong: set[str | int]
 ) -> dict[str, Any]:
-    """Validate one by one the fields that were not complained about; defaults fill the rest."""
+    """Return the valid fields among those without faults, validated singly, and defaults."""
     right: dict[str, Any] = {}
     for name, field in cls.model_fields.items():
         if name in wrong:
@@ -186,7 +188,7 @@ def _right_fields(
             continue
         try:
             right[name] = _field_adapter(cls, name).validate_python(data[name])
-        except ValidationError:  # a field validator has put it right in the record's context only
+        except ValidationError:  # valid only after the validators of the record
             continue
     return right
 

@@ -1,4 +1,4 @@
-"""What an arm may touch in a scenario: surfaces, and the law of the touch."""
+"""Contacts of a scenario: surfaces, and the contact law."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Exponent = Annotated[float, Field(ge=1, le=5), BeforeValidator(finite)]
 
 
 class WallSpec(Record):
-    """A straight surface; what is behind it, against the normal, is solid."""
+    """A straight surface; the half-plane behind it, opposite to the normal, is solid."""
 
     kind: Literal["wall"] = "wall"
     point: Pair = Field(description="Any point on it [x, y], world frame (m).")
@@ -39,7 +39,7 @@ class WallSpec(Record):
 
 
 class RoundWallSpec(Record):
-    """A circle: a post that is touched from outside, or a round room."""
+    """A circular surface with contact from outside (a post) or from inside (a round room)."""
 
     kind: Literal["round"] = "round"
     center: Pair = Field(description="Centre [x, y], world frame (m).")
@@ -48,7 +48,7 @@ class RoundWallSpec(Record):
 
 
 class SurfaceTableSpec(Record):
-    """A smooth curve through points; what lies to the right of its course is solid."""
+    """A smooth curve through points; the side to the right of its direction is solid."""
 
     kind: Literal["table"] = "table"
     x: Listed[Number] = Field(description="x of three points or more (m).")
@@ -77,7 +77,7 @@ SurfaceSpec = Annotated[WallSpec | RoundWallSpec | SurfaceTableSpec, Field(discr
 
 
 class ContactSpec(Record):
-    """A point of a link that may touch a surface, and the law of the touch."""
+    """Contact between a point of a link and a surface, and its contact law."""
 
     surface: SurfaceSpec = Field(description="What it may touch.")
     stiffness: Positive = Field(

@@ -1,4 +1,4 @@
-"""Structural damping of a link, diagonal in the link's own modes."""
+"""Structural damping of a link, diagonal in the modes of the link."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexarm.model.wording import Fault
 
 
 class ModalDamping(Record):
-    """A damping ratio for each mode of the link, root clamped and tip free."""
+    """Damping ratios of the modes of a link with clamped root and free tip."""
 
     kind: Literal["modal"] = "modal"
     ratio: OneOrMany[Fraction] = Field(
@@ -31,7 +31,7 @@ class ModalDamping(Record):
             yield Fault(("ratio",), "hold a number for at least the lowest mode", "empty")
 
     def ratios(self, modes: int) -> tuple[float, ...]:
-        """Return the ratio of each of a link's `modes`, from the lowest."""
+        """Return the ratios of the given number of modes, from the lowest."""
         if not isinstance(self.ratio, Sequence):
             return (self.ratio,) * modes
         missing = modes - len(self.ratio)
@@ -39,7 +39,7 @@ class ModalDamping(Record):
 
 
 class RayleighDamping(Record):
-    """Damping matrix ``mass_coefficient * M + stiffness_coefficient * K`` of the link."""
+    """Rayleigh damping of a link: ``mass_coefficient * M + stiffness_coefficient * K``."""
 
     kind: Literal["rayleigh"] = "rayleigh"
     mass_coefficient: NonNegative = Field(

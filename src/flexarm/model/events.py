@@ -12,12 +12,12 @@ from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, Flag, Number, Pair, Word
 from flexarm.model.wording import Fault
 
-#: How a run may end without an event: not for names of events.
+#: Names of other ends of a run, not permitted for events.
 DURATION, FAILURE = "duration", "failure"
 
 
 class _Event(Record):
-    """What results call it, which crossings count, and whether the run ends."""
+    """Base of events: name, direction of the crossing, and whether the run ends."""
 
     name: Word | None = Field(
         default=None, description="What results call it; by its place, event_1, where left out."
@@ -34,7 +34,7 @@ class _Event(Record):
 
 
 class JointEvent(_Event):
-    """A joint passes an angle or touches a stop; rising is a growing angle."""
+    """A joint passes an angle or reaches a stop; rising means an increasing angle."""
 
     kind: Literal["joint_angle"] = "joint_angle"
     joint: Count = Field(description="Number of the joint, counted from 1 at the base.")
@@ -54,7 +54,7 @@ class JointEvent(_Event):
 
 
 class TipEvent(_Event):
-    """The arm's tip crosses a straight line; rising is along the normal."""
+    """The tip crosses a straight line; rising means along the normal."""
 
     kind: Literal["tip_line"] = "tip_line"
     point: Pair = Field(description="Any point of the line [x, y], world frame (m).")
@@ -71,10 +71,10 @@ EventSpec = Annotated[JointEvent | TipEvent, Field(discriminator="kind")]
 
 
 def event_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
-    """Yield the events that have no name of their own or do not fit the arm.
+    """Yield the faults of events whose name is not unique or that do not fit the arm.
 
     Args:
-        turning: numbers of the joints that turn; none where they are not known.
+        turning: numbers of the joints that turn; empty if they are unknown.
     """
     if not given.has("events"):
         return

@@ -1,4 +1,4 @@
-"""Arm files and scenario files: read strictly, every problem with its line; written atomically."""
+"""Arm, scenario and study files: strict reading with the line of each problem, atomic writing."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from flexarm.replace_file import replace_file
 
 FILE_VERSION = 1
 
-_MOST_BYTES = 100_000_000  # no description is longer; keeps endless devices out
+_MOST_BYTES = 100_000_000  # no description is longer; limits reading from devices
 
 AnyPath = str | os.PathLike[str]
 R = TypeVar("R", bound=Record)
 
 
 def load_document(path: AnyPath) -> Document:
-    """Read a YAML file whose content is a mapping; the functions below take it for its path.
+    """Read a YAML file whose content is a mapping; other functions accept it in place of a path.
 
-    A pipe can be read only once.
+    This permits reading a pipe, which can be read only once.
 
     Raises:
         ModelError: if the file cannot be read or is not a mapping in YAML.
@@ -46,10 +46,10 @@ def load_document(path: AnyPath) -> Document:
 
 
 def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
-    """Read the arm of an arm file, or of a scenario file whose other parts are not looked at.
+    """Read the arm of an arm file, or of a scenario or study file, whose other keys are ignored.
 
     Raises:
-        ModelError: the file cannot be read or describes no arm; lists every problem with its line.
+        ModelError: if the file cannot be read or has no valid arm; lists all problems with lines.
     """
     problems: list[Problem] = []
     document = path if isinstance(path, Document) else load_document(path)
@@ -63,34 +63,35 @@ def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
 
 
 def load_scenario(path: AnyPath) -> Scenario:
-    """Read a scenario file; its `arm` may be the path of another file, relative to it.
+    """Read a scenario file; its `arm` may be the path of another file, relative to the scenario.
 
     Raises:
-        ModelError: the file or the arm file it names is wrong; lists every problem with its line.
+        ModelError: if the file or its arm file is invalid; lists all problems with lines.
     """
     return locate_scenario(check_path("load_scenario", "path", path))[0]
 
 
 def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path], str]]:
-    """Read a scenario file, see `load_scenario`; return with it where each key path stands.
+    """Read a scenario file, and return the scenario with a function from key path to line.
 
-    With it, problems found only when the scenario is built are reported with ``file:line`` too.
+    The function returns ``file:line``, for problems that are found after reading. See
+    `load_scenario`.
     """
     return _located(Scenario, path)
 
 
 def locate_study(path: AnyPath | Document) -> tuple[Study, Callable[[Path], str]]:
-    """Read a study file, as `locate_scenario` reads a scenario.
+    """Read a study file, and return the study with a function from key path to line.
 
     Raises:
-        ModelError: the file or the arm file it names is wrong; lists every problem with its line.
+        ModelError: if the file or its arm file is invalid; lists all problems with lines.
     """
     return _located(Study, path)
 
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Pause the garbage collector: it would visit the nodes of a long table again and again."""
+    """Pause the garbage collector, which would visit the nodes of a long table repeatedly."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -120,16 +121,16 @@ def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path
 
 
 def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
-    """Refuse a study where a scenario is wanted, and a scenario where a study is.
+    """Raise if the file is a study instead of a scenario, or a scenario instead of a study.
 
     Raises:
-        ModelError: it has keys that only the other kind of file has, and none of its own.
+        ModelError: if the file has keys of the other kind of file only.
     """
     keys = document.value.keys()
     own = keys & (kind.model_fields.keys() - _OTHERS[kind].model_fields.keys())
     others = keys & (_OTHERS[kind].model_fields.keys() - kind.model_fields.keys())
     if kind is Study:
-        others |= keys & {"run"}  # all that a scenario of a free arm has
+        others |= keys & {"run"}  # the only key of its own in a scenario of a free arm
     if own or not others:
         return
     names = {Scenario: ("scenario", "run"), Study: ("study", "compare")}
@@ -143,28 +144,28 @@ _OTHERS: dict[type[Record], type[Record]] = {Scenario: Study, Study: Scenario}
 
 
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
-    """Write an arm file; `load_arm_spec` reads it back equal.
+    """Write an arm file; `load_arm_spec` returns an equal arm.
 
-    Values equal to their defaults are left out. The file appears complete or not at all; missing
-    folders are made.
+    Values equal to their defaults are omitted. The file is written completely or not at all;
+    missing folders are created.
 
     Raises:
-        ModelError: the file cannot be written.
+        ModelError: if the file cannot be written.
     """
     _write(FilePath(path), file_text(spec))
 
 
 def save_scenario(scenario: Scenario, path: AnyPath) -> None:
-    """Write a scenario file, the arm inside; see `save_arm_spec`.
+    """Write a scenario file that contains the arm; see `save_arm_spec`.
 
     Raises:
-        ModelError: the file cannot be written.
+        ModelError: if the file cannot be written.
     """
     _write(FilePath(path), file_text(scenario))
 
 
 def file_text(record: ArmSpec | Scenario) -> str:
-    """Return the text of the file that describes an arm or a scenario."""
+    """Return the YAML text of an arm file or a scenario file."""
     content = _content(record)
     parts = {"arm": content} if isinstance(record, ArmSpec) else content
     return to_yaml({"flexarm": FILE_VERSION, **parts})
@@ -208,9 +209,9 @@ def _checked(
     problems: list[Problem],
     told: Path = (),
 ) -> R | None:
-    """Make a record of the value found at `inside`; add what is wrong with it to `problems`.
+    """Return a record of the value at the path `inside`, and add its faults to `problems`.
 
-    Problems at the place `told` have been reported before and are left out.
+    Problems at the path `told` have been reported before and are omitted.
     """
     try:
         return kind.model_validate(value)
@@ -228,7 +229,7 @@ def _holder_of_arm(
     came_from: tuple[str, ...],
     kind: type[Record] | None = None,
 ) -> Document | None:
-    """Follow ``arm: other.yaml`` to the file that describes the arm; None where none does."""
+    """Return the document that contains the arm, following ``arm: other.yaml``, or None."""
     problems += document.problems
     problems += _head_problems(document, kind)
     if "arm" not in document.value:
@@ -246,8 +247,8 @@ def _holder_of_arm(
     try:
         text = _text(other)
         if not _ARM_FILE.search(text):
-            # Whoever writes a scenario may not be allowed to read every file that this process
-            # can: do not quote the content of a file that was not written for flexarm.
+            # The author of a scenario may have fewer rights than this process: do not quote the
+            # content of files that were not written for flexarm.
             value = f"{shown(named)}, which has no key `flexarm`"
             problems.append(Problem(here, "arm", "name an arm file", value))
             return None
@@ -259,9 +260,9 @@ def _holder_of_arm(
 
 
 def _head_problems(document: Document, kind: type[Record] | None) -> list[Problem]:
-    """Return what is wrong with the version and the names of the top-level keys.
+    """Return the problems of the version and of the names of the top-level keys.
 
-    A file that is read for its arm alone may be of any kind.
+    If only the arm is read, the file may be of any kind.
     """
     if kind is None:
         kind = Study if "drives" in document.value else Scenario
@@ -285,7 +286,7 @@ def _head_problems(document: Document, kind: type[Record] | None) -> list[Proble
 
 
 def _in_order(first: FilePath, problems: list[Problem]) -> list[Problem]:
-    """Sort problems as their lines stand in the files, those of the file `first` first."""
+    """Sort problems by file and line; those of the file `first` come first."""
 
     def place(problem: Problem) -> tuple[int, int]:
         file, _, line = problem.where.rpartition(":")
@@ -296,13 +297,13 @@ def _in_order(first: FilePath, problems: list[Problem]) -> list[Problem]:
     return sorted(problems, key=place)
 
 
-#: What every arm file has, also one with errors of syntax further on.
-#: Blank lines are not part of the match, because the time would grow with a power of their number.
+#: A line that every arm file has, even if it has syntax errors further on. Blank lines are not
+#: part of the match, because the time would increase with a power of their number.
 _ARM_FILE = re.compile(r"""^[ \t]*(?:\{\s*)?["']?flexarm["']?\s*:""", re.MULTILINE)
 
 
 def _real(file: FilePath) -> str:
-    """Return the path with links resolved; of a path that no file can have, the path itself."""
+    """Return the path with links resolved, or the path itself if no file can have it."""
     try:
         return os.path.realpath(file)
     except ValueError:
@@ -332,7 +333,7 @@ def _text(file: FilePath) -> str:
 
 
 def _parsed(file: FilePath, text: str) -> Document:
-    """Return the content of a YAML file, which must be a mapping."""
+    """Return the content of a YAML file; raise if it is not a mapping."""
     document = parse(file, text)
     if not isinstance(document.value, dict):
         rule, value = "be a mapping of keys to values", shown(document.value)
@@ -341,7 +342,7 @@ def _parsed(file: FilePath, text: str) -> Document:
 
 
 def _near(file: FilePath) -> str:
-    """Return a sentence naming a file beside the missing one with nearly its name."""
+    """Return a sentence with a file name in the same folder that is similar to the missing one."""
     import difflib
 
     try:
@@ -353,7 +354,7 @@ def _near(file: FilePath) -> str:
 
 
 def _content(value: Any) -> Any:
-    """Return what a file says for a value of a record, defaults left out."""
+    """Return the content of a file for a value of a record, without defaults."""
     if isinstance(value, Material) and value in MATERIALS.values():
         return next(name for name, preset in MATERIALS.items() if preset == value)
     if isinstance(value, Record):

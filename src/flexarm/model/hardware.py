@@ -1,4 +1,4 @@
-"""Instruments and motors between a controller and an arm, as a file describes them."""
+"""Description of the instruments and motors between a controller and an arm."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ ChannelSignal = Literal[
 ]
 PointSignal = Literal["position", "velocity", "acceleration"]
 Signal = Literal[ChannelSignal, PointSignal]
-#: Signals that are channels, and those of a point of a link.
+#: Signals that are channels of results, and signals of a point of a link.
 CHANNEL_SIGNALS: tuple[str, ...] = get_args(ChannelSignal)
 POINT_SIGNALS: tuple[str, ...] = get_args(PointSignal)
-#: What motors may have one value of for each joint.
+#: Keys of motors that may have one value per joint.
 LIMITS = ("torque_limit", "torque_constant", "current_limit", "voltage_limit", "resistance")
 Seed = Annotated[int, Field(strict=True, ge=0), BeforeValidator(plain)]
 
 
 class InstrumentSpec(Record):
-    """One sensor, or one for each joint, link or gauge."""
+    """One sensor, or one sensor for each joint, link or gauge."""
 
     signal: Signal = Field(
         description="Channel that it reads; or position, velocity, acceleration of a point."
@@ -103,7 +103,7 @@ class InstrumentSpec(Record):
 
 
 class MotorsSpec(Record):
-    """What becomes of a torque that the controller asks for; values at the joint, gear included."""
+    """Motors between the requested torque and the joints; values include the gear."""
 
     torque_limit: OneOrMany[Positive] | None = Field(
         default=None, description="Largest torque, one for all joints or one each (N m)."
@@ -132,7 +132,7 @@ class MotorsSpec(Record):
 
 
 class HardwareSpec(Record):
-    """Instruments and motors; exact sensors and ideal motors where left out."""
+    """Instruments and motors; exact sensors and ideal motors by default."""
 
     instruments: Listed[InstrumentSpec] | None = Field(
         default=None, description="What the controller measures."
@@ -152,7 +152,7 @@ class HardwareSpec(Record):
 
 
 def names_of(item: InstrumentSpec) -> Iterator[str]:
-    """Yield what the measurement calls the readings of an instrument."""
+    """Yield the names of the readings of an instrument in a measurement."""
     name = item.name or item.signal
     yield name
     if item.rate_cutoff is not None:
@@ -160,7 +160,7 @@ def names_of(item: InstrumentSpec) -> Iterator[str]:
 
 
 def hardware_faults(given: Given) -> Iterator[Fault]:
-    """Yield what of a scenario's hardware does not fit its arm and its drive."""
+    """Yield the faults between the hardware of a scenario and its arm and drive."""
     if not given.has("hardware", "arm"):
         return
     links = given.arm.links

@@ -1,4 +1,4 @@
-"""What sits between the links and at the tip: joints and the payload. All SI units."""
+"""Joints between the links, and the payload at the tip, in SI units."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from flexarm.model.wording import Fault
 
 
 class Friction(Record):
-    """Friction of a joint: Coulomb's, with Stribeck's rise towards rest, regularised; viscous.
+    """Friction of a joint: viscous and regularised Coulomb friction with the Stribeck effect.
 
     Torque ``(coulomb + (static - coulomb) exp(-(rate / stribeck_rate)^2)) tanh(rate /
-    smoothing_rate) + viscous rate`` against the motion: below the smoothing rate it creeps where a
-    real joint sticks.
+    smoothing_rate) + viscous rate`` against the motion. Below the smoothing rate the joint creeps,
+    whereas a real joint sticks.
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
@@ -47,8 +47,8 @@ class Friction(Record):
 class JointLimits(Record):
     """Compliant stops at both ends of a joint's range.
 
-    Torque ``stiffness * p * (1 + damping * p_rate)`` back into the range, with p the angle beyond
-    the stop: it grows from zero, and damping takes energy on every blow (Hunt and Crossley).
+    Torque ``stiffness * p * (1 + damping * p_rate)`` towards the range, with p the angle beyond
+    the stop. It is continuous, and damping dissipates energy in each impact (Hunt and Crossley).
     """
 
     lower: Number = Field(description="Smallest free joint angle (rad).")
@@ -70,10 +70,10 @@ _TURNING = ("damping", "stiffness", "friction", "limits", "rotor_inertia")
 
 
 class Joint(Record):
-    """The joint at the root of a link: turned by a motor, or fixed.
+    """The joint at the root of a link: driven by a motor, or fixed.
 
-    With `rotor_inertia` and `stiffness` it is *elastic*: the motor turns the near end of a spring
-    whose far end carries the link, and the joint angle is the motor's, seen through the gear.
+    With `rotor_inertia` and `stiffness` it is *elastic*: a spring connects the motor to the link,
+    and the joint angle is that of the motor divided by the gear ratio.
     """
 
     fixed: Flag = Field(
@@ -120,7 +120,7 @@ class Joint(Record):
 
     @property
     def elastic(self) -> bool:
-        """Whether a spring lies between motor and link: one more coordinate."""
+        """Whether a spring connects motor and link, which adds a coordinate."""
         return self.rotor_inertia > 0.0 and self.stiffness > 0.0
 
     @classmethod
@@ -143,7 +143,7 @@ class Joint(Record):
 
 
 def _along_x(value: Any) -> Any:
-    """Read a single number as an offset along the tip tangent."""
+    """Convert a single number to an offset along the tip tangent."""
     one = plain(value)
     return (one, 0.0) if isinstance(one, int | float) else one
 

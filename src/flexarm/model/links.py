@@ -59,9 +59,9 @@ class Gauge(Record):
 class Link(Record):
     """A link, described in exactly one of three ways.
 
-    Constants (`flexural_rigidity` and `mass_per_length`), `material` and `section`, or a `table`
-    along the link. A rigid link (``flexible=False``) needs no `flexural_rigidity` and ignores
-    `elements`, `segments`, `modes` and `damping`.
+    The ways are constants (`flexural_rigidity` and `mass_per_length`), `material` and `section`,
+    or a `table` along the link. A rigid link (``flexible=False``) does not require
+    `flexural_rigidity` and ignores `elements`, `segments`, `modes` and `damping`.
     """
 
     length: Positive = Field(description="Length (m).")
@@ -124,12 +124,12 @@ class Link(Record):
         return self.segments * (self.modes or 2 * (self.elements // self.segments))
 
     def beam(self) -> SectionTable:
-        """Return the section properties along the link, whichever way it is described.
+        """Return the section properties along the link for any of the three descriptions.
 
         Returns:
             A table from 0 to `length` with at least two points and a column of rotary inertia,
-            zero where switched off; `shear_rigidity` for the Timoshenko element alone; a rigid
-            link may have neither `flexural_rigidity` nor `shear_rigidity`.
+            which is zero if it is switched off. `shear_rigidity` is set for the Timoshenko element
+            only. A rigid link may have neither `flexural_rigidity` nor `shear_rigidity`.
         """
         x, rigidity, mass, rotary, shear = self.columns()
         if self.rotary_inertia is False or rotary is None:
@@ -147,10 +147,10 @@ class Link(Record):
     ) -> tuple[_Column, _Column | None, _Column, _Column | None, _Column | None]:
         """Return x, flexural rigidity, mass, rotary inertia per length, and shear rigidity.
 
-        Columns of `beam` as they are described, unchecked: formulas of the link's own numbers.
+        These are the columns of `beam` without validation, so that the numbers may be symbols.
         """
         if self.table is not None:
-            # The last point may differ from the length by the rounding of whoever computed it.
+            # The last point may differ from the length by rounding in the user's computation.
             x = (*self.table.x[:-1], self.length)
             return (
                 x,
@@ -167,7 +167,7 @@ class Link(Record):
             rotary = self.material.density * self.section.second_moment
             effective = self.section.shear_coefficient * self.section.area
             shear = self.material.shear_modulus * effective
-        assert mass is not None  # a link without any description is refused
+        assert mass is not None  # validation requires a description
         x = (0.0, self.length)
         return x, _twice(rigidity), (mass, mass), _twice(rotary), _twice(shear)
 
@@ -199,7 +199,7 @@ def _twice(value: float | None) -> _Column | None:
 
 
 def _description_faults(given: Given) -> Iterator[Fault]:
-    """Yield what is missing from the link's description, or given a second time."""
+    """Yield the faults of a link whose description is incomplete or given twice."""
     constants = [name for name in _CONSTANTS if not given.absent(name)]
     shape = [name for name in ("material", "section") if not given.absent(name)]
     table = ["table"] if not given.absent("table") else []
@@ -218,7 +218,7 @@ def _description_faults(given: Given) -> Iterator[Fault]:
 
 
 def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
-    """Yield what a flexible link lacks to bend and to vibrate."""
+    """Yield the faults of a flexible link without stiffness or mass."""
     if not given.has("flexible") or not given.flexible:
         return
     hint = "Only a rigid link (flexible: false) does without."
@@ -236,7 +236,7 @@ def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
 
 
 def _segment_damping_faults(damping: Damping) -> Iterator[Fault]:
-    """Yield what would mean something else for each segment than for the whole link."""
+    """Yield a fault if damping would have another meaning for a segment than for the whole link."""
     if damping.kind == "rayleigh" and damping.mass_coefficient == 0:
         return
     hint = (
@@ -248,7 +248,7 @@ def _segment_damping_faults(damping: Damping) -> Iterator[Fault]:
 
 
 def _shear_faults(given: Given) -> Iterator[Fault]:
-    """Yield what is missing from a link that shears, or given to one that does not."""
+    """Yield a fault if a Timoshenko link has no shear rigidity, or another link has one."""
     if not given.has("element"):
         return
     constants = all(given.absent(name) for name in ("table", "material", "section"))
@@ -270,7 +270,7 @@ def _shear_faults(given: Given) -> Iterator[Fault]:
 
 
 def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
-    """Yield a fault where rotary inertia is asked for and nothing gives it."""
+    """Yield a fault if rotary inertia is requested and the description has none."""
     in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
     constants = given.absent("table") and given.absent("material") and given.absent("section")
     if (given.has("table") and not in_table) or (
@@ -281,14 +281,14 @@ def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
 
 
 def _table_end_faults(length: float, end: float) -> Iterator[Fault]:
-    """Yield a fault where a table ends before or behind the tip."""
-    if not math.isclose(end, length, rel_tol=1e-9):  # far above rounding, far below a mistake
+    """Yield a fault if a table does not end at the tip."""
+    if not math.isclose(end, length, rel_tol=1e-9):  # above rounding, below any intended difference
         rule = f"end at {length:.9g}, the length of the link"
         yield Fault(("table", "x"), rule, shown(end), "A table reaches from the root to the tip.")
 
 
 def _mesh_faults(given: Given) -> Iterator[Fault]:
-    """Yield a fault where segments do not divide the mesh, or have fewer modes than asked for."""
+    """Yield a fault if segments do not divide the mesh, or have fewer modes than requested."""
     if given.elements % given.segments:
         rule = f"divide elements, which is {given.elements}"
         yield Fault(

@@ -1,4 +1,4 @@
-"""What acts on an arm from outside in a scenario: loads, and a base that moves."""
+"""External actions on an arm in a scenario: loads, and acceleration of the base."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexarm.model.wording import Fault
 
 
 class LoadSpec(Record):
-    """A force and a moment at a station of a link, or a force spread along part of it."""
+    """A force and a moment at a station of a link, or a distributed force along part of it."""
 
     link: Count = Field(description="Number of the link, counted from 1 at the base.")
     force: Pair | None = Field(
@@ -67,13 +67,13 @@ BaseAcceleration = Annotated[
 
 
 def load_faults(given: Given) -> Iterator[Fault]:
-    """Yield the loads of a scenario that are not on its arm."""
+    """Yield the faults of loads of a scenario that are not on its arm."""
     if given.has("arm", "loads"):
         yield from off_the_arm(given.arm, given.loads)
 
 
 def off_the_arm(arm: ArmSpec, loads: Sequence[LoadSpec]) -> Iterator[Fault]:
-    """Yield those of a list ``loads`` that are not on an arm."""
+    """Yield the faults of ``loads`` that are not on an arm."""
     links = arm.links
     for i, load in enumerate(loads):
         if load.link > len(links):

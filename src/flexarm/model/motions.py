@@ -1,4 +1,4 @@
-"""Motions a scenario can ask for: the tip along a line, the joints from here to there, pressing."""
+"""Motions of a scenario: the tip along a line, joints between postures, pressing on a surface."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Profile = Literal["quintic", "trapezoidal"]
 
 
 class _Timing(Record):
-    """When a motion happens; the arm rests before and after."""
+    """Base of motions: duration, timing law and start; the arm is at rest before and after."""
 
     duration: Positive = Field(description="Time from start to end (s).")
     profile: Profile = Field(default="quintic", description="How the way is spread over time.")
@@ -31,7 +31,7 @@ class _Timing(Record):
 
 
 class LineMotionSpec(_Timing):
-    """The rigid arm's tip goes along a straight line."""
+    """Motion of the rigid arm's tip along a straight line."""
 
     kind: Literal["line"] = "line"
     start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
@@ -44,7 +44,7 @@ class LineMotionSpec(_Timing):
 
 
 class JointMotionSpec(_Timing):
-    """Every joint goes from one angle to another, all at the same time."""
+    """Synchronous motion of all joints between two postures."""
 
     kind: Literal["joint"] = "joint"
     start: Listed[Number] = Field(description="Relative joint angles at the start (rad).")
@@ -55,7 +55,7 @@ PathSpec = Annotated[LineMotionSpec | JointMotionSpec, Field(discriminator="kind
 
 
 class ForceTable(Record):
-    """A force over time: smooth from each value to the next, constant before and after."""
+    """A force as a function of time: smooth between the values, constant before and after."""
 
     times: Listed[Number] = Field(description="Ascending times (s).")
     values: Listed[NonNegative] = Field(description="The force at each time (N).")
@@ -89,7 +89,7 @@ Force = Annotated[
 
 
 class PressedMotionSpec(Record):
-    """The tip of the bent arm follows a path along a surface and presses on it."""
+    """Motion of the bent arm's tip along a surface on which it presses."""
 
     kind: Literal["pressed"] = "pressed"
     path: PathSpec = Field(description="The motion of the rigid arm whose tip is the path.")
@@ -118,7 +118,7 @@ MotionSpec = Annotated[
 
 
 def motion_faults(given: Given) -> Iterator[Fault]:
-    """Yield what does not fit between a motion that presses and the rest of a scenario."""
+    """Yield the faults between a motion that presses and the other parts of a scenario."""
     motion, drive = given.raw("motion"), given.raw("drive")
     if look(motion, "kind") != "pressed":
         return

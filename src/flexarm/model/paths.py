@@ -1,4 +1,4 @@
-"""Numbers of a record by their path in a file: ``links[0].flexural_rigidity``, ``payload.mass``."""
+"""Numbers of a record by their paths: ``links[0].flexural_rigidity``, ``payload.mass``."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def number_at(where: str, name: str, record: Record, path: object) -> float:
     """Return the number at a path.
 
     Args:
-        where, name: the call and its argument, for messages.
+        where, name: names of the calling function and of its argument, for messages.
 
     Raises:
-        InputError: if the record has no such path, or no number there: nothing, a whole number
-            that counts, a switch, or text.
+        InputError: if the record has no such path, or its value is not a floating-point number but
+            None, an integer, a boolean or text.
     """
     rule = "be the path of a number of the arm"
     if not isinstance(path, str):
@@ -50,13 +50,13 @@ def number_at(where: str, name: str, record: Record, path: object) -> float:
 
 
 def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
-    """Return a copy with another number at a path that ``number_at`` accepts.
+    """Return a copy of a record with another number at a path that ``number_at`` accepts.
 
     Args:
-        checked: whether the copy is validated. Symbols can only be placed unchecked.
+        checked: whether the copy is validated. Symbols require an unchecked copy.
 
     Raises:
-        ModelError: if the changed record breaks a rule.
+        ModelError: if the changed record is invalid.
     """
     changed: R = _with(record, _parts(path), value, checked)
     return changed
@@ -77,7 +77,7 @@ def _number_paths(value: Any, walked: str) -> Iterator[str]:
 
 
 def _parts(path: str) -> list[str | int]:
-    """Split a path; empty if it is not one."""
+    """Split a path into names and indices; return an empty list if it is invalid."""
     parts: list[str | int] = []
     end = 0
     for match in _PART.finditer(path):

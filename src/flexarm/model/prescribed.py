@@ -1,4 +1,4 @@
-"""Joints of a scenario that follow a given motion exactly, whatever torque it takes."""
+"""Joints of a scenario with a prescribed motion; the torque follows from the motion."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from flexarm.model.wording import Fault, look
 
 
 class _PrescribedJoint(Record):
-    """Which joint it is."""
+    """Base of prescribed joints: the number of the joint."""
 
     joint: Count = Field(description="Number of the joint, counted from 1 at the base.")
 
 
 class HeldJoint(_PrescribedJoint):
-    """Locked at its initial angle."""
+    """A joint that is locked at its initial angle."""
 
     kind: Literal["hold"] = "hold"
 
 
 class FollowingJoint(_PrescribedJoint):
-    """Does its part of the scenario's motion."""
+    """A joint that follows its part of the motion of the scenario."""
 
     kind: Literal["motion"] = "motion"
 
 
 class TabulatedJoint(_PrescribedJoint):
-    """Follows a cubic spline through angles."""
+    """A joint that follows a cubic spline through tabulated angles."""
 
     kind: Literal["table"] = "table"
     times: Listed[Number] = Field(description="Increasing times (s).")
@@ -65,10 +65,10 @@ PrescribedJoint = Annotated[
 
 
 def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
-    """Yield what does not fit between a scenario's prescribed joints and its other parts.
+    """Yield the faults between the prescribed joints of a scenario and its other parts.
 
     Args:
-        turning: numbers of the joints that turn; none where they are not known.
+        turning: numbers of the joints that turn; empty if they are unknown.
     """
     if not given.has("prescribed") or not given.prescribed:
         return

@@ -1,7 +1,7 @@
-"""The kinds of values that fields hold: finite numbers, counts, pairs, lists, values by name.
+"""Types of fields: finite numbers, counts, pairs, lists, mappings from names to values.
 
-Numbers are strict (no text, no booleans) but take NumPy scalars and arrays for the plain Python
-values they hold; lists and tuples are the same to the user and stored as tuples.
+Numbers are strict (no text, no booleans), but NumPy scalars and arrays are accepted as their
+plain Python values. Lists and tuples are both accepted and stored as tuples.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ T = TypeVar("T")
 
 
 def plain(value: Any) -> Any:
-    """Return the Python numbers or lists in a NumPy scalar or array, without importing NumPy."""
+    """Return the plain numbers or lists of a NumPy scalar or array, without importing NumPy."""
     convert = getattr(value, "tolist", None)
     return convert() if callable(convert) else value
 
 
 def finite(value: Any) -> float:
-    """Accept a real finite number, and neither text nor a boolean in its place."""
+    """Return a finite real number; raise for text and booleans."""
     given = plain(value)
     if isinstance(given, bool) or not isinstance(given, int | float):
         hint = "Write the bare number, in SI units." if isinstance(given, str) else ""
@@ -40,13 +40,13 @@ def finite(value: Any) -> float:
 
 
 def length_of(value: Any) -> int | None:
-    """Return the length of a list, a tuple or an array, whatever it holds; None for the rest."""
+    """Return the length of a list, a tuple or an array; None for other values."""
     given = plain(value)
     return len(given) if isinstance(given, list | tuple) else None
 
 
 def _listed(value: Any) -> Any:
-    """Accept lists, tuples and arrays; a set has no order, text is not a list of letters."""
+    """Return a list, tuple or array; raise for sets, which have no order, and for text."""
     given = plain(value)
     if not isinstance(given, list | tuple):
         raise refuse("be a list", given)
@@ -61,7 +61,7 @@ def _two(value: Any) -> Any:
 
 
 class Names(dict[str, T]):
-    """Values by name that stay as they are, so that records that hold them have a hash."""
+    """Immutable mapping from names to values, so that records that contain it are hashable."""
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(frozenset(self.items()))
@@ -88,7 +88,7 @@ def _named(value: Any) -> Any:
 
 
 def _printable(value: str) -> str:
-    """Refuse control characters and halves of surrogate pairs: no file or terminal takes them."""
+    """Raise for control characters and halves of surrogate pairs, which files do not support."""
     if printable(value) != value:
         raise refuse("be printable text", value)
     return value
@@ -99,14 +99,14 @@ def _one_or_many(value: Any) -> str:
 
 
 if TYPE_CHECKING:
-    # What may be given, so that type checkers let lists pass; what is stored is a tuple.
+    # Input types, so that type checkers accept lists; tuples are stored.
     Listed = Annotated[Sequence[T], ...]
     Named = Annotated[Mapping[str, T], ...]
 else:
     Listed = Annotated[tuple[T, ...], BeforeValidator(_listed)]
     Named = Annotated[dict[str, T], BeforeValidator(_named), AfterValidator(Names)]
 
-# Bounds stand before the validator of the type: so they reach the number inside, and the schema.
+# Bounds precede the validator of the type, so that they apply to the number and to the schema.
 Number = Annotated[float, BeforeValidator(finite)]
 Positive = Annotated[float, Field(gt=0), BeforeValidator(finite)]
 NonNegative = Annotated[float, Field(ge=0), BeforeValidator(finite)]

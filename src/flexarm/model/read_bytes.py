@@ -1,4 +1,4 @@
-"""Read a file or a pipe once, without waiting for ever for what is written into a pipe."""
+"""Reading of a file or a pipe, with a time limit for pipes that remain empty."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import stat
 import time
 from pathlib import Path
 
-#: Time for somebody to start writing into a named pipe (s).
+#: Time limit for a writer to open a named pipe (s).
 _WAIT_FOR_WRITER = 5.0
-#: Time for the writer of a pipe, which may compute first, to write something (s).
+#: Time limit for the first content of a pipe (s); its writer may have to compute before.
 _WAIT_FOR_CONTENT = 60.0
 _AT_ONCE = 1 << 20
 
 
 def read_bytes(file: Path, most: int) -> bytes:
-    """Return the content of a file, a pipe or a terminal, at most ``most`` bytes of it.
+    """Return the content of a file, a pipe or a terminal, at most ``most`` bytes.
 
     Raises:
-        OSError: if it cannot be read, or is a pipe that has no writer or stays empty.
+        OSError: if it cannot be read, or is a pipe that has no writer or remains empty.
         ValueError: if the path has a null character or half of a surrogate pair.
     """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
@@ -40,7 +40,7 @@ def _read(descriptor: int, most: int, pipe: bool) -> bytes:
     while length < most:
         try:
             part = os.read(descriptor, min(_AT_ONCE, most - length))
-        except BlockingIOError:  # there is a writer, which has written nothing more yet
+        except BlockingIOError:  # the writer has not written more yet
             limit = start + _WAIT_FOR_CONTENT - time.monotonic()
             wait = max(limit, 0.0) if pipe and not parts else None
             if not select.select([descriptor], [], [], wait)[0]:

@@ -1,4 +1,4 @@
-"""A scenario: an arm, what it is asked to do, what drives it, and how the run is computed."""
+"""Description of a scenario: an arm, its motion and drive, its environment, and the run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Stations = Annotated[int, Field(strict=True, ge=0, le=1000), BeforeValidator(pla
 
 
 def sample_fault(duration: float, rate: float) -> Fault | None:
-    """Return what is wrong with a rate (Hz) that fills the memory in that duration (s)."""
+    """Return a fault if a rate (Hz) gives too many samples in a duration (s), else None."""
     samples = duration * rate
     if samples <= MOST_SAMPLES:
         return None
@@ -36,7 +36,7 @@ def sample_fault(duration: float, rate: float) -> Fault | None:
 
 
 class InitialState(Record):
-    """Where the arm starts; where angles are left out, at the start of the motion."""
+    """Initial state of the arm; by default at the start of the motion."""
 
     joint_angle: Listed[Number] | None = Field(
         default=None, description="Relative joint angles (rad)."
@@ -66,7 +66,7 @@ class InitialState(Record):
 
 
 class RunSettings(Record):
-    """How long to simulate, what to record, and with which integrator."""
+    """Duration, recording and integrator of a run."""
 
     duration: Positive = Field(description="Simulated time (s).")
     rate: Positive = Field(default=1000.0, description="Samples recorded per second (Hz).")
@@ -91,7 +91,7 @@ class RunSettings(Record):
 
 
 class Scenario(Record):
-    """One run, as a file describes it."""
+    """One run of an arm."""
 
     arm: ArmSpec = Field(description="The arm.")
     motion: MotionSpec | None = Field(default=None, description="The motion asked for.")
@@ -154,7 +154,7 @@ _FOLLOWING = ("rigid_inverse_dynamics", *CONTROLLED)
 
 
 def _turning(arm: object) -> list[int]:
-    """Return the numbers of the joints of an arm that turn, as far as the user wrote it right."""
+    """Return the numbers of the joints that turn, from a description that may be invalid."""
     joints = plain(look(arm, "joints"))
     joints = joints if isinstance(joints, list | tuple) else ()
     fixed = {number for number, joint in enumerate(joints, 1) if look(joint, "fixed") is True}
@@ -163,9 +163,9 @@ def _turning(arm: object) -> list[int]:
 
 
 def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
-    """Yield what needs as many values as the arm has joints, with its path.
+    """Yield the values that need one entry per joint of the arm, with their paths.
 
-    Looks at what the user wrote, since only lengths matter here: the values may have other faults.
+    These are raw values, because only lengths are compared here and the entries may be invalid.
     """
     motion, drive, initial = (given.raw(name) for name in ("motion", "drive", "initial"))
     place: Path = ("motion",)
@@ -176,14 +176,14 @@ def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
         yield (*place, "end"), look(motion, "end")
     if look(drive, "kind") == "torque":
         rows = plain(look(drive, "values"))
-        # Rows of the same length have the same problem: the first of them stands for all.
+        # Rows of equal length have the same problem, so only the first of them is checked.
         seen: set[int | None] = set()
         for i, row in enumerate(rows if isinstance(rows, list | tuple) else ()):
             if length_of(row) not in seen:
                 yield ("drive", "values", i), row
             seen.add(length_of(row))
     place = ("drive",)
-    while drive is not None:  # a controller may be around another one
+    while drive is not None:  # a controller may contain another one
         kind = look(drive, "kind")
         record = CONTROLLED.get(kind) if isinstance(kind, str) else None
         for name in record.per_joint if record else ():

@@ -1,4 +1,4 @@
-"""JSON schemas of the file formats, from which editors complete and check."""
+"""JSON schemas of the file formats, for completion and validation in editors."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
     """Return the JSON schema of a kind of file.
 
     Args:
-        kind: ``"scenario"``, which is right for arm files too (only `flexarm` and `arm` are
-            required), ``"arm"``, which knows no other keys, or ``"study"``.
+        kind: ``"scenario"``, which is valid for arm files too (only `flexarm` and `arm` are
+            required), ``"arm"``, which permits no other keys, or ``"study"``.
 
     Raises:
-        ModelError: there is no such kind of file.
+        ModelError: if there is no such kind of file.
     """
     if kind not in _KINDS:
         rule = f"be one of {', '.join(map(repr, _KINDS))}"
@@ -33,10 +33,10 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
     definitions = whole["$defs"]
     for definition in definitions.values():
         if "kind" in definition.get("properties", {}):
-            # Pydantic sees a default and calls the key optional; without it a file is refused.
+            # The field has a default, so pydantic lists it as optional, but files require it.
             definition["required"] = ["kind", *definition.get("required", [])]
     material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
-    material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before pydantic sees them
+    material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before validation
     properties: dict[str, Any] = whole["properties"]
     parts = ["arm"] if kind == "arm" else list(properties)
     arm = properties["arm"]

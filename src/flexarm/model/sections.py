@@ -16,7 +16,10 @@ from flexarm.model.wording import Fault, refuse, suggestion
 
 
 def _of_a_section(value: float) -> float:
-    """Keep fourth powers of dimensions finite and above zero; beyond this no unit is right."""
+    """Raise if a dimension is so small or large that its unit must be wrong.
+
+    Within these limits fourth powers are finite and greater than zero.
+    """
     if not 1e-9 <= value <= 1e3:
         raise refuse("be between 1e-9 and 1000", value, "Dimensions are in metres.")
     return value
@@ -42,14 +45,14 @@ class Material(Record):
 
 
 MATERIALS = {
-    # Round handbook values for structural alloys; a measured modulus belongs in the file.
+    # Rounded handbook values of structural alloys. Measured values can be given in the file.
     "steel": Material(density=7850.0, youngs_modulus=210e9, poissons_ratio=0.3),
     "aluminium": Material(density=2700.0, youngs_modulus=70e9, poissons_ratio=0.33),
 }
 
 
 def _by_name(value: Any) -> Any:
-    """Replace the name of a preset by the material."""
+    """Replace the name of a preset by its material."""
     if not isinstance(value, str):
         return value
     if value not in MATERIALS:
@@ -62,7 +65,7 @@ MaterialOrName = Annotated[Material, BeforeValidator(_by_name)]
 
 
 class Rectangle(Record):
-    """A solid rectangle; the link bends along its `height`."""
+    """A solid rectangle; the link bends in the direction of its `height`."""
 
     kind: Literal["rectangle"] = "rectangle"
     width: Dimension = Field(description="Extent along the bending axis, out of the plane (m).")
@@ -82,7 +85,7 @@ class Rectangle(Record):
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed; theory page "beams", (B.36)."""
+        """Shear coefficient k of the area; theory page "beams", (B.36)."""
         return 5 / 6
 
     @property
@@ -109,7 +112,7 @@ class Circle(Record):
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed; theory page "beams", (B.36)."""
+        """Shear coefficient k of the area; theory page "beams", (B.36)."""
         return 6 / 7
 
     @property
@@ -142,13 +145,13 @@ class Tube(Record):
     @property
     def second_moment(self) -> float:
         """Second moment of area of the wall about the bending axis (m^4)."""
-        # pi (D^4 - d^4) / 64, factored so that a thin wall is not a small difference.
+        # pi (D^4 - d^4) / 64, factored to avoid the cancellation for thin walls.
         squares = self.outer_diameter**2 + self._inner_diameter**2
         return self.area * squares / 16
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed: 6/7 (solid) to 1/2; (B.36)."""
+        """Shear coefficient k of the area, 6/7 (solid) to 1/2 (thin wall); (B.36)."""
         ratio = (self._inner_diameter / self.outer_diameter) ** 2
         return 6 * (1 + ratio) ** 2 / (7 * (1 + ratio) ** 2 + 20 * ratio)
 
@@ -159,7 +162,7 @@ class Tube(Record):
 
 
 class Box(Record):
-    """A hollow rectangle with a wall of the same thickness all around."""
+    """A hollow rectangle with uniform wall thickness."""
 
     kind: Literal["box"] = "box"
     width: Dimension = Field(description="Outer extent out of the plane of motion (m).")
@@ -182,15 +185,15 @@ class Box(Record):
         """Second moment of area of the wall about the bending axis (m^4)."""
         inner_width = self.width - 2 * self.thickness
         inner_height = self.height - 2 * self.thickness
-        # (B H^3 - b h^3) / 12, with H^3 - h^3 factored so that a thin wall keeps its digits.
+        # (B H^3 - b h^3) / 12, with H^3 - h^3 factored to avoid the cancellation for thin walls.
         squares = self.height**2 + self.height * inner_height + inner_height**2
         return self.thickness * (inner_width * squares + self.height**3) / 6
 
     @property
     def shear_coefficient(self) -> float:
-        """Part of the area that shears as if evenly stressed, for thin walls; (B.36).
+        """Shear coefficient k of the area, for thin walls; (B.36).
 
-        Little else than the two walls of the `height` shears, 5/6 of them in a narrow box.
+        Mainly the two walls along the `height` carry shear, 5/6 of their area in a narrow box.
         """
         m = (self.width - self.thickness) / (self.height - self.thickness)
         return 10 * (1 + 3 * m) ** 2 / (12 + 72 * m + 150 * m**2 + 120 * m**3 + 30 * m**4)
@@ -207,7 +210,7 @@ Section = Annotated[Rectangle | Circle | Tube | Box, Field(discriminator="kind")
 class SectionTable(Record):
     """Section properties at points along a link, linear between the points.
 
-    Only a rigid link does without `flexural_rigidity`.
+    Only a rigid link may omit `flexural_rigidity`.
     """
 
     x: Listed[Number] = Field(
@@ -244,7 +247,7 @@ class SectionTable(Record):
 
 
 def _points_faults(x: tuple[float, ...]) -> Iterator[Fault]:
-    """Yield what is wrong with the points of a table."""
+    """Yield the faults of the points of a table."""
     if len(x) < 2:
         yield Fault(("x",), "hold at least two points, the root and the tip", f"{len(x)} long")
         return
@@ -256,7 +259,7 @@ def _points_faults(x: tuple[float, ...]) -> Iterator[Fault]:
 
 
 def _wall_fits(thickness: float, name: str, outer: float) -> Iterator[Fault]:
-    """Yield a fault where walls of this thickness meet inside an outer dimension."""
+    """Yield a fault if walls of this thickness leave no hollow inside an outer dimension."""
     if thickness >= outer / 2:
         rule = f"be less than {outer / 2:g}, half of {name}"
         yield Fault(("thickness",), rule, shown(thickness), "The wall leaves no room inside.")

@@ -1,4 +1,4 @@
-"""What keeps a motion from leaving vibration behind: input shaping, smoothing."""
+"""Input shaping and smoothing of motions against residual vibration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ _Joints = Annotated[
 
 
 class ShapingSpec(Record):
-    """The motion as a sum of delayed copies whose vibrations cancel; it takes longer."""
+    """Input shaping: a sum of delayed copies of the motion whose vibrations cancel.
+
+    The shaped motion takes longer.
+    """
 
     method: Literal["zv", "zvd", "ei"] = Field(
         default="zvd",
@@ -74,7 +77,10 @@ class ShapingSpec(Record):
 
 
 class SmoothingSpec(Record):
-    """Each joint angle as its average over a window of the past; the motion takes that longer."""
+    """Smoothing: the average of each joint angle over a window of the past.
+
+    The smoothed motion takes longer by the window.
+    """
 
     duration: Positive = Field(description="Length of the window (s).")
     window: Literal["raised_cosine", "moving_average"] = Field(

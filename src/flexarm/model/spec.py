@@ -1,4 +1,4 @@
-"""The arm as its user describes it: links, joints, payload, gravity, theory."""
+"""Description of an arm: links, joints, payload, gravity and theory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_LINKS = 256
 
 
 class ArmSpec(Record):
-    """A planar serial arm; joint i turns link i's root against link i-1's tip."""
+    """A planar serial arm; joint i is between the tip of link i-1 and the root of link i."""
 
     links: Listed[Link] = Field(
         description="Links from the base to the tip.",
@@ -42,7 +42,7 @@ class ArmSpec(Record):
     @field_validator("payload", mode="before")
     @classmethod
     def _no_payload(cls, value: Any) -> Any:
-        """Read None as an arm without a payload."""
+        """Convert None to an arm without a payload."""
         return Payload() if value is None else value
 
     _hints: ClassVar[dict[str, str]] = {
@@ -52,14 +52,14 @@ class ArmSpec(Record):
     @field_validator("joints", mode="before")
     @classmethod
     def _ideal_joints(cls, value: Any, info: ValidationInfo) -> Any:
-        """Fill in joints where none are described."""
+        """Return ideal joints if none are described."""
         if plain(value) in (None, [], ()):
             return (Joint(),) * len(info.data.get("links", ()))
         return value
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        # Lengths are those of what the user wrote: single links and joints may have other faults.
+        # Compare the lengths of the raw values, because single links and joints may be invalid.
         links, joints = length_of(given.raw("links")), length_of(given.raw("joints"))
         if links is not None and not 1 <= links <= MOST_LINKS:
             yield Fault(("links",), f"be 1 to {MOST_LINKS} links", f"{links} links")
@@ -74,9 +74,9 @@ class ArmSpec(Record):
 def _inertia_faults(
     links: Sequence[Link], joints: Sequence[Joint], payload: Payload
 ) -> Iterator[Fault]:
-    """Yield the joints beyond which nothing resists a torque, whatever the posture.
+    """Yield the joints whose torque acts on no inertia in any posture.
 
-    Links that are fixed to each other turn as one, from a joint that turns to the next.
+    Links that are fixed to each other rotate together, from one joint that turns to the next.
     """
     tables = [link.beam() for link in links]
     heavy = [any(table.mass_per_length) for table in tables]
@@ -87,7 +87,7 @@ def _inertia_faults(
     turning = [i for i, joint in enumerate(joints) if not joint.fixed]
     for i, end in zip(turning, [*turning[1:], len(joints)], strict=False):
         geared = joints[i].rotor_inertia > 0 and not joints[i].elastic
-        # What turns about a joint further out resists by its mass alone.
+        # Bodies that rotate about a joint further out resist with their mass only.
         if geared or any(turned[i:end] + attached[i:end] + heavy[i:] + carried[i:]):
             continue
         if end < len(joints):

@@ -1,4 +1,4 @@
-"""A study: drives on plants along motions, compared; as a file describes it."""
+"""Description of a study, which compares drives on plants along motions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from flexarm.model.wording import Fault, Path
 
 
 class PlantSpec(Record):
-    """How the arm that is simulated differs from the one that controllers believe in."""
+    """Differences between the simulated arm and the model in the controllers."""
 
     payload_factor: NonNegative = Field(
         default=1.0, description="On mass and inertia of the payload."
@@ -54,7 +54,7 @@ class PlantSpec(Record):
 
 
 class StudyRun(Record):
-    """How long each run is, how it is computed and from when on it is judged as settled."""
+    """Duration and integrator of each run, and the time after which it counts as settled."""
 
     duration: Positive = Field(description="Simulated time of each run (s).")
     rate: Positive = Field(default=1000.0, description="Samples judged per second (Hz).")
@@ -72,16 +72,16 @@ class StudyRun(Record):
             yield Fault(("settling",), rule, shown(given.settling))
 
     def settings(self) -> RunSettings:
-        """Return the same for one run."""
+        """Return these settings for a single run."""
         return RunSettings(duration=self.duration, rate=self.rate, integrator=self.integrator)
 
 
-#: What every scenario of a study has, if it is given.
+#: Keys that every scenario of a study shares.
 _SHARED = ("hardware", "loads", "contacts")
 
 
 class Study(Record):
-    """Every drive on every plant along every motion, and numbers of each run."""
+    """A comparison of all drives on all plants along all motions."""
 
     arm: ArmSpec = Field(description="The arm that the drives believe in.")
     motions: Named[MotionSpec] = Field(description="Motions asked for, by name.")
@@ -112,7 +112,7 @@ class Study(Record):
         if not given.has("arm", "motions", "drives", "run"):
             return
         if not all(given.absent(name) or given.has(name) for name in _SHARED):
-            return  # told by themselves
+            return  # their own faults are reported
         told: set[Fault] = set()
         for drive, motion in _pairs(given):
             for fault in _of_one(given, drive, motion):
@@ -121,17 +121,17 @@ class Study(Record):
                     yield fault
 
     def scenario(self, drive: str, motion: str) -> Scenario:
-        """Return the scenario of one drive along one motion, on the arm itself."""
+        """Return the scenario of one drive along one motion, on the arm without variation."""
         return Scenario(**_content(self, drive, motion))
 
 
 def _pairs(given: Given) -> Iterator[tuple[str, str]]:
-    """Yield every drive with every motion: some do not go together."""
+    """Yield all pairs of a drive and a motion, some of which may be incompatible."""
     yield from product(given.drives, given.motions)
 
 
 def _of_one(given: Given, drive: str, motion: str) -> Iterator[Fault]:
-    """Yield what is wrong with one combination, at its place in the study."""
+    """Yield the faults of the scenario of one drive and one motion, with paths in the study."""
     try:
         Scenario.model_validate(_content(given, drive, motion))
     except ValidationError as error:
@@ -141,7 +141,7 @@ def _of_one(given: Given, drive: str, motion: str) -> Iterator[Fault]:
 
 
 def placed(path: Path, drive: str, motion: str) -> Path:
-    """Return where in a study the key path of one of its scenarios stands."""
+    """Return the key path in a study for a key path in one of its scenarios."""
     for head, place in (("drive", ("drives", drive)), ("motion", ("motions", motion))):
         if path[:1] == (head,):
             return (*place, *path[1:])
@@ -173,10 +173,10 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
 
 
 def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
-    """Return the arm that is simulated, without the loads on it.
+    """Return the description of a simulated arm, without its loads.
 
     Raises:
-        InputError: a list does not fit the links, or there is no payload to change.
+        InputError: if a list does not fit the links, or the arm has no payload to change.
     """
     factors = [name for name in PlantSpec.model_fields if name != "loads"]
     return varied_spec(arm, **{name: getattr(plant, name) for name in factors})

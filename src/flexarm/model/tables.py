@@ -1,4 +1,4 @@
-"""Values tabulated over time: linear between the times, held beyond both ends."""
+"""Values tabulated over time, with linear interpolation, constant before and after the table."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from flexarm.model.wording import Fault
 
 
 def order_fault(times: Sequence[float]) -> tuple[int, str] | None:
-    """Return the first time that breaks the order of a table, and the rule; None if none does.
+    """Return the index of the first time out of order and the rule, or None if there is none.
 
-    Times ascend; two equal ones are a jump, a third would have no meaning.
+    Times ascend. Two equal times are a jump; a third equal time would be ambiguous.
     """
     for k in range(1, len(times)):
         if times[k] < times[k - 1]:
@@ -26,7 +26,7 @@ def order_fault(times: Sequence[float]) -> tuple[int, str] | None:
 
 
 class FactorTable(Record):
-    """What scales a load over time."""
+    """Factor of a load as a function of time, tabulated."""
 
     times: Listed[Number] = Field(description="Ascending times (s); two equal ones are a jump.")
     values: Listed[Number] = Field(description="The factor at each time.")
@@ -37,7 +37,7 @@ class FactorTable(Record):
 
 
 class AccelerationTable(Record):
-    """The acceleration of the base over time."""
+    """Acceleration of the base as a function of time, tabulated."""
 
     times: Listed[Number] = Field(description="Ascending times (s); two equal ones are a jump.")
     values: Listed[Pair] = Field(description="The acceleration [x, y] at each time (m/s^2).")

@@ -1,4 +1,4 @@
-"""An arm that differs from its description by factors: what a controller may meet in its place."""
+"""Variation of the parameters of an arm by factors, for example to test controllers."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def varied_spec(
     mass_factor: float | Sequence[float] = 1.0,
     friction: Friction | Sequence[Friction | None] | None = None,
 ) -> ArmSpec:
-    """Return a changed description; arguments as of ``flexarm.varied``.
+    """Return a description with changed parameters; arguments as in ``flexarm.varied``.
 
     Raises:
-        InputError: a factor is negative or no number, or a list does not fit.
+        InputError: if a factor is negative or not a number, or a list has the wrong length.
     """
     problems: list[Problem] = []
     rigidity = _each(problems, "flexural_rigidity_factor", flexural_rigidity_factor, spec.links)
@@ -59,7 +59,7 @@ def varied_spec(
 def _each(
     problems: list[Problem], name: str, value: Any, of: Sequence[Any], zero: bool = False
 ) -> list[float]:
-    """One factor for each of ``of``; 1 where something is wrong."""
+    """Return one factor for each of ``of``; all 1 if the value is invalid."""
     value = plain(value)
     values = list(value) if isinstance(value, list | tuple) else [value] * len(of)
     good = all(
@@ -92,7 +92,7 @@ def _friction(
 
 
 def _link(link: Link, rigidity: float, mass: float) -> Link:
-    """Return a link with changed bending stiffness, and mass with rotary inertia."""
+    """Return a link with scaled bending stiffness, and with scaled mass and rotary inertia."""
     if rigidity == 1.0 and mass == 1.0:
         return link
     if link.material is None and link.table is None:

@@ -1,8 +1,8 @@
-"""Pydantic's complaints in this project's words.
+"""Conversion of pydantic's errors to the messages of this package.
 
-A `Fault` is one thing wrong inside a record, at a path relative to it. Faults travel through
-pydantic as custom errors of type ``fault``, so that the ones of nested records keep the words that
-the innermost record, which knows its own keys, chose for them.
+A `Fault` is one problem inside a record, at a path relative to it. Pydantic passes faults on as
+custom errors of type ``fault``, so that faults of nested records keep the message of the innermost
+record.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Path = tuple[str | int, ...]
 
-# What the literature calls our keys; too short or too different for a spelling comparison.
+# Common symbols for our keys, which are too short or too different for a spelling comparison.
 _SYNONYMS = {
     "e": "youngs_modulus",
     "ei": "flexural_rigidity",
@@ -39,7 +39,7 @@ _SYNONYMS = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing wrong at `path` inside a record: it must `rule`, but is `value`."""
+    """One problem at `path` inside a record: the value must `rule`, but is `value`."""
 
     path: Path
     rule: str
@@ -47,38 +47,38 @@ class Fault:
     hint: str = ""
 
     def problem(self, where: str, name: str = "") -> Problem:
-        """Say it to the reader; `name` is used where the fault concerns the whole record."""
+        """Return the problem for the user; `name` is used if the path is empty."""
         return Problem(where, path_text(self.path) or name, self.rule, self.value, self.hint)
 
     def as_pydantic(self) -> PydanticCustomError:
-        """Return the error a pydantic validator raises for it; the path is added by pydantic."""
+        """Return the error that a pydantic validator raises; pydantic adds the path."""
         words = {"rule": self.rule, "value": self.value, "hint": self.hint}
         return PydanticCustomError("fault", "{rule}", words)
 
     def as_details(self) -> InitErrorDetails:
-        """Return the entry of a `ValidationError` built by hand."""
+        """Return the entry for a `ValidationError` that is constructed directly."""
         return InitErrorDetails(type=self.as_pydantic(), loc=self.path, input=None)
 
 
 def refuse(rule: str, value: object, hint: str = "") -> PydanticCustomError:
-    """Make the error that a field's own validator raises."""
+    """Return the error that the validator of a field raises."""
     return Fault((), rule, shown(value), hint).as_pydantic()
 
 
 def path_text(path: Path) -> str:
-    """Write a path as users read it: ``links[0].section.width``."""
+    """Return a path in the notation for users: ``links[0].section.width``."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return text.removeprefix(".")
 
 
 def path_of(text: str) -> Path:
-    """Read what `path_text` writes."""
+    """Return the path for a text of `path_text`."""
     parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
     return tuple(int(number) if number else word for number, word in parts)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return the sentence that names the key or choice nearest to `word`, or all of them."""
+    """Return a sentence with the key or choice most similar to `word`, or with all of them."""
     import difflib
 
     choices = list(known)
@@ -88,20 +88,20 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     by_case = {choice.lower(): choice for choice in choices}
     near = difflib.get_close_matches(word.lower(), by_case)
     if near:
-        # Of equally near ones the one that begins alike: arn is arm rather than run.
+        # Among equally similar ones take the one with the same beginning: arm for arn, not run.
         best = max(near, key=lambda choice: _likeness(word.lower(), choice))
         return f"Did you mean {by_case[best]!r}?"
     return f"Known: {', '.join(choices)}." if choices else ""
 
 
 def nearest(word: object, known: Iterable[str]) -> str:
-    """Return the sentence that names what `word` is nearly, or nothing."""
+    """Return a sentence with the choice most similar to `word`, or an empty string."""
     near = suggestion(word, known) if isinstance(word, str) else ""
     return near if near.startswith("Did") else ""
 
 
 def _likeness(word: str, choice: str) -> tuple[float, int]:
-    """Return how near two words are, and how many letters their beginnings share."""
+    """Return the similarity of two words, and the number of equal letters at their beginning."""
     import difflib
 
     ratio = difflib.SequenceMatcher(a=choice, b=word).ratio()
@@ -110,12 +110,12 @@ def _likeness(word: str, choice: str) -> tuple[float, int]:
 
 
 def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
-    """Turn one entry of a `ValidationError` of a record into a fault.
+    """Convert one entry of a `ValidationError` of a record to a fault.
 
     Args:
-        details: the entry, its location relative to the record.
-        data: what the record was made from.
-        known: the record's keys.
+        details: the entry, with its location relative to the record.
+        data: input of the record.
+        known: keys of the record.
     """
     path = _without_tags(details["loc"], data)
     context: dict[str, Any] = details.get("ctx", {})
@@ -135,7 +135,7 @@ def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
 
 
 def _rule(kind: str, context: dict[str, Any]) -> str:
-    """Return what a value must do, for pydantic's error type `kind`; empty if not known."""
+    """Return the rule for pydantic's error type `kind`; empty if the type is unknown."""
     match kind:
         case "greater_than":
             return f"be greater than {context['gt']:g}"
@@ -160,7 +160,7 @@ def _rule(kind: str, context: dict[str, Any]) -> str:
 
 
 def _wrong_kind(path: Path, value: Any, context: dict[str, Any]) -> Fault:
-    """Word a tagged union's complaint; without the tag list, pydantic only says it is absent."""
+    """Return the fault of a tagged union; without a tag list the tag is missing."""
     if "tag" not in context:
         return Fault((*path, "kind"), "be given", "missing")
     choices = _choices(context["expected_tags"])
@@ -170,18 +170,18 @@ def _wrong_kind(path: Path, value: Any, context: dict[str, Any]) -> Fault:
 
 
 def _choices(listed: str) -> list[str]:
-    """Take pydantic's list of choices ("'a', 'b' or 'c'") apart."""
+    """Split pydantic's list of choices ("'a', 'b' or 'c'")."""
     return [word.strip(" '") for word in listed.replace(" or ", ",").split(",")]
 
 
 def _without_tags(location: Path, data: object) -> Path:
-    """Drop from a location what pydantic adds for the member of a union it was looking at.
+    """Remove from a location the tags that pydantic inserts for members of unions.
 
-    Tags written ``<...>`` are ours for unions without `kind`; the others equal the `kind` found at
-    that place of `data`.
+    Tags of the form ``<...>`` are those of our unions without `kind`; the others equal the `kind`
+    at that place of `data`.
     """
     path: list[str | int] = []
-    tagged = True  # the record itself is no member of a union here
+    tagged = True  # the record itself is not a member of a union
     for part in location:
         if isinstance(part, str) and part.startswith("<"):
             continue
@@ -194,7 +194,7 @@ def _without_tags(location: Path, data: object) -> Path:
 
 
 def look(data: object, part: str | int) -> object:
-    """Look one step into raw data or into a finished record; None where there is nothing."""
+    """Return one part of raw data or of a finished record, or None if there is none."""
     if isinstance(data, dict):
         return data.get(part)
     if isinstance(data, list | tuple):

@@ -1,7 +1,7 @@
-"""YAML with line numbers: read into plain values that know where they stand, written from records.
+"""YAML text: reading to plain values with line numbers, and writing of records.
 
-Scalars follow YAML 1.2: ``1e5`` and ``70e9`` are numbers (YAML 1.1 takes them for text), ``1:30``
-and ``yes`` are text (YAML 1.1 takes them for 90 and true), ``010`` is ten.
+Scalars follow YAML 1.2: ``1e5`` and ``70e9`` are numbers (text in YAML 1.1), ``1:30`` and ``yes``
+are text (90 and true in YAML 1.1), ``010`` is ten.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from yaml.resolver import Resolver
 from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.wording import Path, path_text
 
-#: Parser of libyaml; None where PyYAML was built without it.
+#: Parser of libyaml; None if PyYAML was built without it.
 CParser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", None)
 
-# Aliases let a small file stand for a huge one; no arm needs this many values.
+# Aliases can expand a small file to a huge one; no description needs this many values.
 _MOST_VALUES = 5_000_000
 
 _TAG = "tag:yaml.org,2002:"
@@ -41,15 +41,15 @@ _TAGS = {_TAG + name for name in ("str", "seq", "map", *(name for name, _, _ in 
 
 
 class _Loader(yaml.SafeLoader):
-    """Composes nodes with the scalars of YAML 1.2; constructs nothing."""
+    """Loader of nodes with the scalars of YAML 1.2; constructs no Python objects."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and form)
 
 
 class _FastLoader(Composer, CParser or object, Resolver):  # type: ignore[misc]
-    """Composes the same nodes from the events of libyaml, which takes a seventh of the time.
+    """Loader of the same nodes from the events of libyaml, in a seventh of the time.
 
-    Not with the composer of ``CParser``, which overflows the stack where nesting is deep.
+    It does not use the composer of ``CParser``, which overflows the stack for deep nesting.
     """
 
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
@@ -61,7 +61,7 @@ class _FastLoader(Composer, CParser or object, Resolver):  # type: ignore[misc]
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
-    """Writes what `_Loader` reads back the same, without anchors."""
+    """Dumper without anchors, whose output `_Loader` reads as the same values."""
 
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
 
@@ -76,7 +76,7 @@ for _name, _pattern, _first in _RESOLVERS:
 
 
 def to_yaml(content: dict[str, Any]) -> str:
-    """Write plain values as YAML: block style, innermost lists and mappings on one line."""
+    """Return YAML text of plain values in block style, innermost collections on one line."""
     return yaml.dump(content, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
 
 
@@ -84,9 +84,9 @@ Entries = dict[str, tuple[yaml.Node, yaml.Node]]
 
 
 class _EntriesByNode:
-    """Key and value nodes of mappings by key; merged ones (``<<``) give way to a mapping's own.
+    """Key and value nodes of mappings by key; own keys override merged ones (``<<``).
 
-    Found once for each mapping: merges of merges of merges would take for ever otherwise.
+    They are computed once per mapping, because the time for nested merges would be exponential.
     """
 
     def __init__(self) -> None:
@@ -113,12 +113,12 @@ class _EntriesByNode:
 
 @dataclass(frozen=True)
 class Document:
-    """A YAML file that could be read.
+    """A YAML file that was read.
 
     Attributes:
-        file: the file's path, as it was named.
-        value: the content as plain Python values.
-        problems: what is wrong with it as YAML, although it could be read.
+        file: path of the file, as given by the user.
+        value: content of the file as plain Python values.
+        problems: problems of the content as YAML that did not prevent reading.
     """
 
     file: FilePath
@@ -128,7 +128,7 @@ class Document:
     _entries: _EntriesByNode = field(repr=False)
 
     def where(self, path: Path) -> str:
-        """Return ``file:line`` of the value at a path, or of what should contain it."""
+        """Return ``file:line`` of the value at a path, or of the nearest container of it."""
         node, line = self._root, self._root.start_mark.line
         for part in path:
             if isinstance(node, yaml.MappingNode):
@@ -148,11 +148,11 @@ def parse(file: FilePath, text: str) -> Document:
     """Read YAML text.
 
     Args:
-        file: where the text comes from, for messages.
+        file: path of the file, for messages.
         text: one YAML document.
 
     Raises:
-        ModelError: the text is not YAML, is empty, or holds more than a description can.
+        ModelError: if the text is not YAML, is empty, or contains too many values.
     """
     try:
         root = _composed(text)
@@ -177,7 +177,7 @@ def _composed(text: str) -> yaml.Node | None:
     """Compose the nodes of YAML text.
 
     Raises:
-        yaml.YAMLError: if it is not YAML, in the words of PyYAML's own parser, which are clearer.
+        yaml.YAMLError: if it is not YAML; by PyYAML's own parser, whose messages are clearer.
     """
     if CParser is not None:
         try:
@@ -188,7 +188,7 @@ def _composed(text: str) -> yaml.Node | None:
 
 
 def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
-    """Word PyYAML's complaint about the syntax."""
+    """Convert PyYAML's syntax error to a problem."""
     mark = error.problem_mark or error.context_mark
     where = f"{file}:{mark.line + 1}" if mark else str(file)
     value = f"broken: {error.problem or error.context}"
@@ -197,7 +197,7 @@ def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
 
 
 class _Reader:
-    """Makes plain values of nodes, once for each node however many aliases point at it."""
+    """Conversion of nodes to plain values, once per node for any number of aliases of it."""
 
     def __init__(self, file: FilePath, entries: _EntriesByNode) -> None:
         self.problems: list[Problem] = []
@@ -211,7 +211,7 @@ class _Reader:
         return self._sized(node, path)[0]
 
     def _sized(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
-        """Return the value, and how many values it stands for with its aliases written out."""
+        """Return the value, and the number of values in it with its aliases expanded."""
         if id(node) in self._open:
             self._report(node, path, "not contain itself", "an alias of what it is in")
             return None, 1
@@ -232,7 +232,7 @@ class _Reader:
         if isinstance(node, yaml.SequenceNode):
             values, size = [], 1
             for i, item in enumerate(node.value):
-                # Tables are long: their numbers need no path and no protection against aliases.
+                # Numbers of long tables need neither a path nor protection against aliases.
                 if item.tag in _NUMBERS and isinstance(item, yaml.ScalarNode):
                     value, more = self._scalar(item), 1
                 else:
@@ -251,7 +251,7 @@ class _Reader:
         return self._scalar(node), 1
 
     def _check_keys(self, node: yaml.MappingNode, path: Path) -> None:
-        """Report keys given twice, and keys that are not words."""
+        """Report duplicate keys and keys that are not scalars."""
         lines: dict[str, int] = {}
         for key, _ in node.value:
             line = key.start_mark.line + 1
@@ -264,7 +264,7 @@ class _Reader:
                 lines[key.value] = line
 
     def _scalar(self, node: yaml.Node) -> Any:
-        """Return the number, truth value, nothing or text that a scalar stands for."""
+        """Return the number, boolean, None or text of a scalar."""
         text: str = node.value
         if node.tag in _NUMBERS:
             return _NUMBERS[node.tag](text)
@@ -282,14 +282,14 @@ class _Reader:
 
 
 def _whole(text: str) -> int | float:
-    """Read a whole number; one of thousands of digits becomes infinity, which is refused later."""
+    """Convert text to an integer; thousands of digits give infinity, which is rejected later."""
     if text.startswith(("0o", "0x")):
         return int(text, 0)
     return int(text) if len(text) < 400 else float(text)
 
 
 def _real(text: str) -> float:
-    """Read a number with a point or an exponent, ``.inf`` or ``.nan``."""
+    """Convert text with a point or an exponent, ``.inf`` or ``.nan``, to a number."""
     return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
 
 

@@ -1,8 +1,8 @@
-"""The rigid chain that a motion moves: links between joints that turn.
+"""Rigid chain of an arm: straight bars between the joints that turn.
 
-Links joined rigidly count as one, from the joint at its root to the next that turns, or to the
-tip. In a straight line, that is their sum; with a fixed angle between them it is the line that
-joins the two ends, which stands at an angle to the root tangent.
+Links with fixed joints between them form one bar, from the root of the first to the next joint that
+turns or to the tip. Its length is the sum of theirs if they are in line. Otherwise it is the
+straight line between both ends, at an angle to the root tangent.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RigidChain:
-    """Straight bars between joints.
+    """Straight bars between the joints that turn.
 
     Attributes:
-        lengths: of the bars (n,), m.
-        offset: what is added to the joint angles to give those between bars (n,), rad; zero but
-            for links that are fixed to each other.
-        base: place of the first joint that turns (2,), world axes, m.
+        lengths: lengths of the bars (n,), m.
+        offset: angles between bars minus joint angles (n,), rad; zero unless a fixed joint
+            has a rest angle.
+        base: position of the first joint that turns (2,), world axes, m.
     """
 
     lengths: Floats
@@ -39,15 +39,15 @@ class RigidChain:
     base: Floats
 
     def tip(self, joint_angles: Floats) -> Floats:
-        """Return the tip (..., 2) in world axes, m, at joint angles (..., n)."""
+        """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
         return self.base + tip_position(self.lengths, joint_angles + self.offset)
 
 
 def check_arm(where: str, arm: Arm) -> Arm:
-    """Return an object with the joints and links of an arm, which are all that a motion needs.
+    """Return an object that has the joints and links of an arm.
 
     Raises:
-        InputError: if it has none.
+        InputError: if it does not have them.
     """
     parts = ("joints", "links", "lengths", "spec", "assembly")
     if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
@@ -57,10 +57,10 @@ def check_arm(where: str, arm: Arm) -> Arm:
 
 
 def rigid_chain(where: str, arm: Arm) -> RigidChain:
-    """Return the bars between the joints of an arm that turn.
+    """Return the rigid chain of an arm.
 
     Raises:
-        InputError: no joint turns, or two that do lie in one place.
+        InputError: if no joint turns, or two joints that turn are at the same position.
     """
     if check_arm(where, arm).joints == 0:
         rule = "have a joint that turns"
@@ -82,9 +82,9 @@ def rigid_chain(where: str, arm: Arm) -> RigidChain:
 
 
 def _walk(arm: Arm, first: int, end: int) -> tuple[Floats, float]:
-    """From the root of a link to the root of another, or to the tip, in the first one's axes.
+    """Return position (2,) and angle from the root of one link to the root of another or the tip.
 
-    The first link's own joint counts only where it is fixed: at the base.
+    In the axes of the first link. The joint of the first link has an effect only if it is fixed.
     """
     at, angle = np.zeros(2), 0.0
     for i in range(first, end):

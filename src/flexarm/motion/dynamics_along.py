@@ -1,4 +1,4 @@
-"""What a motion in all coordinates takes and does at the tip, with exact derivatives."""
+"""Inverse dynamics and tip motion along a motion of all coordinates, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class DynamicsAlong(NamedTuple):
-    """Forces and tip motions at T instants, and their derivatives, exact to rounding.
+    """Forces and tip motions at T instants, with their derivatives, exact to rounding.
 
     The axis of length 3 holds derivatives by q, qd and qdd.
     """
@@ -30,7 +30,7 @@ class DynamicsAlong(NamedTuple):
 
 
 def dynamics_along(arm: Arm, q: Floats, qd: Floats, qdd: Floats) -> DynamicsAlong:
-    """Evaluate inverse dynamics and tip along motions q, qd, qdd, each (T, dof)."""
+    """Evaluate inverse dynamics and tip motion along q, qd, qdd, each (T, dof)."""
     kernels, kept = KernelView(arm.assembly.constants, complex), arm.assembly.coordinates
     count, (n, width) = len(q), kernels.shape
     forces, tips = np.zeros((count, n, width)), np.zeros((count, 6))

@@ -1,8 +1,7 @@
-"""Gauss's collocation with three points for accelerations: polynomials over one step.
+"""Gauss collocation with three stages for second-order equations: polynomials over one step.
 
-The acceleration is a quadratic polynomial over a step; rate and coordinate are its integrals. Order
-6 at the ends of steps, and nothing is damped or blown up that is not so in the equations: errors
-of growing and of decaying parts are treated alike.
+The acceleration is a quadratic polynomial over a step; rate and coordinate are its integrals. The
+method has order 6 at the ends of steps. It is symmetric, so it adds neither damping nor growth.
 
 Reference:
     E. Hairer and G. Wanner, Solving Ordinary Differential Equations II (1996), section IV.5.
@@ -18,32 +17,32 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 STAGES = 3
-#: Places of the stages in a step, 0 to 1.
+#: Stages as fractions of a step, 0 to 1.
 PLACES: Floats = 0.5 + np.polynomial.legendre.leggauss(STAGES)[0] / 2.0
 
 
 def _lagrange() -> Floats:
-    """Coefficients (3, 3), rising powers, of the polynomials that are 1 at one stage (rows)."""
+    """Return coefficients (3, 3), rising powers, of the polynomials that are 1 at one stage."""
     return np.asarray(np.linalg.inv(np.vander(PLACES, increasing=True)).T, dtype=np.float64)
 
 
 def rate_weights(theta: Floats) -> Floats:
-    """Integrals (..., 3) of the stage polynomials from 0 to theta: the rate is v + h w.a."""
+    """Return integrals (..., 3) of the stage polynomials up to theta: the rate is v + h w.a."""
     powers = theta[..., None] ** np.arange(1.0, STAGES + 1.0)
     weights: Floats = (powers / np.arange(1.0, STAGES + 1.0)) @ _lagrange().T
     return weights
 
 
 def place_weights(theta: Floats) -> Floats:
-    """Double integrals (..., 3): the coordinate is q + theta h v + h^2 w.a."""
+    """Return double integrals (..., 3): the coordinate is q + theta h v + h^2 w.a."""
     p = np.arange(2.0, STAGES + 2.0)
     weights: Floats = (theta[..., None] ** p / (p * (p - 1.0))) @ _lagrange().T
     return weights
 
 
-#: (3, 3) weights at the stages (rows), and (3,) at the end of a step.
+#: Weights (3, 3) at the stages (rows), and (3,) at the end of a step.
 RATE_AT_STAGES = rate_weights(PLACES)
-#: Not the double integrals: with them (a Nystrom method) stiff modes would blow up.
+#: Not the double integrals, which would give a Nystrom method that is unstable for stiff modes.
 PLACE_AT_STAGES = RATE_AT_STAGES @ RATE_AT_STAGES
 RATE_AT_END = rate_weights(np.array(1.0))
 PLACE_AT_END = place_weights(np.array(1.0))

@@ -1,8 +1,8 @@
-"""Rigid inverse kinematics: the relative joint angles that put the tip on a point.
+"""Inverse kinematics of a rigid chain: relative joint angles for a position of the tip.
 
-Two links have the textbook closed form with its two elbow branches. Longer arms are redundant: a
-given posture is pulled to the point by damped least squares, and without one a posture is built
-link by link in closed form. A point out of reach is refused with the reach and the distance.
+Two links have a closed-form solution with two elbow branches. Longer arms are redundant: damped
+least squares starts from a given posture, and without one a posture is constructed link by link in
+closed form. A point out of reach raises an error with the reach and the distance.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ def inverse_kinematics(
     posture: ArrayLike | None = None,
     where: str = "inverse_kinematics",
 ) -> Floats:
-    """Return relative joint angles (n,) (rad) that put the tip of a rigid chain on `point`.
+    """Return relative joint angles (n,) (rad) that place the tip of a rigid chain at `point`.
 
     Args:
         lengths: link lengths (n,), m.
         point: world (x, y), m.
         elbow: for two links, `"up"` is the branch with theta_2 <= 0 and `"down"` its mirror image
             with theta_2 >= 0. For more links without a posture, the side of the line from base to
-            point on which the arm bows out: `"up"` is the left of someone walking to the point.
-        posture: for three links or more, relative joint angles (n,) to start the search from; the
-            answer stays near it and `elbow` is not used.
-        where: the caller's name, for messages.
+            point on which the arm is: `"up"` is the left side in the direction of the point.
+        posture: for three links or more, relative joint angles (n,) at which the search starts; the
+            solution is near it and `elbow` is not used.
+        where: name of the calling function, for messages.
 
     Returns:
-        The angles; each in [-pi, pi], except that a search from a posture keeps its full turns.
+        The angles, each in [-pi, pi], except that a search from a posture keeps its full turns.
 
     Raises:
-        InputError: the point is out of reach, an argument has the wrong shape or is not finite, or
-            the search from `posture` gets stuck.
+        InputError: if the point is out of reach, an argument has the wrong shape or is not finite,
+            or the search from `posture` does not converge.
     """
     lengths = check_array(where, "lengths", lengths, (-1,))
     if len(lengths) == 0 or np.min(lengths) <= 0.0:
@@ -78,13 +78,13 @@ def inverse_kinematics(
 
 
 def check_elbow(where: str, elbow: str) -> None:
-    """Refuse an elbow that is neither up nor down."""
+    """Raise if an elbow is neither up nor down."""
     if not isinstance(elbow, str) or elbow not in ELBOWS:
         raise InputError(Problem(where, "elbow", "be 'up' or 'down'", shown(elbow)))
 
 
 def check_reach(where: str, name: str, lengths: Floats, point: Floats) -> None:
-    """Refuse a point (2,) outside the ring, or for one link the circle, that the tip can reach."""
+    """Raise if a point (2,) is outside the ring (for one link the circle) of reachable points."""
     inner, outer = reach_limits(lengths)
     distance = float(np.hypot(*point))
     slack = REACH_TOLERANCE * outer
@@ -117,18 +117,18 @@ def elbow_angle(lengths: Floats, distance: Floats | float, elbow: str) -> Floats
 
 
 def shoulder_offset(lengths: Floats, bend: Floats) -> Floats:
-    """Return the direction of the tip as seen from link 1 when theta_2 is `bend`, in [-pi, pi]."""
+    """Return the direction of the tip relative to link 1 for theta_2 = `bend`, in [-pi, pi]."""
     first, second = lengths
     direction: Floats = np.arctan2(second * np.sin(bend), first + second * np.cos(bend))
     return direction
 
 
 def built_posture(lengths: Floats, point: Floats, elbow: str) -> Floats:
-    """Build a posture (n,) link by link, in closed form, for a point within reach.
+    """Return a posture (n,) for a point within reach, constructed link by link in closed form.
 
-    Each link is turned so that the distance left to the point is the same share of the remaining
-    reach, or as near to that as the triangle allows with some room left: at the limits of the
-    triangle the link would be in line with the rest, and the arm nearer to a singular posture.
+    Each link is rotated so that the remaining distance to the point is the same fraction of the
+    remaining reach, or as near to that as the triangle permits with a margin. At the limits of the
+    triangle the link would be in line with the others, and the arm nearer to a singular posture.
     """
     side = 1.0 if elbow == "up" else -1.0
     absolute: list[float] = []
@@ -155,10 +155,10 @@ def built_posture(lengths: Floats, point: Floats, elbow: str) -> Floats:
 
 
 def damped_least_squares(lengths: Floats, point: Floats, posture: Floats) -> tuple[Floats, float]:
-    """Pull `posture` (n,) to `point` (2,) and return the posture reached and its miss (m).
+    """Move the tip of `posture` (n,) to `point` (2,); return the posture and its tip error (m).
 
-    Steps J^T (J J^T + d I)^-1 e, where the damping d grows when a step does not bring the tip
-    nearer and fades when it does, so the last steps are Newton's (least norm, quadratic).
+    Steps J^T (J J^T + d I)^-1 e. The damping d increases after a step that does not reduce the
+    error and decreases otherwise, so the last steps are Newton steps (least norm, quadratic).
 
     References:
         C. W. Wampler, IEEE Trans. Syst. Man Cybern. 16 (1986) 93-101.
@@ -192,7 +192,7 @@ def _from_posture(where: str, lengths: Floats, point: Floats, posture: ArrayLike
         hint = "Its postures are known in closed form: choose with elbow='up' or 'down'."
         raise InputError(Problem(where, "posture", rule, shown(seed.tolist()), hint))
     if _on_boundary(lengths, point):
-        # One posture only, straight or folded; the search would creep towards it.
+        # The only posture is straight or folded, and the search would converge slowly to it.
         return _wrapped(built_posture(lengths, point, "up"))
     angles, miss = damped_least_squares(lengths, point, seed)
     if miss > REACH_TOLERANCE * float(np.sum(lengths)):
@@ -210,6 +210,6 @@ def _on_boundary(lengths: Floats, point: Floats) -> bool:
 
 
 def _wrapped(angles: Floats) -> Floats:
-    """Return the same angles in [-pi, pi]; those that are there keep their sign and every bit."""
+    """Return the angles in [-pi, pi]; those already in this interval are returned unchanged."""
     inside = np.abs(angles) <= np.pi
     return np.where(inside, angles, np.pi - np.mod(np.pi - angles, 2.0 * np.pi))

@@ -1,6 +1,6 @@
-"""Rigid kinematics of a planar chain: where the tip is, and how fast it moves, at given angles.
+"""Rigid kinematics of a planar chain: position and Jacobian of the tip.
 
-Every function takes leading axes, so a whole motion is one call:
+Every function accepts leading axes, so that one call evaluates a whole motion:
 
 | symbol | meaning | shape | unit | frame |
 | --- | --- | --- | --- | --- |
@@ -30,7 +30,7 @@ def tip_position(lengths: Floats, angles: Floats) -> Floats:
 
 
 def tip_jacobian(lengths: Floats, angles: Floats) -> Floats:
-    """Return J (..., 2, n): joint j turns everything outboard of it about its own axis."""
+    """Return J (..., 2, n); column j is the rotation about joint j of the links outboard of it."""
     psi = np.cumsum(angles, axis=-1)
     links = np.stack([-lengths * np.sin(psi), lengths * np.cos(psi)], axis=-2)
     return _outboard_sum(links)
@@ -45,5 +45,5 @@ def tip_jacobian_rate(lengths: Floats, angles: Floats, rates: Floats) -> Floats:
 
 
 def _outboard_sum(links: Floats) -> Floats:
-    """Return the sum over links j, j+1, ..., n at column j."""
+    """Return the sum over links j, j+1, ..., n in column j."""
     return np.flip(np.cumsum(np.flip(links, axis=-1), axis=-1), axis=-1)

@@ -1,18 +1,18 @@
-"""Joint paths q(s) that carry the tip of a rigid arm along a straight line at dp/ds = end - start.
+"""Joint paths q(s) that move the tip of a rigid arm along a straight line, dp/ds = end - start.
 
-Two links follow in closed form. Longer arms have joints to spare: their path solves
+Two links have a closed-form solution. For longer, redundant arms the path solves
 
     dq/ds = J^+(q) e,    e = end - start,
 
-the least-norm rates (the pseudo-inverse of the tip's Jacobian J), integrated once when the path is
-made and then pulled onto the line by Newton steps wherever it is asked for. Both take their
-derivatives from the posture, so tip and joints agree to rounding:
+the least-norm rates (with the pseudo-inverse of the tip Jacobian J). It is integrated once, and
+Newton steps correct its tip position at each evaluation. Both compute derivatives from the posture,
+so tip and joints agree to rounding:
 
     dq/ds   = J^+ e
     d2q/ds2 = -J^+ J' dq/ds + (I - J^+ J) J'^T J^+^T dq/ds,    J' = dJ/ds
 
-The last term is the part of dJ^+/ds that moves no tip; J^+ (a - J' q') alone would not be the
-derivative of the least-norm rate. It vanishes for two links.
+The last term is the part of dJ^+/ds in the null space of J. Without it, J^+ (a - J' q') would not
+be the derivative of the least-norm rate. It vanishes for two links.
 
 References:
     G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432, for the derivative of J^+.
@@ -47,7 +47,7 @@ LONGEST_STEP = 1.0 / 64.0
 
 
 class SingularPathError(Exception):
-    """The least-norm path meets a posture in which the tip cannot follow the line."""
+    """The least-norm path reaches a posture in which the tip cannot follow the line."""
 
     def __init__(self, s: float, posture: Floats) -> None:
         super().__init__(s, posture)
@@ -67,10 +67,10 @@ def path_derivatives(lengths: Floats, angles: Floats, way: Floats) -> tuple[Floa
 
 
 def two_link_path(lengths: Floats, start: Floats, way: Floats, elbow: str) -> Posture:
-    """Return q(s) -> (T, 2) of a two-link arm, continuous also where the tip passes behind.
+    """Return q(s) -> (T, 2) of a two-link arm, continuous also if the tip passes behind the base.
 
-    The direction of the tip is measured from that of the start, and a line that misses the base
-    turns it by less than pi; so no angle ever jumps by a turn.
+    The direction of the tip is measured from that at the start. A line that does not pass through
+    the base changes it by less than pi, so no angle jumps by a full turn.
     """
     return partial(_two_link_posture, lengths, start, way, elbow)
 
@@ -87,9 +87,9 @@ def least_norm_path(lengths: Floats, start: Floats, way: Floats, first: Floats) 
     """Return q(s) -> (T, n) along the least-norm path from posture `first` (n,) at `start`.
 
     Raises:
-        SingularPathError: the path meets a posture in which all links are nearly in one line.
+        SingularPathError: if the path reaches a posture in which all links are nearly in one line.
     """
-    from scipy.integrate import solve_ivp  # slow to import, and two links do not need it
+    from scipy.integrate import solve_ivp  # slow import, not required for two links
 
     limit = SMALLEST_STRETCH * float(np.sum(lengths))
 
@@ -124,17 +124,17 @@ def least_norm_path(lengths: Floats, start: Floats, way: Floats, first: Floats) 
 def _least_norm_posture(
     lengths: Floats, start: Floats, way: Floats, near: OdeSolution, s: Floats
 ) -> Floats:
-    """Pull the solution of the differential equation onto the line."""
+    """Return the postures at path fractions s, with the tip corrected onto the line."""
     point = start + s[:, None] * way
     angles: Floats = near(s).T
-    for _ in range(2):  # quadratic: 1e-11 becomes 1e-22 before rounding, twice for safety
+    for _ in range(2):  # quadratic: from 1e-11 to 1e-22, below rounding
         inverse = _pseudo_inverse(tip_jacobian(lengths, angles))
         angles = angles + _times(inverse, point - tip_position(lengths, angles))
     return angles
 
 
 def _pseudo_inverse(matrices: Floats) -> Floats:
-    if matrices.shape[-1] == matrices.shape[-2]:  # far from singular: lines keep a margin
+    if matrices.shape[-1] == matrices.shape[-2]:  # far from singular, because lines keep a margin
         return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
     return np.asarray(np.linalg.pinv(matrices), dtype=np.float64)
 

@@ -1,4 +1,4 @@
-"""Straight-line motions of the tip, checked over the whole line before they are made."""
+"""Straight-line motions of the tip, validated over the whole line in advance."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ which the user may want to see, and the closed form still has ten digits."""
 
 @dataclass(frozen=True, eq=False)
 class LineMotion(PathMotion):
-    """The tip of the rigid arm runs along a straight line, start + s (end - start).
+    """Motion of the rigid arm's tip along a straight line, start + s (end - start).
 
     Attributes:
         start, end: world points (2,), m.
-        posture: angles between the bars, of s: (T,) -> (T, n), rad.
+        posture: angles between the bars as a function of s: (T,) -> (T, n), rad.
     """
 
     chain: RigidChain = field(repr=False)
@@ -73,27 +73,28 @@ def line_motion(
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
 ) -> LineMotion:
-    """Move the tip of the rigid arm along a straight line, from rest to rest.
+    """Return a motion of the rigid arm's tip along a straight line, from rest to rest.
 
     An arm of three links or more moves its joints with the least-norm rates.
 
     Args:
-        arm: its link lengths are used; flexible or rigid makes no difference.
+        arm: only its link lengths are used, so it may be flexible or rigid.
         start: world (x, y), m.
-        end: likewise.
+        end: world (x, y), m.
         duration: s.
         profile: `"quintic"`, `"trapezoidal"` or a `TimingLaw`.
         elbow: `"up"` (for two links: relative elbow angle <= 0) or `"down"` (>= 0).
-        start_time: when the motion begins, s.
-        posture: for three links or more, relative joint angles (n,) near which to start; then
+        start_time: start of the motion, s.
+        posture: for three links or more, relative joint angles (n,) near those at the start; then
             `elbow` is not used.
 
     Raises:
-        InputError: some point of the line is out of reach, or so close to the boundary of the reach
-            or to another singular posture that the joints cannot follow; an argument has the wrong
-            shape or value. A start or end at full stretch is refused too: although the tip is at
-            rest there, the elbow angle goes like the square root of the distance to go, which makes
-            its acceleration infinite with the quintic and its rate jump with the trapezoid.
+        InputError: if a point of the line is out of reach, or so close to the boundary of the reach
+            or to another singular posture that the joints cannot follow, or if an argument has the
+            wrong shape or value. A start or an end with the arm fully extended is not permitted
+            either: although the tip is at rest there, the elbow angle varies like the square root
+            of the distance to this point. Its acceleration is infinite with the quintic law, and
+            its rate jumps with the trapezoidal law.
     """
     where = "line_motion"
     duration, start_time = checked_times(where, duration, start_time)
@@ -122,16 +123,16 @@ def line_motion(
 
 
 def _check_margins(where: str, lengths: Floats, start: Floats, end: Floats) -> None:
-    """Refuse a line that touches the outer boundary of the reach or enters the hole inside it."""
+    """Raise if a line reaches the outer boundary of the reach or enters the hole inside it."""
     inner, outer = reach_limits(lengths)
     margin = MARGIN * outer
-    for name, point in (("start", start), ("end", end)):  # a line is farthest out at an end
+    for name, point in (("start", start), ("end", end)):  # the farthest point of a line is an end
         distance = float(np.hypot(*point))
         if distance > outer - margin:
             rule = f"be less than {outer - margin:.9g} m from the base, short of full stretch"
             hint = "At full stretch the joints cannot follow a line, not even from rest."
             raise InputError(Problem(where, name, rule, _place(point, distance), hint))
-    # Three links or more without a hole can pass the base: only their posture can be singular.
+    # Without a hole, three links or more can pass the base; only their posture may be singular.
     if inner == 0.0 and len(lengths) > 2:
         return
     nearest = _nearest_to_base(start, end)

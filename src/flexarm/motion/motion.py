@@ -1,7 +1,7 @@
 """Motions: joint angles, rates and accelerations as functions of time, from rest to rest.
 
-Most are a path q(s), s from 0 to 1, run through by a timing law s(u). The contract and the chain
-rule stand here once; such a motion says only what its path is.
+Most motions are a path q(s), with s from 0 to 1, and a timing law s(u). This module has their
+interface and the chain rule, so that such a motion only defines its path.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ class JointState(NamedTuple):
 class Motion(ABC):
     """A motion of the joints from rest to rest.
 
-    1. `t` is a time (s) or an array of times (T,); an answer is (n,) or (T, n) accordingly. NaN is
-       refused.
-    2. Before `start_time` the arm rests at the first posture, and from `end_time` on at the last:
-       there rates and accelerations are exactly zero.
-    3. Rates and accelerations are the derivatives of the angles, computed from the motion's own
-       derivatives and never by differences.
-    4. Between two neighbouring `breaks` everything is smooth. At a break the angles and rates are
-       continuous and the accelerations may jump: there they belong to what follows, and a time
-       any smaller to what came before, so `np.nextafter(t, -np.inf)` asks for the other side.
+    1. `t` is a time (s) or an array of times (T,); results are (n,) or (T, n), respectively. NaN
+       raises an error.
+    2. Before `start_time` the arm is at rest in the first posture, and from `end_time` on in the
+       last: rates and accelerations are exactly zero there.
+    3. Rates and accelerations are the derivatives of the angles, computed analytically and never by
+       finite differences.
+    4. Between two neighbouring `breaks` all functions are smooth. At a break angles and rates are
+       continuous and accelerations may jump. At the break itself they have the value after the
+       jump; `np.nextafter(t, -np.inf)` evaluates them before it.
 
-    A subclass has the three attributes and defines `breaks` and `at`.
+    A subclass sets the three attributes and defines `breaks` and `at`.
 
     Attributes:
-        chain: the rigid arm, n bars.
+        chain: the rigid chain, n bars.
         duration: time from start to end, s.
-        start_time: when it leaves rest, s.
+        start_time: start of the motion, s.
     """
 
-    #: Rule 1, said as every reference says it.
+    #: Rule 1, in the form that all references use.
     vectorized: ClassVar[bool] = True
 
     chain: RigidChain
@@ -66,7 +66,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def breaks(self) -> tuple[float, ...]:
-        """Increasing times (s), start and end among them, where the motion is not smooth."""
+        """Increasing times (s), including start and end, at which the motion is not smooth."""
 
     @abstractmethod
     def at(self, times: Floats) -> JointState:
@@ -79,11 +79,11 @@ class Motion(ABC):
 
     @property
     def end_time(self) -> float:
-        """When it is at rest again, s."""
+        """End of the motion, s; the arm is at rest from then on."""
         return self.start_time + self.duration
 
     def state(self, t: ArrayLike) -> JointState:
-        """Return angles, rates and accelerations at `t` together: cheaper than one by one."""
+        """Return angles, rates and accelerations at `t` together, which is faster than singly."""
         times = check_times(type(self).__name__, "t", t)
         shape = (*times.shape, self.joints)
         return JointState(*(part.reshape(shape) for part in self.at(times.reshape(-1))))
@@ -105,14 +105,14 @@ class Motion(ABC):
         return self.chain.tip(self.joint_angle(t))
 
     def sampled(self, rate: float) -> SampledMotion:
-        """Tabulate this motion, for your own control loop: one call then takes microseconds.
+        """Tabulate this motion for your own control loop, where one call then takes microseconds.
 
         Args:
-            rate: samples per second, Hz; not necessarily that of the loop. Between samples the
-                error falls with the sixth power of the interval; the table states it.
+            rate: samples per second, Hz; independent of that of the loop. Between samples the error
+                is proportional to the sixth power of the interval; the table reports it.
 
         Raises:
-            InputError: if the rate is not positive, or makes more than a million samples.
+            InputError: if the rate is not positive, or would require more than a million samples.
         """
         from flexarm.motion.sampled import sampled_motion
 
@@ -120,7 +120,7 @@ class Motion(ABC):
 
 
 class PathMotion(Motion):
-    """A path through the joints' angles, run through by a timing law.
+    """A path through joint space with a timing law.
 
     A subclass sets the attributes and defines `path`.
 
@@ -136,13 +136,13 @@ class PathMotion(Motion):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Start, end, and the times between them at which the law is not smooth, s."""
+        """Start, end, and the times between them at which the timing law is not smooth, s."""
         inner = (self.start_time + self.duration * u for u in self.law.breaks[1:-1])
         return (self.start_time, *inner, self.end_time)
 
     def at(self, times: Floats) -> JointState:
-        """See `Motion.at`: the chain rule."""
-        # Pieces are found by comparing times, not fractions, so rule 4 holds to the last bit.
+        """See `Motion.at`; computed by the chain rule."""
+        # Pieces are found by comparing times, not fractions, so that rule 4 holds exactly.
         breaks = self._edges
         piece = breaks.searchsorted(times, side="right") - 1
         local = (times - breaks[piece]) / self.duration
@@ -150,7 +150,7 @@ class PathMotion(Motion):
         q, slope, curve = self.path(s)
         ds, dds = ds[:, None], dds[:, None]
         rate = slope * (ds / self.duration)
-        # The product of floats overflows to infinity, their power raises OverflowError.
+        # A product of floats overflows to infinity, whereas a power raises OverflowError.
         squared = self.duration * self.duration
         return JointState(q, rate, (curve * ds**2 + slope * dds) / squared)
 
@@ -161,7 +161,7 @@ class PathMotion(Motion):
 
 @dataclass(frozen=True, eq=False)
 class JointMotion(PathMotion):
-    """All joints run from one posture to another in step: q(s) = start + s (end - start).
+    """Synchronous motion of all joints between two postures: q(s) = start + s (end - start).
 
     Attributes:
         start, end: relative joint angles (n,), rad.
@@ -177,7 +177,7 @@ class JointMotion(PathMotion):
     def path(self, s: Floats) -> JointState:
         """Return the straight line through joint space and its derivatives."""
         s = s[:, None]
-        # Weighted from both ends, so that the last posture is `end` to the bit.
+        # Interpolate from both ends, so that the last posture is exactly `end`.
         angles = (1.0 - s) * self.start + s * self.end
         straight = np.zeros_like(angles)
         return JointState(angles, straight + (self.end - self.start), straight)
@@ -191,19 +191,19 @@ def joint_motion(
     profile: str | TimingLaw = "quintic",
     start_time: float = 0.0,
 ) -> JointMotion:
-    """Move all joints in step, from rest at `start` to rest at `end`.
+    """Return a synchronous motion of all joints, from rest at `start` to rest at `end`.
 
     Args:
-        arm: its number of joints and its lengths are used.
+        arm: only its number of joints and its lengths are used.
         start: relative joint angles (n,), rad.
-        end: likewise.
+        end: relative joint angles (n,), rad.
         duration: s.
         profile: `"quintic"`, `"trapezoidal"` or a `TimingLaw`.
-        start_time: when the motion begins, s.
+        start_time: start of the motion, s.
 
     Raises:
-        InputError: a wrong shape, a number that is not finite, a duration that is not positive, or
-            an unknown profile.
+        InputError: if an argument has the wrong shape or is not finite, the duration is not
+            positive, or the profile is unknown.
     """
     where = "joint_motion"
     duration, start_time = checked_times(where, duration, start_time)
@@ -221,10 +221,10 @@ def joint_motion(
 
 
 def check_motion(where: str, motion: object, arm: Arm | None = None) -> Motion:
-    """Return a motion; where an arm is given, one of as many joints.
+    """Return a motion; if an arm is given, one with the same number of joints.
 
     Raises:
-        InputError: if it is not a `Motion`, or was made for another number of joints.
+        InputError: if it is not a `Motion`, or is for another number of joints.
     """
     if not isinstance(motion, Motion):
         hint = "fa.line_motion and fa.joint_motion make motions."
@@ -236,7 +236,7 @@ def check_motion(where: str, motion: object, arm: Arm | None = None) -> Motion:
 
 
 def checked_times(where: str, duration: float, start_time: float) -> tuple[float, float]:
-    """Return both as floats, refusing a duration that is not positive or is lost in rounding."""
+    """Return both as floats; raise if the duration is not positive or is lost in rounding."""
     length = check_positive(where, "duration", duration, "s")
     begin = float(check_array(where, "start_time", start_time, ()))
     if begin + 1e-6 * length == begin:

@@ -1,4 +1,4 @@
-"""Joint torques of the rigid twin along a motion: the usual feedforward of a flexible arm."""
+"""Joint torques of the rigid model along a motion, the usual feedforward of a flexible arm."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RigidTorque:
-    """The torque that makes the rigid arm follow a motion exactly; call it with the time.
+    """Torque of the rigid model along a motion; callable with the time.
 
-    Before and after the motion it holds the arm where it rests: zero, unless there is gravity.
+    Before and after the motion it is the static torque of the rigid model: zero without gravity.
 
     Attributes:
-        twin: the rigid arm.
-        motion: what it follows.
+        twin: the rigid model of the arm.
+        motion: the motion.
     """
 
-    #: ``simulate`` may ask for many times in one call.
+    #: ``simulate`` may evaluate many times in one call.
     vectorized: ClassVar[bool] = True
 
     twin: Arm
@@ -43,13 +43,13 @@ class RigidTorque:
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Times (s) where the torque or a derivative of it may jump: those of the motion."""
+        """Times (s) at which the torque or a derivative of it may jump: those of the motion."""
         return self.motion.breaks
 
     def __call__(self, t: ArrayLike) -> Floats:
         """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
 
-        At a break the torque belongs to what follows, as the motion's acceleration does.
+        At a break the torque has the value after the jump, as the acceleration does.
         """
         state = self.motion.state(t)
         flat = [part.reshape(-1, self.joints) for part in state]
@@ -58,14 +58,15 @@ class RigidTorque:
 
 
 def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
-    """Return the rigid inverse dynamics of `arm` along `motion` as a function of time.
+    """Return the rigid inverse dynamics of an arm along a motion as a function of time.
 
     Args:
-        arm: flexible or rigid; its masses, hubs, payload and gravity count, its flexibility not.
-        motion: made for an arm with as many joints.
+        arm: flexible or rigid. Masses, hubs, payload and gravity have an effect; flexibility has
+            none.
+        motion: a motion with the same number of joints.
 
     Raises:
-        InputError: the numbers of joints differ.
+        InputError: if the numbers of joints differ.
     """
     arm = check_arm("rigid_torque", arm)
     return RigidTorque(arm.rigid(), check_motion("rigid_torque", motion, arm))

@@ -1,4 +1,4 @@
-"""A motion as a table of polynomials: one evaluation costs microseconds, for control loops."""
+"""Motions tabulated as piecewise polynomials, for fast evaluation in control loops."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Samples of one table: 2 joints of so many take 100 MB.
+#: Largest number of samples of a table: for two joints it takes 100 MB.
 _MOST_SAMPLES = 10**6
-#: Where, as fractions of an interval, the error of the table is largest: that of the acceleration
-#: at the first and the last, that of the rate at the second, that of the angle in the middle.
+#: Fractions of an interval at which the error of the table is largest: for the acceleration the
+#: first and the last, for the rate the second, for the angle the middle.
 _TESTS = np.array([0.14, 0.28, 0.5, 0.86])
 
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion(Motion):
-    """A motion tabulated at a rate: polynomials of degree 5 through angle, rate and acceleration.
+    """A motion tabulated at a constant rate, with polynomials of degree 5 between the samples.
 
-    Rates and accelerations are the derivatives of the tabulated angles, and all three are those of
-    the original at the samples. Breaks and the rests before and after it are kept. ``tip`` is that
-    of the original.
+    At the samples angles, rates and accelerations are those of the original. In between, rates and
+    accelerations are the derivatives of the tabulated angles. The breaks, and the rest before and
+    after the motion, are preserved. ``tip`` is that of the original.
 
     Attributes:
-        motion: the original.
+        motion: the original motion.
         rate: samples per second, Hz.
-        error: largest differences from the original, at four instants between any two samples:
+        error: largest differences from the original, at four instants between neighbouring samples:
             angle (rad), rate (rad/s) and acceleration (rad/s^2) of each joint, (n,) each.
     """
 
@@ -57,16 +57,16 @@ class SampledMotion(Motion):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Those of the original, s."""
+        """Breaks of the original, s."""
         return self.motion.breaks
 
     @property
     def end_time(self) -> float:
-        """When it is at rest again, s."""
+        """End of the motion, s; the arm is at rest from then on."""
         return self.motion.end_time
 
     def tip(self, t: ArrayLike) -> Floats:
-        """Return the tip (2,) or (T, 2) of the original, world axes, m; as slow as that."""
+        """Return the tip (2,) or (T, 2) of the original, world axes, m, without tabulation."""
         return self.motion.tip(t)
 
     def joint_angle(self, t: ArrayLike) -> Floats:
@@ -86,7 +86,7 @@ class SampledMotion(Motion):
         return JointState(*(self._derivative(times, order) for order in range(3)))
 
     def _derivative(self, t: ArrayLike, order: int) -> Floats:
-        # The first and the last polynomial are the rests: constants, which need no more than that.
+        # The first and the last polynomial are constants, for the rest before and after the motion.
         ends = self._table.x[0], self._table.x[-1]
         times = check_times("SampledMotion", "t", t)
         found: Floats = self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order)
@@ -94,10 +94,10 @@ class SampledMotion(Motion):
 
 
 def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
-    """Tabulate a motion at a rate (Hz); see ``Motion.sampled``.
+    """Tabulate a motion at a constant rate (Hz); see ``Motion.sampled``.
 
     Raises:
-        InputError: if the rate is not positive, or makes more than a million samples.
+        InputError: if the rate is not positive, or would require more than a million samples.
     """
     from scipy.interpolate import PPoly
 
@@ -110,7 +110,7 @@ def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
     pieces = [_nodes(a, b, frequency) for a, b in pairwise(motion.breaks)]
     starts = np.concatenate([nodes[:-1] for nodes in pieces])
     ends = np.concatenate([nodes[1:] for nodes in pieces])
-    # At a break the acceleration belongs to what follows: ask for the other side.
+    # At a break the acceleration has the value after the jump; evaluate just before it instead.
     before = [np.append(nodes[1:-1], np.nextafter(nodes[-1], -np.inf)) for nodes in pieces]
     width = ends - starts
     inner = _quintic(motion.state(starts), motion.state(np.concatenate(before)), width)
@@ -132,15 +132,15 @@ def _nodes(start: float, end: float, rate: float) -> Floats:
 
 
 def _quintic(first: JointState, last: JointState, width: Floats) -> Floats:
-    """Hermite's polynomials: coefficients (k, 6, n) of falling powers of the time from the start.
+    """Return Hermite polynomials: coefficients (k, 6, n), falling powers of time since the start.
 
     Args:
-        first, last: (k, n) at the starts and at the ends of the intervals.
+        first, last: (k, n) at the start and at the end of each interval.
         width: (k,) s.
     """
     h = width[:, None]
     q, v, a = first.angle, h * first.rate, 0.5 * h**2 * first.acceleration
-    # What the end has beyond the parabola that the start gives.
+    # Values at the end minus those of the parabola given by the start.
     angle = last.angle - (q + v + a)
     rate = h * last.rate - (v + 2.0 * a)
     bend = 0.5 * h**2 * last.acceleration - a

@@ -1,6 +1,6 @@
-"""Input shaping: a motion as a sum of delayed copies of another, so that a vibration cancels.
+"""Input shaping: a motion as a sum of delayed copies of another one that cancels a vibration.
 
-Delays are counted in turns of the vibration, whose frequency may change on the way: theory page
+Delays are measured in the phase of the vibration, whose frequency may change: theory page
 "position control", (C.3) to (C.8).
 
 References:
@@ -27,28 +27,28 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Newton's method from a guess within a part of a period.
+#: Largest number of Newton steps for the inverse of the phase.
 _NEWTON_STEPS = 50
 
 
 def zero_vibration(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return two impulses that leave nothing at the design frequency; (C.4)."""
+    """Return two impulses without residual vibration at the design frequency; (C.4)."""
     return 1.0, K
 
 
 def zero_vibration_and_derivative(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return three impulses: the residual's slope over frequency is zero there, too; (C.5)."""
+    """Return three impulses: the derivative of the residual by frequency is zero, too; (C.5)."""
     return 1.0, 2.0 * K, K * K
 
 
 def extra_insensitive(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return three impulses that leave ``tolerance`` at the design frequency; (C.6)."""
+    """Return three impulses with the residual ``tolerance`` at the design frequency; (C.6)."""
     middle = (2.0 * K * K - tolerance * (1.0 + K * K)) / (K + tolerance)
     return 1.0, middle, K * K
 
 
-#: Impulses, half a period of the vibration apart, up to a common factor. ``K`` is what is left of
-#: a vibration after half a period.
+#: Impulses, half a period of the vibration apart, up to a common factor. ``K`` is the amplitude of
+#: a vibration after half a period relative to its start.
 SHAPERS: dict[str, Callable[[float, float], tuple[float, ...]]] = {
     "zv": zero_vibration,
     "zvd": zero_vibration_and_derivative,
@@ -66,11 +66,11 @@ def impulses(method: str, damping_ratio: float, tolerance: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Time counted in the phase of a vibration whose frequency changes; (C.7).
+    """Phase of a vibration whose frequency changes with time; (C.7).
 
     Args:
-        times: (k,) s, ascending and evenly spaced, six at least; before and after them the
-            frequency is constant.
+        times: (k,) s, ascending and evenly spaced, at least six; the frequency is constant before
+            and after them.
         rates: (k,) damped angular frequencies there, rad/s.
     """
 
@@ -89,20 +89,20 @@ class Clock:
         return self._rate.antiderivative()
 
     def rate(self, t: Floats, derivative: int = 0) -> Floats:
-        """Angular frequency, rad/s, or its derivative."""
+        """Return the angular frequency, rad/s, or its derivative."""
         inside = np.clip(t, self.times[0], self.times[-1])
         found: Floats = self._rate(inside, derivative)
         return np.where(inside == t, found, 0.0) if derivative else found
 
     def phase(self, t: Floats) -> Floats:
-        """Phase, rad, zero at the first time."""
+        """Return the phase, rad, zero at the first time."""
         inside = np.clip(t, self.times[0], self.times[-1])
         found: Floats = self._phase(inside) - self._phase(self.times[0])
-        # Only where something is to be added: an infinite time has an infinite phase.
+        # The frequency is constant outside the times, and an infinite time has an infinite phase.
         return found + np.where(inside == t, 0.0, self.rate(inside) * (t - inside))
 
     def time(self, phase: Floats) -> Floats:
-        """The inverse of `phase`, s."""
+        """Return the time at a phase, s, the inverse of `phase`."""
         known = self.phase(self.times)
         t = np.interp(phase, known, self.times)
         first, last = self.rates[0], self.rates[-1]
@@ -124,9 +124,9 @@ class ShapedMotion(Motion):
     """A motion convolved with impulses.
 
     Attributes:
-        motion: the original.
-        amplitudes: of the impulses (k,), with sum 1; each half a turn of the vibration later.
-        clock: phase of the vibration over time.
+        motion: the original motion.
+        amplitudes: amplitudes of the impulses (k,), with sum 1, half a period apart.
+        clock: phase of the vibration as a function of time.
     """
 
     motion: Motion
@@ -145,25 +145,22 @@ class ShapedMotion(Motion):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Those of the original in every copy, s."""
+        """Breaks of all copies of the original, s."""
         return tuple(np.unique(self._images).tolist())
 
     @property
     def delays(self) -> Floats:
-        """How long after the start and after the end of the original each copy has its own, s.
-
-        (2, k): the first row counts at the start, the second at the end.
-        """
+        """Delays of the start (row 0) and of the end (row 1) of each copy, (2, k), s."""
         ends = self._images[:, [0, -1]]
         return (ends - ends[:1]).T
 
     @cached_property
     def _images(self) -> Floats:
-        """When each copy (k, breaks) has the breaks of the original, s."""
+        """Times of the breaks of the original in each copy, (k, breaks), s."""
         own = np.array(self.motion.breaks)
         turned = self.clock.phase(own) + np.pi * np.arange(len(self.amplitudes))[:, None]
         images = self.clock.time(turned.reshape(-1)).reshape(turned.shape)
-        images[0], images[-1, -1] = own, self.end_time  # to the bit
+        images[0], images[-1, -1] = own, self.end_time  # without rounding errors
         return images
 
     def at(self, times: Floats) -> JointState:
@@ -187,7 +184,7 @@ class ShapedMotion(Motion):
         return JointState(*total)
 
     def _beside_breaks(self, times: Floats, own: Floats, k: int) -> Floats:
-        """Keep each time on its side of a break, which rounding may have changed."""
+        """Correct rounding that moves a time across a break of the original."""
         breaks, images = np.array(self.motion.breaks), self._images[k]
         piece = np.searchsorted(images, times, side="right")
         least = np.concatenate([[-np.inf], breaks])[piece]

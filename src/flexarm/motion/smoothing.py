@@ -1,4 +1,4 @@
-"""Motions smoothed in time: each angle an average over a window of the past.
+"""Motions smoothed in time: averages of the joint angles over a window of the past.
 
 Theory page "position control", (C.9) and (C.10).
 """
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Gauss's points between two breaks: exact to rounding for motions that are smooth there.
+#: Gauss points between two breaks: exact to rounding for motions that are smooth there.
 _POINTS = 24
-#: Times averaged in one go: bounds the memory of long runs.
+#: Number of times averaged in one batch: limits the memory for long runs.
 _CHUNK = 1024
 
 #: Weights over the fraction of the window, from 0 to 1, with mean 1.
@@ -35,11 +35,11 @@ WINDOWS: dict[str, Callable[[Floats], Floats]] = {
 
 @dataclass(frozen=True, eq=False)
 class SmoothedMotion(Motion):
-    """A motion averaged over a window: it sets off with the original and ends a window later.
+    """A motion averaged over a window: it starts with the original and ends a window later.
 
     Attributes:
-        motion: the original.
-        window: name of the weights, of `WINDOWS`.
+        motion: the original motion.
+        window: name of the weights in `WINDOWS`.
         span: length of the window, s.
     """
 
@@ -57,9 +57,9 @@ class SmoothedMotion(Motion):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Those of the original as they enter the window and as they leave it, s."""
+        """Times at which a break of the original enters or leaves the window, s."""
         own = self.motion.breaks
-        late = [t + self.span for t in own[:-1]]  # the last is the end, to the bit
+        late = [t + self.span for t in own[:-1]]  # the last one is exactly the end
         return tuple(sorted({*own, *late, self.end_time}))
 
     def at(self, times: Floats) -> JointState:
@@ -68,13 +68,13 @@ class SmoothedMotion(Motion):
         if not parts:
             return self.motion.at(times)
         angle, rate, acceleration = (np.concatenate(part) for part in zip(*parts, strict=True))
-        # At the end rounding may leave the last break in the window by a part of a bit.
+        # At the end, rounding may leave the last break in the window by a fraction of a bit.
         moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
         return JointState(angle, rate * moving, acceleration * moving)
 
     def _averages(self, times: Floats) -> list[Floats]:
         ages, shares = self._points(times)
-        counted = shares > 0.0  # not between two breaks that are both outside the window
+        counted = shares > 0.0  # zero between breaks outside the window
         state = self.motion.at((times[:, None] - ages)[counted])
         parts = np.zeros((*ages.shape, 3, self.joints))
         parts[counted] = np.stack(state, axis=1)
@@ -82,7 +82,7 @@ class SmoothedMotion(Motion):
         return list(averages)
 
     def _points(self, times: Floats) -> tuple[Floats, Floats]:
-        """How long ago (T, k), s, and with which share (T, k) the original counts."""
+        """Return the ages (T, k), s, and the weights (T, k) of the points of quadrature."""
         ago = np.clip(times[:, None] - np.array(self.motion.breaks), 0.0, self.span)
         edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), (0, self.span))))
         nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
@@ -93,19 +93,20 @@ class SmoothedMotion(Motion):
 
 
 def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> SmoothedMotion:
-    """Smooth a motion in time: joint angles become averages over the last ``duration``.
+    """Smooth a motion in time by averages of the joint angles over the last ``duration``.
 
     Args:
-        motion: the original.
+        motion: the original motion.
         duration: length of the window, s; the motion ends that much later.
-        window: "moving_average" weights all of it alike, "raised_cosine" as 1 - cos.
+        window: weights of the average: "moving_average" is uniform, "raised_cosine" is 1 - cos.
 
     Returns:
-        A motion. The tip leaves the path a little: angles are averaged, and the path is not linear
-        in them.
+        The smoothed motion. Its tip deviates a little from the original path, because angles are
+        averaged and the path is not linear in them.
 
     Raises:
-        InputError: no motion, a duration that is not positive, an unknown window.
+        InputError: if ``motion`` is not a motion, ``duration`` is not positive, or ``window`` is
+            unknown.
 
     A vibration of frequency f is not excited where ``f * duration`` is 1, 2, 3, ... (moving
     average) or 2, 3, ... (raised cosine); (C.10).

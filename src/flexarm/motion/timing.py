@@ -1,7 +1,7 @@
-"""Timing laws: how far along its path a motion is, s(u), when a fraction u of its time is over.
+"""Timing laws s(u): path fraction s as a function of the time fraction u.
 
-A law is a piecewise polynomial from s(0) = 0 to s(1) = 1 that starts and ends at rest, so it can
-check its own algebra and knows exactly where it is not smooth.
+A law is a piecewise polynomial from s(0) = 0 to s(1) = 1 that starts and ends at rest. Its
+conditions are therefore validated exactly, and its breaks are known.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ class Progress(NamedTuple):
 
 @dataclass(frozen=True)
 class TimingLaw:
-    """A piecewise polynomial s(u) on [0, 1], from rest at 0 to rest at 1, never going back.
+    """A piecewise polynomial s(u) on [0, 1], from rest at 0 to rest at 1, never decreasing.
 
     Attributes:
-        name: what messages and files call it.
+        name: name in messages and files.
         breaks: ends of the pieces, `pieces + 1` strictly increasing numbers from 0 to 1. The
-            second or a higher derivative may jump there; inside a piece nothing does.
+            second or a higher derivative may jump there; within a piece the law is smooth.
         coefficients: for each piece the coefficients of w^0, w^1, ... with w = u - (its start).
 
     Raises:
-        InputError: the polynomials do not make such a law.
+        InputError: if the polynomials do not satisfy these conditions.
     """
 
     name: str
@@ -70,11 +70,11 @@ class TimingLaw:
         """Evaluate the law.
 
         Args:
-            u: time fractions, any shape; outside [0, 1] the law rests at 0 or 1.
+            u: time fractions, any shape; outside [0, 1] the law is constant, 0 or 1.
 
         Returns:
-            s, s' and s'', each of the shape of `u`. At a break s'' belongs to the piece that
-            starts there, and at u = 1 to the rest that follows.
+            s, s' and s'', each of the shape of `u`. At a break s'' is that of the piece that starts
+            there, and at u = 1 that of the rest that follows.
         """
         u = check_times(self._where, "u", u)
         piece = np.searchsorted(self.breaks, u, side="right") - 1
@@ -82,12 +82,12 @@ class TimingLaw:
         return self.on_pieces(piece, u - starts[piece])
 
     def on_pieces(self, piece: NDArray[np.intp], local: Any) -> Progress:
-        """Evaluate the law where the caller knows the piece; complex `local` is allowed.
+        """Evaluate the law for given pieces; complex `local` is allowed.
 
         Args:
             piece: index of the piece of each point; -1 is the rest before the law, `pieces` the
                 rest after it.
-            local: u minus the start of that piece, of the same shape; unused in the two rests.
+            local: u minus the start of that piece, of the same shape; unused at rest.
 
         Returns:
             s, s' and s'', each of that shape.
@@ -95,7 +95,7 @@ class TimingLaw:
         resting = (piece < 0) | (piece >= len(self.coefficients))
         local = np.where(resting, 0.0, local)  # infinite times are allowed there
         rows = self._table[piece]
-        if local.size == 1:  # plain numbers: one time in a control loop costs a third
+        if local.size == 1:  # scalar arithmetic takes a third of the time
             number = local.item()
             parts = _differentiated(rows.ravel()[::-1].tolist(), number, 0.0)
             return Progress(*(np.full(local.shape, part) for part in parts))
@@ -104,7 +104,7 @@ class TimingLaw:
 
     @cached_property
     def _table(self) -> Floats:
-        """Coefficients of all pieces, padded; then the rest after the law and that before it."""
+        """Coefficients of all pieces, padded, of the rest after the law, and of that before it."""
         width = max(len(row) for row in self.coefficients)
         padded = [(*row, *[0.0] * (width - len(row))) for row in self.coefficients]
         return np.array([*padded, np.eye(width)[0], np.zeros(width)])
@@ -136,7 +136,7 @@ class TimingLaw:
 
 
 def _differentiated(falling: Iterable[Any], x: Any, zero: Any) -> Progress:
-    """Horner's scheme for a polynomial and two derivatives; ``falling``: highest power first."""
+    """Evaluate a polynomial and two derivatives by Horner's scheme, highest power first."""
     s = ds = dds = zero
     for coefficient in falling:
         dds = dds * x + 2.0 * ds
@@ -146,19 +146,19 @@ def _differentiated(falling: Iterable[Any], x: Any, zero: Any) -> Progress:
 
 
 def quintic() -> TimingLaw:
-    """Build the smoothest common law, s = 10 u^3 - 15 u^4 + 6 u^5: no jump of acceleration."""
+    """Return the quintic law s = 10 u^3 - 15 u^4 + 6 u^5, with continuous acceleration."""
     return TimingLaw("quintic", (0.0, 1.0), ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0),))
 
 
 def trapezoidal(ramp: float = 0.25) -> TimingLaw:
-    """Build the law of constant acceleration, constant rate and constant deceleration.
+    """Return the law of constant acceleration, constant rate and constant deceleration.
 
     Args:
-        ramp: fraction of the time spent speeding up, and again slowing down; from a millionth to
-            0.5, which leaves no constant rate (triangular).
+        ramp: fraction of the time for the acceleration, and again for the deceleration; from 1e-6
+            to 0.5, which has no phase of constant rate (triangular).
 
     Raises:
-        InputError: `ramp` is out of that range.
+        InputError: if `ramp` is out of that range.
     """
     ramp = float(check_array("trapezoidal", "ramp", ramp, ()))
     if not 1e-6 <= ramp <= 0.5:
@@ -166,7 +166,7 @@ def trapezoidal(ramp: float = 0.25) -> TimingLaw:
         raise InputError(Problem("trapezoidal", "ramp", rule, shown(ramp)))
     rate = 1.0 / (1.0 - ramp)
     half = 0.5 * rate * ramp  # path covered by one ramp
-    last = 1.0 - (1.0 - ramp)  # `ramp` as the rounded break leaves it: the law must end at rest
+    last = 1.0 - (1.0 - ramp)  # `ramp` after the rounding of the break
     speed_up = (0.0, 0.0, 0.5 * rate / ramp)
     slow_down = (1.0 - half, rate, -0.5 * rate / last)
     if ramp == 0.5:
@@ -180,10 +180,10 @@ TIMING_LAWS: dict[str, TimingLaw] = {"quintic": quintic(), "trapezoidal": trapez
 
 
 def timing_law(where: str, profile: str | TimingLaw) -> TimingLaw:
-    """Return the law that `profile` names, or the law it is.
+    """Return the timing law with the given name; return a `TimingLaw` unchanged.
 
     Raises:
-        InputError: no law has that name.
+        InputError: if no law has that name.
     """
     if isinstance(profile, TimingLaw):
         return profile

@@ -1,6 +1,6 @@
-"""What keeps the tip of a flexible arm on the path that a motion gives the rigid one.
+"""Constraints that keep the tip of a flexible arm on the path of a rigid motion; (D.9).
 
-As many conditions as joints; (D.9).
+There are as many constraints as joints.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Smallest singular value of the tip's Jacobian, as a part of the reach, that the joints which
-#: hold the tip may have along the path.
+#: Lower bound of the smallest singular value of the tip Jacobian along the path, as a fraction of
+#: the reach, for the joints that control the tip.
 _SMALLEST = 1e-3
 
 
 class TipConstraint:
-    """Conditions on a motion of an arm, from the motion that the rigid arm would follow.
+    """Constraints on the tip and the joints of an arm that follows a rigid motion.
 
-    Two joints: the tip is where the rigid arm's would be. More: so it is, and all joints but the
-    two that move the tip best follow the rigid motion. One: the tip is seen from the joint in the
-    direction in which the rigid arm's would be.
+    Two joints: the tip coincides with that of the rigid arm. More joints: it does, and all joints
+    except the two that move the tip best follow the rigid motion. One joint: the direction of the
+    tip from the joint is that of the rigid arm.
     """
 
     def __init__(self, arm: Arm, motion: Motion) -> None:
@@ -41,7 +41,7 @@ class TipConstraint:
         self._led = self._led_joints() if self.count > 2 else np.zeros(0, dtype=np.intp)
 
     def _led_joints(self) -> NDArray[np.intp]:
-        """Joints that follow the rigid motion: those that the tip can best do without."""
+        """Return the joints on the rigid motion: all but the two that move the tip best."""
         chain, motion = self.motion.chain, self.motion
         times = np.linspace(motion.start_time, motion.end_time, 33)
         jacobians = tip_jacobian(chain.lengths, motion.joint_angle(times) + chain.offset)
@@ -54,10 +54,10 @@ class TipConstraint:
         return np.setdiff1d(np.arange(self.count), best)
 
     def check(self) -> None:
-        """Refuse paths along which the joints lose hold of the tip.
+        """Raise if the joints cannot move the tip in every direction along the path.
 
         Raises:
-            InputError: so it is, at the posture named.
+            InputError: if the smallest singular value of the tip Jacobian is below its bound.
         """
         if self.count == 1:
             return
@@ -74,7 +74,7 @@ class TipConstraint:
             raise InputError(Problem("tip_inversion", "motion", rule, value))
 
     def misses(self, t: Floats, q: Floats, along: DynamicsAlong) -> tuple[Floats, Floats]:
-        """Return by how much states miss, (T, n) m, and the derivatives by q, (T, n, dof)."""
+        """Return the residuals (T, n), m, and their derivatives by q, (T, n, dof)."""
         chain, motion = self.motion.chain, self.motion
         by = along.tip_by[:, :2, 0]
         if self.count == 1:
@@ -83,7 +83,7 @@ class TipConstraint:
             value = np.sum(across * (along.tip[:, :2] - chain.base), axis=1)
             return value[:, None], np.einsum("ta,tad->td", across, by)[:, None]
         led = self.arm.joint_index[self._led]
-        reach = float(np.sum(chain.lengths))  # so that all rows are lengths
+        reach = float(np.sum(chain.lengths))  # scales all rows to lengths
         turned = reach * (q[:, led] - motion.joint_angle(t)[:, self._led])
         rows = np.broadcast_to(reach * np.eye(self.arm.dof)[led], (len(t), led.size, self.arm.dof))
         value = along.tip[:, :2] - motion.tip(t)

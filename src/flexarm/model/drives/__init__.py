@@ -1,4 +1,4 @@
-"""What moves the joints in a scenario."""
+"""Drives of a scenario: controllers, prescribed torques, or none."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CONTROLLED: dict[str, type[ControllerDrive]] = {
 
 
 def balances(drive: object) -> bool:
-    """Whether a drive holds the arm's weight whatever it is told to add."""
+    """Return whether a drive includes gravity compensation, or accepts no feedforward torque."""
     return isinstance(drive, ControllerDrive) and drive.balances()
 
 

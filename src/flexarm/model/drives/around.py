@@ -1,4 +1,4 @@
-"""Controllers around another one, which is given as a drive inside the drive."""
+"""Controllers that contain another one, which is described by a drive inside the drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from flexarm.model.quantities import Fraction, Listed, NonNegative, OneOrMany, P
 
 
 class DisturbanceObserverDrive(ControllerDrive):
-    """Torques that the rigid model does not explain, taken off those of an inner controller."""
+    """Disturbance observer: subtracts torques that the rigid model does not explain.
+
+    The corrected torques are those of an inner controller.
+    """
 
     kind: Literal["disturbance_observer"] = "disturbance_observer"
     inner: Alone = Field(
@@ -38,7 +41,7 @@ class DisturbanceObserverDrive(ControllerDrive):
 
 
 class FilterSpec(Record):
-    """An extended Kalman filter of the arm's bending and its payload."""
+    """An extended Kalman filter for the bending of the arm and its payload."""
 
     instruments: Listed[InstrumentSpec] | None = Field(
         default=None,
@@ -65,7 +68,7 @@ class FilterSpec(Record):
 
 
 class EstimatorDrive(ControllerDrive):
-    """An inner controller that sees what a Kalman filter makes of the readings."""
+    """An inner controller whose measurement is the estimate of a Kalman filter."""
 
     kind: Literal["estimator"] = "estimator"
     estimator: FilterSpec = Field(default=FilterSpec(), description="The filter.")

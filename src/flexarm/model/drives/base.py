@@ -1,4 +1,4 @@
-"""What drives that are controllers share: their base, and keys that several of them have."""
+"""Base class of drives that are controllers, and the keys that several of them have."""
 
 from __future__ import annotations
 
@@ -45,14 +45,17 @@ Posture = Annotated[
 
 
 class ControllerDrive(Record):
-    """Base of drives that are controllers: keys are the arguments of the class of that name.
+    """Base of drives that are controllers; keys are the arguments of the controller class.
 
-    A key that is left out has the class's default. What only Python can say has no key.
+    Omitted keys have the default of the class. Arguments that need Python objects have no key.
     """
 
     per_joint: ClassVar[tuple[str, ...]] = ()
     """Keys with one number for all joints, or one for each."""
 
     def balances(self) -> bool:
-        """Whether it holds the arm's weight by itself, or takes no torque that does."""
+        """Return whether the controller includes gravity compensation, or accepts no feedforward.
+
+        In both cases a scenario cannot add the torque of an equilibrium.
+        """
         return not hasattr(self, "feedforward")

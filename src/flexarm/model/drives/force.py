@@ -1,4 +1,4 @@
-"""Controllers of the tip and of the force that it presses with; for motions that press."""
+"""Controllers of the tip position and the contact force, for motions that press on a surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexarm.model.quantities import NonNegative, Positive
 
 
 class HybridForceDrive(ControllerDrive):
-    """Position control along a surface, force control across it."""
+    """Hybrid control: position along a surface, force normal to it."""
 
     kind: Literal["hybrid_force"] = "hybrid_force"
     frequency: Positive = Field(
@@ -38,7 +38,7 @@ class HybridForceDrive(ControllerDrive):
 
 
 class ImpedanceDrive(ControllerDrive):
-    """The tip is a spring and a damper towards its path, and yields to a surface."""
+    """Impedance control: the tip acts as a spring and a damper towards its path."""
 
     kind: Literal["impedance"] = "impedance"
     tangent_stiffness: NonNegative = Field(
@@ -68,7 +68,7 @@ class ImpedanceDrive(ControllerDrive):
 
 
 class AdmittanceDrive(ControllerDrive):
-    """The measured force moves the reference, which a stiff position loop follows."""
+    """Admittance control: the measured force moves the reference of a stiff position loop."""
 
     kind: Literal["admittance"] = "admittance"
     damping: Positive = Field(

@@ -1,4 +1,4 @@
-"""Controllers at the joints, one by one, and computed torque for all of them together."""
+"""Joint controllers: PD, PID and strain feedback at single joints, and computed torque."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexarm.model.wording import Fault
 
 
 class JointPDDrive(ControllerDrive):
-    """A proportional-derivative controller at each joint, following the motion."""
+    """Joint PD control: a proportional-derivative controller at each joint along the motion."""
 
     kind: Literal["joint_pd"] = "joint_pd"
     proportional: Proportional
@@ -32,7 +32,7 @@ class JointPDDrive(ControllerDrive):
 
 
 class JointPIDDrive(ControllerDrive):
-    """A PID controller at each joint, following the motion, with the arm's weight balanced."""
+    """Joint PID control along the motion, with optional gravity compensation."""
 
     kind: Literal["joint_pid"] = "joint_pid"
     proportional: Proportional
@@ -75,7 +75,7 @@ class JointPIDDrive(ControllerDrive):
 
 
 class ComputedTorqueDrive(ControllerDrive):
-    """Computed torque from the rigid model, following the motion."""
+    """Computed torque of the rigid model along the motion."""
 
     kind: Literal["computed_torque"] = "computed_torque"
     frequency_hz: OneOrMany[Positive] = Field(
@@ -98,7 +98,7 @@ class ComputedTorqueDrive(ControllerDrive):
 
 
 class StrainFeedbackDrive(ControllerDrive):
-    """A PD controller at each joint that yields to the strain at one gauge for each joint."""
+    """Joint PD control with feedback of the strain at one gauge per joint."""
 
     kind: Literal["strain_feedback"] = "strain_feedback"
     proportional: Proportional

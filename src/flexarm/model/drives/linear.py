@@ -102,7 +102,7 @@ RigidityUncertainty = Annotated[
 
 
 class LQGDrive(ControllerDrive):
-    """State feedback of the flexible arm by a linear-quadratic regulator and a Kalman filter."""
+    """LQG: state feedback of the flexible arm by a linear-quadratic regulator and Kalman filter."""
 
     kind: Literal["lqg"] = "lqg"
     posture: Posture = None
@@ -127,7 +127,7 @@ class LQGDrive(ControllerDrive):
 
 
 class MPCDrive(ControllerDrive):
-    """The regulator of `lqg` within limits of torque and torque rate."""
+    """MPC: the regulator of `lqg` with limits of torque and torque rate."""
 
     kind: Literal["mpc"] = "mpc"
     posture: Posture = None
@@ -155,7 +155,7 @@ class MPCDrive(ControllerDrive):
 
 
 class CompositeDrive(ControllerDrive):
-    """Computed torque for the slow motion of the joints, damping for the fast one of the links."""
+    """Composite control: computed torque for slow joint motion, damping for fast link vibration."""
 
     kind: Literal["composite"] = "composite"
     posture: Posture = None

@@ -1,4 +1,4 @@
-"""The controllers of files: a newcomer's record gets its line here."""
+"""Registry of the controllers of files; a new controller is added here."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexarm.model.drives.joint import (
 from flexarm.model.drives.linear import CompositeDrive, LQGDrive, MPCDrive
 from flexarm.model.drives.uncertain import AdaptiveDrive, RBFAdaptiveDrive, SlidingModeDrive
 
-#: Every controller that stands alone; others wrap one of these.
+#: All controllers except those that contain one of these.
 Alone = (
     JointPDDrive
     | JointPIDDrive

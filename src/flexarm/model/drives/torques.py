@@ -1,4 +1,4 @@
-"""Drives that measure nothing: torques given or computed beforehand, or none."""
+"""Drives without measurements: prescribed or precomputed torques, or none."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from flexarm.model.wording import Fault
 
 
 class RigidInverseDynamicsDrive(Record):
-    """The torques that would move the rigid twin along the motion, without feedback."""
+    """Inverse dynamics of the rigid model along the motion, without feedback."""
 
     kind: Literal["rigid_inverse_dynamics"] = "rigid_inverse_dynamics"
 
 
 class TorqueDrive(Record):
-    """Sampled joint torques."""
+    """Sampled joint torques as a function of time."""
 
     kind: Literal["torque"] = "torque"
     rate: Positive = Field(description="Samples per second (Hz).")

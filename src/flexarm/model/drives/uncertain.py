@@ -1,4 +1,4 @@
-"""Controllers for arms that are not what they are believed to be: adaptive, sliding, learning."""
+"""Controllers for uncertain arms: adaptive, sliding-mode, and radial-basis-function networks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Damping = Annotated[
 
 
 class AdaptiveDrive(ControllerDrive):
-    """Computed torque of a rigid model whose parameters are learned on the way."""
+    """Adaptive control: computed torque of a rigid model whose parameters are estimated online."""
 
     kind: Literal["adaptive"] = "adaptive"
     bandwidth: Bandwidth
@@ -67,7 +67,7 @@ class AdaptiveDrive(ControllerDrive):
 
 
 class SlidingModeDrive(ControllerDrive):
-    """Torque of the rigid model, and a switching torque that outweighs its errors."""
+    """Sliding-mode control: torque of the rigid model plus a robust switching torque."""
 
     kind: Literal["sliding_mode"] = "sliding_mode"
     bandwidth: Bandwidth
@@ -103,7 +103,7 @@ class SlidingModeDrive(ControllerDrive):
 
 
 class RBFAdaptiveDrive(ControllerDrive):
-    """A network of radial basis functions learns the torque that the motion takes."""
+    """Adaptive control by a network of radial basis functions that learns the required torque."""
 
     kind: Literal["rbf_adaptive"] = "rbf_adaptive"
     bandwidth: Bandwidth
