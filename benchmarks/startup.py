@@ -93,5 +93,5 @@ def memory_megabytes(seconds: float = 60.0) -> dict[str, float]:
     before, after = map(float, done.stdout.split())
     return {
         "Python, the libraries and the compiled code": before,
-        f"more for a run of {seconds:g} s at 1 kHz, every channel kept": after - before,
+        f"in addition, a run of {seconds:g} s at 1 kHz with all channels": after - before,
     }
