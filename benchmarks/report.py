@@ -1,4 +1,4 @@
-"""Write what was measured: docs/performance/index.md and its figures."""
+"""Report of the measurements: docs/performance/index.md and its figures."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from benchmarks.table_one import EXACT, PAPER
 from benchmarks.whole_call import GOAL, GOALS, Whole
 from benchmarks.work_precision import Point, fastest
 
-#: Errors at which programs are compared, m: those that peers reached cheaply.
+#: Errors (m) at which programs are compared: those that peers reach at low cost.
 LEVELS = {EXACT: (1.3e-4, 3.1e-5, 6e-6, 3.1e-6), PAPER: (4e-6, 2e-7)}
 
 
 class Measured(NamedTuple):
-    """Everything that ``make bench`` measures. Times in seconds, unless said otherwise."""
+    """All measurements of ``make bench``. Times are in seconds unless another unit is given."""
 
     imports: float
     help: float
@@ -35,7 +35,7 @@ class Measured(NamedTuple):
     links: dict[int, float]  # microseconds a link
     modes: dict[int, float]  # microseconds
     table_one: list[Point]
-    raw: list[Point]  # the scan of raw.py and the peers beside it
+    raw: list[Point]  # the scan of raw.py and the peers measured with it
     chain: list[Point]
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
     simulations: list[Whole]
@@ -43,12 +43,12 @@ class Measured(NamedTuple):
 
 
 def machine() -> str:
-    """Describe where the numbers were measured."""
+    """Describe the machine and the versions of the programs."""
     names = ("flexarm", "numba", "numpy", "scipy", "exudyn", "mujoco", "pin", "drake")
     names += ("pyelastica", "casadi", "jax", "diffrax")
     versions = ", ".join(f"{name} {found}" for name in names if (found := _version(name)))
     python = platform.python_version()
-    # Of the last fifteen minutes: more than about one says that others were at work too.
+    # The load of the last fifteen minutes: above about one, other processes were running too.
     cores = f"{os.cpu_count()} cores (load {os.getloadavg()[2]:.1f})"
     return f"{platform.machine()}, {cores}, Python {python}, {versions}"
 
@@ -250,7 +250,7 @@ def _level_table(points: list[Point]) -> str:
 
 
 def raw_table(points: list[Point]) -> str:
-    """Return the table of what ``raw.beside_peers`` measured: steps above whole calls."""
+    """Return the table of ``raw.beside_peers``: a row for the steps above one for whole calls."""
     own = [point for point in points if point.program == raw.PROGRAM]
     peers = [point for point in points if point.program != raw.PROGRAM]
     rows = []
@@ -298,7 +298,7 @@ def _controllers_table(found: dict[tuple[str, str], float]) -> str:
 
 
 def whole_table(found: list[Whole]) -> str:
-    """Return the table of what ``whole_call.simulations`` measured."""
+    """Return the table of the measurements of ``whole_call.simulations``."""
     rows = [
         (name, *(f"{1e3 * value:.2f}" for value in times), f"{GOAL:g}") for name, *times in found
     ]
@@ -306,7 +306,7 @@ def whole_table(found: list[Whole]) -> str:
 
 
 def calls_table(found: dict[str, float]) -> str:
-    """Return the table of what ``whole_call.microseconds`` measured."""
+    """Return the table of the measurements of ``whole_call.microseconds``."""
     rows = [
         (name, f"{value:.3g}", f"{goal:g}" if (goal := GOALS[name]) else "")
         for name, value in found.items()
@@ -325,7 +325,7 @@ def _startup_table(m: Measured) -> str:
 
 
 def first_run_table(found: Sequence[First]) -> str:
-    """Return the table of what ``first_run.first_uses`` measured."""
+    """Return the table of the measurements of ``first_run.first_uses``."""
     rows = [(one.feature.name, *_cells(one.wait), f"{one.feature.goal:g}") for one in found]
     return _table(("first use of", "seconds", "CPU seconds", "goal"), rows)
 
