@@ -1,5 +1,6 @@
-"""How fast flexarm is: `make bench` measures and writes docs/performance.
+"""Benchmarks of flexarm: `make bench` measures them and writes docs/performance.
 
-Every number is the median of repeats taken in one process; what is compared is timed in turns, so
-that a slow moment of the machine hits both sides. Ratios travel between machines, times do not.
+Most numbers are medians of repeats in one process. Candidates that are compared are timed
+alternately, so that a slow phase of the machine affects all of them. Ratios are comparable between
+machines, times are not.
 """

@@ -22,7 +22,7 @@ FOLDER = Path(__file__).resolve().parent.parent / "docs" / "performance"
 
 
 def main() -> None:
-    """Run all benchmarks, some minutes."""
+    """Run all benchmarks, which takes some minutes."""
     for peer in programs.missing():
         print(f"SKIPPED: {peer} is not installed (pip install 'flexarm[peers,casadi]').")
     if compiler() is None:

@@ -1,4 +1,4 @@
-"""The paper's own model in CasADi, integrated by CVODES: equations as symbols, exact Jacobians."""
+"""The paper's model in CasADi, integrated by CVODES: symbolic equations, exact Jacobians."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import flexarm as fa
 
 
 def prepare(case: Case, arm: fa.Arm, rtol: float) -> Callable[[], np.ndarray]:
-    """Build the integrator; return what gives the states (samples, 2 dof).
+    """Build the integrator; return a function that computes the states (samples, 2 dof).
 
-    The equations are those of ``arm``, by ``flexarm.to_casadi``: what a user would derive by
-    hand. One integrator up to the end of the torque, one after.
+    The equations are those of ``arm``, from ``flexarm.to_casadi``: a user could derive them by
+    hand. One integrator runs up to the end of the torque, a second one from there.
     """
     y, t, on = (
         casadi.SX.sym(name, size) for name, size in (("y", 2 * arm.dof), ("t", 1), ("on", 1))

@@ -1,4 +1,4 @@
-"""Call a kernel many times from compiled code, as an integrator does: no Python in the timing."""
+"""Calls of a kernel from a compiled loop, as in an integrator: no Python in the timing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexarm.kernels.layout import (
 def _repeat(sizes, constants, state, torque, loads, work, calls):  # type: ignore[no-untyped-def]
     for _ in range(calls):
         forward_dynamics(sizes, constants, state, torque, loads, work)
-        # Feed the result back, or the compiler may drop all calls but one.
+        # Feed the result back: otherwise the compiler may remove all calls but one.
         state[0, 0, 0] += 1e-12 * work.acceleration[0, 0]
 
 
@@ -35,11 +35,11 @@ class ForwardDynamics:
         self._work = new_workspace(self._constants)
 
     def run_time_sizes(self) -> Sizes:
-        """Sizes that one compilation serves."""
+        """Return sizes as run-time values: one compilation serves all arms."""
         return run_time_sizes(self._constants)
 
     def compile_time_sizes(self) -> Sizes:
-        """Sizes that are constants of the machine code."""
+        """Return sizes that are constants of the machine code."""
         return compile_time_sizes(self._constants)
 
     def __call__(self, sizes: Sizes, calls: int) -> None:

@@ -1,4 +1,4 @@
-"""What each controller costs at a sample time, in a closed loop on two flexible links."""
+"""Computing time of each controller per sample, in a closed loop on two flexible links."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import flexarm as fa
 from flexarm.control.base import Controller
 from flexarm.controllers import CONTROLLERS
 
-#: Joint angles (rad) that the loops go from and to, in so many seconds.
+#: Joint angles (rad) at the start and the end of the motion, and its duration (s).
 START, END, DURATION = [0.3, 1.2], [0.6, 1.5], 0.5
 _LIMIT = [40.0, 10.0]
 
@@ -40,7 +40,7 @@ def _estimator(arm: fa.Arm, payload_deviation: float = 0.0) -> fa.EstimatorContr
 
 _PD = ([300.0, 80.0], [30.0, 8.0])
 _ADAPTED = ["payload.mass", "joint_1.viscous", "joint_2.viscous"]
-#: How to make each controller of the registry.
+#: A function that creates each controller of the registry.
 MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "joint_pd": lambda arm: fa.JointPD(*_PD),
     "joint_pid": lambda arm: fa.JointPID(*_PD, [50.0, 10.0], arm=arm),
@@ -62,7 +62,7 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "mpc": lambda arm: fa.MPC(arm, torque_limit=_LIMIT, horizon=10),
     "estimator": _estimator,
 }
-#: Conditions in which controllers cost more. Without limits, LQG requests up to 28 and 9 N m.
+#: Conditions in which controllers take longer. Without limits, LQG requests up to 28 and 9 N m.
 CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {
     ("mpc", "torques at their limits, horizon 10"): lambda arm: fa.MPC(
         arm, torque_limit=[6.0, 2.0], horizon=10
@@ -75,7 +75,7 @@ CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {
 
 
 def microseconds(repeats: int = 5, duration: float = DURATION) -> dict[tuple[str, str], float]:
-    """Return the time of one ``update`` by name and condition: the median of runs in turns."""
+    """Return the time of one ``update`` by name and condition: medians of alternating runs."""
     plant = arm()
     motion = fa.joint_motion(plant, START, END, DURATION)
     makers = {(name, ""): MAKERS[name] for name in CONTROLLERS} | CONDITIONS

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmarks.work_precision import Point
 
-#: Errors above this are those of a step too long, and of no use to anybody (m).
+#: Largest error (m) that is drawn and listed: larger ones come from steps that are too long.
 USEFUL = 5e-3
 _MARKS = "os^Dv<>pPX*hd"
 
@@ -32,7 +32,7 @@ def draw_scaling(path: Path, links: dict[int, float], modes: dict[int, float]) -
 
 
 def draw_work_precision(path: Path, points: Sequence[Point], titles: dict[str, str]) -> None:
-    """Draw error over time, a panel for each truth; marks of flexarm are filled."""
+    """Draw error over time, with one panel per reference solution; flexarm has filled markers."""
     figure = Figure(figsize=(4.4 * len(titles) + 2.4, 4.2), layout="constrained")
     panels = figure.subplots(1, len(titles), squeeze=False, sharey=True)[0]
     names = list(dict.fromkeys(label(point) for point in points))
@@ -66,7 +66,7 @@ def draw_work_precision(path: Path, points: Sequence[Point], titles: dict[str, s
 
 
 def label(point: Point) -> str:
-    """Return who integrates: flexarm with a method, or another program."""
+    """Return the label of a point: flexarm with its integrator, or another program."""
     if point.program != "flexarm":
         return point.program
     return f"flexarm {point.setting.split(',')[0]}"

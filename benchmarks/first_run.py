@@ -1,6 +1,6 @@
-"""What the first use of each feature costs on a machine that has compiled nothing.
+"""Time of the first use of each feature on a machine without compiled kernels.
 
-`python -m benchmarks.first_run` prints the table alone, after some minutes.
+`python -m benchmarks.first_run` prints only this table, after some minutes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from benchmarks.startup import Wait, wait
 from flexarm.integrate import INTEGRATORS
 
 _ROOT = Path(__file__).resolve().parent.parent
-#: Lines in front of every program. The sizes of the arm do not matter: one code serves all.
+#: First lines of every program. The sizes of the arm do not matter: the same code serves all.
 _ARM = """
 import numpy as np
 import flexarm as fa
@@ -44,7 +44,7 @@ with warnings.catch_warnings():
 
 
 class Feature(NamedTuple):
-    """The first use of one feature, and the time that it may take, process start included."""
+    """A feature, a program that uses it, and the goal for its first use, with process start."""
 
     name: str
     arguments: tuple[str, ...]  # of Python
@@ -61,16 +61,16 @@ def _integrate(name: str) -> str:
 
 
 class First(NamedTuple):
-    """A feature and the wait for its first use."""
+    """A feature and the time of its first use."""
 
     feature: Feature
     wait: Wait
 
 
 _SIMULATE = Feature("`simulate` with default arguments", _program(_FIRST_SIMULATE), 8.0)
-#: Features that a user may begin with: each finds an empty cache.
+#: Features that a user may begin with: each starts with an empty cache.
 ALONE = (Feature("`flexarm paper`", ("-m", "flexarm", "paper"), 15.0), _SIMULATE)
-#: Features that follow: each finds the machine code that `simulate` left and no other.
+#: Further features: each starts with the machine code of `simulate` and no other.
 FURTHER = (
     *(Feature(f"integrator `{name}`", _program(_integrate(name)), 4.0) for name in INTEGRATORS),
     Feature("`linearize` and `modes`", _program("fa.linearize(arm, q); fa.modes(arm)"), 4.0),
@@ -89,12 +89,12 @@ def first_uses(
     further: Sequence[Feature] = FURTHER,
     after: Feature = _SIMULATE,
 ) -> list[First]:
-    """Time every feature once, in a process of its own.
+    """Time every feature once, each in its own process.
 
     Args:
-        alone: features that begin with an empty cache.
-        further: features that begin with the machine code of ``after``.
-        after: a feature; it is timed in ``alone`` only.
+        alone: features that start with an empty cache.
+        further: features that start with the machine code of ``after``.
+        after: the feature that fills the cache for ``further``; it is timed only in ``alone``.
     """
     with tempfile.TemporaryDirectory() as text:
         folder = Path(text)
@@ -114,7 +114,7 @@ def _wait(feature: Feature, folder: Path, cache: str) -> Wait:
 
 
 def _path() -> str:
-    """Return where Python looks for packages, the folder of the benchmarks first."""
+    """Return the search path for packages, with the folder of the benchmarks first."""
     given = os.environ.get("PYTHONPATH")
     return os.pathsep.join([str(_ROOT), *([given] if given else [])])
 

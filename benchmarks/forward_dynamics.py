@@ -1,4 +1,4 @@
-"""Forward dynamics: against C++ templates, against dense algebra, and how it scales."""
+"""Forward dynamics: comparison with C++ templates and dense algebra, and scaling."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchmarks.measure import in_turns
 
 
 class Comparison(NamedTuple):
-    """Microseconds for one evaluation of two links of four modes; None without a compiler."""
+    """Microseconds per evaluation for two links of four modes; None without a compiler."""
 
     theory: str
     compile_time_sizes: float
@@ -65,12 +65,12 @@ def compare(theory: str, calls: int = 2_000, repeats: int = 200) -> Comparison:
 
 
 def checked_limit(arm: fa.Arm, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> Limit:
-    """Return the C++ templates for an arm, after they gave the accelerations that we give."""
+    """Return the C++ templates for an arm after verifying their accelerations."""
     limit = Limit(arm, q, qd, torque)
     wanted = arm.forward_dynamics(q, qd, torque)
     for repeat in (limit.compile_time_sizes, limit.run_time_sizes):
         repeat(1)
-        # The second call starts 1e-12 rad beside the first.
+        # The state of the second call differs by 1e-12 rad from that of the first.
         found = arm.unpadded(limit.acceleration)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * np.abs(wanted).max())
     return limit
@@ -79,7 +79,7 @@ def checked_limit(arm: fa.Arm, q: np.ndarray, qd: np.ndarray, torque: np.ndarray
 def scaling_in_links(
     counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128, 256), repeats: int = 50
 ) -> dict[int, float]:
-    """Return microseconds per link of one evaluation, four modes a link."""
+    """Return microseconds per link for one evaluation, with four modes per link."""
     calls = {links: max(4000 // links, 20) for links in counts}
     times = _times_in_turns({links: chain(links) for links in counts}, calls, repeats)
     return {links: time / links for links, time in times.items()}
@@ -88,7 +88,7 @@ def scaling_in_links(
 def scaling_in_modes(
     counts: tuple[int, ...] = (2, 4, 8, 16, 32, 64), repeats: int = 50
 ) -> dict[int, float]:
-    """Return microseconds per evaluation of two links against modes a link (linear theory)."""
+    """Return microseconds per evaluation of two links by modes per link (linear theory)."""
     arms = {modes: chain(2, modes=modes, elements=max(modes // 2, 2)) for modes in counts}
     return _times_in_turns(arms, dict.fromkeys(counts, 2000), repeats)
 
@@ -96,7 +96,7 @@ def scaling_in_modes(
 def _times_in_turns(
     arms: Mapping[int, fa.Arm], calls: Mapping[int, int], repeats: int
 ) -> dict[int, float]:
-    """Return microseconds per evaluation of each arm, with so many evaluations a turn."""
+    """Return microseconds per evaluation of each arm, with ``calls`` evaluations per turn."""
     candidates = {}
     for count, arm in arms.items():
         loop = ForwardDynamics(arm, *moving_state(arm))

@@ -1,4 +1,4 @@
-"""The paper's own model in JAX, compiled by XLA; fixed steps, or steps chosen by Diffrax."""
+"""The paper's model in JAX, compiled by XLA; fixed steps, or step control by Diffrax."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ jax.config.update("jax_enable_x64", True)
 def prepare(
     case: Case, arm: fa.Arm, step: float | None = None, rtol: float | None = None
 ) -> Callable[[], np.ndarray]:
-    """Return what gives the states (samples, 2 dof), compiled at the first call with such a case.
+    """Return a function that computes the states (samples, 2 dof).
 
-    The equations are those of ``arm``, by ``flexarm.to_jax``: what XLA makes of them is one loop
-    without calls. The classical method of Runge and Kutta with steps of
-    ``step`` s, or that of Dormand and Prince of order 8 in Diffrax with relative tolerance
-    ``rtol``.
+    The first call with given arguments compiles it. The equations are those of ``arm``, from
+    ``flexarm.to_jax``; XLA compiles them to one loop without calls. The method is the
+    classical one of Runge and Kutta with steps of ``step`` s, or that of Dormand and Prince of
+    order 8 in Diffrax with relative tolerance ``rtol``.
     """
     start = jnp.concatenate([arm.rest(case.joint_angles), np.zeros(arm.dof)])
     solve = _compiled(case, arm, step, rtol)
@@ -96,7 +96,7 @@ def _diffrax(
             saveat=diffrax.SaveAt(ts=samples),
             stepsize_controller=controller,
             max_steps=1_000_000,
-            # The adjoint methods keep what a gradient needs; this one keeps nothing.
+            # Adjoint methods store data for a gradient; this one stores nothing.
             adjoint=diffrax.ForwardMode(),
         )
         return solution.ys

@@ -1,4 +1,4 @@
-"""One second of a swinging chain of 64 flexible links: every integrator, every installed peer."""
+"""One second of a swinging chain of 64 flexible links: all integrators, all installed peers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmarks import programs
 from benchmarks.work_precision import Entry, Point, measure
 from flexarm.integrate import INTEGRATORS
 
-#: Released from rest as a slanting line that hangs by one end; 64 hinges, each link bends.
+#: A straight, inclined chain, released from rest and fixed at one end: 64 hinges, flexible links.
 CASE = Case(
     name="swinging chain",
     lengths=(0.5,) * 64,
@@ -30,14 +30,14 @@ CASE = Case(
 TIGHT = "flexarm at rtol 1e-7"
 RTOL = (1e-3, 1e-4, 1e-5)
 STEPS = (1e-3, 5e-4, 2.5e-4)
-#: Steps far beyond the stiff modes, with the tolerance that its equations are solved to.
+#: Steps far too long for the stiff modes, with the tolerance of the equations of a step.
 LONG_STEPS = ({"step": 4e-3, "rtol": 1e-4}, {"step": 2e-3, "rtol": 1e-4})
 EXUDYN = ((2, 1e-3), (4, 1e-3), (4, 5e-4))
 BARS = ((1, 1e-3), (2, 1e-3))
 
 
 def short(links: int, duration: float) -> Case:
-    """Return the same with fewer links and less time."""
+    """Return the case with fewer links and a shorter duration."""
     return replace(
         CASE,
         lengths=CASE.lengths[:links],
@@ -48,7 +48,7 @@ def short(links: int, duration: float) -> Case:
 
 
 def entries(case: Case = CASE) -> Iterator[Entry]:
-    """Yield what is compared: four second-order modes a link, and the peers."""
+    """Yield the entries: flexarm with four second-order modes per link, and the peers."""
     build = partial(programs.arm_of, case, theory="second_order", elements=4, modes=4)
     for name, integrator in INTEGRATORS.items():
         settings = (
@@ -70,11 +70,11 @@ def entries(case: Case = CASE) -> Iterator[Entry]:
 
 
 def truth(case: Case) -> dict[str, np.ndarray]:
-    """Return the tip path of eight modes a link at a tight tolerance."""
+    """Return the tip path with eight modes per link at a tight tolerance."""
     arm = programs.arm_of(case, theory="second_order", elements=4)
     return {TIGHT: programs.simulate(case, arm, rtol=1e-7).path}
 
 
 def work_precision(case: Case = CASE, repeats: int = 1) -> tuple[list[Point], list[str]]:
-    """Measure all of it in turns."""
+    """Measure all entries alternately."""
     return measure(list(entries(case)), truth(case), repeats)

@@ -1,4 +1,4 @@
-"""Timing: warm up, take turns, report medians."""
+"""Timing of candidates: warm-up, alternating calls, medians."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 def in_turns(
     candidates: Mapping[str, Callable[[], object]], repeats: int, calls: int = 1
 ) -> dict[str, float]:
-    """Time several candidates in turns: median seconds per call of each.
+    """Time several candidates alternately; return the median seconds per call of each.
 
-    Many short turns beat a few long ones: what fits into one slice of the scheduler is either
-    disturbed as a whole, which the median ignores, or not at all.
+    Many short turns are better than a few long ones: a turn that fits into one time slice of the
+    scheduler is disturbed either completely, which the median ignores, or not at all.
     """
     for call in candidates.values():
         call()

@@ -1,4 +1,4 @@
-"""Flexarm and every installed peer as entries of a work-precision diagram."""
+"""Entries of a work-precision diagram: flexarm and every installed peer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import flexarm as fa
 from benchmarks.work_precision import Entry, Outcome, Run, timed
 
-#: Module that a program needs, beside what flexarm needs itself.
+#: Module that each program needs in addition to the dependencies of flexarm.
 PEERS = {
     "Exudyn": "exudyn",
     "MuJoCo": "mujoco",
@@ -32,7 +32,7 @@ def missing() -> list[str]:
 
 
 def arm_of(case: Case, **options: Any) -> fa.Arm:
-    """Return a case's arm; ``options`` of the links, and ``theory``."""
+    """Return the arm of a case; ``options`` are those of the links, and ``theory``."""
     theory = options.pop("theory", "linear")
     links = [
         fa.Link(
@@ -47,7 +47,7 @@ def arm_of(case: Case, **options: Any) -> fa.Arm:
 
 
 def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **how: Any) -> Entry:
-    """Return flexarm with a basis and settings of ``flexarm.simulate``."""
+    """Return the entry of flexarm with a basis and arguments of ``flexarm.simulate``."""
 
     def prepare() -> Run:
         arm = build()
@@ -60,7 +60,7 @@ def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **h
 
 
 def simulate(case: Case, arm: fa.Arm, **how: Any) -> Outcome:
-    """Run flexarm; the time is what its compiled integration took."""
+    """Run flexarm; the time is that of its compiled integration."""
     if "rtol" in how:
         how = {**how, "atol": 1e-2 * how["rtol"]}
     result = fa.simulate(
@@ -76,7 +76,7 @@ def simulate(case: Case, arm: fa.Arm, **how: Any) -> Outcome:
 
 
 def exudyn(case: Case, elements: int, step: float, truth: str) -> Entry:
-    """Return Exudyn with cable elements of large deflection."""
+    """Return the entry of Exudyn with cable elements for large deflection."""
 
     def prepare() -> Run:
         from peers import exudyn_arm
@@ -87,7 +87,7 @@ def exudyn(case: Case, elements: int, step: float, truth: str) -> Entry:
 
 
 def exudyn_exact(case: Case, elements: int, step: float, truth: str) -> Entry:
-    """Return Exudyn with geometrically exact elements of three nodes."""
+    """Return the entry of Exudyn with geometrically exact elements of three nodes."""
 
     def prepare() -> Run:
         from peers import exudyn_arm
@@ -99,7 +99,7 @@ def exudyn_exact(case: Case, elements: int, step: float, truth: str) -> Entry:
 
 
 def mujoco(case: Case, segments: int, step: float, truth: str) -> Entry:
-    """Return MuJoCo with rigid bars on springs."""
+    """Return the entry of MuJoCo with rigid bars on springs."""
 
     def prepare() -> Run:
         from peers import mujoco_arm
@@ -110,7 +110,7 @@ def mujoco(case: Case, segments: int, step: float, truth: str) -> Entry:
 
 
 def pinocchio(case: Case, segments: int, step: float, truth: str) -> Entry:
-    """Return Pinocchio with rigid bars on springs, integrated by a loop in Python."""
+    """Return the entry of Pinocchio: rigid bars on springs, integrated by a loop in Python."""
 
     def prepare() -> Run:
         from peers import pinocchio_arm
@@ -121,7 +121,7 @@ def pinocchio(case: Case, segments: int, step: float, truth: str) -> Entry:
 
 
 def drake(case: Case, segments: int, accuracy: float, longest: float, truth: str) -> Entry:
-    """Return Drake with rigid bars on springs."""
+    """Return the entry of Drake with rigid bars on springs."""
 
     def prepare() -> Run:
         from peers import drake_arm
@@ -135,7 +135,7 @@ def drake(case: Case, segments: int, accuracy: float, longest: float, truth: str
 def pyelastica(
     case: Case, elements: tuple[int, ...], radius: float, step: float, truth: str
 ) -> Entry:
-    """Return PyElastica with a Cosserat rod that is thicker than the links."""
+    """Return the entry of PyElastica with a Cosserat rod that is thicker than the links."""
 
     def prepare() -> Run:
         from peers import elastica_arm
@@ -148,7 +148,7 @@ def pyelastica(
 
 
 def casadi(case: Case, arm: fa.Arm, rtol: float, truth: str) -> Entry:
-    """Return CVODES through CasADi on the equations of ``arm``."""
+    """Return the entry of CVODES, through CasADi, for the equations of ``arm``."""
 
     def prepare() -> Run:
         from benchmarks import casadi_cvodes
@@ -161,7 +161,7 @@ def casadi(case: Case, arm: fa.Arm, rtol: float, truth: str) -> Entry:
 def jax(
     case: Case, arm: fa.Arm, truth: str, step: float | None = None, rtol: float | None = None
 ) -> Entry:
-    """Return the equations of ``arm`` in JAX: fixed steps, or Diffrax at a tolerance."""
+    """Return the entry of JAX for the equations of ``arm``: fixed steps, or Diffrax."""
 
     def prepare() -> Run:
         from benchmarks import jax_diffrax
@@ -173,7 +173,7 @@ def jax(
 
 
 def scipy(case: Case, arm: fa.Arm, method: str, rtol: float, truth: str) -> Entry:
-    """Return a SciPy solver that calls our dynamics from Python: what one writes by hand."""
+    """Return the entry of a SciPy solver that calls flexarm's dynamics from Python."""
     n = arm.dof
     samples = np.arange(case.samples) / case.rate
 

@@ -1,7 +1,7 @@
-"""Compiled steps where the compiler knows the sizes, and whole calls of them, beside the peers.
+"""Compiled steps with sizes known to the compiler, and whole calls, compared with the peers.
 
-The settings are what was left of a scan over steps and tolerances of every integrator on several
-bases: those within a factor of two of the fastest at one of the levels.
+The settings come from a scan over steps and tolerances of every integrator on several bases. They
+are those within a factor of two of the fastest at one of the levels.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PROGRAM = "flexarm, steps alone"
 
 
 class Level(NamedTuple):
-    """An error that peers reached cheaply, and how many times faster flexarm is meant to be."""
+    """An error that peers reach at low cost, and the goals for the ratio of times."""
 
     truth: str
     error: float  # m
@@ -40,11 +40,11 @@ _BASES = {
     "2+1 elements": (table_one, PAPER),
     "3 modes": (partial(second_order, elements=16, modes=3), EXACT),
     "4 modes": (partial(second_order, elements=16, modes=4), EXACT),
-    # One segment a link errs by 1e-5 m, however many modes: what the second-order theory leaves.
+    # With one segment per link, the second-order theory has an error of 1e-5 m for any modes.
     "2 segments of 5 modes": (partial(second_order, elements=20, modes=5, segments=2), EXACT),
     "3 segments of 4 modes": (partial(second_order, elements=12, modes=4, segments=3), EXACT),
 }
-#: Steps that divide a sample of 10 ms, and tolerances.
+#: Steps (divisors of the sample interval of 10 ms) and tolerances.
 SCAN: dict[str, dict[str, tuple[float, ...]]] = {
     "2+1 elements": {
         "cowell_4": (1e-2 / 20, 1e-2 / 21),
@@ -69,7 +69,7 @@ def entries(
     duration: float = CASE.duration,
     specialized: bool = True,
 ) -> Iterator[Entry]:
-    """Yield the scanned settings. Each integrator compiles a minute or so for each basis, once."""
+    """Yield the scanned settings. Each integrator compiles once per basis, for about a minute."""
     case = replace(CASE, duration=duration)
     for basis, methods in scan.items():
         build, truth = _BASES[basis]
@@ -87,7 +87,7 @@ def entries(
 
 
 def _steps_alone(case: programs.Case, arm: programs.fa.Arm, name: str, **how: Any) -> Outcome:
-    """Run flexarm; the time is what its compiled steps took, without what is made before them."""
+    """Run flexarm; the time is that of its compiled steps, without the preparation."""
     step = {"step": how.pop("step")} if "step" in how else {}
     method = INTEGRATORS[name](**step)
     spent = stopwatch(method)
@@ -95,7 +95,7 @@ def _steps_alone(case: programs.Case, arm: programs.fa.Arm, name: str, **how: An
 
 
 def stopwatch(method: Integrator) -> list[float]:
-    """Let an integrator note the seconds of each call of ``advance`` in the list returned."""
+    """Record the seconds of each call of ``advance`` of an integrator; return the list."""
     advance, spent = method.advance, []
 
     def timed(*given: Any) -> Any:
@@ -114,7 +114,7 @@ def beside_peers(
     duration: float = CASE.duration,
     specialized: bool = True,
 ) -> tuple[list[Point], list[str]]:
-    """Measure the scan in turns with the peers that were the fastest at a level in ``points``."""
+    """Measure the scan alternately with the peers that are the fastest at a level in ``points``."""
     others = [point for point in points if point.program != "flexarm"]
     best = [
         fastest(others, level.truth, level.error, whole)

@@ -1,4 +1,4 @@
-"""Write what was measured: docs/performance/index.md and its figures."""
+"""Report of the measurements: docs/performance/index.md and its figures."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from benchmarks.table_one import EXACT, PAPER
 from benchmarks.whole_call import GOAL, GOALS, Whole
 from benchmarks.work_precision import Point, fastest
 
-#: Errors at which programs are compared, m: those that peers reached cheaply.
+#: Errors (m) at which programs are compared: those that peers reach at low cost.
 LEVELS = {EXACT: (1.3e-4, 3.1e-5, 6e-6, 3.1e-6), PAPER: (4e-6, 2e-7)}
 
 
 class Measured(NamedTuple):
-    """Everything that ``make bench`` measures. Times in seconds, unless said otherwise."""
+    """All measurements of ``make bench``. Times are in seconds unless another unit is given."""
 
     imports: float
     help: float
@@ -35,7 +35,7 @@ class Measured(NamedTuple):
     links: dict[int, float]  # microseconds a link
     modes: dict[int, float]  # microseconds
     table_one: list[Point]
-    raw: list[Point]  # the scan of raw.py and the peers beside it
+    raw: list[Point]  # the scan of raw.py and the peers measured with it
     chain: list[Point]
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
     simulations: list[Whole]
@@ -43,12 +43,12 @@ class Measured(NamedTuple):
 
 
 def machine() -> str:
-    """Describe where the numbers were measured."""
+    """Describe the machine and the versions of the programs."""
     names = ("flexarm", "numba", "numpy", "scipy", "exudyn", "mujoco", "pin", "drake")
     names += ("pyelastica", "casadi", "jax", "diffrax")
     versions = ", ".join(f"{name} {found}" for name in names if (found := _version(name)))
     python = platform.python_version()
-    # Of the last fifteen minutes: more than about one says that others were at work too.
+    # The load of the last fifteen minutes: above about one, other processes were running too.
     cores = f"{os.cpu_count()} cores (load {os.getloadavg()[2]:.1f})"
     return f"{platform.machine()}, {cores}, Python {python}, {versions}"
 
@@ -73,20 +73,22 @@ def write(folder: Path, measured: Measured) -> None:
 def _page(m: Measured) -> str:
     return f"""# Performance
 
-Measured by `make bench`; the numbers below are from one run on one machine: {machine()}. Times
-vary from machine to machine and with what else runs on it; ratios taken in the same run are
-what to compare. What is compared was timed in turns. Times are medians, but for the chain, timed
-once, and start-up, the least of a few.
+`make bench` measures the numbers on this page, in one run on one machine: {machine()}.
+
+Compare ratios from the same run, because times depend on the machine and its load. Candidates in
+one table were timed alternately. Times are medians, except those of the chain, which was timed
+once, and of the start-up, which are the minimum of a few runs.
 
 ## Forward dynamics, two links of four modes
 
 {_comparison_table(m.comparisons)}
 
-The limit is a C++ template with the sizes known to the compiler, `benchmarks/limit`, written by
-hand for nothing but this and compiled with `-O3 -march=native`; it gives the same accelerations
-to 1e-11 before it is timed. The goal is 1.5 times the limit; it is met where the compiler knows
-the sizes (`specialized=True`, and runs of more than a minute by themselves). Other runs take the
-code for any size, which needs no compiling for each arm.
+The limit is a C++ template with sizes known to the compiler, `benchmarks/limit`. It was written by
+hand for this comparison only and is compiled with `-O3 -march=native`. Before it is timed, its
+accelerations are verified to agree to 1e-11. The goal is 1.5 times the limit. flexarm reaches it
+if the compiler knows the sizes: with `specialized=True`, and in long runs by default, as decided
+from the number of evaluations. Other runs use the code for any size, which is not compiled again
+for each arm.
 
 ## Scaling
 
@@ -96,16 +98,18 @@ code for any size, which needs no compiling for each arm.
 
 ## Two seconds of the two-link arm of Table I
 
-Largest distance of the tip, every 10 ms, from solutions that other programs computed with tight
-error control: that of geometrically exact beams, and that of the paper's linear theory with 2 +
-1 elements. Integration: the time in each program's own loop. Total: with building the model and
-handing over the result, for flexarm every channel with its labels. Compiling and importing are
-left out everywhere. MuJoCo, Pinocchio and Drake move rigid bars on springs; Pinocchio has no
-integrators, its loop is in Python. PyElastica's rod is thicker than the links, or its steps would
-be ten times shorter; that is what it errs by. CasADi and JAX have flexarm's own equations, CasADi
-with exact Jacobians; SciPy's solvers call them from Python.
+The tip error is the largest distance of the tip from a reference solution, every 10 ms. Other
+programs computed the two reference solutions with tight error control: one of geometrically exact
+beams, and one of the paper's linear theory with 2 + 1 elements. *Integration* is the time in the
+loop of each program. *Total* includes the creation of the model and the return of the result, for
+flexarm all channels with their labels. No time includes compilation or import.
 
-The fastest of each that is at least so accurate:
+MuJoCo, Pinocchio and Drake simulate rigid bars on springs. Pinocchio has no integrators; its loop
+is in Python. PyElastica's rod is thicker than the links, because otherwise its steps would be ten
+times shorter; its error is due to this. CasADi and JAX use flexarm's own equations, CasADi with
+exact Jacobians; SciPy's solvers call these equations from Python.
+
+The table shows the fastest setting of each program with at most the given error:
 
 {_level_table(m.table_one)}
 
@@ -113,33 +117,35 @@ The fastest of each that is at least so accurate:
 
 ### Steps and whole calls
 
-The compiled steps of flexarm where the compiler knows the sizes, and the whole call that makes
-them, with the arm built and every channel labelled: each the best of a scan over integrators,
-steps, tolerances and bases, beside the peer that is the fastest in the same respect, timed in turns
-with it:
+The table gives the time of flexarm's compiled steps, with sizes known to the compiler, and the time
+of the whole call, which includes the creation of the arm and the labels of all channels. Each is
+the best of a scan over integrators, steps, tolerances and bases. The other program that is the
+fastest in the same respect was timed alternately with it:
 
 {raw_table(m.raw)}
 
-A whole call also makes a table of a torque that is a function of time, to the tolerance in use,
-and computes and labels channels. That is the rest of the total.
+A whole call takes longer than its steps: before the run, a torque that is a function of time is
+tabulated to the tolerance in use, and after it the channels are computed and labelled.
 
-What bounds the steps: a method that follows vibrations needs an evaluation, at least, for every
-two radians of the fastest mode that is kept, and one that does not has to resolve the motion.
-An evaluation takes what the first table says. More digits against the exact beams take segments,
-whose modes are faster. Every integrator was tried on bases of two to five modes and one to twelve
-segments; the tables hold the best.
+Two numbers limit the speed of the steps: the time of one evaluation, which is in the first table,
+and the number of evaluations. A method that resolves the vibrations needs at least one evaluation
+for every two radians of the fastest mode of the basis; other methods have to resolve the motion.
+A smaller error against the exact beams requires segments, whose modes are faster. Every
+integrator was tried on bases of two to five modes and one to twelve segments; the tables contain
+the best results.
 
 ### All runs
 
-Every run, fastest first; those that err by more than {1e3 * USEFUL:g} mm are left out:
+The table contains all runs with an error of at most {1e3 * USEFUL:g} mm, the fastest first:
 
 {_points_table(m.table_one)}
 
 ## A chain of 64 links
 
-One second of 64 links on free hinges that swing under gravity, four second-order modes a link,
-without damping, against flexarm with eight modes a link at `rtol=1e-7`. MuJoCo's rigid bars and
-Exudyn's cables tend to the same motion. Each was timed once, after one run to warm up.
+The chain of 64 links on free hinges swings under gravity for one second, without damping. The
+runs of flexarm have four second-order modes per link; the reference is flexarm with eight modes
+per link at `rtol=1e-7`. MuJoCo's rigid bars and Exudyn's cables converge to the same motion. Each
+run was timed once, after one warm-up run.
 
 {_points_table(m.chain)}
 
@@ -147,24 +153,25 @@ Exudyn's cables tend to the same motion. Each was timed once, after one run to w
 
 ## Controllers
 
-Time of one `update` in closed loops on two flexible links, at the default sample times: medians
-of runs in turns. The goal is 20 for those that have a closed form. `mpc` is the regulator where
-no limit is within reach of its horizon, and solves a quadratic program where one is. The filter
-of `estimator` linearises a step of the equations of motion; while the payload is unknown it does
-so for up to 25 Gaussians.
+The table gives the time of one `update` in closed loops on two flexible links, at the default
+sample times: medians of alternating runs. The goal is 20 microseconds for controllers in closed
+form. `mpc` is a linear regulator if no limit becomes active within its horizon, and otherwise
+solves a quadratic program. The filter of `estimator` linearises a step of the equations of motion;
+if the payload is unknown, it does this for up to 25 Gaussians.
 
 {_controllers_table(m.controllers)}
 
 ## Whole calls
 
-Two seconds of the two-link arm of Table I with four modes on each link. Beside its steps
-`simulate` checks its arguments, finds the fastest vibration, computes and labels the channels, and
-estimates the error of bent states. That includes compiled code that computes the channels of each
-sample. Runs of the same arm share the labels if their samples are at the same times.
+The runs are two seconds of the two-link arm of Table I with four modes on each link. Outside
+its steps, `simulate` checks its arguments, computes the highest frequency, computes and labels
+the channels, and estimates the error of bent states. Compiled code computes the channels of each
+sample; its time is included. Runs of the same arm share the labels if their samples are at the
+same times.
 
 {whole_table(m.simulations)}
 
-Calls from Python, an argument of every kind as an array:
+The next table is for calls from Python, with all arguments as arrays:
 
 {calls_table(m.calls)}
 
@@ -174,16 +181,16 @@ Calls from Python, an argument of every kind as an array:
 
 ## First run
 
-Each feature in a process of its own, process start included, which compiles on the way. The first
-two begin with an empty cache of machine code; each of the others begins with what `simulate` left.
-`flexarm warmup` compiles all of them at once. Seconds of one processor exceed the seconds where
-several processes work; the goals are seconds on two idle cores.
+Each feature runs in its own process and compiles its kernels; the times include the start of the
+process. The first two features begin with an empty kernel cache, the others with the cache after
+`simulate`. `flexarm warmup` compiles all of them in one call. CPU seconds exceed the elapsed
+seconds if several processes work in parallel; the goals are elapsed seconds on two idle cores.
 
 {first_run_table(m.first)}
 
 ## Memory
 
-{_table(("what", "MB"), [(name, f"{size:.0f}") for name, size in m.memory.items()])}
+{_table(("content", "MB"), [(name, f"{size:.0f}") for name, size in m.memory.items()])}
 """
 
 
@@ -201,14 +208,14 @@ def _comparison_table(comparisons: list[Comparison]) -> str:
             ("C++, sizes at run time", c.limit_run_time_sizes),
             ("flexarm in compiled code, sizes known to the compiler", c.compile_time_sizes),
             ("flexarm in compiled code, sizes at run time", c.run_time_sizes),
-            ("Python calls `arm.forward_dynamics`", c.from_python),
+            ("`arm.forward_dynamics` called from Python", c.from_python),
             ("SciPy: Cholesky of `arm.mass_matrix`, solve for `arm.bias_force`", c.scipy_dense),
         ):
             if time is None:
                 rows.append((c.theory, what, "no compiler here", ""))
             else:
                 rows.append((c.theory, what, f"{time:.3g}", f"{time / base:.3g}"))
-    return _table(("theory", "who calls what", "microseconds", "ratio"), rows)
+    return _table(("theory", "implementation", "microseconds", "ratio"), rows)
 
 
 def _scaling_table(links: dict[int, float], modes: dict[int, float]) -> str:
@@ -238,12 +245,12 @@ def _level_table(points: list[Point]) -> str:
                 rows.append(
                     (truth, f"{level:.1e}", name, f"{1e3 * best.seconds:.3g}", total, ratio)
                 )
-    header = ("against", "error at most (m)", "fastest", "integration (ms)", "total (ms)", "ratio")
+    header = ("against", "error at most (m)", "setting", "integration (ms)", "total (ms)", "ratio")
     return _table(header, rows)
 
 
 def raw_table(points: list[Point]) -> str:
-    """Return the table of what ``raw.beside_peers`` measured: steps above whole calls."""
+    """Return the table of ``raw.beside_peers``: a row for the steps above one for whole calls."""
     own = [point for point in points if point.program == raw.PROGRAM]
     peers = [point for point in points if point.program != raw.PROGRAM]
     rows = []
@@ -291,15 +298,15 @@ def _controllers_table(found: dict[tuple[str, str], float]) -> str:
 
 
 def whole_table(found: list[Whole]) -> str:
-    """Return the table of what ``whole_call.simulations`` measured."""
+    """Return the table of the measurements of ``whole_call.simulations``."""
     rows = [
         (name, *(f"{1e3 * value:.2f}" for value in times), f"{GOAL:g}") for name, *times in found
     ]
-    return _table(("run", "steps (ms)", "whole call (ms)", "beside its steps (ms)", "goal"), rows)
+    return _table(("run", "steps (ms)", "whole call (ms)", "outside its steps (ms)", "goal"), rows)
 
 
 def calls_table(found: dict[str, float]) -> str:
-    """Return the table of what ``whole_call.microseconds`` measured."""
+    """Return the table of the measurements of ``whole_call.microseconds``."""
     rows = [
         (name, f"{value:.3g}", f"{goal:g}" if (goal := GOALS[name]) else "")
         for name, value in found.items()
@@ -309,18 +316,18 @@ def calls_table(found: dict[str, float]) -> str:
 
 def _startup_table(m: Measured) -> str:
     rows = [
-        ("`import flexarm`, beyond starting Python", f"{m.imports:.2f}", "", "0.3"),
-        ("`flexarm --help`, process start included", f"{m.help:.2f}", "", "0.3"),
+        ("`import flexarm`, without the start of Python", f"{m.imports:.2f}", "", "0.3"),
+        ("`flexarm --help`, with the start of the process", f"{m.help:.2f}", "", "0.3"),
     ]
     for (name, wait), goal in zip(m.runs.items(), ("3", "2"), strict=True):
         rows.append((name, *_cells(wait), goal))
-    return _table(("what", "seconds", "of one processor", "goal"), rows)
+    return _table(("measurement", "seconds", "CPU seconds", "goal"), rows)
 
 
 def first_run_table(found: Sequence[First]) -> str:
-    """Return the table of what ``first_run.first_uses`` measured."""
+    """Return the table of the measurements of ``first_run.first_uses``."""
     rows = [(one.feature.name, *_cells(one.wait), f"{one.feature.goal:g}") for one in found]
-    return _table(("first use of", "seconds", "of one processor", "goal"), rows)
+    return _table(("first use of", "seconds", "CPU seconds", "goal"), rows)
 
 
 def _cells(wait: Wait) -> tuple[str, str]:

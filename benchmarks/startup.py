@@ -1,4 +1,4 @@
-"""What a user waits for before anything moves, and the memory it takes."""
+"""Start-up times of the package and its commands, and memory."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _seconds(
     command: list[str], environment: Mapping[str, str] | None = None, folder: Path | None = None
 ) -> float:
     environment = dict(environment or os.environ)
-    # Installers write bytecode. Without it, 250 files would be compiled anew at each start.
+    # Installers write bytecode. Without it, Python would compile 250 files at each start.
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     started = time.perf_counter()
     subprocess.run(command, check=True, capture_output=True, env=environment, cwd=folder)
@@ -27,29 +27,29 @@ def _seconds(
 
 
 def import_seconds(repeats: int = 5) -> float:
-    """Return the time that ``import flexarm`` adds to starting Python."""
+    """Return the time of ``import flexarm``, without the start of Python."""
     bare = min(_seconds([sys.executable, "-c", "pass"]) for _ in range(repeats))
     full = min(_seconds([sys.executable, "-c", "import flexarm"]) for _ in range(repeats))
     return full - bare
 
 
 def help_seconds(repeats: int = 5) -> float:
-    """Return the time of ``flexarm --help``, process start included."""
+    """Return the time of ``flexarm --help``, with the start of the process."""
     command = [sys.executable, "-m", "flexarm", "--help"]
     return min(_seconds(command) for _ in range(repeats))
 
 
 class Wait(NamedTuple):
-    """How long a command takes: by the clock, and of one processor (idle machines: the same)."""
+    """Elapsed time and CPU time (s) of a command."""
 
     wall: float
     processor: float
 
 
 def warm_runs(repeats: int = 3) -> dict[str, Wait]:
-    """Return what the commands take with compiled kernels on disk.
+    """Return the times of the commands with compiled kernels on disk.
 
-    The least of several runs is without compiling, whatever the cache held before.
+    The minimum of several runs does not include compilation, even if the cache was empty before.
     """
     with tempfile.TemporaryDirectory() as folder:
         start = [sys.executable, "-m", "flexarm"]
@@ -69,7 +69,7 @@ def _least(command: list[str], repeats: int) -> Wait:
 def wait(
     command: list[str], environment: Mapping[str, str] | None = None, folder: Path | None = None
 ) -> Wait:
-    """Time a command; environment and working folder are this process's own by default."""
+    """Time a command; environment and working folder are by default those of this process."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     wall = _seconds(command, environment, folder)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -77,7 +77,7 @@ def wait(
 
 
 def memory_megabytes(seconds: float = 60.0) -> dict[str, float]:
-    """Return the most memory that a process held after the imports, and with a long run."""
+    """Return the peak memory (MB) after a short run, and its increase in a long run."""
     program = (
         "import resource, sys; import flexarm as fa, xarray\n"
         "from benchmarks.arms import table_one\n"
@@ -93,5 +93,5 @@ def memory_megabytes(seconds: float = 60.0) -> dict[str, float]:
     before, after = map(float, done.stdout.split())
     return {
         "Python, the libraries and the compiled code": before,
-        f"more for a run of {seconds:g} s at 1 kHz, every channel kept": after - before,
+        f"in addition, a run of {seconds:g} s at 1 kHz with all channels": after - before,
     }

@@ -1,4 +1,4 @@
-"""Two seconds of the Table I arm: every integrator, several bases, every installed peer."""
+"""Two seconds of the Table I arm: all integrators, several bases, all installed peers."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from benchmarks.work_precision import Entry, Point, measure
 from flexarm.integrate import INTEGRATORS
 
 DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
-#: Sampled as the exact solution is stored, so that the peers may take steps of 2 ms.
+#: Sampled at the rate of the stored exact solution, so that the peers may take steps of 2 ms.
 CASE = replace(TABLE_ONE, rate=100)
 
-#: What the paths are compared with: files of tests/data, made by other programs.
+#: Reference solutions of the paths: files of tests/data, computed by other programs.
 EXACT, PAPER = "exact beams", "the paper's 2+1 elements"
 _FILES = {EXACT: "tableI_exact.csv", PAPER: "tableI_linear_2p1.csv"}
 
 RTOL = (1e-3, 1e-4, 1e-6)
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
-#: Of a basis whose own error is a micrometre.
+#: Tolerances of a basis whose error is a micrometre.
 FINER = {"3 segments of 4 modes": (1e-5, 5e-6)}
 EXUDYN = ((2, 2e-3), (4, 2e-3), (4, 1e-3), (8, 2e-4), (8, 1e-4), (16, 1e-4))
 EXUDYN_EXACT = ((2, 2e-3), (4, 1e-3), (8, 2e-4))
@@ -45,7 +45,7 @@ def second_order(**links: int) -> fa.Arm:
     return programs.arm_of(CASE, theory="second_order", **links)
 
 
-#: Bases of flexarm, and what each tends to.
+#: Bases of flexarm, and the reference solution to which each converges.
 BASES = {
     "2+1 elements": (table_one, PAPER),
     "3 modes": (partial(second_order, elements=16, modes=3), EXACT),
@@ -55,7 +55,7 @@ BASES = {
 
 
 def truths(duration: float) -> dict[str, np.ndarray]:
-    """Return the tip paths to compare with, up to a time."""
+    """Return the tip paths of the reference solutions, up to ``duration`` (s)."""
     count = round(duration * CASE.rate) + 1
     tables = {
         name: np.loadtxt(DATA / file, delimiter=",", skiprows=1) for name, file in _FILES.items()
@@ -66,7 +66,7 @@ def truths(duration: float) -> dict[str, np.ndarray]:
 def own_entries(
     rtol: tuple[float, ...] = RTOL, steps: tuple[float, ...] = STEPS, duration: float = 2.0
 ) -> Iterator[Entry]:
-    """Yield every integrator of the registry on every basis, and ``auto`` compiled for its size."""
+    """Yield every integrator of the registry on every basis."""
     case = replace(CASE, duration=duration)
     for basis, (build, truth) in BASES.items():
         for name, integrator in INTEGRATORS.items():
@@ -82,7 +82,7 @@ def own_entries(
 def specialized_entries(
     rtol: tuple[float, ...] = (1e-3, 1e-4), duration: float = 2.0, specialized: bool = True
 ) -> Iterator[Entry]:
-    """Yield ``auto`` compiled for the size of each reduced basis: ten seconds each, once."""
+    """Yield ``auto`` compiled for the sizes of two bases, which takes ten seconds each, once."""
     case = replace(CASE, duration=duration)
     for basis in ("2+1 elements", "4 modes"):
         build, truth = BASES[basis]
@@ -91,7 +91,7 @@ def specialized_entries(
 
 
 def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
-    """Yield the settings of every installed peer; ``quick``: the cheapest of each."""
+    """Yield the settings of every installed peer, or with ``quick`` the cheapest of each."""
     case = replace(CASE, duration=duration)
     count = 1 if quick else None
     missing = programs.missing()
@@ -115,6 +115,6 @@ def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
 
 
 def work_precision(repeats: int = 3) -> tuple[list[Point], list[str]]:
-    """Measure all of it in turns."""
+    """Measure all entries alternately."""
     entries = [*own_entries(), *specialized_entries(), *peer_entries()]
     return measure(entries, truths(CASE.duration), repeats)

@@ -1,6 +1,6 @@
-"""What calls from Python cost: `simulate` beside its steps, and single evaluations.
+"""Time of calls from Python: `simulate` outside its steps, and single evaluations.
 
-`python -m benchmarks.whole_call` prints the tables alone.
+`python -m benchmarks.whole_call` prints only these tables.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from benchmarks.measure import in_turns
 from benchmarks.raw import stopwatch
 from flexarm.integrate import INTEGRATORS
 
-#: Time that `simulate` may take beside its steps (ms).
+#: Goal for the time of `simulate` outside its steps (ms).
 GOAL = 2.0
-#: Times that single calls may take (microseconds), on an idle machine.
+#: Goals for the times of single calls (microseconds), on an idle machine.
 GOALS = {
     "`Arm.forward_dynamics`": 8.0,
     "`Arm.inverse_dynamics`": None,
@@ -33,7 +33,7 @@ _DURATION = 2.0
 
 
 class Whole(NamedTuple):
-    """Medians of the calls of `simulate` for one run, s."""
+    """Medians (s) over the calls of `simulate` for one run."""
 
     name: str
     steps: float
@@ -47,7 +47,7 @@ def arm() -> fa.Arm:
 
 
 def _runs(arm: fa.Arm, duration: float) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Integrator and arguments of each run."""
+    """Return the integrator and the arguments of each run by name."""
     initial = arm.rest([0.3, -0.5])
     times = np.arange(int(duration * 100.0) + 1) / 100.0
     torque = 0.1 * np.stack([np.sin(3.0 * times), np.cos(3.0 * times)], axis=1)
@@ -61,7 +61,7 @@ def _runs(arm: fa.Arm, duration: float) -> dict[str, tuple[str, dict[str, Any]]]
 
 
 def simulations(repeats: int = 60, duration: float = _DURATION) -> list[Whole]:
-    """Time calls of `simulate` in turns."""
+    """Time calls of `simulate` alternately."""
     plant = arm()
     calls = {}
     for name, (integrator, options) in _runs(plant, duration).items():
@@ -75,7 +75,7 @@ def simulations(repeats: int = 60, duration: float = _DURATION) -> list[Whole]:
             started = time.perf_counter()
             call()
             whole = time.perf_counter() - started
-            if turn >= 5:  # the first calls load machine code and find types
+            if turn >= 5:  # the first calls load machine code and resolve types
                 times[name].append((sum(spent), whole))
     median = statistics.median
     return [
@@ -90,7 +90,7 @@ def simulations(repeats: int = 60, duration: float = _DURATION) -> list[Whole]:
 
 
 def microseconds(repeats: int = 200, calls: int = 20) -> dict[str, float]:
-    """Time single calls in turns."""
+    """Return the times of single calls, measured alternately."""
     plant = arm()
     q, qd, torque = moving_state(plant)
     stepped = fa.Plant(plant, 1e-3, warn=False)

@@ -1,4 +1,4 @@
-"""Error against time: entries of any program on one problem, measured in turns."""
+"""Error against time: entries of any program for one problem, measured alternately."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from flexarm import SimulationError
 
 
 class Outcome(NamedTuple):
-    """What one run of one entry gave."""
+    """Result of one run of one entry."""
 
     path: np.ndarray  # (samples, 2) of the tip, m
     seconds: float  # for the integration alone
 
 
-#: Integrates once. Built afresh by ``Entry.prepare`` for each repeat.
+#: A function that integrates once. ``Entry.prepare`` creates a new one for each repeat.
 Run = Callable[[], Outcome]
 
 
 class Entry(NamedTuple):
-    """A program and a setting of it."""
+    """A program and one of its settings."""
 
     program: str
     setting: str
-    truth: str  # what its path is compared with
+    truth: str  # name of the reference solution
     prepare: Callable[[], Run]  # build the model
 
 
 class Point(NamedTuple):
-    """One entry, measured."""
+    """The measurement of one entry."""
 
     program: str
     setting: str
     truth: str
     error: float  # m, largest distance of the tip over the samples
     seconds: float  # median, of the integration alone
-    total: float  # median, with building the model and handing over the result
+    total: float  # median, with the creation of the model and the return of the result
 
 
 def timed(integrate: Callable[[], np.ndarray], path: Callable = np.asarray) -> Run:  # type: ignore[type-arg]
-    """Time a call; ``path`` makes the tip's path of its answer, and is not timed."""
+    """Time a call; ``path`` converts its answer to the path of the tip and is not timed."""
 
     def run() -> Outcome:
         started = time.perf_counter()
@@ -58,9 +58,10 @@ def timed(integrate: Callable[[], np.ndarray], path: Callable = np.asarray) -> R
 def measure(
     entries: Sequence[Entry], truths: dict[str, np.ndarray], repeats: int
 ) -> tuple[list[Point], list[str]]:
-    """Run every entry once, then ``repeats`` times in turns.
+    """Run every entry once, then all entries ``repeats`` times alternately.
 
-    Returns the points, and a sentence for each entry that failed: too long a step, say.
+    Returns the points, and a sentence for each entry that failed, for example with a step that is
+    too long.
     """
     working, failed = [], []
     errors = {}
@@ -91,9 +92,9 @@ def measure(
 
 
 def fastest(points: Iterable[Point], truth: str, error: float, whole: bool = False) -> Point | None:
-    """Return the fastest of the points that are at least so accurate, or None.
+    """Return the fastest of the points with at most the given error, or None.
 
-    The fastest integration or, with ``whole``, the fastest in total.
+    It has the fastest integration or, with ``whole``, the smallest total time.
     """
     good = [point for point in points if point.truth == truth and point.error <= error]
     return min(good, key=lambda point: point.total if whole else point.seconds, default=None)
