@@ -100,7 +100,7 @@ def check_table(where: str, name: str, table: object, columns: int) -> tuple[Flo
     """Return the times (k,) and values (k, columns) of a table; one column may be given flat.
 
     Raises:
-        InputError: if it is not a pair of equally long lists, or its times break `order_fault`.
+        InputError: if it is not a pair of equally long lists, or its times are not in order.
     """
     if not is_table(table):
         rule = "be a function of time or a table (times, values)"
@@ -221,7 +221,7 @@ def loads_inboard(
 
 
 def _inboard(lever: float, reach: float, same: float) -> bool:
-    """Return whether a point is inboard of a section; positions closer than ``same`` are equal."""
+    """Return whether a point is inboard of a section by more than ``same``, or at the root."""
     return lever <= (same if reach <= same else reach - same)
 
 

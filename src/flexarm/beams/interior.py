@@ -110,7 +110,7 @@ def _inertia_forces(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     """Return F (3 * elements, 2 * elements): inertia of each element's mean acceleration.
 
     If rotary inertia is negligible, F vanishes. Otherwise the response would cancel the deflection
-    that node rotations cause in soft elements, which is then the only mass of these rotations.
+    that node rotations cause in soft elements, and then these rotations would have no inertia.
     """
     local, elements = point_shapes(table, quadrature), quadrature.elements
     mass, rotary = (

@@ -78,9 +78,9 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
 
 
 def inverse_inertia(mass: float, first_moment: float, inertia: float) -> float:
-    """Return 1/(kg m^2) of the inertia about the centre of mass, or 0 if that is not positive.
+    """Return the inverse inertia about the centre of mass, 1/(kg m^2), or 0 if not positive.
 
-    ``inertia`` is about the root.
+    ``inertia`` (kg m^2) and ``first_moment`` (kg m) are about the root.
     """
     central = inertia - first_moment / mass * first_moment if mass else 0.0
     return 1.0 / central if central > 0.0 else 0.0

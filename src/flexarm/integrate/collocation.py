@@ -44,9 +44,9 @@ _SWEEPS = 100
 #: Change in a sweep, relative to the state, that ends the iteration: a twentieth of a unit in the
 #: last place. The remaining error is similar in each step, so it accumulates over a million steps.
 _ROUNDING = 0.05 * float(np.finfo(float).eps)
-#: A change less than this factor above ``_ROUNDING`` counts as rounding noise if it has not
-#: decreased for some sweeps. Larger changes, which only very fast modes cause, must not have
-#: decreased for more sweeps, because changes may oscillate.
+#: A change below this many times ``_ROUNDING`` counts as rounding noise once it has not decreased
+#: for this number of sweeps. Larger changes, which only very fast modes cause, require more sweeps,
+#: because changes may oscillate.
 _NOISE, _STALLED = 1e3, 2
 _LARGE_NOISE, _LONG_STALLED = 1e8, 10
 

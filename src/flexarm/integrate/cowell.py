@@ -50,8 +50,8 @@ _STARTED = 3
 _SHARE = STIFF_BETA - BETA
 #: Two step lengths are equal if their ratio differs from 1 by less: ``begin_span`` rounds to this.
 _SAME = 1.0 - 1e-8
-#: Compare predicted and corrected accelerations every 32 steps, because each comparison costs an
-#: evaluation: three per cent of the work.
+#: Compare predicted and corrected accelerations every 32 steps, because each comparison requires an
+#: evaluation: this adds three per cent of the work.
 _LOOK = 32
 #: Factor on the sums of earlier comparisons: about the last fifty contribute.
 _KEPT = 0.98

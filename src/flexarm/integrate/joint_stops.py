@@ -14,7 +14,7 @@ from flexarm.kernels.cache import merged
 from flexarm.kernels.columns import FREE, JOINT_UW, LOWER_STOP, STOP_STIFFNESS
 from flexarm.kernels.layout import Array
 
-#: Allowed distance in time of a corner from the end of a step, as a fraction of the time in which
+#: Allowed distance in time of a corner from an end of a step, as a fraction of the time in which
 #: the stop reverses the joint. The relative error of the rate is then half its square.
 _SHARE = 1e-6
 #: The same as a fraction of the current time, several times its rounding error.

@@ -19,7 +19,7 @@ class Cowell4(Integrator):
     """Symmetric method of order 4 with a fixed step and one evaluation per step.
 
     It conserves the energy of small vibrations; for large ones, the predicted velocity products
-    dissipate a little. It does not follow contacts, because the formula uses four points of a
+    change it slightly. It does not follow contacts, because the formula uses four points of a
     smooth motion. Bending and damping are implicit, and damped modes too fast for the step are
     integrated by the trapezoidal rule. After every stop, where the torque is not smooth, Kennedy
     and Carpenter's additive pair of order 4 makes three steps. If the motion is too fast for the

@@ -17,7 +17,6 @@ symbol         meaning; in the axes of the current body, wrenches and accelerati
 ``F``          tip acceleration per modal acceleration: rows -G eta, P, dP
 ``C``          columns -D0 eta, S, a: modal acceleration that follows a root acceleration
 ``H``, ``h``   residual inertia and bias at the root, then including the outboard chain
-``H``, ``h``   residual inertia and bias of the root, then with all that hangs on it
 ``T``          residual transfer T - F C
 ``N``, ``z``   F F', F times the modal biases
 ``d``          D0 eta: mass-averaged shortening of the body per modal displacement

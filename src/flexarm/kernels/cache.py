@@ -73,7 +73,7 @@ def merged_and_called(function: F) -> F:
 
 
 def _closed(kernel: F) -> F:
-    """Raise TypeError for calls from Python, for which there is no machine code."""
+    """Make calls from Python raise TypeError, because there is no machine code for them."""
     dispatcher: Any = kernel
     if hasattr(dispatcher, "add_overload"):  # absent if compilation is disabled
 

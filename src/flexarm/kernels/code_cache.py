@@ -92,7 +92,10 @@ def _user() -> int:
 
 
 def _is_private(folder: Path, others: int = 0o022) -> bool:
-    """Return whether a path is a folder of this user, no link, without permissions ``others``."""
+    """Return whether a path is a folder of this user, without the permissions ``others``.
+
+    A link to such a folder does not count.
+    """
     if not hasattr(os, "geteuid"):
         return True  # on Windows, the folders of a user are closed to others by default
     status = os.lstat(folder)

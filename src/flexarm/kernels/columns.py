@@ -140,7 +140,7 @@ WORK_BODY_COLUMNS = 73
     JOINT_UW,
     JOINT_INVERSE,  # free / D
     JOINT_DRIVE,  # tau - h_w, N m
-    JOINT_GIVEN,  # given acceleration, rad/s^2
+    JOINT_GIVEN,  # prescribed acceleration, rad/s^2
     ROOT_ACCELERATION_X,  # of the joint minus gravity (inverse dynamics), m/s^2
     ROOT_ACCELERATION_Y,
     ROOT_ACCELERATION_W,  # rad/s^2

@@ -9,7 +9,7 @@ tabulated surface is a cubic spline whose nearest point is found by Newton's met
 symbol         meaning
 =============  =================================================================================
 ``gap``        distance of the point from the surface, negative for a penetration, m
-``n``          unit normal of the surface, pointing outwards
+``n``          unit normal of the surface, pointing away from the solid
 ``bend``       curvature of the surface, 1/m, positive if it is convex towards the point
 ``depth``      max(-gap, 0), with a rounded corner
 ``s``          arc length along a tabulated surface, m
