@@ -5,6 +5,8 @@ import os
 # One thread for linear algebra, before NumPy loads: the matrices are small, and threads would
 # compete with pytest's own workers.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Plots open no windows.
+os.environ.setdefault("MPLBACKEND", "Agg")
 
 from hypothesis import settings
 

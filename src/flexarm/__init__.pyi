@@ -94,6 +94,7 @@ from .motion import smoothed as smoothed
 from .output import read_result as read_result
 from .output import save_linear as save_linear
 from .output import write_result as write_result
+from .plot.animation import animate as animate
 from .references import citation as citation
 from .scenarios.scenario import run_scenario as run_scenario
 from .scenarios.study import run_study as run_study

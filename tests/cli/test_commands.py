@@ -73,9 +73,11 @@ def test_a_scenario_without_run_is_no_arm_file(good):
 
 
 def test_run_writes_what_the_same_calls_in_python_give(good, tmp_path):
-    out, plot = tmp_path / "new" / "run.nc", tmp_path / "run.png"
-    outcome = invoke("run", good, "--out", out, "--plot", plot)
+    out, plot, page = tmp_path / "new" / "run.nc", tmp_path / "run.png", tmp_path / "run.html"
+    outcome = invoke("run", good, "--out", out, "--plot", plot, "--animate", page)
     assert outcome.exit_code == 0
+    assert f"animation in {page}" in outcome.stdout
+    assert page.read_text(encoding="utf-8") == fa.animate(fa.run_scenario(good)).html()
     result, expected = read_result(out), fa.run_scenario(good)
     for name in expected.data_vars:
         assert np.array_equal(result[name], expected[name])

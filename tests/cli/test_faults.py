@@ -45,6 +45,7 @@ OUTPUTS = {
     "run nc": ("run", "--out", "out.nc"),
     "run csv": ("run", "--out", "out.csv"),
     "run plot": ("run", "--plot", "out.png"),
+    "run animate": ("run", "--animate", "out.html"),
     "modes csv": ("modes", "--count", "99", "--csv", "out.csv"),
     "linearize mat": ("linearize", "--out", "out.mat"),
     "linearize json": ("linearize", "--out", "out.json"),

@@ -79,7 +79,7 @@ OUTPUTS = {
 
 
 @pytest.mark.parametrize("what", OUTPUTS)
-@pytest.mark.parametrize("option", ["--out", "--plot"])
+@pytest.mark.parametrize("option", ["--out", "--plot", "--animate"])
 def test_a_place_that_cannot_be_written_is_refused_before_the_run(
     what, option, tmp_path, monkeypatch
 ):
@@ -90,9 +90,10 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(
     (tmp_path / "folder.nc").mkdir()
     before = sorted(tmp_path.rglob("*"))
     name = OUTPUTS[what]
-    if option == "--plot":
-        name = name.replace(".nc", ".png")
-        (tmp_path / "folder.nc").rename(tmp_path / "folder.png")
+    if option != "--out":
+        suffix = ".png" if option == "--plot" else ".html"
+        name = name.replace(".nc", suffix)
+        (tmp_path / "folder.nc").rename(tmp_path / f"folder{suffix}")
         before = sorted(tmp_path.rglob("*"))
     outcome = invoke("run", good, option, tmp_path / name)
     assert_refused(outcome)

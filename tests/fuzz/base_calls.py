@@ -222,6 +222,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Sensor": {"kind": "acceleration", "link": 1},
     "SurfaceTable": {"x": [-3.0, 0.0, 3.0], "y": [-3.0, -3.1, -3.0]},
     "Wall": {"point": [0.0, -3.0], "normal": [0.0, 1.0]},
+    "animate": {"results": result, "fps": 2.0, "width": 320},
     "campbell": {"arm": spinning, "spin": [0.0, 1.0], "count": 1},
     "citation": {"result": result},
     "compare": {

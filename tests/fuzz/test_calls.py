@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import warnings
 
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from fuzz.base_calls import MADE_BY_FLEXARM
+from fuzz.figure_calls import FIGURES
 from fuzz.public_calls import calls, parameters, public_names
 from fuzz.wrong_values import WRONG
 
@@ -72,6 +74,9 @@ def check_call(name: str, wrong: dict[str, str]) -> None:
             function(**arguments)
         except fa.FlexarmError as error:
             check_message(error)
+        finally:
+            if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
+                pyplot.close("all")  # thousands of figures take all memory
 
 
 def check_message(error: fa.FlexarmError) -> None:
@@ -98,13 +103,10 @@ def test_wrong_values_raise_errors_that_name_them(call):
 @pytest.mark.parametrize(
     ("name", "argument"),
     [
-        ("plot.comparison_figure", "table"),
-        ("plot.modes_figure", "modes"),
-        ("plot.modes_figure", "count"),
-        ("plot.response_figure", "model"),
-        ("plot.response_figure", "omega"),
-        ("plot.signals_figure", "result"),
-        ("plot.tracks_figure", "tracks"),
+        (f"plot.{name}", argument)
+        for name, arguments in FIGURES.items()
+        for argument in [*arguments, "axes"]
+        if not (argument == "axes" and (name.endswith("_figure") or name == "styled"))
     ],
 )
 def test_figures_of_wrong_values_raise_errors_that_name_them(name, argument, value):

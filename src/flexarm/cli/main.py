@@ -87,11 +87,14 @@ def run(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save a plot: .png, .pdf or .svg.")
     ] = None,
+    animate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save an animation: .mp4, .gif or .html.")
+    ] = None,
 ) -> None:
     """Simulate a scenario file."""
     from flexarm.cli.run import run_file
 
-    run_file(scenario, out, plot)
+    run_file(scenario, out, plot, animate)
 
 
 @app.command()

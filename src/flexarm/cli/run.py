@@ -14,6 +14,7 @@ from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.model import locate_scenario
 from flexarm.output import FIGURE_SUFFIXES, FORMATS, write_figure, write_result
 from flexarm.places import check_place
+from flexarm.plot.animation.video import check_animation_place
 from flexarm.scenarios.scenario import prepare
 from flexarm.simulation.compare import INCONSISTENT, inconsistent
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 _WHERE = "flexarm run"
 
 
-def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
+def run_file(path: Path, out: Path | None, plot: Path | None, animation: Path | None) -> None:
     """Run a scenario file.
 
     Everything that can be wrong with the file and the places for output is found before the run.
@@ -37,6 +38,8 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
         check_place(_WHERE, "--out", out, FORMATS)
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
+    if animation is not None:
+        check_animation_place(_WHERE, "--animate", animation)
     try:
         with warnings.catch_warnings():  # told below, in one line
             warnings.simplefilter("ignore", FlexarmWarning)
@@ -60,6 +63,11 @@ def run_file(path: Path, out: Path | None, plot: Path | None) -> None:
 
         write_figure(signals_figure(result), plot)
         screen.print(f"plot in {plot}", soft_wrap=True)
+    if animation is not None:
+        from flexarm.plot.animation import animate
+
+        animate(result, animation)
+        screen.print(f"animation in {animation}", soft_wrap=True)
 
 
 def _save_part(result: xr.Dataset, out: Path) -> None:

@@ -16,6 +16,7 @@ from flexarm.model.drives import TorqueDrive as TorqueDrive
 from flexarm.model.events import EventSpec as EventSpec
 from flexarm.model.events import JointEvent as JointEvent
 from flexarm.model.events import TipEvent as TipEvent
+from flexarm.model.files import arm_spec_of_text as arm_spec_of_text
 from flexarm.model.files import file_text as file_text
 from flexarm.model.files import load_arm_spec as load_arm_spec
 from flexarm.model.files import load_scenario as load_scenario
@@ -23,6 +24,7 @@ from flexarm.model.files import locate_scenario as locate_scenario
 from flexarm.model.files import locate_study as locate_study
 from flexarm.model.files import save_arm_spec as save_arm_spec
 from flexarm.model.files import save_scenario as save_scenario
+from flexarm.model.files import scenario_of_text as scenario_of_text
 from flexarm.model.hardware import HardwareSpec as HardwareSpec
 from flexarm.model.joints import Friction as Friction
 from flexarm.model.joints import Joint as Joint

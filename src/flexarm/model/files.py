@@ -170,6 +170,36 @@ def file_text(record: ArmSpec | Scenario) -> str:
     return to_yaml({"flexarm": FILE_VERSION, **parts})
 
 
+def arm_spec_of_text(text: str, file: AnyPath) -> ArmSpec:
+    """Return the arm of the text of an arm or scenario file that names no other file.
+
+    Args:
+        text: as `file_text` writes it. file: where it comes from, for messages.
+
+    Raises:
+        ModelError: the text describes no arm.
+    """
+    return load_arm_spec(_whole(text, file))
+
+
+def scenario_of_text(text: str, file: AnyPath) -> Scenario:
+    """Return the scenario of a text; see `arm_spec_of_text`.
+
+    Raises:
+        ModelError: the text describes no scenario.
+    """
+    return locate_scenario(_whole(text, file))[0]
+
+
+def _whole(text: str, file: AnyPath) -> Document:
+    """Return the content of a text that is kept in another file, and names none itself."""
+    document = _parsed(FilePath(file), text)
+    if isinstance(document.value.get("arm"), str):
+        value = shown(document.value["arm"])
+        raise ModelError(Problem(str(file), "arm", "describe the arm itself", value))
+    return document
+
+
 def _checked(
     kind: type[R],
     value: Any,

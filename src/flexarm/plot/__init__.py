@@ -1,8 +1,10 @@
-"""Figures of results, modes and linear models: the only package that imports Matplotlib.
+"""Plots of results, modes and linear models: the only package that imports Matplotlib.
 
-``fa.plot.NAME`` makes a ``matplotlib.figure.Figure`` and saves nothing; ``figure.savefig(path)``
-does. Names are loaded when they are first used, because other modules of this package need no
-Matplotlib.
+``fa.plot.history(result)`` and the other plots draw into given Matplotlib axes, or into a new
+figure of pyplot, and return the axes. Names that end in ``_figure`` return a whole
+``matplotlib.figure.Figure`` that pyplot does not know, for programs without a screen. Nothing is
+saved; ``figure.savefig(path)`` does. Names are loaded when they are first used, because other
+modules of this package need no Matplotlib.
 """
 
 from __future__ import annotations
@@ -11,18 +13,40 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexarm.plot.bodies import bending_moment as bending_moment
+    from flexarm.plot.bodies import deflection as deflection
+    from flexarm.plot.bodies import postures as postures
     from flexarm.plot.comparison import comparison_figure as comparison_figure
+    from flexarm.plot.comparison import study as study
+    from flexarm.plot.histories import compare as compare
+    from flexarm.plot.histories import history as history
+    from flexarm.plot.histories import phase_portrait as phase_portrait
+    from flexarm.plot.response import bode as bode
     from flexarm.plot.response import response_figure as response_figure
     from flexarm.plot.signals import signals_figure as signals_figure
+    from flexarm.plot.style import styled as styled
+    from flexarm.plot.vibration import campbell as campbell
+    from flexarm.plot.vibration import modes as modes
     from flexarm.plot.vibration import modes_figure as modes_figure
     from flexarm.plot.vibration import tracks_figure as tracks_figure
 
-#: Every public figure, and the module that holds it.
+#: Every public plot, and the module that holds it.
 _HOME = {
+    "bending_moment": "bodies",
+    "bode": "response",
+    "campbell": "vibration",
+    "compare": "histories",
     "comparison_figure": "comparison",
+    "deflection": "bodies",
+    "history": "histories",
+    "modes": "vibration",
     "modes_figure": "vibration",
+    "phase_portrait": "histories",
+    "postures": "bodies",
     "response_figure": "response",
     "signals_figure": "signals",
+    "study": "comparison",
+    "styled": "style",
     "tracks_figure": "vibration",
 }
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from flexarm.arguments import check_kind
 from flexarm.errors import InputError, Problem
-from flexarm.plot.signals import series_colors
+from flexarm.plot.canvas import AxesArray, array_of, panels
+from flexarm.plot.palette import series_colors
 from flexarm.plot.style import GREY, Sheet, margins, styled
 
 if TYPE_CHECKING:
@@ -31,49 +34,93 @@ _MARKS = "os^Dv<>ph*"
 _WIDTH, _LINE, _EDGES = 8.27, 0.27, 1.0  # inches
 
 
-def comparison_figure(table: xr.Dataset) -> Sheet:
-    """Draw the numbers of ``flexarm.compare``; one row of panels for each reference.
+def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
+    """Draw the numbers of ``flexarm.compare`` or ``run_study``, a row of panels for each reference.
 
-    Runs that stopped early are marked by a cross at the right edge.
+    A line is a controller, a mark a plant. Runs that stopped early are marked by a cross at the
+    right edge. Numbers that no run has, such as a force without a contact, have no panel.
+
+    Args:
+        table: as these functions return it.
+        axes: Matplotlib axes to draw into, one for each reference and number; None for a new
+            figure.
+
+    Returns:
+        An array (references, numbers) of Matplotlib axes.
+
+    Raises:
+        InputError: if the table is not one of `compare`, holds no finite number, or ``axes`` are
+            not one for each panel.
+    """
+    drawing = _Numbers("plot.study", table)
+    shape = (len(drawing.references), len(drawing.chosen))
+    count = shape[0] * shape[1]
+    with panels("plot.study", axes, count, drawing.size, drawing.arrange) as made:
+        drawing.draw(made)
+    return array_of(made, *shape)
+
+
+def comparison_figure(table: xr.Dataset) -> Sheet:
+    """Draw the numbers as `study` does, on a figure that pyplot does not know.
 
     Raises:
         InputError: if the table is not one of `compare`, or holds no finite number.
     """
-    table = check_kind("comparison_figure", "table", table, xr.Dataset, "a table of compare")
-    needed = ("controller", "plant", "reference", "failure", *(name for name, *_ in _PANELS))
-    missing = [name for name in needed if name not in table.variables]
-    if missing:
-        value = f"without {missing[0]!r}"
-        raise InputError(Problem("comparison_figure", "table", "be a table of compare", value))
-    panels = [panel for panel in _PANELS if np.isfinite(table[panel[0]].values).any()]
-    if not panels:
-        rule = "hold the numbers of one run at least"
-        raise InputError(Problem("comparison_figure", "table", rule, "of runs that stopped"))
-    names = [str(name) for name in table["controller"].values]
-    references = table["reference"].values
-    height = _EDGES + (_LINE * len(names) + 0.75) * len(references)
-    sheet = Sheet(_WIDTH, height)
-    longest = max(map(len, names))
+    drawing = _Numbers("comparison_figure", table)
+    sheet = Sheet(*drawing.size)
     with styled():
-        grid = sheet.add_gridspec(len(references), len(panels))
-        left = 0.35 + 0.068 * longest
-        margins(sheet, left=left, bottom=0.45, right=0.2, top=0.55, wspace=0.12, hspace=0.55)
-        for row, reference in enumerate(references):
-            for column, (name, title, factor) in enumerate(panels):
-                axes = sheet.add_subplot(grid[row, column])
-                values = factor * table[name].sel(reference=reference)
-                _draw(axes, values, table["failure"].sel(reference=reference))
-                _scale(axes, factor * table[name].values)
-                axes.set_yticks(range(len(names)), names if column == 0 else [])
-                axes.set_ylim(len(names) - 0.4, -0.6)
-                along = f" along {reference}" if len(references) > 1 and column == 0 else ""
-                axes.set_title(title + along)
-            if row == 0:
-                last = axes
-        if table.sizes["plant"] > 1:
-            handles, labels = last.get_legend_handles_labels()
-            sheet.legend(handles, labels, loc="upper right", ncols=min(len(labels), 6))
+        drawing.draw(drawing.arrange(sheet))
     return sheet
+
+
+class _Numbers:
+    """The numbers of a table that are drawn, and their panels."""
+
+    def __init__(self, where: str, table: xr.Dataset) -> None:
+        table = check_kind(where, "table", table, xr.Dataset, "a table of compare")
+        needed = ("controller", "plant", "reference", "failure", *(name for name, *_ in _PANELS))
+        missing = [name for name in needed if name not in table.variables]
+        if missing:
+            value = f"without {missing[0]!r}"
+            raise InputError(Problem(where, "table", "be a table of compare", value))
+        self.table = table
+        self.chosen = [panel for panel in _PANELS if np.isfinite(table[panel[0]].values).any()]
+        if not self.chosen:
+            rule = "hold the numbers of one run at least"
+            raise InputError(Problem(where, "table", rule, "of runs that stopped"))
+        self.names = [str(name) for name in table["controller"].values]
+        self.references = table["reference"].values
+        height = _EDGES + (_LINE * len(self.names) + 0.75) * len(self.references)
+        self.size = (_WIDTH, height)
+
+    def arrange(self, sheet: Sheet) -> list[Axes]:
+        """Add the axes, row by row."""
+        grid = sheet.add_gridspec(len(self.references), len(self.chosen))
+        left = 0.35 + 0.068 * max(map(len, self.names))
+        margins(sheet, left=left, bottom=0.45, right=0.2, top=0.55, wspace=0.12, hspace=0.55)
+        count = len(self.references) * len(self.chosen)
+        return [sheet.add_subplot(grid[k]) for k in range(count)]
+
+    def draw(self, made: Sequence[Axes]) -> None:
+        """Draw every number, and a legend of the plants if there are several."""
+        columns = len(self.chosen)
+        for k, axes in enumerate(made):
+            reference, (name, title, factor) = (
+                self.references[k // columns],
+                self.chosen[k % columns],
+            )
+            values = factor * self.table[name].sel(reference=reference)
+            _draw(axes, values, self.table["failure"].sel(reference=reference))
+            _scale(axes, factor * self.table[name].values)
+            first = k % columns == 0
+            axes.set_yticks(range(len(self.names)), self.names if first else [])
+            axes.set_ylim(len(self.names) - 0.4, -0.6)
+            along = f" along {reference}" if len(self.references) > 1 and first else ""
+            axes.set_title(title + along)
+        if self.table.sizes["plant"] > 1 and isinstance(made[0].figure, Figure):
+            handles, labels = made[columns - 1].get_legend_handles_labels()
+            columns_of_legend = min(len(labels), 6)
+            made[0].figure.legend(handles, labels, loc="upper right", ncols=columns_of_legend)
 
 
 def _scale(axes: Axes, values: FloatArray) -> None:

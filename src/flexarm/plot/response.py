@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
@@ -10,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_kind
 from flexarm.errors import check_array
 from flexarm.linear import LinearModel
+from flexarm.plot.canvas import AxesArray, array_of, panels
 from flexarm.plot.style import SERIES, Sheet, legend_above, margins, place_labels, styled
 
 _WIDTH, _GAIN, _PHASE, _EDGES = 8.27, 1.7, 1.0, 0.85  # inches
@@ -24,7 +28,7 @@ _BESIDE = 1e-4
 _UNDAMPED = 1e-9
 
 
-def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet:
+def bode(model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None) -> AxesArray:
     """Draw gain and phase from every input to every output over frequency, the first six of each.
 
     The lines are interrupted at undamped resonances, where the gain has no bound.
@@ -33,45 +37,85 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
         model: the linear model.
         omega: (frequencies,) rad/s; from a tenth of the slowest vibration to three times that of
             the fifth by default.
+        axes: Matplotlib axes to draw into, gain and phase of each output; None for a new figure.
+
+    Returns:
+        An array (outputs, 2) of Matplotlib axes: gain and phase.
+
+    Raises:
+        InputError: if the model is not a `LinearModel`, ``omega`` not finite numbers, or ``axes``
+            are not two for each output.
+    """
+    where = "plot.bode"
+    drawing = _Responses(where, model, omega)
+    count = 2 * drawing.rows
+    with panels(where, axes, count, drawing.size, drawing.arrange) as made:
+        drawing.draw(made)
+    return array_of(made, drawing.rows, 2)
+
+
+def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet:
+    """Draw gain and phase as `bode` does, on a figure that pyplot does not know.
+
+    Args:
+        model, omega: as in `bode`.
 
     Raises:
         InputError: if the model is not a `LinearModel`, or ``omega`` not finite numbers.
     """
-    model = check_kind("response_figure", "model", model, LinearModel)
-    inputs, outputs = model.inputs[:_MOST], model.outputs[:_MOST]
-    if omega is None:
-        omega = _range(model)
-    omega = check_array("response_figure", "omega", omega, (-1,))
-    response = model.frequency_response(omega)
-    rows = max(1, len(outputs))
-    hertz = np.abs(omega[omega != 0.0]) / (2.0 * np.pi)
-    shown = (float(hertz.min()), float(hertz.max())) if hertz.size > 1 else None
-    sheet = Sheet(_WIDTH, _EDGES + (_GAIN + _PHASE) * rows)
+    drawing = _Responses("response_figure", model, omega)
+    sheet = Sheet(*drawing.size)
     with styled():
-        grid = sheet.add_gridspec(rows, 1)
+        made = drawing.arrange(sheet)
+        drawing.draw(made)
+        for each in made:
+            place_labels(each)
+    return sheet
+
+
+class _Responses:
+    """The responses of a model, and how they are drawn: gain above phase for each output."""
+
+    def __init__(self, where: str, model: LinearModel, omega: ArrayLike | None) -> None:
+        self.model = check_kind(where, "model", model, LinearModel)
+        self.inputs, self.outputs = model.inputs[:_MOST], model.outputs[:_MOST]
+        given = _range(model) if omega is None else omega
+        self.omega = check_array(where, "omega", given, (-1,))
+        self.response = model.frequency_response(self.omega)
+        self.rows = max(1, len(self.outputs))
+        self.size = (_WIDTH, _EDGES + (_GAIN + _PHASE) * self.rows)
+
+    def arrange(self, sheet: Sheet) -> list[Axes]:
+        """Add the axes of all outputs."""
+        grid = sheet.add_gridspec(self.rows, 1)
         margins(sheet, left=0.85, bottom=0.45, right=0.2, top=0.4, hspace=0.2)
-        for row, output in enumerate(outputs):
+        made = []
+        for row in range(self.rows):
             pair = grid[row].subgridspec(2, 1, height_ratios=(_GAIN, _PHASE), hspace=0.12)
-            gain, phase = sheet.add_subplot(pair[0]), sheet.add_subplot(pair[1])
-            for column, name in enumerate(inputs):
-                values = response[:, row, column]
-                _draw(gain, phase, omega, values, color=SERIES[column], label=name)
-            gain.set(ylabel=f"{output}\n[{_gain_unit(model, output)}]")
-            gain.tick_params(labelbottom=False)
+            made += [sheet.add_subplot(pair[0]), sheet.add_subplot(pair[1])]
+            made[-2].tick_params(labelbottom=False)
+        return made
+
+    def draw(self, made: Sequence[Axes]) -> None:
+        """Draw gain and phase of each output."""
+        hertz = np.abs(self.omega[self.omega != 0.0]) / (2.0 * np.pi)
+        shown = (float(hertz.min()), float(hertz.max())) if hertz.size > 1 else None
+        for row, output in enumerate(self.outputs):
+            gain, phase = made[2 * row : 2 * row + 2]
+            for column, name in enumerate(self.inputs):
+                values = self.response[:, row, column]
+                _draw(gain, phase, self.omega, values, color=SERIES[column], label=name)
+            gain.set(ylabel=f"{output}\n[{_gain_unit(self.model, output)}]")
             gain.set_xlim(shown)
             phase.set_xlim(shown)
-            if not (np.abs(response[:, row]) > 0.0).any():  # zero, or no number at a resonance
+            if not (np.abs(self.response[:, row]) > 0.0).any():  # zero, or at a resonance no number
                 gain.set_yticks([])
                 words = "zero: no input moves it here"
                 gain.text(0.5, 0.5, words, ha="center", transform=gain.transAxes)
             phase.set(ylabel="phase [°]")
-            if row == 0:
-                legend_above(gain)
-            if row == len(outputs) - 1:
-                phase.set(xlabel="frequency [Hz]")
-            place_labels(gain)
-            place_labels(phase)
-    return sheet
+        if self.outputs:
+            legend_above(made[0])
+            made[-1].set(xlabel="frequency [Hz]")
 
 
 def _draw(

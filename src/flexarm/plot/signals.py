@@ -1,25 +1,23 @@
-"""A quick look at any result: how it moves, how it bends, what drives it, where the energy is."""
+"""Channels over time, drawn into given axes, and a page of those that matter in any result."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
-from numpy.typing import NDArray
+from matplotlib.lines import Line2D
 
 from flexarm.arguments import check_dataset
-from flexarm.engine.channels import CHANNELS
 from flexarm.errors import InputError, Problem
+from flexarm.plot.palette import series_colors
+from flexarm.plot.selection import Signals, readable_unit, signals_of
 from flexarm.plot.style import (
     BLUE,
     GREEN,
     INK,
     RIGID,
-    SERIES,
     VERMILLION,
     Sheet,
     legend_above,
@@ -30,8 +28,6 @@ from flexarm.plot.style import (
 
 if TYPE_CHECKING:
     import xarray as xr
-
-FloatArray = NDArray[np.float64]
 
 _ENERGIES = {"kinetic_energy": BLUE, "strain_energy": VERMILLION, "gravity_energy": GREEN}
 _MOST_NAMES = 4  # in a legend above a plot of this width
@@ -54,13 +50,13 @@ def signals_figure(result: xr.Dataset) -> Sheet:
         grid = sheet.add_gridspec(rows, 2)
         margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, wspace=0.24, hspace=0.36)
         draw_tip_path(sheet.add_subplot(grid[0, 0]), result)
-        draw_channel(sheet.add_subplot(grid[0, 1]), result, "joint_angle")
-        draw_channel(sheet.add_subplot(grid[1, 0]), result, "link_tip_deflection")
-        draw_channel(sheet.add_subplot(grid[1, 1]), result, "joint_rate")
+        _draw_channel(sheet.add_subplot(grid[0, 1]), result, "joint_angle")
+        _draw_channel(sheet.add_subplot(grid[1, 0]), result, "link_tip_deflection")
+        _draw_channel(sheet.add_subplot(grid[1, 1]), result, "joint_rate")
         draw_energies(sheet.add_subplot(grid[2, 0]), result)
-        draw_channel(sheet.add_subplot(grid[2, 1]), result, "torque")
+        _draw_channel(sheet.add_subplot(grid[2, 1]), result, "torque")
         if "strain" in result:
-            draw_channel(sheet.add_subplot(grid[3, :]), result, "strain")
+            _draw_channel(sheet.add_subplot(grid[3, :]), result, "strain")
         for axes in sheet.axes:
             place_labels(axes)
     return sheet
@@ -75,20 +71,19 @@ def _check(result: xr.Dataset) -> None:
         raise InputError(Problem("signals_figure", "result", "be a result of simulate", value))
 
 
-def draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:
-    """Draw a channel (time, k) over time, one line each; deflections in mm."""
-    channel = CHANNELS[name]
-    scale, unit = readable_unit(channel.unit, result[name].values)
-    values = scale * result[name].values
-    (part,) = channel.dims
-    # Joints and links have numbers; gauges have names that are too long for a legend.
-    numbers = result[part].values if part in ("joint", "link") else range(1, values.shape[1] + 1)
-    names = [f"{part} {number}" for number in numbers]
-    for line, label, color in zip(values.T, names, series_colors(len(names)), strict=True):
-        axes.plot(result["time"].values, line, color=color, linewidth=1.0, label=label)
-    title = name.replace("_", " ").capitalize()
-    axes.set(title=title, xlabel="time [s]", ylabel=f"{name.split('_')[-1]} [{unit}]")
-    _finish(axes, names)
+def _draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:
+    draw_signals(axes, signals_of("signals_figure", "result", result, name))
+
+
+def draw_signals(axes: Axes, signals: Signals) -> None:
+    """Draw the lines of a channel over time."""
+    colors = series_colors(len(signals.labels))
+    lines = [
+        axes.plot(signals.time, line, color=color, linewidth=1.0, label=label)[0]
+        for line, label, color in zip(signals.values.T, signals.labels, colors, strict=True)
+    ]
+    axes.set(title=signals.title, xlabel="time [s]", ylabel=signals.axis_label)
+    finish(axes, signals.labels, lines)
 
 
 def draw_energies(axes: Axes, result: xr.Dataset) -> None:
@@ -102,45 +97,33 @@ def draw_energies(axes: Axes, result: xr.Dataset) -> None:
             axes.plot(time, scale * energy, color=color, linewidth=1.0, label=label)
     axes.plot(time, scale * energies.sum(axis=0), **{**RIGID, "label": "total"})
     axes.set(title="Energy", xlabel="time [s]", ylabel=f"energy [{unit}]")
-    _finish(axes, [])
+    finish(axes, [])
 
 
 def draw_tip_path(axes: Axes, result: xr.Dataset) -> None:
     """Draw the path of the tip in the plane, from an open dot to a full one."""
     x, y = result["tip"].values.T
     axes.plot(x, y, color=BLUE, linewidth=1.0)
-    axes.plot(x[0], y[0], "o", color=INK, markerfacecolor="white", markersize=4.0, label="start")
-    axes.plot(x[-1], y[-1], "o", color=INK, markersize=4.0, label="end")
+    mark_ends(axes, x, y)
     axes.set(title="Tip", xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True, axis="both")
     legend_above(axes)
 
 
-def readable_unit(unit: str, values: FloatArray) -> tuple[float, str]:
-    """Return the unit for an axis that spares the reader long numbers, and the factor to it."""
-    if unit == "m":
-        return 1e3, "mm"
-    if unit == "1":
-        return 1e6, "µm/m"  # strain
-    if unit in ("J", "N m") and values.size and np.max(np.abs(values)) >= 1e4:
-        return 1e-3, f"k{unit}"
-    return 1.0, unit
+def mark_ends(axes: Axes, x: Any, y: Any, named: bool = True) -> None:
+    """Mark the start of a path by an open dot and its end by a full one."""
+    look: dict[str, Any] = {"color": INK, "markersize": 4.0, "linestyle": "none", "marker": "o"}
+    start, end = ("start", "end") if named else ("_", "_")
+    axes.plot(x[0], y[0], **look, markerfacecolor="white", label=start)
+    axes.plot(x[-1], y[-1], **look, label=end)
 
 
-def series_colors(count: int) -> Sequence[str]:
-    """Return colours for lines that are told apart by name if few, by order if many."""
-    if count <= len(SERIES):
-        return SERIES[:count]
-    # The ends of this map are nearly black and too pale for a line on white.
-    return [to_hex(color) for color in colormaps["viridis"](np.linspace(0.0, 0.9, count))]
-
-
-def _finish(axes: Axes, names: Sequence[str]) -> None:
-    """Bound the time axis and add a legend; of many lines the first and the last are named."""
+def finish(axes: Axes, names: Sequence[str], lines: Sequence[Line2D] | None = None) -> None:
+    """Limit the ticks and add a legend; of many lines the first and the last are named."""
     axes.locator_params(nbins=6)
-    lines = axes.get_lines()
+    lines = axes.get_lines() if lines is None else lines
     for line in lines[1:-1] if len(names) > _MOST_NAMES else []:
         line.set_label("_")
-    if len(lines) > 1:
+    if len(axes.get_lines()) > 1:
         legend_above(axes)

@@ -1,29 +1,30 @@
 """How every figure looks: one style, colours that colour-blind readers tell apart.
 
-Figures are made without pyplot: nothing is registered anywhere, no window opens, and the user's own
-Matplotlib settings stay as they are.
+The user's own Matplotlib settings stay as they are: a `Sheet` applies the style while it is made,
+drawn and saved.
 """
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# M. Okabe and K. Ito, "Color Universal Design" (2008): distinct for every kind of colour vision.
-BLUE = "#0072B2"
-VERMILLION = "#D55E00"
-GREEN = "#009E73"
-PURPLE = "#CC79A7"
-SKY = "#56B4E9"
-ORANGE = "#E69F00"
-INK = "#262626"
-GREY = "#8C8C8C"
-#: Order in which lines of one plot take their colours.
-SERIES = (BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE)
+from flexarm.arguments import check_choice
+from flexarm.plot.palette import BLUE as BLUE
+from flexarm.plot.palette import GREEN as GREEN
+from flexarm.plot.palette import GREY as GREY
+from flexarm.plot.palette import INK as INK
+from flexarm.plot.palette import ORANGE as ORANGE
+from flexarm.plot.palette import PURPLE as PURPLE
+from flexarm.plot.palette import SERIES as SERIES
+from flexarm.plot.palette import SKY as SKY
+from flexarm.plot.palette import VERMILLION as VERMILLION
 
 #: The arm with bending links, the rigid arm (dashed, as in the paper), the second-order theory.
 FLEXIBLE: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "label": "flexible"}
@@ -37,9 +38,11 @@ SECOND_ORDER: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "label": 
 
 #: Dots per inch of the bitmaps: sharp in print at the width of a column.
 DPI = 200
+#: Dots per inch of windows and notebooks.
+SCREEN_DPI = 110
 
-#: Distances of axis labels from their axes, inches.
-_LABEL_LEFT, _LABEL_BELOW = 0.41, 0.22
+#: Distances of axis labels from their axes in each medium, to the left and below, inches.
+_LABELS = {"print": (0.41, 0.22), "screen": (0.5, 0.26)}
 
 _STYLE: Any = {
     # Times, as journals set it. It comes with Matplotlib, so figures look alike everywhere, and
@@ -86,23 +89,64 @@ _STYLE: Any = {
 }
 
 
-def styled() -> AbstractContextManager[None]:
-    """Make and save figures in this package's style; what was set before comes back."""
-    return rc_context(_STYLE)
+#: For slides and videos: a typeface without serifs, which low resolution keeps legible, and larger.
+_SCREEN: Any = {
+    **_STYLE,
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10.0,
+    "axes.labelsize": 9.5,
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
+    "legend.fontsize": 9.0,
+    "axes.linewidth": 0.8,
+}
+#: The settings of each medium.
+MEDIA = {"print": _STYLE, "screen": _SCREEN}
+
+_medium: ContextVar[str] = ContextVar("medium", default="print")
+
+
+@contextmanager
+def styled(medium: str | None = None) -> Iterator[None]:
+    """Make and save figures in this package's style; the settings from before return at the end.
+
+    Args:
+        medium: "print" for papers, "screen" for slides and videos; None for that of the ``with``
+            block around this one, or "print".
+
+    Raises:
+        InputError: if ``medium`` is none of these.
+    """
+    chosen = _medium.get() if medium is None else check_choice("styled", "medium", medium, MEDIA)
+    before = _medium.set(chosen)
+    try:
+        with rc_context(MEDIA[chosen]):
+            yield
+    finally:
+        _medium.reset(before)
 
 
 class Sheet(Figure):
     """A figure in the style of this package, on screen and in files.
 
-    Matplotlib reads some settings when a figure is made and others when it is saved.
+    Matplotlib reads some settings when a figure is made and others when it is drawn or saved.
 
     Args:
         width, height: inches.
+        options: of ``Figure``.
     """
 
-    def __init__(self, width: float, height: float) -> None:
-        with styled():
-            super().__init__(figsize=(width, height), dpi=DPI)
+    def __init__(self, width: float, height: float, **options: Any) -> None:
+        self._medium = _medium.get()
+        options = {**options, "figsize": (width, height), "dpi": options.get("dpi") or DPI}
+        with styled(self._medium):
+            super().__init__(**options)
+
+    def draw(self, renderer: Any) -> None:
+        """See ``Figure.draw``."""
+        with styled(self._medium):
+            super().draw(renderer)
 
     def savefig(self, fname: Any, *, format: str | None = None, **options: Any) -> None:
         """See ``Figure.savefig``; the same figure gives the same bytes on every day."""
@@ -112,8 +156,8 @@ class Sheet(Figure):
         if format == "png":
             # Line art: the fastest compression costs a few per cent of size.
             options = {"pil_kwargs": {"compress_level": 1}, **options}
-        with styled():
-            super().savefig(fname, format=format, **options)
+        with styled(self._medium):
+            super().savefig(fname, format=format, **{"dpi": DPI, **options})
 
 
 def margins(
@@ -137,11 +181,18 @@ def margins(
 def place_labels(axes: Axes) -> None:
     """Put the axis labels at fixed distances, so that those of a column of plots line up."""
     width, height = axes.figure.get_size_inches() * axes.get_position().size  # type: ignore[union-attr]
-    axes.yaxis.set_label_coords(-_LABEL_LEFT / width, 0.5)
-    axes.xaxis.set_label_coords(0.5, -_LABEL_BELOW / height)
+    left, below = _LABELS[_medium.get()]
+    axes.yaxis.set_label_coords(-left / width, 0.5)
+    axes.xaxis.set_label_coords(0.5, -below / height)
 
 
-def legend_above(axes: Axes) -> None:
-    """Put the legend in one row above the axes, at the right, where no line can hide it."""
-    handles, labels = axes.get_legend_handles_labels()
+def legend_above(
+    axes: Axes, handles: Sequence[Any] | None = None, labels: Sequence[str] | None = None
+) -> None:
+    """Put the legend in one row above the axes, at the right, where no line can hide it.
+
+    ``handles`` and ``labels``: of the legend; by default those of all labelled lines.
+    """
+    if handles is None or labels is None:
+        handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
 from flexarm.arguments import check_count, check_kind
 from flexarm.linear import Modes, ModeTracks
-from flexarm.plot.signals import series_colors
+from flexarm.plot.canvas import WIDTH, AxesArray, array_of, panels, rows
+from flexarm.plot.palette import series_colors
 from flexarm.plot.style import BLUE, GREY, RIGID, Sheet, legend_above, margins, place_labels, styled
 
 _WIDTH, _ROW, _EDGES = 8.27, 2.3, 0.85  # inches
@@ -15,36 +19,70 @@ _COLUMNS = 3
 _MOST_NAMES = 6
 
 
-def modes_figure(modes: Modes, count: int = 6) -> Sheet:
-    """Draw the lowest mode shapes: the arm at rest dashed, displaced to both sides.
+def modes(found: Modes, count: int = 6, *, axes: Any = None) -> AxesArray:
+    """Draw the lowest mode shapes, a panel each: the arm at rest dashed, displaced to both sides.
 
     Args:
-        modes: as `modes` computes them.
+        found: as `flexarm.modes` computes them.
+        count: of the modes to draw.
+        axes: Matplotlib axes to draw into, one for each mode drawn; None for a new figure.
+
+    Returns:
+        An array of Matplotlib axes, one for each mode: ``count`` or as many as there are.
+
+    Raises:
+        InputError: if ``found`` is not a `Modes` object, ``count`` not a whole number from 1 on, or
+            ``axes`` are not one for each mode.
+    """
+    found = check_kind("plot.modes", "found", found, Modes)
+    shown = min(check_count("plot.modes", "count", count), found.frequency_hz.size)
+    size = (_WIDTH, _EDGES + _ROW * _rows(shown))
+    with panels("plot.modes", axes, shown, size, lambda sheet: _grid(sheet, shown)) as made:
+        _draw_shapes(made, found)
+    return array_of(made)
+
+
+def modes_figure(modes: Modes, count: int = 6) -> Sheet:
+    """Draw the lowest mode shapes as `modes` does, on a figure that pyplot does not know.
+
+    Args:
+        modes: as `flexarm.modes` computes them.
         count: of the modes to draw.
 
     Raises:
         InputError: if ``modes`` is not a `Modes` object, or ``count`` not a whole number from 1 on.
     """
-    modes = check_kind("modes_figure", "modes", modes, Modes)
-    count = check_count("modes_figure", "count", count)
-    shown = min(count, modes.frequency_hz.size)
-    rows = max(1, -(-shown // _COLUMNS))
-    sheet = Sheet(_WIDTH, _EDGES + _ROW * rows)
-    curves = modes.curves(amplitude=0.12 * float(modes.arm.lengths.sum()))
-    rest = modes.arm.shape(modes.q)
+    found = check_kind("modes_figure", "modes", modes, Modes)
+    shown = min(check_count("modes_figure", "count", count), found.frequency_hz.size)
+    sheet = Sheet(_WIDTH, _EDGES + _ROW * _rows(shown))
     with styled():
-        grid = sheet.add_gridspec(rows, _COLUMNS)
-        margins(sheet, left=0.6, bottom=0.5, right=0.2, top=0.35, wspace=0.3, hspace=0.5)
-        for k in range(shown):
-            axes = sheet.add_subplot(grid[k // _COLUMNS, k % _COLUMNS])
-            for link in range(modes.arm.links):
-                axes.plot(*rest[link].T, **{**RIGID, "label": "_"})
-                axes.plot(*curves[k, link].T, color=BLUE, linewidth=1.3)
-                axes.plot(*(2 * rest[link] - curves[k, link]).T, color=GREY, linewidth=0.7)
-            axes.set(title=_title(modes, k), xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
-            axes.set_aspect("equal", adjustable="datalim")
-            place_labels(axes)
+        made = _grid(sheet, shown)
+        _draw_shapes(made, found)
+        for each in made:
+            place_labels(each)
     return sheet
+
+
+def _rows(count: int) -> int:
+    return max(1, -(-count // _COLUMNS))
+
+
+def _grid(sheet: Sheet, count: int) -> list[Axes]:
+    grid = sheet.add_gridspec(_rows(count), _COLUMNS)
+    margins(sheet, left=0.6, bottom=0.5, right=0.2, top=0.35, wspace=0.3, hspace=0.5)
+    return [sheet.add_subplot(grid[k // _COLUMNS, k % _COLUMNS]) for k in range(count)]
+
+
+def _draw_shapes(made: Sequence[Axes], found: Modes) -> None:
+    curves = found.curves(amplitude=0.12 * float(found.arm.lengths.sum()))
+    rest = found.arm.shape(found.q)
+    for k, axes in enumerate(made):
+        for link in range(found.arm.links):
+            axes.plot(*rest[link].T, **{**RIGID, "label": "_"})
+            axes.plot(*curves[k, link].T, color=BLUE, linewidth=1.3)
+            axes.plot(*(2 * rest[link] - curves[k, link]).T, color=GREY, linewidth=0.7)
+        axes.set(title=_title(found, k), xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
+        axes.set_aspect("equal", adjustable="datalim")
 
 
 def _title(modes: Modes, k: int) -> str:
@@ -55,11 +93,31 @@ def _title(modes: Modes, k: int) -> str:
     return f"{k + 1}: {hertz:.4g} Hz{damping}"
 
 
-def tracks_figure(tracks: ModeTracks) -> Sheet:
-    """Draw frequencies and damping ratios along postures, time or spin.
+def campbell(tracks: ModeTracks, *, axes: Any = None) -> Axes:
+    """Draw frequencies over a spin, a time, or a posture.
 
     Over a spin it is the Campbell diagram: dashed lines are the spin itself and its multiples,
     whose crossings are resonances of what turns with the arm.
+
+    Args:
+        tracks: of `flexarm.campbell` or `track_modes`.
+        axes: Matplotlib axes to draw into; None for a new figure.
+
+    Returns:
+        The Matplotlib axes. `tracks_figure` draws the damping ratios, too.
+
+    Raises:
+        InputError: if ``tracks`` is not a `ModeTracks` object.
+    """
+    tracks = check_kind("plot.campbell", "tracks", tracks, ModeTracks)
+    with panels("plot.campbell", axes, 1, (WIDTH, 3.6), rows(1)) as (panel,):
+        _draw_frequencies(panel, tracks)
+        legend_above(panel)
+    return panel
+
+
+def tracks_figure(tracks: ModeTracks) -> Sheet:
+    """Draw frequencies as `campbell` does, and below them damping ratios if there is damping.
 
     Raises:
         InputError: if ``tracks`` is not a `ModeTracks` object.
@@ -71,9 +129,7 @@ def tracks_figure(tracks: ModeTracks) -> Sheet:
         grid = sheet.add_gridspec(1 + damped, 1)
         margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, hspace=0.3)
         axes = sheet.add_subplot(grid[0])
-        _draw_lines(axes, tracks, tracks.frequency_hz, "frequency [Hz]")
-        if tracks.parameter_name == "spin":
-            _draw_orders(axes, tracks)
+        _draw_frequencies(axes, tracks)
         if damped:
             below = sheet.add_subplot(grid[1])
             _draw_lines(below, tracks, 100.0 * tracks.damping_ratio, "damping ratio [%]")
@@ -81,6 +137,12 @@ def tracks_figure(tracks: ModeTracks) -> Sheet:
         for each in sheet.axes:
             place_labels(each)
     return sheet
+
+
+def _draw_frequencies(axes: Axes, tracks: ModeTracks) -> None:
+    _draw_lines(axes, tracks, tracks.frequency_hz, "frequency [Hz]")
+    if tracks.parameter_name == "spin":
+        _draw_orders(axes, tracks)
 
 
 def _draw_lines(axes: Axes, tracks: ModeTracks, values: np.ndarray, label: str) -> None:

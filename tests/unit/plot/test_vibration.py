@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import flexarm as fa
 from flexarm.plot.response import response_figure
@@ -85,3 +86,40 @@ def test_an_output_that_nothing_moves_says_so():
     assert [text.get_text() for text in along.texts] == ["zero: no input moves it here"]
     assert not across.texts
     assert along.get_xlim() == across.get_xlim()
+
+
+def test_modes_frequencies_and_responses_are_drawn_into_given_axes():
+    given = Figure().subplots(2, 2)
+    found = fa.modes(ARM, [0.2, 0.5])
+    panels = fa.plot.modes(found, 2, axes=given[0])
+    assert list(panels) == list(given[0])
+    curve = panels[1].get_lines()[1].get_xydata()
+    np.testing.assert_allclose(curve, found.curves(amplitude=0.12)[1, 0], atol=1e-12)
+    tracks = fa.campbell(ARM, np.linspace(0.0, 60.0, 3), count=2)
+    axes = fa.plot.campbell(tracks, axes=given[1, 0])
+    np.testing.assert_array_equal(axes.get_lines()[1].get_ydata(), tracks.frequency_hz[:, 1])
+    model = fa.linearize(ARM, fa.equilibrium(ARM, [0.2, 0.5]), outputs=["tip_angle"])
+    empty = Figure().subplots(2)
+    pair = fa.plot.bode(model, [1.0, 30.0], axes=empty)
+    assert pair.tolist() == [list(empty)]
+    gain = pair[0, 0].get_lines()[0].get_ydata()
+    assert gain == pytest.approx(np.abs(model.frequency_response([1.0, 30.0])[:, 0, 0]))
+    with pytest.raises(fa.InputError, match="2 Matplotlib axes"):
+        fa.plot.bode(model, [1.0, 30.0], axes=given[0, 0])
+
+
+def test_the_numbers_of_a_comparison_are_drawn_into_given_axes():
+    motion = fa.joint_motion(ARM, [0.2, 0.5], [0.25, 0.45], 0.05)
+    drives = {
+        "slow": fa.JointPD(0.05, 0.001, sample_time=0.001),
+        "fast": fa.JointPD(0.1, 0.002, sample_time=0.001),
+    }
+    table = fa.compare(ARM, drives, 0.06, {"to": motion})
+    with pytest.raises(fa.InputError, match="3 Matplotlib axes"):
+        fa.plot.study(table, axes=Figure().subplots())
+    panels = fa.plot.study(table, axes=Figure().subplots(1, 3))
+    assert panels.shape == (1, 3)
+    torque = panels[0, 2].get_lines()[0].get_xdata()
+    np.testing.assert_array_equal(torque, table.torque_rms.values[:, 0, 0])
+    names = [label.get_text() for label in panels[0, 0].get_yticklabels()]
+    assert names == ["slow", "fast"]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from flexarm.errors import InputError, Problem
 
-Objects = NDArray[np.object_]
+#: Arrays of objects: `Scalar`s and numbers.
+Objects = NDArray[Any]
 
 
 def _of_numbers(method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

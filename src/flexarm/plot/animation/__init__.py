@@ -1,0 +1,235 @@
+"""Animations of results: the arm to scale, and histories beside it with a cursor at the time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arguments import (
+    check_count,
+    check_dataset,
+    check_flag,
+    check_list_of,
+    check_nonnegative,
+    check_positive,
+)
+from flexarm.arm import Arm
+from flexarm.contacts import Contact
+from flexarm.control.base import check_reference
+from flexarm.errors import FlexarmError, InputError, Problem, shown
+from flexarm.places import AnyPath, write_text, write_whole
+from flexarm.plot.animation.page import inline, page
+from flexarm.plot.animation.scene import Scene, Wishes, scene_of
+from flexarm.plot.animation.video import check_animation_place, find_ffmpeg, gif, gif_delay, mp4
+from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result, scenario_of
+from flexarm.plot.selection import named_results, several
+from flexarm.scenarios.environment import contacts_of
+from flexarm.scenarios.motions import motion_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from flexarm.plot.animation.frames import Picture
+
+_WHERE = "animate"
+_MOST_FRAMES, _MOST_RESULTS, _MOST_HISTORIES = 20_000, 4, 6
+
+
+class Animation:
+    """An animation of one or several results, of `animate`; notebooks show it as a player.
+
+    Attributes:
+        scenes: what is drawn, one for each result.
+        fps: frames per second. speed: seconds of the run per second of the animation.
+        width: of pictures, pixels.
+    """
+
+    def __init__(self, scenes: Sequence[Scene], fps: float, speed: float, width: int) -> None:
+        self.scenes, self.fps, self.speed, self.width = tuple(scenes), fps, speed, width
+
+    def __repr__(self) -> str:
+        frames = len(self.scenes[0].times)
+        return f"<flexarm.Animation: {frames} frames, {frames / self.fps:.3g} s>"
+
+    def html(self) -> str:
+        """Return a page that plays the animation without a network."""
+        return page(self.scenes, self.fps, self.speed, self.scenes[0].title or "flexarm")
+
+    def _repr_html_(self) -> str:
+        histories = len(self.scenes[0].histories)
+        height = 620 if len(self.scenes) == 1 else 480 + 175 * histories
+        return inline(self.html(), height)
+
+    def pictures(self) -> Iterator[Picture]:
+        """Yield the frames, (height, width, 4) RGBA from 0 to 255; each is overwritten next."""
+        from flexarm.plot.animation.frames import Stage
+
+        return Stage(self.scenes, self.width).pictures()
+
+    def save(self, path: AnyPath) -> None:
+        """Write the animation to an .mp4, .gif or .html file, whole or not at all.
+
+        Raises:
+            InputError: if the file cannot be written, or an .mp4 without an ffmpeg.
+        """
+        place = check_animation_place("Animation.save", "path", path)
+        suffix = place.suffix.lower()
+        if suffix == ".html":
+            write_text(self.html(), place)
+            return
+        from flexarm.plot.animation.frames import Stage
+
+        stage = Stage(self.scenes, self.width)
+        if suffix == ".gif":
+            write_whole(place, [gif(stage.pictures(), self.fps)])
+            return
+        ffmpeg = find_ffmpeg("Animation.save")
+        write_whole(place, mp4(stage.pictures(), stage.size, self.fps, ffmpeg))
+
+
+def animate(
+    results: xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset],
+    path: AnyPath | None = None,
+    *,
+    channels: str | Sequence[str] | None = None,
+    magnify: float = 1.0,
+    rigid: bool | xr.Dataset = False,
+    reference: Any = None,
+    contacts: Sequence[Contact] | None = None,
+    trace: bool = True,
+    torque: bool = True,
+    speed: float = 1.0,
+    fps: float = 30.0,
+    width: int = 1120,
+) -> Animation:
+    """Show how an arm moves, as a video, a GIF, or a page that plays.
+
+    Args:
+        results: a result of ``simulate``, ``run_scenario`` or ``read_result``; or up to four, by
+            name or as a list, side by side.
+        path: of an .mp4, .gif or .html file to write; None for none. An .mp4 needs ffmpeg, which
+            ``pip install 'flexarm[animation]'`` brings along.
+        channels: drawn over time beside the arm, as in ``plot.history``; six at most, ``[]`` for
+            none.
+        magnify: factor on the bending of the links. Joint angles stay as they are; path, tip and
+            view are those of the drawn arm.
+        rigid: True adds the arm without bending at the same joint angles, dashed; a result, such as
+            that of ``arm.rigid()`` with the same torques, adds the arm of that one.
+        reference: motion whose path the tip was to follow. By default that of the scenario, for
+            results of one.
+        contacts: whose surfaces are drawn. By default those of the scenario, for results of one.
+        trace: whether to draw the path of the tip.
+        torque: whether to draw the torques of the joints as arrows; the longest is the largest
+            torque of the run.
+        speed: seconds of the run per second of the animation: 0.1 is slow motion.
+        fps: frames per second. A GIF has those that its format allows: 50, 33.3, 25, 20, ...
+        width: of the pictures of a video or GIF, pixels.
+
+    Returns:
+        An `Animation`, with ``save(path)``, ``html()`` and ``pictures()``; a notebook shows it as a
+        player.
+
+    Raises:
+        InputError: an argument has the wrong kind or is out of its range, the file cannot be
+            written, or an .mp4 is requested without an ffmpeg.
+    """
+    named = _named(results)
+    place = None if path is None else check_animation_place(_WHERE, "path", path)
+    fps = check_nonnegative(_WHERE, "fps", fps, 240.0)
+    if fps < 1.0:
+        raise InputError(Problem(_WHERE, "fps", "be at least 1", shown(fps)))
+    speed = check_positive(_WHERE, "speed", speed)
+    if place is not None and place.suffix.lower() == ".gif":
+        fps = 100.0 / gif_delay(fps)
+    wishes = Wishes(
+        check_magnify(_WHERE, magnify),
+        check_flag(_WHERE, "trace", trace),
+        check_flag(_WHERE, "torque", torque),
+    )
+    width = check_count(_WHERE, "width", width, 320, 7680)
+    if contacts is not None:
+        contacts = check_list_of(_WHERE, "contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(_WHERE, reference)
+    times = _times(named, fps, speed)
+    scenes = []
+    for name, result in named.items():
+        arm = arm_of(_WHERE, "results", result)
+        histories = [] if _empty(channels) else several(_WHERE, "channels", channels, result)
+        if len(histories) > _MOST_HISTORIES:
+            rule = f"be at most {_MOST_HISTORIES} channels"
+            raise InputError(Problem(_WHERE, "channels", rule, shown(len(histories))))
+        asked, touched = _of_scenario(arm, result)
+        scenes.append(
+            scene_of(
+                name,
+                arm,
+                result,
+                float(result["time"].values[0]) + times,
+                wishes,
+                rigid_result(_WHERE, rigid, arm, result),
+                asked if reference is None else _fitting(reference, arm),
+                touched if contacts is None else contacts,
+                histories,
+            )
+        )
+    if len({len(scene.histories) for scene in scenes}) > 1:
+        rule = "be given where the results have different ones"
+        raise InputError(Problem(_WHERE, "channels", rule, "nothing"))
+    animation = Animation(scenes, fps, speed, width - width % 2)
+    if place is not None:
+        animation.save(place)
+    return animation
+
+
+def _named(results: object) -> dict[str, xr.Dataset]:
+    """Return the results by title; a single one has none."""
+    if isinstance(results, Mapping | list | tuple) and not hasattr(results, "data_vars"):
+        named = named_results(_WHERE, results, _MOST_RESULTS)
+    else:
+        named = {"": check_dataset(_WHERE, "results", results)}
+    return {name: check_drawable(_WHERE, "results", result) for name, result in named.items()}
+
+
+def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndarray:
+    """Return the times of the frames since the start, to the end of the longest run, s."""
+    spans = [float(np.ptp(result["time"].values)) for result in named.values()]
+    frames = max(spans) / speed * fps
+    if frames > _MOST_FRAMES:
+        rule = f"give at most {_MOST_FRAMES} frames"
+        hint = "Give a larger speed or a smaller fps."
+        raise InputError(Problem(_WHERE, "results", rule, f"{frames:.0f} frames", hint))
+    # The last frame is the end of the run, whatever the rate.
+    times = np.arange(int(frames * (1.0 + 1e-12)) + 1) * (speed / fps)
+    return times if times[-1] > max(spans) - 1e-9 * speed / fps else np.append(times, max(spans))
+
+
+def _empty(channels: object) -> bool:
+    return isinstance(channels, list | tuple) and not channels
+
+
+def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, list[Contact]]:
+    """Return motion and contacts of the scenario that a result was made of, if it was."""
+    scenario = scenario_of(result)
+    if scenario is None or len(scenario.arm.links) != arm.links:
+        return None, []
+    try:
+        return motion_of(arm, scenario), contacts_of(scenario)
+    except FlexarmError:  # a plant that differs from the arm of the scenario
+        return None, contacts_of(scenario)
+
+
+def _fitting(reference: Any, arm: Arm) -> Any:
+    """Return a reference that has as many joints as the arm, or says where the tip should be.
+
+    Raises:
+        InputError: if it has other joints.
+    """
+    if getattr(reference, "tip", None) is None:
+        angles = np.asarray(reference.joint_angle(0.0))
+        if angles.shape != (arm.joints,):
+            rule = f"move the {arm.joints} joints of the arm"
+            raise InputError(Problem(_WHERE, "reference", rule, f"one for {angles.size} joints"))
+    return reference

@@ -1,0 +1,199 @@
+"""What an animation shows of one result, frame by frame, as plain arrays. No Matplotlib here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.contacts import Contact
+from flexarm.plot.animation.solid import Solid, solid_of
+from flexarm.plot.drawn_arm import FloatArray, RigidMotion, at_times, shapes_of
+from flexarm.plot.selection import Signals
+from flexarm.simulation.metrics import tip_reference
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Points along a link: enough for a smooth curve on a screen.
+STATIONS = 17
+#: Points of a history or a path: more than a screen has columns.
+_MOST_POINTS = 900
+#: Part of the view that is left free around the motion.
+_MARGIN = 0.1
+#: Largest sweep of a torque's arrow, rad, and its radius as a part of the width of the view.
+_SWEEP, _RADIUS = 1.6 * np.pi, 0.055
+#: Torques below this part of the largest have no arrow.
+_NO_ARROW = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One arm in motion; F frames, lengths in m, world axes.
+
+    Attributes:
+        title: above the arm, or nothing.
+        times: (F,) of the run, s.
+        links: (F, links, stations, 2) as drawn, with magnified bending.
+        depths: (links,) of the links in the plane, zero where the model does not give it.
+        bends: (links,) whether a link bends.
+        joints: (F, turning joints, 2). payload: whether the arm carries one.
+        arrows: (F, turning joints, points, 2) of torques, NaN where there is none; or None.
+        ghost: (F, links, stations, 2) of the rigid counterpart, or None.
+        path: (P, 2) of the drawn tip, at times (P,) ``path_times``; or None.
+        reference: (R, 2) of the path requested, and (F, 2) where the tip should be; or None.
+        solids: surfaces that the arm may touch.
+        histories: beside the arm.
+        view: (4,) smallest and largest x, smallest and largest y of all that moves.
+    """
+
+    title: str
+    times: FloatArray
+    links: FloatArray
+    depths: tuple[float, ...]
+    bends: tuple[bool, ...]
+    joints: FloatArray
+    payload: bool
+    arrows: FloatArray | None
+    ghost: FloatArray | None
+    path: FloatArray | None
+    path_times: FloatArray
+    reference: tuple[FloatArray, FloatArray] | None
+    solids: tuple[Solid, ...]
+    histories: tuple[Signals, ...]
+    view: FloatArray
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What of a motion to show; see `animate`."""
+
+    magnify: float
+    trace: bool
+    torque: bool
+
+
+def scene_of(
+    title: str,
+    arm: Arm,
+    result: xr.Dataset,
+    times: FloatArray,
+    wishes: Wishes,
+    ghost: RigidMotion | None,
+    reference: Any,
+    contacts: Sequence[Contact],
+    histories: Sequence[Signals],
+) -> Scene:
+    """Make the scene of a result at times (F,) s, which may exceed those of the result."""
+    time = result["time"].values
+    now = np.clip(times, time[0], time[-1])
+    links = shapes_of(arm, at_times(time, result["q"].values, now), wishes.magnify, STATIONS)
+    path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
+    q = at_times(time, result["q"].values, path_times)
+    path = shapes_of(arm, q, wishes.magnify, 2)[:, -1, -1]
+    straight = None if ghost is None else _thinned(ghost.shapes(now))
+    asked = None
+    if reference is not None:
+        twice = np.concatenate([path_times, now])
+        tips = tip_reference(arm, reference, twice)
+        asked = tips[: len(path_times)], tips[len(path_times) :]
+    shown = [links.reshape(-1, 2), path]
+    shown += [] if straight is None else [straight.reshape(-1, 2)]
+    shown += [] if asked is None else [asked[0]]
+    view = _view(np.concatenate(shown))
+    joints = links[:, [seat.link for seat in arm.assembly.seats], 0]
+    arrows = None
+    if wishes.torque and "torque" in result and joints.shape[1]:
+        torque = at_times(time, result["torque"].values, now)
+        scale = float(np.abs(result["torque"].values).max(initial=0.0))
+        # The arrow starts at the link, so that its direction is seen in any posture.
+        first = links[:, [seat.link for seat in arm.assembly.seats], 1] - joints
+        if scale > 0.0:
+            radius = _RADIUS * float(view[1] - view[0])
+            angle = np.arctan2(first[..., 1], first[..., 0])
+            arrows = _arrows(joints, angle, torque / scale, radius)
+    spec = arm.spec
+    return Scene(
+        title=title,
+        times=now,
+        links=links,
+        depths=tuple(0.0 if k.section is None else float(k.section.depth) for k in spec.links),
+        bends=tuple(link.flexible for link in spec.links),
+        joints=joints,
+        payload=spec.payload.mass > 0.0,
+        arrows=arrows,
+        ghost=straight,
+        path=path if wishes.trace else None,
+        path_times=path_times,
+        reference=asked,
+        solids=tuple(solid_of(contact.surface, view) for contact in contacts),
+        histories=tuple(_thin(signals) for signals in histories),
+        view=view,
+    )
+
+
+def _view(points: FloatArray) -> FloatArray:
+    """Return a square around points (k, 2) and the base: left, right, bottom, top."""
+    low = np.minimum(points.min(axis=0), 0.0)
+    high = np.maximum(points.max(axis=0), 0.0)
+    half = (0.5 + _MARGIN) * max(float((high - low).max()), 1e-9)
+    middle = 0.5 * (low + high)
+    return np.array([middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half])
+
+
+def _thinned(shapes: FloatArray) -> FloatArray:
+    """Keep root and tip of straight links."""
+    ends: FloatArray = shapes[:, :, [0, -1]]
+    return ends
+
+
+def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: float) -> FloatArray:
+    """Return arcs with a head, (F, joints, points, 2): counter-clockwise for positive torques.
+
+    Args:
+        centers: (F, joints, 2). start: (F, joints) rad. part: (F, joints) of the largest torque.
+    """
+    sweep = _SWEEP * part
+    fraction = np.linspace(0.0, 1.0, 25)
+    angle = start[..., None] + sweep[..., None] * fraction
+    arc = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    end, sign = angle[..., -1], np.sign(sweep)
+    head = np.minimum(0.5, np.abs(sweep))  # of the arc, rad: shorter than a short arrow
+
+    def barb(side: float) -> FloatArray:
+        back = end - sign * head
+        reach = 1.0 + 0.56 * side * head
+        place: FloatArray = reach[..., None] * np.stack([np.cos(back), np.sin(back)], axis=-1)
+        return place
+
+    tip = arc[..., -1, :]
+    points = [arc, barb(1.0)[..., None, :], tip[..., None, :], barb(-1.0)[..., None, :]]
+    drawn: FloatArray = centers[..., None, :] + radius * np.concatenate(points, axis=-2)
+    drawn[np.abs(part) < _NO_ARROW] = np.nan
+    return drawn
+
+
+def _thin(signals: Signals) -> Signals:
+    """Return a history of at most as many points as a screen shows, peaks included.
+
+    Of each interval the first sample, the smallest and the largest value of every line are kept.
+    """
+    count = len(signals.time)
+    if count <= 3 * _MOST_POINTS:
+        return signals
+    keep = {0, count - 1}
+    for chunk in np.array_split(np.arange(count), _MOST_POINTS // 2):
+        values = signals.values[chunk]
+        keep |= {int(chunk[0]), *chunk[values.argmin(axis=0)], *chunk[values.argmax(axis=0)]}
+    chosen = np.array(sorted(keep))
+    return Signals(
+        signals.name,
+        signals.time[chosen],
+        signals.values[chosen],
+        signals.unit,
+        signals.labels,
+        signals.keys,
+    )

@@ -1,0 +1,146 @@
+"""Frames to the bytes of an MP4 or a GIF."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem
+from flexarm.places import AnyPath, check_place
+from flexarm.plot.palette import GREY, INK, SERIES
+
+if TYPE_CHECKING:
+    from flexarm.plot.animation.frames import Picture
+
+#: What the file of an animation may end in.
+SUFFIXES = (".mp4", ".gif", ".html")
+_HINT = (
+    "Install one with: pip install 'flexarm[animation]', which brings its own ffmpeg; "
+    "or write a .gif or an .html file, which need none."
+)
+#: The colours of lines, exactly; the rest of the palette is for their edges.
+_HOUSE = [int(color[k : k + 2], 16) for color in (*SERIES, INK, GREY) for k in (1, 3, 5)]
+
+
+def find_ffmpeg(where: str, name: str = "path") -> str:
+    """Return the path of ffmpeg: that of the package ``imageio-ffmpeg``, or of the system.
+
+    Raises:
+        InputError: if there is none.
+    """
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError, OSError):  # not installed, or without a program for this CPU
+        found = shutil.which("ffmpeg")
+    if found is None:
+        rule = "end in .gif or .html where no ffmpeg is installed"
+        raise InputError(Problem(where, name, rule, "an .mp4 file", _HINT))
+    return found
+
+
+def check_animation_place(where: str, name: str, path: AnyPath) -> Path:
+    """Return the path of an animation's file if it can be written there.
+
+    Raises:
+        InputError: as `check_place`; an .mp4 where there is no ffmpeg.
+    """
+    place = check_place(where, name, path, SUFFIXES)
+    if place.suffix.lower() == ".mp4":
+        find_ffmpeg(where, name)
+    return place
+
+
+def mp4(
+    pictures: Iterable[Picture], size: tuple[int, int], fps: float, ffmpeg: str
+) -> Iterator[bytes]:
+    """Yield an MP4 (H.264, for every browser and player) in parts.
+
+    Args:
+        pictures: frames (height, width, 4) RGBA. size: width and height, both even.
+        ffmpeg: path of the program, of `find_ffmpeg`.
+
+    Raises:
+        InputError: if ffmpeg fails.
+    """
+    width, height = size
+    with tempfile.TemporaryDirectory(prefix="flexarm-") as folder:
+        video = Path(folder) / "video.mp4"  # its index is moved to the front: no pipe will do
+        command = [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgba"]
+        command += ["-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-an"]
+        command += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
+        command += ["-movflags", "+faststart", os.fspath(video)]
+        _encode(command, pictures)
+        with open(video, "rb") as file:
+            while part := file.read(1 << 20):
+                yield part
+
+
+def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
+    """Feed frames to ffmpeg.
+
+    Raises:
+        InputError: if it does not start, or reports an error.
+    """
+    try:
+        with tempfile.TemporaryFile() as words:
+            program = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=words)
+            assert program.stdin is not None
+            try:
+                for picture in pictures:
+                    program.stdin.write(picture.data)
+            except BrokenPipeError:
+                pass  # it has stopped, and its words say why
+            except BaseException:
+                program.kill()
+                raise
+            finally:
+                with contextlib.suppress(BrokenPipeError):
+                    program.stdin.close()
+                status = program.wait()
+            words.seek(0)
+            told = words.read().decode(errors="replace").strip()
+    except OSError as error:
+        raise _failed(command[0], error.strerror or str(error)) from None
+    if status:
+        raise _failed(command[0], told.splitlines()[-1][:200] if told else f"exit status {status}")
+
+
+def _failed(ffmpeg: str, reason: str) -> InputError:
+    hint = f"{Path(ffmpeg).name} reported: {reason}. {_HINT}"
+    return InputError(Problem("animate", "the video", "be encoded by ffmpeg", "not", hint))
+
+
+def gif_delay(fps: float) -> int:
+    """Return the delay between frames of a GIF in units of 10 ms; players ignore less than 2."""
+    return max(2, round(100.0 / fps))
+
+
+def gif(pictures: Iterable[Picture], fps: float) -> bytes:
+    """Return a GIF that repeats; one palette for all frames, so that nothing flickers."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    frames: list[Any] = []
+    palette = None
+    for picture in pictures:
+        image = Image.fromarray(np.ascontiguousarray(picture[..., :3]))
+        if palette is None:
+            others = image.quantize(256 - len(_HOUSE) // 3).getpalette() or []
+            palette = Image.new("P", (1, 1))
+            palette.putpalette([*_HOUSE, *others])
+        frames.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    stream = BytesIO()
+    options = {"duration": 10 * gif_delay(fps), "loop": 0, "disposal": 1, "optimize": False}
+    frames[0].save(stream, "GIF", save_all=True, append_images=frames[1:], **options)
+    return stream.getvalue()

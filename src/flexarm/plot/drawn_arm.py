@@ -1,0 +1,158 @@
+"""The arm of a result, its rigid counterpart, and their shapes over time. No Matplotlib here."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arguments import check_dataset, check_kind, check_nonnegative
+from flexarm.arm import Arm
+from flexarm.errors import InputError, ModelError, Problem, shown
+from flexarm.model import Scenario, arm_spec_of_text, scenario_of_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+
+#: Points drawn along a link.
+STATIONS = 25
+#: Samples of which an envelope is taken: more take seconds.
+_MOST_SAMPLES = 4000
+_MOST_MAGNIFIED = 1e4
+
+
+def check_drawable(where: str, name: str, value: object) -> xr.Dataset:
+    """Return a result whose arm can be drawn.
+
+    Raises:
+        InputError: if it is not a result of ``simulate`` with the coordinates of its arm.
+    """
+    result = check_dataset(where, name, value)
+    if not {"q", "joint_angle"} <= set(result.data_vars) or not result["time"].size:
+        rule = "be a result of simulate"
+        raise InputError(Problem(where, name, rule, "a dataset without the coordinates of an arm"))
+    arm = arm_of(where, name, result)
+    if result["q"].shape[1:] != (arm.dof,):
+        rule = f"hold the {arm.dof} coordinates of its arm"
+        value = f"a dataset with q of shape {result['q'].shape}"
+        raise InputError(Problem(where, name, rule, value))
+    if not np.isfinite(result["q"].values).all():
+        raise InputError(Problem(where, name, "hold finite coordinates", "one with others"))
+    return result
+
+
+def check_magnify(where: str, value: object) -> float:
+    """Return a factor on the bending of links.
+
+    Raises:
+        InputError: if it is not a number from 0 to 10,000.
+    """
+    return check_nonnegative(where, "magnify", value, _MOST_MAGNIFIED)
+
+
+def arm_of(where: str, name: str, result: xr.Dataset) -> Arm:
+    """Return the arm that a result was made with, from its attribute ``arm``.
+
+    Raises:
+        InputError: if the result has no such attribute, or the text describes no arm.
+    """
+    text = result.attrs.get("arm")
+    if not isinstance(text, str):
+        rule = "carry its arm in the attribute 'arm'"
+        raise InputError(Problem(where, name, rule, shown(text)))
+    try:
+        return _arm(text)
+    except ModelError as error:
+        value = f"not: {error.problems[0]}"
+        rule = "carry the file of its arm in the attribute 'arm'"
+        raise InputError(Problem(where, name, rule, value)) from None
+
+
+@lru_cache(maxsize=8)
+def _arm(text: str) -> Arm:
+    return Arm(arm_spec_of_text(text, "result"))
+
+
+def scenario_of(result: xr.Dataset) -> Scenario | None:
+    """Return the scenario that a result was made of, or None."""
+    text = result.attrs.get("scenario")
+    try:
+        return scenario_of_text(text, "result") if isinstance(text, str) else None
+    except ModelError:  # of another version: the motion is drawn without its reference
+        return None
+
+
+def rigid_result(where: str, rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | None:
+    """Return the motion of the rigid counterpart that a plot shows, or None.
+
+    Args:
+        rigid: True for the arm without bending at the joint angles of the result; a result of its
+            own, such as that of ``arm.rigid()`` with the same torques; False for none.
+
+    Raises:
+        InputError: if ``rigid`` is none of these.
+    """
+    if isinstance(rigid, bool | np.bool_):
+        if not rigid:
+            return None
+        twin = arm.rigid()
+        angles = result["joint_angle"].values
+        q = np.zeros((len(angles), twin.dof))
+        q[:, twin.joint_index] = angles
+        return RigidMotion(twin, result["time"].values, q)
+    import xarray as xr
+
+    own = check_kind(where, "rigid", rigid, xr.Dataset, "True, False or a result of simulate")
+    own = check_drawable(where, "rigid", own)
+    return RigidMotion(arm_of(where, "rigid", own), own["time"].values, own["q"].values)
+
+
+class RigidMotion:
+    """A motion to draw: an arm, times (T,) s and coordinates q (T, dof)."""
+
+    def __init__(self, arm: Arm, time: FloatArray, q: FloatArray) -> None:
+        self.arm, self.time, self.q = arm, time, q
+
+    def shapes(self, times: FloatArray) -> FloatArray:
+        """Return the shapes at times (k,) s, (k, links, stations, 2) m."""
+        return shapes_of(self.arm, at_times(self.time, self.q, times))
+
+
+def at_times(time: FloatArray, values: FloatArray, times: FloatArray) -> FloatArray:
+    """Return values (T, ...) at other times (k,), straight between samples."""
+    flat = values.reshape(len(values), -1)
+    found = [np.interp(times, time, column) for column in flat.T]
+    return np.array(found).T.reshape(len(times), *values.shape[1:])
+
+
+def shapes_of(
+    arm: Arm, q: FloatArray, magnify: float = 1.0, stations: int = STATIONS
+) -> FloatArray:
+    """Return shapes (k, links, stations, 2) m at coordinates q (k, dof), bending magnified.
+
+    Magnified bending is that of the linear theory: a link keeps its length.
+    """
+    if magnify != 1.0:
+        linear = Arm(arm.spec.model_copy(update={"theory": "linear"}))
+        arm = linear if linear.dof == arm.dof else arm
+        q = q.copy()
+        for piece in arm.assembly.pieces:
+            q[:, piece.modal] *= magnify
+    return np.array([arm.shape(row, stations) for row in q])
+
+
+def deflections(arm: Arm, result: xr.Dataset, stations: int = STATIONS) -> FloatArray:
+    """Return deflections from the root tangent of each link, (T, links, stations) m."""
+    q, angle = result["q"].values, result["link_angle"].values
+    if len(q) > _MOST_SAMPLES:
+        chosen = np.linspace(0, len(q) - 1, _MOST_SAMPLES).round().astype(int)
+        q, angle = q[chosen], angle[chosen]
+    points = shapes_of(arm, q, stations=stations)
+    away = points - points[:, :, :1]
+    sine, cosine = np.sin(angle)[..., None], np.cos(angle)[..., None]
+    across: FloatArray = cosine * away[..., 1] - sine * away[..., 0]
+    return across

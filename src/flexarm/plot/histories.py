@@ -1,0 +1,206 @@
+"""Channels of results over time, against their rates, and of several results in one plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from flexarm.arguments import check_choice, check_dataset
+from flexarm.errors import InputError, Problem, shown
+from flexarm.plot.canvas import WIDTH, array_of, panels, rows
+from flexarm.plot.palette import series_colors
+from flexarm.plot.selection import Signals, named_results, several, signals_of
+from flexarm.plot.signals import draw_signals, finish, mark_ends
+from flexarm.plot.style import GREY, legend_above
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Programs that draw.
+BACKENDS = ("matplotlib", "plotly")
+#: The rate of each channel that has one.
+RATES = {
+    "joint_angle": "joint_rate",
+    "link_angle": "link_rate",
+    "link_tip_deflection": "link_tip_deflection_rate",
+    "link_tip_slope": "link_tip_slope_rate",
+    "tip": "tip_velocity",
+    "tip_angle": "tip_angle_rate",
+    "q": "qd",
+}
+#: Lines of the parts of a channel where colours mean results.
+_DASHES: tuple[Any, ...] = ("-", (0, (4.0, 1.6)), (0, (1.2, 1.2)), (0, (5.0, 1.5, 1.2, 1.5)))
+_ROW, _EDGES = 1.75, 0.85  # inches
+
+
+def history(
+    result: xr.Dataset,
+    channels: str | list[str] | None = None,
+    *,
+    axes: Any = None,
+    backend: str = "matplotlib",
+) -> Any:
+    """Draw channels of a result over time, a panel for each channel.
+
+    Args:
+        result: of ``simulate``, ``run_scenario`` or ``read_result``.
+        channels: name of a channel or a list of names, such as ``"torque"`` or, for one line of it,
+            ``"torque[1]"``, ``"tip[y]"``; joint angles, tip deflections and torques by default.
+            Readings of instruments are channels too: ``"measured_joint_angle"``.
+        axes: Matplotlib axes to draw into, one for each channel; None for a new figure.
+        backend: "matplotlib", or "plotly" for a page in which one zooms; it needs Plotly.
+
+    Returns:
+        The Matplotlib axes for the name of a channel, an array of axes for a list; with "plotly" a
+        ``plotly.graph_objects.Figure``.
+
+    Raises:
+        InputError: if the result has no such channel, ``axes`` are not one for each channel, or
+            Plotly is requested and not installed.
+    """
+    where = "plot.history"
+    result = check_dataset(where, "result", result)
+    found = several(where, "channels", channels, result)
+    if _plotly_requested(where, backend, axes):
+        from flexarm.plot.interactive import history_page
+
+        return history_page(found)
+    return _panels(where, channels, found, axes, draw_signals)
+
+
+def compare(
+    results: Mapping[str, xr.Dataset] | list[xr.Dataset],
+    channels: str | list[str] | None = None,
+    *,
+    axes: Any = None,
+) -> Any:
+    """Draw the same channels of several results, a colour for each result.
+
+    Args:
+        results: datasets by name, or a list of them; the names are in the legend. 20 at most.
+        channels: as in `history`. Parts of a channel differ by their dashes, so that a channel of
+            more than four parts needs one to be named, as in ``"joint_angle[1]"``.
+        axes: Matplotlib axes to draw into, one for each channel; None for a new figure.
+
+    Returns:
+        The Matplotlib axes for the name of a channel, an array of axes for a list.
+
+    Raises:
+        InputError: if there is no result, or one that lacks a channel; a channel has more than
+            four parts; ``axes`` are not one for each channel.
+    """
+    where = "plot.compare"
+    named = named_results(where, results)
+    by_result = {
+        name: several(where, "channels", channels, result) for name, result in named.items()
+    }
+    first = next(iter(by_result.values()))
+    if any(len(found) != len(first) for found in by_result.values()):
+        rule = "be given where the results have different ones"
+        raise InputError(Problem(where, "channels", rule, shown(channels)))
+    for signals in first:
+        if max(len(found[first.index(signals)].keys) for found in by_result.values()) > 4:
+            hint = f"Name one, such as '{signals.name}[{signals.keys[0]}]'."
+            rule = "have at most four parts each"
+            raise InputError(Problem(where, "channels", rule, shown(signals.name), hint))
+
+    def draw(panel: Axes, signals: Signals) -> None:
+        k = first.index(signals)
+        _draw_compared(panel, {name: found[k] for name, found in by_result.items()})
+
+    return _panels(where, channels, first, axes, draw)
+
+
+def phase_portrait(
+    result: xr.Dataset,
+    channel: str = "joint_angle",
+    *,
+    axes: Any = None,
+    backend: str = "matplotlib",
+) -> Any:
+    """Draw a channel against its rate, from an open dot to a full one.
+
+    Args:
+        result: as in `history`.
+        channel: "joint_angle", "link_angle", "link_tip_deflection", "link_tip_slope", "tip",
+            "tip_angle" or "q", with the part in brackets to draw one line of it.
+        axes: Matplotlib axes to draw into; None for a new figure.
+        backend: as in `history`.
+
+    Returns:
+        The Matplotlib axes; with "plotly" a ``plotly.graph_objects.Figure``.
+
+    Raises:
+        InputError: if the result has no such channel, the channel has no rate, or Plotly is
+            requested and not installed.
+    """
+    where = "plot.phase_portrait"
+    result = check_dataset(where, "result", result)
+    plain, bracket, part = channel.partition("[") if isinstance(channel, str) else (channel, "", "")
+    check_choice(where, "channel", plain, RATES)
+    values = signals_of(where, "channel", result, channel)
+    rates = signals_of(where, "channel", result, f"{RATES[plain]}{bracket}{part}")
+    if _plotly_requested(where, backend, axes):
+        from flexarm.plot.interactive import phase_page
+
+        return phase_page(values, rates)
+    with panels(where, axes, 1, (4.2, 3.6), rows(1)) as (panel,):
+        lines = []
+        for k, color in enumerate(series_colors(len(values.keys))):
+            x, y = values.values[:, k], rates.values[:, k]
+            look: dict[str, Any] = {"color": color, "linewidth": 1.0, "label": values.labels[k]}
+            lines += panel.plot(x, y, **look)
+            mark_ends(panel, x, y, named=False)
+        panel.set(title=values.title, xlabel=values.axis_label, ylabel=rates.axis_label)
+        panel.set(xmargin=0.05)
+        panel.grid(True, axis="both")
+        finish(panel, values.labels, lines)
+        legend = panel.get_legend()
+        if len(lines) == 1 and legend is not None:  # the marks need no names
+            legend.remove()
+    return panel
+
+
+def _plotly_requested(where: str, backend: object, axes: object) -> bool:
+    if check_choice(where, "backend", backend, BACKENDS) == "matplotlib":
+        return False
+    if axes is not None:
+        raise InputError(Problem(where, "axes", "be left out with backend='plotly'", "given"))
+    return True
+
+
+def _panels(where: str, given: object, found: list[Signals], axes: Any, draw: Any) -> Any:
+    """Draw each channel into its panel; return axes, one or several as the channels were given."""
+    size = (WIDTH, _EDGES + _ROW * len(found))
+    spacing = 0.3 if len(found) > 1 else 0.0
+    with panels(where, axes, len(found), size, rows(len(found), hspace=spacing)) as made:
+        for panel, signals in zip(made, found, strict=True):
+            draw(panel, signals)
+            if axes is None and panel is not made[-1]:
+                panel.set_xlabel("")
+    return made[0] if isinstance(given, str) else array_of(made)
+
+
+def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
+    unit = max((signals.unit for signals in by_result.values()), key=len)  # kN m before N m
+    parts: tuple[str, ...] = ()
+    for (name, signals), color in zip(
+        by_result.items(), series_colors(len(by_result)), strict=True
+    ):
+        scale = 1.0 if signals.unit == unit else 1e-3
+        for k, line in enumerate(scale * signals.values.T):
+            label = name if k == 0 else "_"
+            look: dict[str, Any] = {"color": color, "linewidth": 1.0, "linestyle": _DASHES[k]}
+            panel.plot(signals.time, line, **look, label=label)
+        parts = max(parts, signals.labels, key=len)
+    panel.set(title=signals.title, xlabel="time [s]", ylabel=replace(signals, unit=unit).axis_label)
+    panel.locator_params(nbins=6)
+    handles, labels = panel.get_legend_handles_labels()
+    if len(parts) > 1:  # the dashes have no colour of their own
+        handles += [Line2D([], [], color=GREY, linewidth=1.0, linestyle=d) for d in _DASHES]
+        handles, labels = handles[: len(labels) + len(parts)], [*labels, *parts]
+    legend_above(panel, handles, labels)

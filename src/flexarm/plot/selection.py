@@ -1,0 +1,177 @@
+"""Which lines of a result a plot shows: channels by name, their parts, units and labels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arguments import check_dataset
+from flexarm.engine.channels import CHANNELS
+from flexarm.errors import InputError, Problem, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+
+#: Channels that `history` and `animate` show by default.
+USUAL = ("joint_angle", "link_tip_deflection", "torque")
+_READING = "measured_"
+_MOST_RESULTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """The lines of one channel.
+
+    Attributes:
+        name: of the channel. time: (T,) s. values: (T, k) in ``unit``, the unit of the axis.
+        labels: (k,) of the lines. keys: (k,) what selects each, as in ``tip[y]``.
+    """
+
+    name: str
+    time: FloatArray
+    values: FloatArray
+    unit: str
+    labels: tuple[str, ...]
+    keys: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """The name as a title."""
+        return self.name.replace("_", " ").capitalize()
+
+    @property
+    def axis_label(self) -> str:
+        """The quantity and its unit."""
+        quantity = "position" if self.name == "tip" else self.name.split("_")[-1]
+        return f"{quantity} [{self.unit}]" if self.unit else quantity
+
+
+def signals_of(where: str, name: str, result: xr.Dataset, channel: object) -> Signals:
+    """Return the lines of a channel: all of ``"tip"``, one of ``"tip[y]"``.
+
+    Args:
+        where: the call, for messages. name: its argument.
+        result: as ``simulate`` returns it; readings of instruments are channels too.
+        channel: name of a channel of the result, with a part in brackets to select one line: the
+            number of a joint, link or contact, the axis, or the name of a coordinate.
+
+    Raises:
+        InputError: if the result has no such channel, or the channel no such part.
+    """
+    if not isinstance(channel, str):
+        raise InputError(Problem(where, name, "be the name of a channel", shown(channel)))
+    plain, bracket, part = channel.partition("[")
+    known = [str(key) for key, data in result.data_vars.items() if _plottable(data)]
+    if plain not in known:
+        near = get_close_matches(plain, known, n=1, cutoff=0.5)
+        hint = f"Did you mean {near[0]!r}?" if near else f"It has {', '.join(known[:8])}, ..."
+        if plain in CHANNELS:
+            hint = _missing_hint(plain)
+        raise InputError(Problem(where, name, "be a channel of the result", shown(channel), hint))
+    found = _all(result, plain)
+    if not bracket:
+        return found
+    wanted = "".join(part.rstrip("]").split())
+    if wanted not in found.keys:
+        keys = ", ".join(f"{plain}[{key}]" for key in found.keys[:4])
+        hint = f"Its parts are {keys}{', ...' if len(found.keys) > 4 else ''}."
+        rule = "name a part of its channel"
+        raise InputError(Problem(where, name, rule, shown(channel), hint))
+    k = found.keys.index(wanted)
+    values = found.values[:, k : k + 1]
+    label, key = found.labels[k : k + 1], found.keys[k : k + 1]
+    return Signals(plain, found.time, values, found.unit, label, key)
+
+
+def _missing_hint(name: str) -> str:
+    if name in ("bending_moment", "shear_force", "axial_force"):
+        return "Simulate with stations=11, for instance, to record it."
+    if name.startswith("contact"):
+        return "Only results with contacts have it."
+    return "This result was made without it."
+
+
+def _plottable(data: xr.DataArray) -> bool:
+    return bool(data.dims) and data.dims[0] in ("time", "tick") and data.dtype.kind == "f"
+
+
+def _all(result: xr.Dataset, name: str) -> Signals:
+    data = result[name]
+    time = result["time"] if data.dims[0] == "time" else result["tick_time"]
+    parts = [_labels(result, str(dim), size) for dim, size in data.sizes.items()][1:]
+    labels = tuple(" ".join(label for label, _ in each) for each in product(*parts))
+    keys = tuple(",".join(key for _, key in each) for each in product(*parts))
+    values = data.values.reshape(len(data), len(keys))
+    known = CHANNELS.get(name.removeprefix(_READING))
+    unit = str(data.attrs.get("units", "")) or (known.unit if known else "")
+    scale, unit = (1.0, unit) if name.startswith("tip") else readable_unit(unit, values)
+    return Signals(name, time.values, scale * values, unit, labels, keys)
+
+
+def _labels(result: xr.Dataset, dim: str, size: int) -> list[tuple[str, str]]:
+    """Label and key of each entry of a dimension."""
+    if dim in ("joint", "link", "contact"):
+        numbers = result[dim].values if dim in result.coords else range(1, size + 1)
+        return [(f"{dim} {number}", str(number)) for number in numbers]
+    if dim == "station" and dim in result.coords:
+        return [(f"at {place:.3g} of its length", f"{place:.3g}") for place in result[dim].values]
+    if dim in ("axis", "coordinate") and dim in result.coords:
+        return [(str(name), str(name)) for name in result[dim].values]
+    stem = "part" if dim.startswith(_READING) else dim  # gauges have names too long for a legend
+    return [(f"{stem} {number}", str(number)) for number in range(1, size + 1)]
+
+
+def several(where: str, name: str, given: object, result: xr.Dataset) -> list[Signals]:
+    """Return the lines of one channel or of a list of channels.
+
+    Raises:
+        InputError: if ``given`` is neither, is empty, or names what the result does not have.
+    """
+    if given is None:
+        given = [usual for usual in USUAL if usual in result and result[usual].size]
+    if isinstance(given, str):
+        given = [given]
+    if not isinstance(given, Sequence) or not given:
+        rule = "be the name of a channel or a list of names"
+        raise InputError(Problem(where, name, rule, shown(given)))
+    return [signals_of(where, name, result, channel) for channel in given]
+
+
+def named_results(where: str, results: object, most: int = _MOST_RESULTS) -> dict[str, xr.Dataset]:
+    """Return results by name, from a mapping or a list; names of a list count from 1.
+
+    Raises:
+        InputError: if there is none or more than ``most``, or an item is not a result.
+    """
+    import xarray as xr
+
+    # A dataset is a mapping, too: of its channels.
+    if isinstance(results, Mapping) and not isinstance(results, xr.Dataset):
+        named = dict(results)
+    elif isinstance(results, list | tuple):
+        named = {str(number): item for number, item in enumerate(results, start=1)}
+    else:
+        named = {}
+    if not 1 <= len(named) <= most or not all(isinstance(name, str) for name in named):
+        rule = f"be 1 to {most} results, as a list or by name"
+        raise InputError(Problem(where, "results", rule, shown(results)))
+    return {name: check_dataset(where, f"results[{name!r}]", d) for name, d in named.items()}
+
+
+def readable_unit(unit: str, values: FloatArray) -> tuple[float, str]:
+    """Return the unit for an axis that spares the reader long numbers, and the factor to it."""
+    if unit == "m":
+        return 1e3, "mm"
+    if unit == "1":
+        return 1e6, "µm/m"  # strain
+    if unit in ("J", "N m") and values.size and np.max(np.abs(values)) >= 1e4:
+        return 1e-3, f"k{unit}"
+    return 1.0, unit

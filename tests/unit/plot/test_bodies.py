@@ -1,0 +1,109 @@
+"""Postures, deflections and moments are those of the result."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from plot_results import arm, result, rigid_result
+
+import flexarm as fa
+
+
+@pytest.fixture(autouse=True)
+def _no_figure_stays_open():
+    yield
+    plt.close("all")
+
+
+def curves(axes, points):
+    """Lines of that many points."""
+    return [line for line in axes.get_lines() if len(line.get_xdata()) == points]
+
+
+def test_postures_are_the_shapes_at_evenly_spaced_times():
+    axes = fa.plot.postures(result(), 3)
+    lines = curves(axes, 50)
+    assert len(lines) == 3
+    for line, k in zip(lines, (0, 50, 100), strict=True):
+        expected = arm().shape(result().q.values[k], 25).reshape(-1, 2)
+        np.testing.assert_allclose(line.get_xydata(), expected, rtol=0.0, atol=1e-14)
+    (path,) = curves(axes, 101)
+    assert np.array_equal(path.get_xydata(), result().tip)
+    assert axes.get_aspect() == 1.0
+
+
+def test_the_rigid_counterpart_has_the_same_joint_angles():
+    axes = fa.plot.postures(result(), 3, rigid=True)
+    first = next(line for line in curves(axes, 50) if line.is_dashed())
+    twin = arm().rigid()
+    expected = twin.shape(twin.rest(result().joint_angle.values[0]), 25).reshape(-1, 2)
+    np.testing.assert_allclose(first.get_xydata(), expected, rtol=0.0, atol=1e-14)
+
+
+def test_another_result_may_be_the_rigid_counterpart():
+    axes = fa.plot.postures(result(), 2, rigid=rigid_result())
+    last = [line for line in curves(axes, 50) if line.is_dashed()][-1]
+    np.testing.assert_allclose(last.get_xydata()[-1], rigid_result().tip[-1], atol=1e-14)
+
+
+def test_bending_is_magnified_and_angles_are_not():
+    """The tip's distance from the first link's root tangent grows by the factor."""
+    one = fa.Arm(links=[{"length": 1.0, "flexural_rigidity": 5.0, "mass_per_length": 0.5}])
+    run = fa.simulate(one, 0.05, torque=lambda t: [1.0], rate=200.0)
+    last = curves(fa.plot.postures(run, 2, magnify=20.0), 25)[-1].get_xydata()
+    angle = float(run.link_angle[-1, 0])
+    across = last[-1] @ [-np.sin(angle), np.cos(angle)]
+    assert across == pytest.approx(20.0 * float(run.link_tip_deflection[-1, 0]), rel=1e-12)
+
+
+def test_deflections_end_at_those_of_the_tips():
+    axes = fa.plot.deflection(result(), 2)
+    lines = curves(axes, 25)
+    expected = 1e3 * result().link_tip_deflection.values[[0, 0, -1, -1], [0, 1, 0, 1]]
+    ends = [line.get_ydata()[-1] for line in lines]
+    np.testing.assert_allclose(ends, expected, rtol=0.0, atol=1e-10)
+    assert axes.get_ylabel() == "deflection [mm]"
+    for link, band in enumerate(axes.collections):
+        y = band.get_paths()[0].vertices[:, 1]
+        values = 1e3 * result().link_tip_deflection.values[:, link]
+        assert y.max() == pytest.approx(max(values.max(), 0.0), abs=1e-9)
+        assert y.min() == pytest.approx(min(values.min(), 0.0), abs=1e-9)
+
+
+def test_the_envelope_of_the_bending_moment_and_its_peak():
+    axes = fa.plot.bending_moment(result())
+    moment = result().bending_moment.values
+    high, low, *_ = curves(axes, 5)
+    assert np.array_equal(high.get_ydata(), moment.max(axis=0)[0])
+    assert np.array_equal(low.get_ydata(), moment.min(axis=0)[0])
+    np.testing.assert_allclose(curves(axes, 5)[2].get_xdata(), np.linspace(0.5, 1.0, 5))
+    peak = moment.ravel()[np.abs(moment).argmax()]
+    assert axes.texts[0].get_text().startswith(f"{peak:.4g} N m at ")
+
+
+def without(name):
+    changed = result().copy()
+    del changed.attrs[name]
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: fa.plot.bending_moment(rigid_result()), "stations=11"),
+        (lambda: fa.plot.postures(without("arm")), "attribute 'arm'"),
+        (lambda: fa.plot.postures(result().assign_attrs(arm="links: [")), "the file of its arm"),
+        (
+            lambda: fa.plot.postures(result().assign_attrs(arm="flexarm: 1\narm: other.yaml\n")),
+            "describe the arm itself",
+        ),
+        (lambda: fa.plot.postures(result().isel(coordinate=[0, 1])), "the 6 coordinates"),
+        (lambda: fa.plot.postures(result(), 1), "from 2 to 200"),
+        (lambda: fa.plot.postures(result(), rigid="yes"), "True, False or a result"),
+        (lambda: fa.plot.postures(result(), magnify=1e9), "at most 10000"),
+        (lambda: fa.plot.deflection(result().drop_vars("q")), "result of simulate"),
+    ],
+)
+def test_bad_input_has_one_clear_message(call, words):
+    with pytest.raises(fa.InputError, match=words) as caught:
+        call()
+    assert len(caught.value.problems) == 1

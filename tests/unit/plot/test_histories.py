@@ -1,0 +1,167 @@
+"""Histories, comparisons and phase portraits show the channels of results."""
+
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from plot_results import arm, result, rigid_result
+
+import flexarm as fa
+from flexarm.engine.channels import CHANNELS
+from flexarm.plot.selection import signals_of
+
+
+@pytest.fixture(autouse=True)
+def _no_figure_stays_open():
+    yield
+    plt.close("all")
+
+
+def drawn(axes):
+    """Values of the lines with something in them, (T, lines)."""
+    return np.array([line.get_ydata() for line in axes.get_lines() if len(line.get_xdata()) > 2]).T
+
+
+def legend(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_a_history_shows_a_channel_with_its_unit():
+    axes = fa.plot.history(result(), "link_tip_deflection")
+    assert np.array_equal(drawn(axes), 1e3 * result().link_tip_deflection)
+    assert np.array_equal(axes.get_lines()[0].get_xdata(), result().time)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "deflection [mm]")
+    assert legend(axes) == ["link 1", "link 2"]
+
+
+def test_a_list_of_channels_gives_a_panel_each():
+    above, below = fa.plot.history(result(), ["torque", "tip[y]"])
+    assert np.array_equal(drawn(above), result().torque)
+    assert np.array_equal(drawn(below)[:, 0], result().tip.sel(axis="y"))
+    assert below.get_ylabel() == "position [m]"
+    usual = fa.plot.history(result())
+    assert [axes.get_title("left") for axes in usual] == [
+        "Joint angle",
+        "Link tip deflection",
+        "Torque",
+    ]
+
+
+def test_the_unit_on_the_axis_is_that_of_the_channel_table():
+    for name, channel in CHANNELS.items():
+        if name in result():
+            signals = signals_of("test", "channel", result(), name)
+            scale = {"mm": 1e3, "µm/m": 1e6}.get(signals.unit, 1.0)
+            flat = result()[name].values.reshape(len(result().time), -1)
+            assert np.array_equal(signals.values, scale * flat)
+            if scale == 1.0:
+                assert signals.unit == channel.unit
+            for label, key in zip(signals.labels, signals.keys, strict=True):
+                part = signals_of("test", "channel", result(), f"{name}[{key}]")
+                assert part.labels == (label,)
+
+
+def test_plots_are_drawn_into_given_axes_with_the_settings_of_these():
+    figure, (left, right) = plt.subplots(1, 2)
+    assert fa.plot.history(result(), "torque", axes=left) is left
+    assert fa.plot.phase_portrait(result(), axes=right) is right
+    assert left.figure is figure
+    assert plt.get_fignums() == [figure.number]
+    assert left.xaxis.label.get_family() == plt.rcParams["font.family"]
+
+
+def test_two_calls_share_axes_and_keep_all_names():
+    axes = fa.plot.history(result(), "torque[1]")
+    fa.plot.history(result(), "torque[2]", axes=axes)
+    assert legend(axes) == ["joint 1", "joint 2"]
+
+
+def test_a_new_figure_belongs_to_pyplot_and_leaves_the_settings_alone():
+    before = dict(plt.rcParams)
+    axes = fa.plot.history(result(), "torque")
+    assert plt.gcf() is axes.figure
+    assert dict(plt.rcParams) == before
+    with fa.plot.styled("screen"):
+        assert plt.rcParams["font.family"] == ["DejaVu Sans"]
+        screen = fa.plot.history(result(), "torque")
+    assert axes.xaxis.label.get_family() == ["STIXGeneral"]
+    assert screen.xaxis.label.get_family() == ["DejaVu Sans"]
+    assert dict(plt.rcParams) == before
+
+
+def test_results_are_compared_by_colour_and_their_parts_by_dashes():
+    axes = fa.plot.compare({"flexible": result(), "rigid": rigid_result()}, "joint_angle")
+    expected = np.concatenate([result().joint_angle, rigid_result().joint_angle], axis=1)
+    assert np.array_equal(drawn(axes), expected)
+    first, second, third, _ = axes.get_lines()
+    assert first.get_color() == second.get_color() != third.get_color()
+    assert first.get_linestyle() == third.get_linestyle() != second.get_linestyle()
+    assert legend(axes) == ["flexible", "rigid", "joint 1", "joint 2"]
+    one = fa.plot.compare([result(), result()], "tip[x]")
+    assert legend(one) == ["1", "2"]
+
+
+def test_a_phase_portrait_has_the_rate_upward():
+    axes = fa.plot.phase_portrait(result(), "joint_angle[2]")
+    (line,) = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+    assert np.array_equal(line.get_xdata(), result().joint_angle.sel(joint=2))
+    assert np.array_equal(line.get_ydata(), result().joint_rate.sel(joint=2))
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("angle [rad]", "rate [rad/s]")
+
+
+def test_readings_of_instruments_are_channels_at_their_own_times():
+    instruments = [fa.Instrument("joint_angle"), fa.Instrument("joint_rate")]
+    run = fa.simulate(
+        arm(),
+        0.05,
+        controller=fa.JointPD([0.8, 0.3], [0.08, 0.03], sample_time=0.001),
+        reference=fa.joint_motion(arm(), [0.1, 0.3], [0.2, 0.4], 0.1),
+        hardware=fa.Hardware(instruments=instruments),
+        rate=400.0,
+    )
+    axes = fa.plot.history(run, "measured_joint_angle")
+    assert np.array_equal(axes.get_lines()[0].get_xdata(), run.tick_time)
+    assert np.array_equal(drawn(axes), run.measured_joint_angle)
+    assert axes.get_ylabel() == "angle [rad]"
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: fa.plot.history(result(), "torqe"), "Did you mean 'torque'?"),
+        (lambda: fa.plot.history(result(), "torque[3]"), r"torque\[1\], torque\[2\]"),
+        (lambda: fa.plot.history(rigid_result(), "bending_moment"), "stations=11"),
+        (lambda: fa.plot.history(result(), []), "list of names"),
+        (
+            lambda: fa.plot.history(result(), ["tip", "torque"], axes=plt.figure().add_subplot()),
+            "2 Matplotlib axes",
+        ),
+        (lambda: fa.plot.history(result(), backend="bokeh"), "'matplotlib', 'plotly'"),
+        (lambda: fa.plot.phase_portrait(result(), "torque"), "channel"),
+        (lambda: fa.plot.compare(result(), "torque"), "as a list or by name"),
+        (lambda: fa.plot.compare([result()], "q"), "at most four parts"),
+        (lambda: fa.plot.styled("paper").__enter__(), "'print', 'screen'"),
+    ],
+)
+def test_bad_input_has_one_clear_message(call, words):
+    with pytest.raises(fa.InputError, match=words) as caught:
+        call()
+    assert len(caught.value.problems) == 1
+
+
+def test_plotly_draws_the_same_lines():
+    pytest.importorskip("plotly")
+    figure = fa.plot.history(result(), ["torque", "tip"], backend="plotly")
+    lines = np.array([trace.y for trace in figure.data]).T
+    assert np.array_equal(lines, np.concatenate([result().torque, result().tip], axis=1))
+    assert figure.layout.yaxis.title.text == "torque [N m]"
+    phase = fa.plot.phase_portrait(result(), backend="plotly")
+    assert np.array_equal(phase.data[1].x, result().joint_angle.sel(joint=2))
+    assert np.array_equal(phase.data[1].y, result().joint_rate.sel(joint=2))
+
+
+def test_without_plotly_the_message_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    with pytest.raises(fa.InputError, match=r"flexarm\[plots\]"):
+        fa.plot.history(result(), backend="plotly")
