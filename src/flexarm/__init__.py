@@ -1,7 +1,7 @@
-"""Planar serial manipulators with flexible links: model, simulate, control.
+"""Planar serial manipulators with flexible links: modelling, simulation and control.
 
-Public names are listed in ``__init__.pyi`` and loaded when they are first used, so that ``import
-flexarm`` stays fast.
+The public names are listed in ``__init__.pyi``. They are loaded at their first use, so that
+``import flexarm`` stays fast.
 """
 
 from __future__ import annotations
@@ -28,5 +28,5 @@ def __getattr__(name: str) -> Any:
 
         new, removal = _RENAMED[name]
         warn_deprecated(f"flexarm.{name}", f"flexarm.{new}", removal)
-        return getattr(sys.modules[__name__], new)  # not kept, so that every use warns
+        return getattr(sys.modules[__name__], new)  # not cached, so that every use warns
     return _load(name)

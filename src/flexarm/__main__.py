@@ -1,4 +1,4 @@
-"""``python -m flexarm``: the command line, where the script is not on the path."""
+"""Command line as ``python -m flexarm``, for environments without the script on the path."""
 
 from flexarm.cli.main import main
 

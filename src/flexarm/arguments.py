@@ -1,8 +1,8 @@
-"""Converters of arguments: one for each kind of argument that public functions take.
+"""Converters of the arguments of public functions, one for each kind of argument.
 
-Each returns the argument as the type to compute with, or raises an `InputError` that names the call
-and the argument. The converter of arrays of numbers is `errors.check_array`; that of motions is
-beside their class, `motion.motion.check_motion`.
+Each returns the argument in the type used for computation, or raises an `InputError` that names the
+call and the argument. Arrays of numbers are converted by `errors.check_array`, motions by
+`motion.motion.check_motion`.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: Positive numbers below this count as zero: their inverses, and products with them, leave the
-#: range of floats.
+#: Positive numbers below this are rejected like zero, because their inverses and products exceed
+#: the range of floats.
 _SMALLEST = 1e-150
 
 
 def check_kind(
     where: str, name: str, value: object, kind: type[T], what: str = "", hint: str = ""
 ) -> T:
-    """Return an object of a class.
+    """Return the value if it is an instance of a class.
 
     Args:
-        what: the class in words, with its article; by default its own name.
-        hint: a sentence that says how to make one.
+        what: description of the class with its article; its name by default.
+        hint: a sentence that explains how to create an instance.
 
     Raises:
         InputError: if the value is not an instance of ``kind``.
@@ -60,7 +60,7 @@ def check_list_of(where: str, name: str, value: object, kind: type[T]) -> list[T
 
 
 def check_positive(where: str, name: str, value: object, unit: str = "") -> float:
-    """Return a finite number greater than zero; ``unit``: of it, for the message.
+    """Return a finite number greater than zero; ``unit`` is its unit in the message.
 
     Raises:
         InputError: if the value is not a number, not finite, or not greater than 0.
@@ -75,7 +75,7 @@ def check_positive(where: str, name: str, value: object, unit: str = "") -> floa
 
 
 def check_nonnegative(where: str, name: str, value: object, most: float = math.inf) -> float:
-    """Return a finite number of zero or more, and of ``most`` or less.
+    """Return a finite number from zero to ``most``.
 
     Raises:
         InputError: if the value is not a number, not finite, negative, or too large.
@@ -89,10 +89,10 @@ def check_nonnegative(where: str, name: str, value: object, most: float = math.i
 
 
 def check_each(where: str, name: str, value: object, count: int = -1) -> NDArray[np.float64]:
-    """Return a finite number () or a list of ``count`` of them; -1 accepts any number of them.
+    """Return a finite number, shape (), or a list of ``count`` numbers; -1: any count.
 
     Raises:
-        InputError: if the value is neither, or not finite.
+        InputError: if the value is neither of them, or not finite.
     """
     array = _plain_array(value)
     single = array is not None and array.ndim == 0
@@ -127,7 +127,7 @@ def check_flag(where: str, name: str, value: object) -> bool:
     """Return a truth value, from a Python or NumPy bool.
 
     Raises:
-        InputError: if the value is something else: numbers and text are not truth values.
+        InputError: if the value has another type, for example a number or text.
     """
     import numpy as np
 
@@ -137,7 +137,7 @@ def check_flag(where: str, name: str, value: object) -> bool:
 
 
 def check_choice(where: str, name: str, value: object, choices: Collection[str]) -> str:
-    """Return one of some words.
+    """Return the value if it is one of the allowed words.
 
     Raises:
         InputError: if the value is not among ``choices``.
@@ -154,12 +154,13 @@ def check_path(where: str, name: str, value: object) -> Path:
     """Return the path of a file, from text or a path object.
 
     Raises:
-        InputError: if the value is neither, names no file, is too long, or holds a null character.
+        InputError: if the value is neither of them, has no file name, is too long, or contains a
+            null character.
     """
     given = value if isinstance(value, str | PathLike) else None
     try:
         text = fspath(given) if given is not None else None
-    except Exception:  # a path object of someone else's making
+    except Exception:  # a user-defined path object may raise any exception
         text = None
     if isinstance(text, str) and len(text) < 4096 and "\0" not in text and Path(text).name:
         return Path(text)
@@ -169,7 +170,7 @@ def check_path(where: str, name: str, value: object) -> Path:
 def check_function(
     where: str, name: str, value: object, what: str = "a function of time"
 ) -> Callable[..., Any]:
-    """Return a callable object; a class is not a function.
+    """Return a callable object that is not a class.
 
     Raises:
         InputError: if the value cannot be called.
@@ -180,7 +181,7 @@ def check_function(
 
 
 def check_mapping(where: str, name: str, value: object, what: str) -> Mapping[Any, Any]:
-    """Return a dictionary or another mapping; ``what`` it maps, for the message.
+    """Return a dictionary or another mapping; ``what`` describes its items in the message.
 
     Raises:
         InputError: if the value is not a mapping.
@@ -195,14 +196,15 @@ def check_last_axes(
 ) -> NDArray[Any]:
     """Return an array of real, complex or symbolic numbers whose last axes have given lengths.
 
-    An array is returned as it is, whatever its numbers are; a list becomes one of floats.
+    An array is returned unchanged, whatever the type of its numbers; a list becomes an array of
+    floats.
 
     Args:
         last: lengths of the last axes.
-        axes: number of axes; any where left out.
+        axes: number of axes; None: any number.
 
     Raises:
-        InputError: if the value is not made of numbers, or its shape differs.
+        InputError: if the value does not consist of numbers, or its shape differs.
     """
     import numpy as np
 
@@ -216,12 +218,12 @@ def check_last_axes(
 
 
 def _plain_array(value: object) -> NDArray[Any] | None:
-    """Return a list or another array as an array of floats or complex numbers, or None."""
+    """Return a value as an array of floats or complex numbers, or None if it is not numeric."""
     import numpy as np
 
     try:
         array = np.asarray(value)
-    except Exception:  # rows of different lengths, objects that make no array
+    except Exception:  # for example rows of different lengths
         return None
     if isinstance(value, np.ma.MaskedArray) or array.dtype.kind not in "iufc":
         return None
@@ -234,10 +236,10 @@ def check_numbers(
     """Return a float64 array of any shape; infinite numbers are allowed.
 
     Args:
-        rule: what the argument must be, for the message.
+        rule: condition on the argument, for the message.
 
     Raises:
-        InputError: if the value is not made of real numbers, or holds NaN.
+        InputError: if the value does not consist of real numbers, or contains NaN.
     """
     import numpy as np
 
@@ -248,7 +250,7 @@ def check_numbers(
 
 
 def check_limits(where: str, name: str, value: object) -> NDArray[np.float64]:
-    """Return a positive number, or one for each joint; infinity means no limit.
+    """Return a positive number, or one per joint; infinity means no limit.
 
     Raises:
         InputError: if a value is not a number, not positive, or NaN.
@@ -266,13 +268,13 @@ def check_times(where: str, name: str, value: object) -> NDArray[np.float64]:
     """Return a time or times as a float64 array of any shape; infinite ones are allowed.
 
     Raises:
-        InputError: if the value is not made of real numbers, or holds NaN.
+        InputError: if the value does not consist of real numbers, or contains NaN.
     """
     return check_numbers(where, name, value, "be a time or an array of times")
 
 
 def check_dataset(where: str, name: str, value: object) -> xr.Dataset:
-    """Return a dataset over time, as ``simulate`` gives it.
+    """Return a dataset over time, as returned by ``simulate``.
 
     Raises:
         InputError: if the value is not an ``xarray.Dataset``, or has no variable "time".

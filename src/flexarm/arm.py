@@ -1,4 +1,4 @@
-"""The one object users hold: an arm, its coordinates, its dynamics and what one sees of it."""
+"""Arm, the main public object: its coordinates, dynamics and observables."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class Energy(NamedTuple):
 
     @property
     def total(self) -> float:
-        """Sum of the three."""
+        """Sum of the three energies."""
         return self.kinetic + self.strain + self.gravity
 
 
 def _range(values: Sequence[float] | None) -> str:
-    """Return a constant property, or its smallest and largest value along a link."""
+    """Format a constant property, or its smallest and largest value along a link."""
     if not values:
         return ""
     least, most = min(values), max(values)
@@ -58,21 +58,21 @@ class Arm(Dynamics):
 
     Args:
         links: `Link` objects (or mappings of their fields), from the base outwards, 1 to 256.
-        joints: one `Joint` for each link, at its root; None for bare revolute joints.
+        joints: one `Joint` for each link, at its root; None: plain revolute joints.
         payload: `Payload` on the last tip.
-        gravity: (gx, gy) in world axes, m/s^2; the arm lies in a horizontal plane by default.
+        gravity: (gx, gy) in world axes, m/s^2; zero by default, for an arm in a horizontal plane.
         theory: "linear", the paper's kinematics, or "second_order", which adds the shortening of
-            bent links and with it centrifugal and axial stiffening (theory page "link").
+            bent links and therefore centrifugal and axial stiffening (theory page "link").
 
     Raises:
-        ModelError: a quantity is missing or impossible; every problem is listed.
+        ModelError: if a quantity is missing or not possible; all problems are listed.
 
     Coordinates ``q`` (dof,): for each link its joint angle (rad), relative to the tip tangent of
-    the link before (the first: to world x), then its modal coordinates. World frame: origin at the
-    base joint, x to the right, y up.
+    the previous link (the first: to world x), then its modal coordinates. World frame: origin at
+    the base joint, x to the right, y up.
     """
 
-    #: Without it ``help`` shows ``**fields``.
+    #: Without this attribute, ``help`` would show ``**fields``.
     __signature__ = signature_of(ArmSpec)
 
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
@@ -84,7 +84,7 @@ class Arm(Dynamics):
         self._cuts: tuple[Cut, ...] = ()
 
     def rigid(self) -> Arm:
-        """Make the rigid twin: the same masses and inertias, no bending, no elastic joints."""
+        """Return the rigid model: the same masses and inertias, no bending, no elastic joints."""
         links = tuple(
             link.model_copy(update={"flexible": False, "segments": 1, "modes": None, "gauges": ()})
             for link in self.spec.links
@@ -96,7 +96,7 @@ class Arm(Dynamics):
         return Arm(self.spec.model_copy(update={"links": links, "joints": joints}))
 
     def __reduce__(self) -> tuple[type[Arm], tuple[ArmSpec]]:
-        # Made anew from its specification: its arrays have the types that kernels know.
+        # Create the arm from its specification, so that its arrays have the types of the kernels.
         return type(self), (self.spec,)
 
     def __repr__(self) -> str:
@@ -146,11 +146,12 @@ class Arm(Dynamics):
     def shape(self, q: ArrayLike, stations: int = 50) -> FloatArray:
         """Return points of the neutral axis in world axes: (links, stations, 2) m.
 
-        The stations of a link divide it evenly, root and tip included. With the second-order
-        theory each point also draws back along the root tangent as the link shortens.
+        The stations divide each link evenly, including root and tip. With the second-order
+        theory each point also moves back along the root tangent as the link shortens.
 
         Raises:
-            InputError: wrong shape, NaN, infinity, or fewer than two stations.
+            InputError: if ``q`` has the wrong shape or is not finite, or there are fewer than two
+                stations.
         """
         placed = place_stations(self, check_stations("Arm.shape", stations, 10**6))
         state, body_poses, _ = self._poses("Arm.shape", q)
@@ -168,12 +169,12 @@ class Arm(Dynamics):
         return points.reshape(self.links, stations, 2)
 
     def strain(self, q: ArrayLike) -> FloatArray:
-        """Return the strain at each declared gauge, (gauges,): -distance * v''."""
+        """Return the strain at each gauge of the links, (gauges,): -distance * v''."""
         values: FloatArray = self.strains(self._state("Arm.strain", q, None)[None])[0]
         return check_result("Arm.strain", values, q)
 
     def strains(self, states: ArrayLike) -> FloatArray:
-        """Return the strains (samples, gauges) of kernel states (samples, 2, n, 1 + m).
+        """Return the strains (samples, gauges) for states of the kernels (samples, 2, n, 1 + m).
 
         Raises:
             InputError: if the states do not have that shape.
@@ -198,11 +199,12 @@ class Arm(Dynamics):
     ) -> FloatArray:
         """Return axial force N, shear force V and bending moment M: (links, stations, 3).
 
-        What the part outboard of a section gives to the part inboard of it, N and N m: N along the
-        normal of the bent section (tension positive), V across it, M counter-clockwise; a positive
-        moment bends with v'' > 0. From the balance of momentum, not from EI v''. The stations
-        divide a link evenly; at root and tip the values are those just inside the link, at a load
-        those inboard of it. Other arguments as in ``inverse_dynamics``; (R.40) to (R.43).
+        These are the forces of the part outboard of a section on the part inboard of it, in N and
+        N m: N along the normal of the bent section (tension positive), V across it, M
+        counter-clockwise; a positive moment bends with v'' > 0. They follow from the balance of
+        momentum, not from EI v''. The stations divide each link evenly; values at root and tip
+        are those just inside the link, values at a load those inboard of it. Other arguments as in
+        ``inverse_dynamics``; (R.40) to (R.43).
         """
         where = "Arm.section_forces"
         if len(self._cuts) != check_stations(where, stations):
@@ -225,18 +227,18 @@ def varied(
     mass_factor: float | Sequence[float] = 1.0,
     friction: Friction | Sequence[Friction | None] | None = None,
 ) -> Arm:
-    """Return an arm like this one but for some numbers: ``simulate(arm, ..., plant=varied(arm))``.
+    """Return a copy of an arm with some changed parameters, for ``simulate(..., plant=...)``.
 
     Args:
-        arm: the arm that is believed in.
-        payload_factor: on mass and inertia of the payload, at least 0.
-        payload_mass: kg, in its place, for an arm without payload.
-        flexural_rigidity_factor: on E I, positive, one number or one for each link.
-        mass_factor: on mass and rotary inertia per length, likewise.
-        friction: of every joint that turns, or a list with one or None for each joint.
+        arm: the nominal arm.
+        payload_factor: factor on mass and inertia of the payload, at least 0.
+        payload_mass: replacement of the payload mass, kg, for an arm without payload.
+        flexural_rigidity_factor: factor on E I, positive, one number or one for each link.
+        mass_factor: factor on mass and rotary inertia per length, as above.
+        friction: friction of every joint that is not fixed, or a list with one or None per joint.
 
     Raises:
-        InputError: a factor is negative or no number, or a list does not fit.
+        InputError: if a factor is negative or not a number, or a list has the wrong length.
     """
     return Arm(
         varied_spec(
@@ -251,15 +253,15 @@ def varied(
 
 
 def load_arm(path: str | PathLike[str]) -> Arm:
-    """Read an arm from a YAML file (a scenario's file gives its arm).
+    """Read an arm from a YAML file; a scenario file is also accepted.
 
     Raises:
-        ModelError: the file cannot be read as an arm; every problem with its line.
+        ModelError: if the file does not describe an arm; all problems are listed with their lines.
     """
     return Arm(load_arm_spec(check_path("load_arm", "path", path)))
 
 
 def save_arm(arm: Arm, path: str | PathLike[str]) -> None:
-    """Write an arm to a YAML file that ``load_arm`` reads back equal; never half a file."""
+    """Write an arm to a YAML file for ``load_arm``; the file is never written partially."""
     spec = check_kind("save_arm", "arm", arm, Arm).spec
     save_arm_spec(spec, check_path("save_arm", "path", path))

@@ -1,6 +1,6 @@
-"""From the specification of an arm to the arrays that the kernels work on.
+"""Assembly of the kernels' arrays from the specification of an arm.
 
-The only place where the two meet: the model layer knows no arrays, the kernels know no links.
+Only this module uses both: the model layer contains no arrays, and the kernels know no links.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ IntArray = NDArray[np.intp]
 
 
 class Piece(NamedTuple):
-    """A body that is a link, or one of its segments.
+    """A body that is a link, or a segment of a link.
 
     Attributes:
         link: index of the link. body: index of the body. start: distance of the piece's root from
-            the link's (m). shapes: its constants. first: position of its first modal coordinate
-            in q. rows: rows of the link's nodal values that are this piece's.
+            the link's root (m). shapes: constants of the piece. first: index of its first modal
+            coordinate in q. rows: rows of the link's nodal values that belong to this piece.
     """
 
     link: int
@@ -42,17 +42,17 @@ class Piece(NamedTuple):
 
     @property
     def modal(self) -> slice:
-        """Positions of the modal coordinates in q."""
+        """Indices of the modal coordinates in q."""
         return slice(self.first, self.first + self.shapes.w2.size)
 
 
 class Seat(NamedTuple):
-    """A joint that turns, at the root of a link.
+    """A joint that is not fixed, at the root of a link.
 
     Attributes:
-        link: index of the link. body: index of the body that the motor turns: the link's first,
-            or with an elastic joint a body of no length before it. angle: position of the joint
-            angle in q. twist: position of the elastic joint's twist in q, or None.
+        link: index of the link. body: index of the body that the motor rotates: the link's first
+            one or, with an elastic joint, a body of zero length before it. angle: index of the
+            joint angle in q. twist: index of the elastic joint's twist in q, or None.
     """
 
     link: int
@@ -63,14 +63,14 @@ class Seat(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """Kernel constants of an arm, and where its coordinates stand in them.
+    """Kernel constants of an arm, and the positions of its coordinates in the arrays.
 
     Attributes:
-        constants: what the kernels read; n bodies of m modes each, padded.
-        pieces: the bodies that make up the links, from the base outwards.
-        seats: the joints that turn, from the base outwards.
+        constants: constants of n bodies with m modes each, padded.
+        pieces: the bodies that form the links, from the base outwards.
+        seats: the joints that are not fixed, from the base outwards.
         link_body: (links,) first body of each link.
-        coordinates: (dof,) position of each entry of q in the flattened (n, 1 + m) array.
+        coordinates: (dof,) index of each entry of q in the flattened (n, 1 + m) array.
     """
 
     constants: ArmConstants
@@ -81,39 +81,39 @@ class Assembly:
 
     @cached_property
     def joint_body(self) -> IntArray:
-        """Bodies that the motors turn, (joints,)."""
+        """Bodies that the motors rotate, (joints,)."""
         return np.array([seat.body for seat in self.seats], dtype=np.intp)
 
     @cached_property
     def joint_index(self) -> IntArray:
-        """Positions of the joint angles in q, (joints,)."""
+        """Indices of the joint angles in q, (joints,)."""
         return np.array([seat.angle for seat in self.seats], dtype=np.intp)
 
     @property
     def bodies(self) -> int:
-        """Number of bodies n, a payload beside the tip included."""
+        """Number of bodies n, including a payload offset from the tip."""
         return int(self.constants.mass.size)
 
     @property
     def modes(self) -> int:
-        """Modes m that each body is padded to."""
+        """Number of modes m to which each body is padded."""
         return int(self.constants.S.shape[1])
 
     @property
     def links(self) -> tuple[LinkConstants, ...]:
-        """Constants of each piece: of each link, where links have one segment."""
+        """Constants of each piece, which is a whole link if the link has one segment."""
         return tuple(piece.shapes for piece in self.pieces)
 
     def pieces_of(self, link: int) -> tuple[Piece, ...]:
-        """Pieces of one link, from its root outwards."""
+        """Return the pieces of one link, from its root outwards."""
         return tuple(piece for piece in self.pieces if piece.link == link)
 
     def piece_of(self, body: int) -> Piece:
-        """Piece that is a body: the motor's end of an elastic joint is none."""
+        """Return the piece of a body; the motor's end of an elastic joint has none."""
         return next(piece for piece in self.pieces if piece.body == body)
 
     def piece_at(self, link: int, station: float) -> Piece:
-        """Piece of a link that holds a station (m from the link's root)."""
+        """Return the piece of a link at a station (m from the link's root)."""
         own = self.pieces_of(link)
         return next((p for p in reversed(own) if p.start <= station), own[0])
 
@@ -122,7 +122,7 @@ def assemble(spec: ArmSpec) -> Assembly:
     """Compute the constants of an arm.
 
     Raises:
-        InputError: a link's mass matrix is not positive definite (theory page "beams").
+        InputError: if a link's mass matrix is not positive definite (theory page "beams").
     """
     pieces: list[Piece] = []
     seats: list[Seat] = []
@@ -155,25 +155,25 @@ def assemble(spec: ArmSpec) -> Assembly:
 
 
 def _kept_segments(link: Link, where: str) -> tuple[LinkConstants, ...]:
-    """Return the constants of a link's segments; those of a link known before are not computed.
+    """Return the constants of a link's segments, from the cache if possible.
 
     Raises:
-        InputError: as ``assemble``, with the place of this link.
+        InputError: as in ``assemble``, with the place of this link.
     """
     try:
         return _of_links(link)
-    except (InputError, TypeError):  # TypeError: a copy that holds a list has no hash
+    except (InputError, TypeError):  # TypeError: a link that contains a list has no hash
         return tuple(_segments(link, where))
 
 
 @lru_cache(maxsize=64)
 def _of_links(link: Link) -> tuple[LinkConstants, ...]:
-    """Constants of the links used last: arrays that cannot be written to."""
+    """Return the read-only constants of a link, with a cache of recently used links."""
     return tuple(_segments(link, "arm.links"))
 
 
 def _segments(link: Link, where: str) -> list[LinkConstants]:
-    """Constants of the segments of a link, from its root outwards."""
+    """Compute the constants of the segments of a link, from its root outwards."""
     beam = link.beam()
     columns = (beam.mass_per_length, beam.rotary_inertia_per_length or ())
     if not link.flexible:
@@ -226,7 +226,7 @@ def place_joints_and_payload(
 ) -> None:
     """Complete ``constants_of_links``: joints, payload, gravity, and the damping of links.
 
-    The numbers of ``spec`` may be symbols if the arrays hold objects: no branch depends on one.
+    The numbers of ``spec`` may be symbols in arrays of objects, because no branch depends on them.
     """
     constants.gravity[:] = spec.gravity
     constants.friction[:] = 0.0, 0.0, 1.0, 1.0, 0.0
@@ -252,7 +252,7 @@ def _has_laws(joint: Joint) -> bool:
 
 
 def _place_hub(constants: ArmConstants, i: int, inboard: int | None, joint: Joint) -> None:
-    """Place the hub of the joint at the root of body i, and its motor on the body inboard."""
+    """Set the hub of the joint at the root of body i, and its motor on the inboard body."""
     constants.inertia[i] += joint.hub_inertia
     constants.hub[i] = joint.hub_inertia
     constants.residual_inertia[i, 2] += joint.hub_inertia
@@ -264,14 +264,14 @@ def _place_hub(constants: ArmConstants, i: int, inboard: int | None, joint: Join
 
 
 def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
-    """What a joint that turns gives by itself, at its motor and at its spring."""
+    """Set the passive properties of a joint, at its motor and at its spring."""
     i = seat.body
     constants.free[i] = 1.0
     spring = i
     if seat.twist is not None:
         spring = i + 1
         constants.free[spring] = 1.0
-        # The motor's end of the spring: a body without length or mass passes everything on.
+        # The motor's end of the spring: a body of zero length and mass transmits all forces.
         constants.residual_tip[i] = 1.0, 0.0, 0.0, 1.0
     constants.joint_damping[spring] = joint.damping
     constants.joint_stiffness[spring] = joint.stiffness
@@ -309,7 +309,7 @@ def _place_link(constants: ArmConstants, i: int, link: LinkConstants, second_ord
 
 
 def _place_payload_body(constants: ArmConstants, spec: ArmSpec) -> None:
-    """A payload beside the tip is one more rigid body, of no length, on a fixed joint."""
+    """Add a payload offset from the tip: a rigid body of zero length on a fixed joint."""
     payload = spec.payload
     x, y = payload.offset
     constants.mass[-1] = payload.mass
@@ -322,7 +322,7 @@ def _place_payload_body(constants: ArmConstants, spec: ArmSpec) -> None:
 
 
 def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:
-    """Diagonal of the damping matrix over the link's modes (1/s): Rayleigh or by ratio."""
+    """Return the diagonal of the damping matrix over a link's modes (1/s): Rayleigh or ratios."""
     if link.damping is None:
         return np.zeros(w2.shape)
     if isinstance(link.damping, RayleighDamping):

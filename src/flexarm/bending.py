@@ -1,11 +1,11 @@
-"""How far a state is beyond its theory: an estimate of the error of the tip, and the warning.
+"""Estimated error of the tip at a bent state, and its warning.
 
 Both theories measure the deflection of a link, or of each segment, from the tangent at its root.
-Bending shortens a piece of length L by delta = eta^T G eta / 2. The linear theory leaves that out.
-The second-order theory keeps it and leaves out terms of third order, of the size
+Bending shortens a piece of length L by delta = eta^T G eta / 2. The linear theory neglects this.
+The second-order theory includes it and neglects terms of third order, of the size
 1.7 delta sqrt(delta/L): the constant is calibrated on the elastica, between a force at the tip and
-a moment there. Both saturate, because no piece is off by more than a few times its bending. Theory
-page "link", section 11.
+a moment there. Both estimates saturate, because the error of a piece cannot exceed a few times its
+deflection. Theory page "link", section 11.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from flexarm.arm import Arm
 from flexarm.assemble import FloatArray, Piece
 from flexarm.errors import LargeDeflectionWarning, warn_caller
 
-#: Error of a link over its length from which on a state is reported: 10 % deflection of a link in
-#: one piece in the linear theory, 20 % in the second-order theory.
+#: Error of a link relative to its length above which a state is reported: 10 % deflection of a link
+#: in one piece in the linear theory, 20 % in the second-order theory.
 LARGEST_ERROR = 0.006
 #: Error of the second-order theory over delta sqrt(delta/L).
 _THIRD_ORDER = 1.7
-#: A bound below this part of the largest error is below it in spite of rounding.
+#: Margin for rounding errors: a bound below this fraction of the largest error is below it.
 _CLEARLY = 0.99
-#: Shortening over length at most, which keeps the estimate finite.
+#: Maximum shortening relative to length, which keeps the estimate finite.
 _LARGEST = 1e6
-#: States examined together, which bounds the scratch memory of long runs.
+#: Number of states processed together, which bounds the scratch memory of long runs.
 _CHUNK = 4096
 
 _PAGE = "see docs/how-to/large-deflection.md."
-#: Warnings kept by the innermost ``one_warning``; None outside of it.
+#: Warnings collected by the innermost ``one_warning``; None outside it.
 _KEPT: ContextVar[list[str] | None] = ContextVar("flexarm_bending_kept", default=None)
 
 
 class BendingErrors:
-    """Estimate the errors of an arm's states.
+    """Estimate of the errors of an arm's states.
 
     Args:
         arm: the arm.
-        theory: the one to judge; the arm's own by default.
+        theory: the theory whose error is estimated; that of the arm by default.
     """
 
     def __init__(self, arm: Arm, theory: str | None = None) -> None:
@@ -58,7 +58,7 @@ class BendingErrors:
             m = piece.shapes.w2.size
             self._G[k, :m, :m] = piece.shapes.G
         lengths = arm.lengths
-        # A turned link displaces what lies beyond its tip as well.
+        # A rotated link also displaces everything beyond its tip.
         beyond = np.append(np.cumsum(lengths[::-1])[::-1], 0.0)[1:]
         self._lever = beyond / lengths
         self._lengths = lengths
@@ -68,11 +68,11 @@ class BendingErrors:
         self._clearly_small = _CLEARLY * LARGEST_ERROR * float(lengths.min())
 
     def of_links(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the errors of the links' tips (samples, links) and of the arm's (samples,), m."""
+        """Return errors of the links' tips (samples, links) and of the arm's tip (samples,), m."""
         eta = states[:, 0, self._body, 1:]
         delta = np.einsum("tpi,pij,tpj->tp", eta, self._G, eta) / 2.0
         relative = np.maximum(delta, 0.0) / self._length
-        # Runs that fail hold states of any size, whose products may not be finite.
+        # Runs that fail contain states of any size, whose products may not be finite.
         relative = np.where(relative < _LARGEST, relative, _LARGEST)
         third = _THIRD_ORDER * relative**1.5
         third *= relative / np.maximum(third + relative, np.finfo(float).tiny)
@@ -80,7 +80,7 @@ class BendingErrors:
         shift, turn = np.zeros((2, len(states), self._lengths.size))
         np.add.at(shift.T, self._link, (error * self._length).T)
         np.add.at(turn.T, self._link, (third * self._length).T)
-        # The slope of a link's tip has errors of third order, and less under moments than forces.
+        # The slope of a link's tip has errors of third order, smaller under moments than forces.
         return shift, shift.sum(axis=1) + 0.5 * turn @ self._lever
 
     def too_large(self, states: FloatArray) -> tuple[float, int, int] | None:
@@ -102,16 +102,16 @@ class BendingErrors:
         """Return whether a bound, much faster than the estimate, excludes large errors.
 
         Args:
-            eta: modal coordinates of all bodies, flattened (n m,); or the largest values of each.
+            eta: modal coordinates of all bodies, flattened (n m,), or the largest value of each.
 
-        The errors of all links together are at most the shortening of all pieces, and eta^T G eta
-        is at most the sum of eta^2 times the sums of the rows of abs(G).
+        The sum of the errors of all links is at most the shortening of all pieces, and eta^T G eta
+        is at most the sum of eta^2 times the row sums of abs(G).
         """
-        # Runs that fail hold states of any size: unlike other products, einsum does not warn.
+        # Runs that fail contain states of any size: unlike other products, einsum does not warn.
         return bool(np.einsum("i,i,i", eta, eta, self._rows) < self._clearly_small)
 
 
-#: Errors of each arm's own theory.
+#: Cached estimates for each arm's own theory.
 _of_arms: WeakKeyDictionary[Arm, BendingErrors] = WeakKeyDictionary()
 
 
@@ -123,7 +123,7 @@ def _own_errors(arm: Arm) -> BendingErrors:
 
 
 class _Bent(NamedTuple):
-    """Piece that bends most for its length in a state, and by how much (m)."""
+    """Piece with the largest deflection relative to its length in a state; deflection in m."""
 
     piece: Piece
     deflection: float
@@ -138,7 +138,7 @@ def _most_bent(arm: Arm, link: int, state: FloatArray) -> _Bent:
 
 
 def too_far_bent(arm: Arm, states: FloatArray) -> str:
-    """Describe the largest error of an arm's theory; an empty text where it is small.
+    """Describe the largest error of an arm's theory; return an empty text if it is small.
 
     Args:
         states: (samples, 2, n, 1 + m).
@@ -158,7 +158,7 @@ def too_far_bent(arm: Arm, states: FloatArray) -> str:
 
 
 def too_far_deviated(arm: Arm, states: FloatArray) -> str:
-    """Describe the error of linear deviations, which always are those of the linear theory.
+    """Describe the error of linear deviations, which is always that of the linear theory.
 
     Args:
         states: (samples, 2, n, 1 + m).
@@ -193,13 +193,13 @@ def _description(
 
 
 def bending_warning(arm: Arm, q: FloatArray) -> str:
-    """Describe the largest error at coordinates q, (dof,) or (samples, dof); empty if small."""
+    """Describe the largest error at q (dof,) or (samples, dof); return an empty text if small."""
     states = arm.padded(np.stack([q, np.zeros_like(q)], axis=-2))
     return too_far_bent(arm, states.reshape(-1, *states.shape[-3:]))
 
 
 def warn_of_bending(arm: Arm, q: FloatArray) -> None:
-    """Warn once for a call that returns or uses bent states, unless a caller does so itself.
+    """Warn once for a call that returns or uses bent states, unless a caller collects warnings.
 
     Args:
         q: (dof,), or (samples, dof).
@@ -208,7 +208,7 @@ def warn_of_bending(arm: Arm, q: FloatArray) -> None:
 
 
 def warn_of_first(warnings_kept: list[str]) -> None:
-    """Warn of the first text that is not empty, as `warn_of_bending` does."""
+    """Report the first text that is not empty as a warning, as `warn_of_bending` does."""
     warning = next(filter(None, warnings_kept), "")
     kept = _KEPT.get()
     if kept is not None:
@@ -219,7 +219,7 @@ def warn_of_first(warnings_kept: list[str]) -> None:
 
 @contextmanager
 def one_warning() -> Iterator[list[str]]:
-    """Keep the warnings of the calls within, in a list, for the caller to report one itself."""
+    """Collect the warnings of the calls within in a list, so that the caller reports one."""
     kept: list[str] = []
     token = _KEPT.set(kept)
     try:

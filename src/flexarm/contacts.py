@@ -1,4 +1,4 @@
-"""Contacts: a point of the arm, a surface, the law of their touch; their place in the arrays."""
+"""Contacts between points of the arm and surfaces, and their place in the kernels' arrays."""
 
 from __future__ import annotations
 
@@ -29,33 +29,34 @@ from flexarm.loads import Load, place_loads
 from flexarm.surfaces import RoundWall, Surface, SurfaceTable, Wall
 
 _NUMBERS = ("station", "stiffness", "exponent", "damping", "friction", "friction_speed")
-#: Exponents of the depth: below one a touch would be infinitely stiff at its beginning.
+#: Bounds of the exponent: below one the stiffness would be infinite at the beginning of a contact.
 LEAST_EXPONENT, MOST_EXPONENT = 1.0, 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A point on the axis of the arm that may touch a surface.
+    """Contact of a point on the axis of the arm with a surface.
 
-    Where the point has gone into the surface by the depth d, the surface pushes it back along its
-    normal with ``stiffness * d**exponent * (1 + damping * rate of d)``, never pulls (Hunt and
-    Crossley 1975), and rubs with ``friction`` times that against the motion along it; theory page
-    "contact".
+    At a penetration depth d the surface pushes the point back along its normal with
+    ``stiffness * d**exponent * (1 + damping * rate of d)`` and never pulls (Hunt and Crossley
+    1975). Friction acts against the sliding motion with ``friction`` times the normal force; theory
+    page "contact".
 
     Args:
         surface: `Wall`, `RoundWall` or `SurfaceTable`.
         stiffness: N/m, for another exponent N/m^exponent.
-        link: number of the link, counted from 1 at the base; None for the last.
-        station: distance of the point from the link's root, m; None for the link's tip.
+        link: number of the link, counted from 1 at the base; None: the last.
+        station: distance of the point from the link's root, m; None: the link's tip.
         exponent: 1 for a spring, 1.5 for a ball on a plane (Hertz); 1 to 5.
-        damping: s/m, 3/2 (1 - e) / (e v) for a coefficient of restitution e at a speed of impact v:
-            what comes back errs by less than 0.003 v down to e = 0.7, by 0.013 v down to 0.5.
+        damping: s/m, 3/2 (1 - e) / (e v) for a coefficient of restitution e at an impact speed v:
+            the error of the rebound speed is less than 0.003 v down to e = 0.7, and 0.013 v down
+            to e = 0.5.
         friction: coefficient of Coulomb friction.
-        friction_speed: m/s, speed of sliding below which friction fades: there a point creeps where
-            in truth it would stick.
+        friction_speed: m/s, sliding speed below which friction decreases to zero: the point creeps
+            slowly where a real one would stick.
 
     Raises:
-        InputError: a value has the wrong kind, is not finite, or is out of bounds.
+        InputError: if a value has the wrong type, is not finite, or is out of bounds.
     """
 
     surface: Surface
@@ -90,13 +91,13 @@ class Contact:
             raise InputError(*problems)
 
     def place(self, arm: Coordinates) -> Load:
-        """Return the place on an arm, as a load without a value."""
+        """Return the position on an arm, as a load without a value."""
         arm = check_kind("Contact.place", "arm", arm, Coordinates, "an Arm")
         return Load(arm.links if self.link is None else self.link, station=self.station)
 
 
 def _bound_broken(name: str, value: float) -> str:
-    """Rule that a number of a contact breaks, or nothing."""
+    """Return the rule that a number of a contact breaks, or an empty text."""
     if name in ("stiffness", "friction_speed"):
         return "" if value > 0.0 else "be greater than 0"
     if name == "exponent":
@@ -106,10 +107,11 @@ def _bound_broken(name: str, value: float) -> str:
 
 
 def place_contacts(arm: Coordinates, where: str, contacts: Sequence[Contact]) -> Contacts:
-    """Put contacts into the kernels' arrays.
+    """Convert contacts to the kernels' arrays.
 
     Raises:
-        InputError: ``contacts`` is no list of `Contact`s, or a point is not on the arm.
+        InputError: if ``contacts`` is not a list of `Contact` objects, or a point is not on the
+            arm.
     """
     contacts = check_list_of(where, "contacts", contacts, Contact)
     points = place_loads(arm, where, [contact.place(arm) for contact in contacts], what="Contact")
@@ -146,10 +148,10 @@ def place_outside(
     base_acceleration: ArrayLike | None,
     contacts: Sequence[Contact],
 ) -> Loads:
-    """Put loads, the base's acceleration and contacts into the kernels' arrays, for one state.
+    """Convert loads, the base acceleration and contacts to the kernels' arrays, for one state.
 
     Raises:
-        InputError: as ``place_loads`` and ``place_contacts``.
+        InputError: as in ``place_loads`` and ``place_contacts``.
     """
     placed = place_loads(arm, where, loads, base_acceleration)
     if isinstance(contacts, list | tuple) and not contacts:

@@ -1,4 +1,4 @@
-"""The coordinates of an arm: what q holds, and how it is placed in the kernels' arrays."""
+"""Coordinates q of an arm, and their conversion to and from the kernels' arrays."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from flexarm.model import ArmSpec
 class Coordinates:
     """Generalised coordinates q (dof,) of an arm.
 
-    For each link its joint angle (rad), relative to the tip tangent of the link before (the first:
-    to world x), then its modal coordinates (m sqrt(kg)). A fixed joint has none; an elastic one has
-    two: the motor's angle behind the gear, and how much further its spring has turned the link.
+    For each link: its joint angle (rad), relative to the tip tangent of the previous link (the
+    first: to world x), then its modal coordinates (m sqrt(kg)). A fixed joint has no coordinate; an
+    elastic one has two: the motor's angle behind the gear, and the additional rotation of the link
+    by the spring.
     """
 
     def __init__(self, spec: ArmSpec, assembly: Assembly) -> None:
@@ -32,7 +33,7 @@ class Coordinates:
 
     @property
     def joints(self) -> int:
-        """Number of joints that turn."""
+        """Number of joints that are not fixed."""
         return len(self.assembly.seats)
 
     @property
@@ -42,12 +43,12 @@ class Coordinates:
 
     @property
     def joint_numbers(self) -> NDArray[np.intp]:
-        """Number of each joint that turns, (joints,): that of the link at whose root it is."""
+        """Numbers of the joints that are not fixed, (joints,): the links with these roots."""
         return np.array([seat.link + 1 for seat in self.assembly.seats], dtype=np.intp)
 
     @property
     def joint_index(self) -> NDArray[np.intp]:
-        """Positions of the joint angles in q, (joints,)."""
+        """Indices of the joint angles in q, (joints,)."""
         return self.assembly.joint_index
 
     @property
@@ -63,19 +64,18 @@ class Coordinates:
         return q
 
     def joint_angles(self, q: ArrayLike) -> FloatArray:
-        """Return the joint angles (joints,) of coordinates q (dof,); rates of rates likewise."""
+        """Return the joint angles (joints,) of q (dof,), or joint rates from rates."""
         return check_array("Arm.joint_angles", "q", q, (self.dof,))[self.joint_index]
 
     def from_nodal(self, joint_angles: ArrayLike, nodal: Sequence[ArrayLike]) -> FloatArray:
-        """Return q (dof,) of links bent to given nodal values.
+        """Return q (dof,) of links deformed to given nodal values.
 
         Args:
             joint_angles: (joints,) relative, rad.
-            nodal: for each link (elements, 2): deflection (m) and rotation of the section (rad; the
-                slope, but for links that shear) at its free nodes,
-                from its root tangent, or from the root tangent of the segment that the node is
-                on; anything for a rigid link. With reduced modes, the nearest
-                shape in the mean square weighted by mass.
+            nodal: for each link (elements, 2): deflection (m) and section rotation (rad; without
+                shear, the slope) at its free nodes, from its root tangent, or from the root tangent
+                of the node's segment; any value for a rigid link. With reduced modes, the result is
+                the least-squares fit weighted by mass.
         """
         q = self.rest(joint_angles)
         items = list(nodal) if isinstance(nodal, np.ndarray) and nodal.ndim else as_list(nodal)
@@ -93,7 +93,7 @@ class Coordinates:
         return q
 
     def nodal(self, q: ArrayLike) -> list[FloatArray]:
-        """Return deflection (m) and rotation of the section (rad) at the free nodes.
+        """Return the deflection (m) and section rotation (rad) at the free nodes of the links.
 
         (elements, 2) for each link; without shear the rotation is the slope.
         """
@@ -106,7 +106,7 @@ class Coordinates:
         return shapes
 
     def padded(self, vector: ArrayLike) -> FloatArray:
-        """Place a vector (dof,) or vectors (..., dof) in the kernels' array (..., n, 1 + m).
+        """Convert a vector (dof,) or vectors (..., dof) to the kernels' array (..., n, 1 + m).
 
         Raises:
             InputError: if the last axis does not have dof numbers.
@@ -118,7 +118,7 @@ class Coordinates:
         return array.reshape(*vector.shape[:-1], a.bodies, 1 + a.modes)
 
     def unpadded(self, array: ArrayLike) -> FloatArray:
-        """Take the coordinates (..., dof) out of the kernels' array (..., n, 1 + m).
+        """Convert the kernels' array (..., n, 1 + m) to coordinates (..., dof).
 
         Raises:
             InputError: if the last axes do not have the shape (n, 1 + m).
@@ -130,7 +130,7 @@ class Coordinates:
         return taken
 
     def padded_torque(self, torque: ArrayLike) -> FloatArray:
-        """Place joint torques (..., joints) at the bodies (..., n).
+        """Convert joint torques (..., joints) to torques of the bodies (..., n).
 
         Raises:
             InputError: if the last axis does not have one number for each joint.

@@ -1,6 +1,6 @@
-"""The equations of motion of an arm: thin methods over the kernels.
+"""Equations of motion of an arm, as thin methods over the kernels.
 
-They check shapes, place coordinates and take them back.
+The methods check shapes, and convert coordinates to and from the kernels' arrays.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from flexarm.scratch import Pool, Scratch, is_finite, is_plain
 
 
 class Derivatives(NamedTuple):
-    """Jacobians of the accelerations, exact to rounding."""
+    """Jacobians of the accelerations, exact to rounding errors."""
 
     q: FloatArray  # (dof, dof)
     qd: FloatArray  # (dof, dof)
@@ -61,10 +61,10 @@ class Dynamics(Coordinates):
         third: ArrayLike,
         shape: tuple[int, ...],
     ) -> None:
-        """Check q, qd and a third vector and place them in the kernels' arrays.
+        """Check q, qd and a third vector, and copy them to the kernels' arrays.
 
         Raises:
-            InputError: wrong shape, NaN or infinity.
+            InputError: if an argument has the wrong shape or is not finite.
         """
         vector = self._vector
         plain = is_plain(q, vector) and is_plain(qd, vector) and is_plain(third, shape)
@@ -83,7 +83,7 @@ class Dynamics(Coordinates):
         base_acceleration: ArrayLike | None,
         contacts: Sequence[Contact],
     ) -> Loads:
-        """Place what acts from outside: the same arrays again where nothing does."""
+        """Return the external loads; without any, always the same arrays."""
         nothing = tip_force is None and base_acceleration is None
         if nothing and type(loads) is tuple is type(contacts) and not (loads or contacts):
             return self._unloaded
@@ -104,14 +104,15 @@ class Dynamics(Coordinates):
 
         Args:
             q, qd: (dof,) coordinates and rates.
-            torque: (joints,) N m, acting on each link and back on the tip of the one before.
+            torque: (joints,) N m, acting on each link and in opposite direction on the previous
+                tip.
             tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
-            loads: further forces and moments; factors of time are left aside.
+            loads: further forces and moments; their time factors are ignored.
             base_acceleration: (ax, ay) of the base joint, world axes, m/s^2.
-            contacts: surfaces that points of the arm may touch.
+            contacts: contacts of points of the arm with surfaces.
 
         Raises:
-            InputError: wrong shape, NaN or infinity.
+            InputError: if an argument has the wrong shape or is not finite.
 
         Theory page "recursion", (R.4) to (R.14): O(links x modes), no matrix is formed.
         """
@@ -121,7 +122,7 @@ class Dynamics(Coordinates):
         placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
         accelerations = scratch.forward_dynamics(scratch.state, scratch.third, placed)
         result: FloatArray = accelerations.take(self.assembly.coordinates)
-        if not is_finite(result):  # nothing that is not finite stays in scratch to be used again
+        if not is_finite(result):  # discard the scratch, so that its values are not used again
             return check_result(where, result, q, qd, torque)
         self._forward.append(scratch)
         return result
@@ -136,7 +137,7 @@ class Dynamics(Coordinates):
         base_acceleration: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
     ) -> FloatArray:
-        """Return the generalised force (dof,) that a motion takes: M qdd + bias.
+        """Return the generalised force (dof,) required for a motion: M qdd + bias.
 
         Its entries at ``joint_index`` are joint torques (N m). Arguments as in
         ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
@@ -172,7 +173,7 @@ class Dynamics(Coordinates):
     def _newton_euler(
         self, where: str, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads
     ) -> Scratch:
-        """Return scratch with the inverse dynamics in its workspace; the caller gives it back."""
+        """Return scratch with the inverse dynamics in its workspace; the caller must return it."""
         scratch = self._inverse.take()
         self._place(where, scratch, q, qd, "qdd", qdd, self._vector)
         force = scratch.inverse_dynamics(scratch.state, scratch.third, placed)
@@ -190,10 +191,10 @@ class Dynamics(Coordinates):
         base_acceleration: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
     ) -> FloatArray:
-        """Return what the joint at each link's root gives to the link: (links, 3), Fx, Fy, Mz.
+        """Return the joint reactions on the links at their roots: (links, 3), Fx, Fy, Mz.
 
         World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment of a
-        joint that turns is the motor's torque and what the joint gives by itself.
+        joint that is not fixed is the sum of the motor torque and the joint's passive torque.
         """
         where = "Arm.joint_reactions"
         placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
@@ -218,7 +219,7 @@ class Dynamics(Coordinates):
         return self._unpadded_square(M)
 
     def _unpadded_square(self, matrix: FloatArray) -> FloatArray:
-        """Return a matrix (dof, dof) from one by the kernels' places (n, 1 + m, n, 1 + m)."""
+        """Return the matrix (dof, dof) of a kernels' array (n, 1 + m, n, 1 + m)."""
         kept, size = self.assembly.coordinates, self.assembly.bodies * (1 + self.assembly.modes)
         found: FloatArray = matrix.reshape(size, size)[np.ix_(kept, kept)]
         return found
@@ -232,9 +233,9 @@ class Dynamics(Coordinates):
     ) -> FloatArray:
         """Return the static stiffness (dof, dof): change of the generalised force by q, at rest.
 
-        Without loads the Hessian of strain, gravity and contact energy; symmetric but for follower
-        loads.
-        Exact to rounding. Arguments as in ``forward_dynamics``.
+        Without loads it is the Hessian of strain, gravity and contact energy. It is symmetric
+        except with follower loads, and exact to rounding errors. Arguments as in
+        ``forward_dynamics``.
         """
         where = "Arm.stiffness_matrix"
         state = self._state(where, q, None)
@@ -275,8 +276,8 @@ class Dynamics(Coordinates):
     ) -> Derivatives:
         """Return the exact Jacobians of the accelerations by q, qd and torque.
 
-        Arguments as in ``forward_dynamics``. Complex perturbation of the same kernels
-        (``kernels.sensitivity``): exact to rounding.
+        Arguments as in ``forward_dynamics``. The same kernels are evaluated with complex
+        perturbations (``kernels.sensitivity``), so the result is exact to rounding errors.
         """
         where = "Arm.derivatives"
         scratch, kernels = self._forward.take(), self._jacobian.take()
@@ -296,7 +297,7 @@ class Dynamics(Coordinates):
 
 
 class _Jacobian(KernelView):
-    """The kernels over complex numbers, arrays for derivatives, and where results are in them."""
+    """Kernels over complex numbers, with arrays for derivatives and indices of the results."""
 
     def __init__(self, arm: Dynamics) -> None:
         super().__init__(arm.assembly.constants, complex)
@@ -305,13 +306,13 @@ class _Jacobian(KernelView):
         self.by_state = np.zeros((n, width, 2, n, width))
         self.by_torque = np.zeros((n, width, n))
         kept, size = assembly.coordinates, n * width
-        # Transposed: products with the matrices, which users form, round as they always did.
+        # The indices are transposed, so that products with the matrices have the same rounding.
         self.places_q = kept * (2 * size) + kept[:, None]
         self.places_qd = self.places_q + size
         self.places_torque = kept[:, None] * n + assembly.joint_body
 
     def fill(self, state: FloatArray, torque: FloatArray, placed: Loads) -> None:
-        """Fill ``by_state`` and ``by_torque``."""
+        """Compute ``by_state`` and ``by_torque``."""
         self._state[...], self._torque[...] = state, torque
         found = self.by_state, self.by_torque
         self.call(forward_jacobian, self._state, self._torque, placed, self.work, *found)

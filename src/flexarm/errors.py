@@ -1,9 +1,9 @@
-"""What can go wrong, in words: the exceptions every layer raises, and the one format of a problem.
+"""Exceptions and warnings of all layers, and the common format of a problem.
 
-Wrong input is an `InputError` (all its problems at once, each as *where: name must rule, but is
-value*); a run whose numbers fail is a `SimulationError`, which keeps what was computed until then;
-a state beyond its theory is a `LargeDeflectionWarning`; a run whose sampled loop is unstable is an
-`UnstableLoopWarning`.
+Wrong input raises an `InputError` with all its problems, each in the form *where: name must rule,
+but is value*. A run that fails numerically raises a `SimulationError`, which contains the results
+up to that time. A state beyond the validity of its theory gives a `LargeDeflectionWarning`; a run
+with an unstable sampled loop gives an `UnstableLoopWarning`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class _Short(Repr):
-    """Shortened repr in which a whole float looks the way its user most likely wrote it."""
+    """Shortened repr that shows a whole float without its decimals, as users usually write it."""
 
     def repr_float(self, value: float, level: int) -> str:
         return repr(value).removesuffix(".0")
@@ -32,28 +32,28 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = 4
 _SHORT.maxlevel = 3
 
-_MOST_LINES = 50  # of a message; the rest are in `problems`
+_MOST_LINES = 50  # maximum number of lines of a message; `problems` contains all
 
 
 def shown(value: object) -> str:
-    """Write `value` on one line, shortened, as error messages quote it.
+    """Format `value` on one line, shortened, for quotation in error messages.
 
-    NumPy scalars look like the Python numbers they stand for.
+    NumPy scalars are shown as Python numbers.
     """
     if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
         value = value.item()  # type: ignore[attr-defined]
     try:
         text = "nothing" if value is None else _SHORT.repr(value)
-    except Exception:  # an integer of more digits than Python prints, a repr that fails
+    except Exception:  # an integer with too many digits to print, or a repr that fails
         text = f"an object of type {type(value).__name__}"
     return " ".join(text.split())
 
 
 def printable(text: str) -> str:
-    r"""Write control characters, terminal escape codes and the like as Python does: ``\x1b``.
+    r"""Escape control characters, such as terminal escape codes, as Python does: ``\x1b``.
 
-    Names and paths come from users and from files. Printed as they are, they could change the
-    title, the colours or the content of a terminal, or reverse the direction of the text.
+    Names and paths come from users and from files. Printed unchanged, they could alter the title,
+    the colours or the content of a terminal, or reverse the direction of the text.
     """
     if text.isprintable():
         return text
@@ -61,13 +61,13 @@ def printable(text: str) -> str:
 
 
 def few(values: Any, most: int = 4) -> str:
-    """Write the first numbers of an array on one line, four digits each, as a repr shows them."""
+    """Format the first numbers of an array on one line for a repr, with four digits each."""
     first = ", ".join(f"{value + 0.0:.4g}" for value in values[:most])
     return f"{first}, ..." if len(values) > most else first
 
 
 def is_count(value: object) -> bool:
-    """Return whether a value is a whole number of 1 or more; ``True`` is not."""
+    """Return whether a value is a whole number of 1 or more; ``True`` does not count."""
     import numpy as np
 
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
@@ -76,14 +76,14 @@ def is_count(value: object) -> bool:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with an input.
+    """One problem of an input.
 
     Attributes:
-        where: place the reader can go to: a file with its line, or the call (`Link`, `simulate`).
-        name: what is wrong there: an argument or the key path in a file.
-        rule: what it must do or be, continuing the word "must".
-        value: what it is, as `shown` writes it.
-        hint: a whole sentence that helps to repair it, or nothing.
+        where: location: a file with its line, or the call (`Link`, `simulate`).
+        name: argument, or key path in a file.
+        rule: condition on it, continuing the word "must".
+        value: the actual value, formatted by `shown`.
+        hint: a full sentence that helps to correct it, or empty.
     """
 
     where: str
@@ -98,11 +98,11 @@ class Problem:
 
 
 class FlexarmError(Exception):
-    """Base of everything flexarm raises on purpose."""
+    """Base class of all exceptions that flexarm raises intentionally."""
 
 
 class InputError(FlexarmError, ValueError):
-    """Input that cannot be used; `problems` lists everything that is wrong with it."""
+    """Input that cannot be used; `problems` lists all its problems."""
 
     def __init__(self, *problems: Problem) -> None:
         super().__init__(*problems)
@@ -115,18 +115,18 @@ class InputError(FlexarmError, ValueError):
 
 
 class ModelError(InputError):
-    """A wrong description of an arm or a scenario, in Python or in a file."""
+    """Invalid description of an arm or a scenario, in Python or in a file."""
 
 
 class SimulationError(FlexarmError, RuntimeError):
-    """A run that could not be carried on.
+    """A run that could not be continued.
 
     Attributes:
         time: simulated time reached (s).
-        reason: one sentence: what happened.
-        hint: one sentence: what to try; may be empty.
-        state: `(q, qd)` at `time`, or None where there is none.
-        result: the record up to `time`, or None.
+        reason: one sentence that describes the failure.
+        hint: one sentence with a remedy; may be empty.
+        state: `(q, qd)` at `time`, or None if not available.
+        result: the results up to `time`, or None.
     """
 
     def __init__(
@@ -145,15 +145,15 @@ class SimulationError(FlexarmError, RuntimeError):
 
 
 class FlexarmWarning(UserWarning):
-    """Base of every warning of this package."""
+    """Base class of all warnings of this package."""
 
 
 class AccuracyWarning(FlexarmWarning):
-    """A result may err by more than the default settings promise."""
+    """The error of a result may exceed that of the default settings."""
 
 
 class LargeDeflectionWarning(FlexarmWarning):
-    """Links have bent too far for the theory of their arm; the message estimates the error."""
+    """Links bend too far for the theory of their arm; the message estimates the error."""
 
 
 class UnstableLoopWarning(FlexarmWarning):
@@ -161,11 +161,11 @@ class UnstableLoopWarning(FlexarmWarning):
 
 
 class InconsistentEstimateWarning(FlexarmWarning):
-    """Readings depart from a filter's predictions by more than its covariance allows."""
+    """Measurements differ from a filter's predictions by more than its covariance allows."""
 
 
 def warn_caller(text: str, category: type[Warning]) -> None:
-    """Warn at the line outside this package that led here, however deep the call is."""
+    """Warn at the nearest calling line outside this package, at any depth of the call."""
     package = __name__.partition(".")[0]
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == package:
@@ -174,12 +174,12 @@ def warn_caller(text: str, category: type[Warning]) -> None:
 
 
 def warn_deprecated(old: str, new: str, removal: str) -> None:
-    """Warn at the caller's line that a public name is deprecated, but still works.
+    """Warn at the caller's line that a public name is deprecated but still works.
 
     Args:
         old: the name that the caller used, as in code: `OldClass`, `simulate(old_argument=...)`.
-        new: what to use in its place.
-        removal: the version that no longer has the old name, such as "0.3".
+        new: its replacement.
+        removal: the version that removes the old name, such as "0.3".
     """
     text = f"{old} is deprecated and will be removed in flexarm {removal}; use {new}."
     warn_caller(text, DeprecationWarning)
@@ -188,27 +188,27 @@ def warn_deprecated(old: str, new: str, removal: str) -> None:
 def check_array(
     where: str, name: str, value: object, shape: tuple[int, ...]
 ) -> NDArray[np.float64]:
-    """Return `value` as a float64 array of exactly `shape`, all of it finite.
+    """Return `value` as a float64 array of exactly `shape` with finite numbers.
 
     Args:
-        where: the call that was given the value, for the message.
+        where: the call with this argument, for the message.
         name: the argument's name, for the message.
         value: array-like of real numbers.
         shape: lengths of the axes; -1 accepts any length.
 
     Raises:
-        InputError: numbers cannot be made of it, its shape differs, or it holds NaN or infinity.
+        InputError: if the value is not numeric, its shape differs, or it contains NaN or infinity.
     """
     import numpy as np
 
     if type(value) is np.ndarray and value.dtype is np.dtype(np.float64) and value.shape == shape:
-        if np.count_nonzero(np.isfinite(value)) == value.size:  # the most frequent argument
+        if np.count_nonzero(np.isfinite(value)) == value.size:  # fast path for the most common case
             return value.copy(order="K")
     elif type(value) is float and shape == () and math.isfinite(value):
         return np.array(value)
     try:
         raw = np.asarray(value)
-    except Exception:  # rows of different lengths, objects that fail to make an array of themselves
+    except Exception:  # rows of different lengths, or objects whose conversion fails
         raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value))) from None
     if isinstance(value, np.ma.MaskedArray):
         hint = "Fill or remove the masked elements first."
@@ -229,10 +229,10 @@ def check_array(
 
 
 def check_result(where: str, result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:
-    """Return a result computed of the arguments `given`, or say that it is not finite.
+    """Return a result computed from the arguments `given` if it is finite.
 
     Raises:
-        InputError: an argument is too large to compute with, or the mass matrix is singular.
+        InputError: if it is not finite: an argument is too large, or the mass matrix is singular.
     """
     import numpy as np
 
@@ -247,7 +247,7 @@ def check_result(where: str, result: NDArray[np.float64], *given: object) -> NDA
 
 
 def _described(shape: tuple[int, ...]) -> str:
-    """Name a shape in words: `a number`, or `numbers of shape (any, 2)`."""
+    """Describe a shape in words: `a number`, or `numbers of shape (any, 2)`."""
     if not shape:
         return "a number"
     lengths = ", ".join("any" if n == -1 else str(n) for n in shape)

@@ -1,4 +1,4 @@
-"""The kernels of one arm, with the arrays that every call of them takes beside its states."""
+"""Kernels of one arm, with the arrays that every call requires besides its states."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from flexarm.kernels.observables import POSE_COLUMNS
 from flexarm.kernels.sensitivity import forward_jacobian
 
 _Kernel = Callable[..., None]
-#: Kernels whose entry points all arms of the same sizes share, by the number type of the workspace:
-#: each is called with arrays of the same types everywhere.
+#: Kernels whose cached entry points are shared by all arms of the same sizes, by the number type of
+#: the workspace: each is always called with arrays of the same types.
 _SHARED: dict[str, tuple[_Kernel, ...]] = {
     "d": (forward_dynamics, inverse_dynamics),
     "D": (forward_jacobian,),
@@ -35,16 +35,16 @@ _known: dict[tuple[int | str, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
 class KernelView:
     """Sizes, constants, workspace and cached entry points of one arm.
 
-    Allocating the workspace and finding the types of its arrays takes ten times as long as a
-    kernel, so keep a view for calls that come again. A view serves one thread.
+    Allocating the workspace and determining the types of its arrays takes ten times as long as a
+    kernel, so keep a view for repeated calls. A view serves one thread.
 
     Args:
-        constants: of the arm, n bodies with m modes.
+        constants: constants of the arm, n bodies with m modes.
         dtype: number type of the workspace; complex for derivatives by complex perturbation.
 
     Attributes:
-        sizes: loop lengths, as numbers at run time. constants: as given. loads: no load, no
-        contact, a base at rest. work: workspace, results of the last call. shape: (n, 1 + m).
+        sizes: loop lengths, as numbers at run time. constants: as given. loads: no loads, no
+        contacts, a base at rest. work: workspace with results of the last call. shape: (n, 1 + m).
     """
 
     __slots__ = ("_entries", "constants", "loads", "shape", "sizes", "work")
@@ -63,7 +63,7 @@ class KernelView:
         """Call a kernel with sizes, constants and ``arguments``.
 
         All calls of one kernel through one view must pass arguments of the same types, dimensions
-        and memory layouts: see ``Entry``.
+        and memory layouts; see ``Entry``.
         """
         entry = self._entries.get(kernel)
         if entry is None:

@@ -1,4 +1,4 @@
-"""Forces and moments that act on an arm from outside, and their place in the kernels' arrays."""
+"""External forces and moments on an arm, and their place in the kernels' arrays."""
 
 from __future__ import annotations
 
@@ -20,34 +20,35 @@ from flexarm.kernels.layout import Contacts, Loads, empty_loads
 from flexarm.model.tables import order_fault
 
 FRAMES = ("world", "link")
-#: Places closer than this part of a length are one place: sums of lengths round.
+#: Positions closer than this fraction of a length are equal, because sums of lengths are rounded.
 SAME_PLACE = 1e-9
-#: Gauss points along each piece of a spread load: exact for the cubic shapes of an element.
+#: Gauss points on each piece of a distributed load: exact for the cubic shapes of an element.
 _POINTS = 4
 
-#: Times (k,) s and values (k,) or (k, columns): linear between, held beyond both ends.
+#: Times (k,) s and values (k,) or (k, columns): linear in between, constant beyond both ends.
 Table = tuple[ArrayLike, ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """A force and a moment at a station of a link, or a force spread along part of it.
+    """A force and a moment at a station of a link, or a distributed force on a part of it.
 
     Args:
         link: number of the link, counted from 1 at the base, as in results.
-        force: (Fx, Fy) N; for a spread load N/m.
-        moment: N m, at the station; zero for a spread load.
-        station: distance from the link's root, m; None for its tip.
-        spread: (start, end), m from the link's root: the force is per length between them.
-        frame: "world" keeps the direction, "link" turns it with the link's root tangent (of the
-            segment that carries it).
-        factor: what scales the load over time: a function, or a table ``(times, values)`` of two
-            lists (s, 1), linear between the times and held beyond the ends, where two equal times
-            are a jump; None for a constant load.
+        force: (Fx, Fy) N; for a distributed load N/m.
+        moment: N m, at the station; zero for a distributed load.
+        station: distance from the link's root, m; None: its tip.
+        spread: (start, end), m from the link's root, for a distributed load: the force is per
+            length between them.
+        frame: "world" keeps the direction, "link" rotates it with the root tangent of the link (of
+            the segment that carries it).
+        factor: factor of the load over time: a function, or a table ``(times, values)`` of two
+            lists (s, 1), linear between the times and constant beyond the ends, where two equal
+            times define a jump; None for a constant load.
 
     Raises:
-        InputError: a value is not finite, a station is negative, the frame is unknown, or the
-            times of a table go back.
+        InputError: if a value is not finite, a station is negative, the frame is unknown, or the
+            times of a table decrease.
     """
 
     link: int
@@ -89,7 +90,7 @@ class Load:
 
 
 def is_table(value: Any) -> bool:
-    """Tell whether a value is meant as a table: a pair whose first part is a list."""
+    """Return whether a value has the form of a table: a pair whose first item is a list."""
     if not isinstance(value, tuple | list) or len(value) != 2:
         return False
     return isinstance(value[0], tuple | list) or getattr(value[0], "ndim", 0) > 0
@@ -99,7 +100,7 @@ def check_table(where: str, name: str, table: object, columns: int) -> tuple[Flo
     """Return the times (k,) and values (k, columns) of a table; one column may be given flat.
 
     Raises:
-        InputError: it is no pair of equally long lists, or its times go back or stand still.
+        InputError: if it is not a pair of equally long lists, or its times are not in order.
     """
     if not is_table(table):
         rule = "be a function of time or a table (times, values)"
@@ -117,7 +118,10 @@ def check_table(where: str, name: str, table: object, columns: int) -> tuple[Flo
 
 
 def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[Load]:
-    """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a load; none for None."""
+    """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a list of at most one load.
+
+    The list is empty for None.
+    """
     if tip_force is None:
         return []
     force = check_array(where, "tip_force", tip_force, (-1,))
@@ -133,7 +137,7 @@ def acting_loads(
     """Return the force on the last tip and the loads in one list.
 
     Raises:
-        InputError: ``loads`` is no list of `Load`s.
+        InputError: if ``loads`` is not a list of `Load` objects.
     """
     return [*tip_load(arm, where, tip_force), *check_list_of(where, "loads", loads, Load)]
 
@@ -145,10 +149,10 @@ def place_loads(
     base_acceleration: ArrayLike | None = None,
     what: str = "Load",
 ) -> Loads:
-    """Find the bodies and shapes of loads; ``what`` they are, for messages.
+    """Convert loads to the kernels' arrays; ``what`` is their name in messages.
 
     Raises:
-        InputError: a load is on no link of the arm, or beyond its length.
+        InputError: if a load is not on a link of the arm, or beyond its length.
     """
     parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
     for load in loads:
@@ -174,7 +178,7 @@ def place_loads(
 
 
 def parts_of(arm: Coordinates, loads: Sequence[Load]) -> list[Load]:
-    """Return for each placed load the one that it is a part of: spread ones reach over segments."""
+    """Return the load of each entry of placed loads: distributed ones may have several entries."""
     found: list[Load] = []
     for load in loads:
         found += [load] * (1 if load.spread is None else len(_spread(arm, load)))
@@ -184,16 +188,16 @@ def parts_of(arm: Coordinates, loads: Sequence[Load]) -> list[Load]:
 def loads_inboard(
     arm: Coordinates, owners: Sequence[Load], placed: Loads, reach: FloatArray
 ) -> Loads:
-    """Keep of placed loads what acts on each body between its root and a section.
+    """Return the placed loads that act on each body between its root and a section.
 
     Args:
-        owners: of the entries of ``placed``, from ``parts_of``.
-        reach: (n,) m from each body's root to its section. A load at the same place is beyond the
-            section; at the root, where ``reach`` is zero, it is inboard.
+        owners: loads of the entries of ``placed``, from ``parts_of``.
+        reach: (n,) m from each body's root to its section. A load at the same position is beyond
+            the section; at the root, where ``reach`` is zero, it is inboard.
 
     Returns:
-        Loads in the same order, with arrays of their own; what is beyond has no weight, contacts
-        among it. No base acceleration: it is in the accelerations of the roots.
+        Loads in the same order, in new arrays. Those beyond the section have weight 0, also
+        contacts. The base acceleration is zero, because it is in the accelerations of the roots.
     """
     kept = empty_loads(arm.assembly.constants, placed.body.size)
     kept.body[:], kept.follower[:], kept.value[:] = placed.body, placed.follower, placed.value
@@ -217,7 +221,7 @@ def loads_inboard(
 
 
 def _inboard(lever: float, reach: float, same: float) -> bool:
-    """Whether a point is inside of a section, of which places nearer than ``same`` are part."""
+    """Return whether a point is inboard of a section by more than ``same``, or at the root."""
     return lever <= (same if reach <= same else reach - same)
 
 
@@ -251,7 +255,7 @@ def _point(
         piece = arm.assembly.pieces_of(link)[-1]
     x = np.array([min(station - piece.start, piece.shapes.length)])
     shapes = piece.shapes
-    row, slope = shapes.deflection(x)[0], shapes.rotation(x)[0]  # a moment turns the section
+    row, slope = shapes.deflection(x)[0], shapes.rotation(x)[0]  # a moment acts on the rotation
     if load.station is None:
         row, slope = shapes.P, shapes.dP
     matrix = shortening_matrices(shapes, x)[0]
@@ -261,7 +265,7 @@ def _point(
 def _spread(
     arm: Coordinates, load: Load
 ) -> list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]]:
-    """Integrate over the part of each piece that the load covers, element by element."""
+    """Integrate over the loaded part of each piece, element by element."""
     assert load.spread is not None
     parts = []
     for piece in arm.assembly.pieces_of(load.link - 1):
@@ -273,7 +277,7 @@ def _spread(
 
 
 def _covered(load: Load, piece: Piece) -> tuple[float, float]:
-    """Start and end of a spread load on a piece, m from its root; no stretch if not ascending."""
+    """Return start and end (m) of a distributed load on a piece; no overlap if end <= start."""
     assert load.spread is not None
     start, end = load.spread
     return max(start - piece.start, 0.0), min(end - piece.start, piece.shapes.length)
@@ -282,7 +286,7 @@ def _covered(load: Load, piece: Piece) -> tuple[float, float]:
 def _integrals(
     shapes: LinkConstants, start: float, end: float
 ) -> tuple[float, float, FloatArray, FloatArray]:
-    """Integrate 1, x, Phi (m,) and g (m, m) over a stretch, element by element."""
+    """Integrate 1, x, Phi (m,) and g (m, m) over an interval, element by element."""
     points, weights = np.polynomial.legendre.leggauss(_POINTS)
     ends = np.linspace(0.0, shapes.length, shapes.elements + 1)
     cuts = np.concatenate([[start], ends[(ends > start) & (ends < end)], [end]])

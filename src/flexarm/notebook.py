@@ -1,4 +1,4 @@
-"""HTML tables by which objects show themselves in notebooks."""
+"""HTML tables for the display of objects in notebooks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flexarm.errors import printable
 
 
 def html_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table with a caption: floats with five digits, everything else as text."""
+    """Return a table with a caption; floats have five digits, all other values are text."""
     parts = [f'<table><caption style="text-align: left">{_text(title)}</caption>']
     parts += ["<thead>", _row("th", heads), "</thead><tbody>"]
     parts += [_row("td", row) for row in rows]

@@ -1,6 +1,6 @@
-"""From states to what one sees of them: the channels of results, the outputs of linear models.
+"""Observables of states: channels of results, and outputs of linear models.
 
-Complex states give complex values: this is how linear models get their exact outputs.
+Complex states give complex values, from which linear models derive their exact outputs.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from flexarm.kernels.contact import ENERGY, FORCE, GAP, look_many
 from flexarm.kernels.layout import LOOK_COLUMNS, Contacts, run_time_sizes
 from flexarm.kernels.observables import POSE_COLUMNS, observe_many
 
-#: Samples looked at in one go: bounds the scratch memory of long runs.
+#: Number of samples processed together, which bounds the scratch memory of long runs.
 _CHUNK = 4096
 
 
 def channels_of(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
-    """Compute every channel but the torque from states (samples, 2, n, 1 + m)."""
+    """Compute all channels except the torque from states (samples, 2, n, 1 + m)."""
     if len(states) <= _CHUNK:
         return _chunk(arm, states)
     chunks = [_chunk(arm, states[k : k + _CHUNK]) for k in range(0, len(states), _CHUNK)]
@@ -27,7 +27,7 @@ def channels_of(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
 
 
 def tips_of(arm: Arm, states: FloatArray) -> FloatArray:
-    """Position (m), angle (rad) of the last tip, world axes, and their rates: (samples, 6)."""
+    """Return position (m) and angle (rad) of the last tip, and their rates: (samples, 6)."""
     return _observed(arm, states)[1]
 
 
@@ -43,10 +43,10 @@ def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
 def contact_values(
     arm: Arm, contacts: Contacts, states: FloatArray, kernels: KernelView | None = None
 ) -> FloatArray:
-    """Return what states (samples, 2, n, 1 + m) have to do with contacts: (samples, contacts, 9).
+    """Return contact quantities of states (samples, 2, n, 1 + m): (samples, contacts, 9).
 
-    Columns as ``kernels.contact`` names them: position and velocity of the point, force on it,
-    gap, curvature, energy. ``contacts`` from ``place_contacts``. A view of the kernels to use again
+    The columns are named in ``kernels.contact``: position and velocity of the point, force on it,
+    gap, curvature, energy. ``contacts`` come from ``place_contacts``. Reusing a view of the kernels
     saves time.
     """
     view = kernels or KernelView(arm.assembly.constants, states.dtype)
@@ -60,13 +60,13 @@ def contact_forces(
 ) -> FloatArray:
     """Return the forces (samples, contacts, 2) of contacts on the arm, N, world axes.
 
-    Arguments as ``contact_values``.
+    Arguments as in ``contact_values``.
     """
     return contact_values(arm, contacts, states, kernels)[..., FORCE : FORCE + 2]
 
 
 def contact_channels(arm: Arm, placed: Contacts, states: FloatArray) -> dict[str, FloatArray]:
-    """Channels of contacts at states (samples, 2, n, 1 + m); nothing without contacts."""
+    """Return the channels of contacts at states (samples, 2, n, 1 + m); empty without contacts."""
     if not placed.body.size:
         return {}
     values = contact_values(arm, placed, states)
@@ -78,7 +78,7 @@ def contact_channels(arm: Arm, placed: Contacts, states: FloatArray) -> dict[str
 
 
 def _observed(arm: Arm, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Poses (samples, n, 10), tips (samples, 6) and energies (samples, 3)."""
+    """Return poses (samples, n, 10), tips (samples, 6) and energies (samples, 3)."""
     count, constants = len(states), arm.assembly.constants
     poses = np.zeros((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.zeros((count, 6), dtype=states.dtype)
@@ -115,12 +115,12 @@ def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     }
     if arm.gauges:
         channels["strain"] = arm.strains(states)
-    # Copies, not views: the pose array of a chunk must not stay alive behind a column of it.
+    # Return copies, because a view of one column would keep the pose array of a chunk alive.
     return {name: np.array(values) for name, values in channels.items()}
 
 
 def _twists(arm: Arm, q: FloatArray) -> FloatArray:
-    """Twist of each joint's spring (samples, joints), rad; zero without one."""
+    """Return the twist of each joint's spring (samples, joints), rad; zero without a spring."""
     twists = np.zeros((len(q), arm.joints), dtype=q.dtype)
     for k, seat in enumerate(arm.assembly.seats):
         if seat.twist is not None:
@@ -129,10 +129,11 @@ def _twists(arm: Arm, q: FloatArray) -> FloatArray:
 
 
 def _link_tips(arm: Arm, poses: FloatArray, tips: FloatArray) -> FloatArray:
-    """Deflection and slope of each link's tip from its root tangent, and their rates.
+    """Return deflection and slope of each link's tip from its root tangent, and their rates.
 
-    (samples, links, 4). Of a link in one piece they are the body's own; over several pieces the
-    slopes add, and the deflection is the tip's distance from the line of the root tangent.
+    The shape is (samples, links, 4). For a link in one piece they are those of the body. For
+    several pieces the slopes are added, and the deflection is the distance of the tip from the line
+    of the root tangent.
     """
     assembly = arm.assembly
     bent = np.empty((len(poses), arm.links, 4), dtype=poses.dtype)

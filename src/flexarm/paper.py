@@ -1,8 +1,8 @@
-"""The paper's example, computed: three models of the same arm under the same torques.
+"""Results of the paper's example: three models of the same arm under the same torques.
 
-``library/paper.yaml`` holds the case. The flexible arm in the paper's theory and its rigid twin are
-what the paper shows; the second-order theory, which knows that bent links shorten, shows how far
-the paper's goes. The same line in half the time bends the arm four times as much.
+``library/paper.yaml`` defines the case. The paper shows the flexible arm in its own theory and the
+rigid model. The second-order theory, which includes the shortening of bent links, shows the error
+of the paper's theory. The same line in half the time bends the arm four times as much.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ FloatArray = NDArray[np.float64]
 
 #: Motion times (s): the scenario's own, and half of it.
 SLOW, FAST = 2.0, 1.0
-#: Elements on each link of the fine mesh whose frequencies are shown beside the paper's: its lowest
-#: four differ from the exact ones by less than 0.1 %.
+#: Number of elements per link of the fine mesh for comparison of frequencies: its lowest four
+#: differ from the exact ones by less than 0.1 %.
 FINE_ELEMENTS = 16
 
 
 def paper_scenario(duration: float = SLOW) -> Scenario:
-    """Return the paper's case, with the line run through in ``duration`` (s)."""
+    """Return the paper's case, with a motion along the line of given ``duration`` (s)."""
     with as_file(files("flexarm") / "library" / "paper.yaml") as path:
         scenario = load_scenario(path)
     assert scenario.motion is not None  # the packaged file has one
@@ -40,16 +40,16 @@ def paper_scenario(duration: float = SLOW) -> Scenario:
 
 
 class PaperCase:
-    """One motion, and what three models of the arm make of its torques.
+    """One motion, and the response of three models of the arm to its torques.
 
-    Each model is run when its result is first asked for.
+    Each model is simulated when its result is first used.
 
     Args:
-        duration: of the motion and its torques, s; the runs go on after it.
+        duration: duration of the motion and its torques, s; the runs continue after it.
         progress: as in ``simulate``.
 
     Attributes:
-        arm: the flexible arm in the theory of the paper. twin: its rigid twin.
+        arm: the flexible arm in the theory of the paper. twin: its rigid model.
     """
 
     def __init__(self, duration: float = SLOW, *, progress: bool | None = None) -> None:
@@ -61,28 +61,28 @@ class PaperCase:
 
     @cached_property
     def flexible(self) -> xr.Dataset:
-        """The flexible arm in the theory of the paper."""
+        """Result of the flexible arm in the theory of the paper."""
         return self.prepared.run(progress=self.progress)
 
     @cached_property
     def rigid(self) -> xr.Dataset:
-        """The rigid twin, which follows the motion."""
+        """Result of the rigid model, which follows the motion."""
         return self.prepared.run(arm=self.twin, progress=self.progress)
 
     @cached_property
     def second_order(self) -> xr.Dataset:
-        """The flexible arm in the second-order theory."""
+        """Result of the flexible arm in the second-order theory."""
         other = Arm(self.arm.spec.replace(theory="second_order"))
         return self.prepared.run(arm=other, progress=self.progress)
 
 
 class LinkNumbers(NamedTuple):
-    """How much one link bends in one run, m.
+    """Deflections of one link in one run, m.
 
     Attributes:
         peak: largest tip deflection during the motion.
-        residual: half the peak-to-peak of the tip deflection after the torques have ended, the
-            amplitude of the vibration that is left.
+        residual: half the peak-to-peak tip deflection after the end of the torques, which is the
+            amplitude of the residual vibration.
         theory: largest difference of the tip deflection between the paper's and the second-order
             theory during the motion.
     """
@@ -93,11 +93,11 @@ class LinkNumbers(NamedTuple):
 
 
 class TipNumbers(NamedTuple):
-    """How far the flexible arm's tip is from the rigid arm's, m.
+    """Distances between the tips of the flexible and the rigid arm, m.
 
     Attributes:
-        largest: during the motion.
-        at_end: when the torques end.
+        largest: maximum during the motion.
+        at_end: distance at the end of the torques.
     """
 
     largest: float
@@ -105,7 +105,7 @@ class TipNumbers(NamedTuple):
 
 
 def link_numbers(case: PaperCase) -> list[LinkNumbers]:
-    """Return the numbers of each link."""
+    """Return the deflections of each link."""
     deflection = case.flexible["link_tip_deflection"].values
     other = case.second_order["link_tip_deflection"].values
     moving = case.flexible["time"].values <= case.duration
@@ -117,7 +117,7 @@ def link_numbers(case: PaperCase) -> list[LinkNumbers]:
 
 
 def tip_numbers(case: PaperCase) -> TipNumbers:
-    """Return how far the tip is from where the rigid arm has it."""
+    """Return the distances between the tips of the flexible and the rigid arm."""
     away = np.linalg.norm((case.flexible["tip"] - case.rigid["tip"]).values, axis=1)
     moving = case.flexible["time"].values <= case.duration
     return TipNumbers(float(np.max(away[moving])), float(away[moving][-1]))
@@ -130,7 +130,7 @@ def torque_range(case: PaperCase) -> FloatArray:
 
 
 class FrequencyTable(NamedTuple):
-    """Lowest natural frequencies (Hz) at the start posture: the paper's mesh and a fine one."""
+    """Lowest natural frequencies (Hz) at the initial posture, for the paper's and a fine mesh."""
 
     joints: str
     paper_mesh: FloatArray
@@ -138,7 +138,7 @@ class FrequencyTable(NamedTuple):
 
 
 def frequency_tables(case: PaperCase, count: int = 4) -> list[FrequencyTable]:
-    """Return the ``count`` lowest frequencies of vibration, joints locked and free."""
+    """Return the ``count`` lowest vibration frequencies, with joints locked and free."""
     assert case.prepared.motion is not None
     angles = case.prepared.motion.joint_angle(0.0)
     links = [link.replace(elements=FINE_ELEMENTS) for link in case.arm.spec.links]

@@ -1,4 +1,4 @@
-"""Paths of output files: checked before the work, written whole or not at all."""
+"""Paths of output files: checked in advance, and written completely or not at all."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ AnyPath = str | os.PathLike[str]
 
 
 def check_place(where: str, name: str, path: AnyPath, suffixes: Collection[str]) -> Path:
-    """Return ``path`` if a file can be written there; missing folders are made.
+    """Return ``path`` if a file can be written there; create missing folders.
 
     Args:
-        where: the call or command that was given the path, for the message.
-        name: its argument.
-        path: the file to be.
-        suffixes: what the file name may end in, in lower case, such as ``(".nc", ".csv")``.
+        where: the call or command with this argument, for the message.
+        name: name of the argument.
+        path: path of the output file.
+        suffixes: allowed suffixes of the file name, in lower case, such as ``(".nc", ".csv")``.
 
     Raises:
-        InputError: unknown suffix, a folder or device of that name, no folder to be had, no
-            permission.
+        InputError: if the suffix is unknown, a folder or device has that name, or the folder
+            cannot be created or written to.
     """
     place = check_path(where, name, path)
     problem = _suffix_problem(where, name, place, suffixes) or _place_problem(where, name, place)
@@ -36,10 +36,10 @@ def check_place(where: str, name: str, path: AnyPath, suffixes: Collection[str])
 
 
 def check_folder(where: str, name: str, path: AnyPath) -> Path:
-    """Return the folder ``path``, made if missing, if files can be written in it.
+    """Return the folder ``path`` if files can be written in it; create it if missing.
 
     Raises:
-        InputError: it is a file, cannot be made, or gives no permission.
+        InputError: if it is a file, cannot be created, or is not writable.
     """
     folder = Path(path)
     reason = _unwritable(folder)
@@ -49,10 +49,10 @@ def check_folder(where: str, name: str, path: AnyPath) -> Path:
 
 
 def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
-    """Write a file of the given parts, whole or not at all; see `replace_file`.
+    """Write a file from parts, completely or not at all; see `replace_file`.
 
     Raises:
-        InputError: if the disk is full, the folder has gone, or the like.
+        InputError: if writing fails, for example because the disk is full.
     """
     try:
         replace_file(path, parts)
@@ -63,7 +63,7 @@ def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
 
 
 def write_text(text: str, path: AnyPath) -> None:
-    """Write a text file in UTF-8, whole or not at all."""
+    """Write a text file in UTF-8, completely or not at all."""
     write_whole(path, [text.encode()])
 
 
@@ -100,7 +100,7 @@ def _place_problem(where: str, name: str, place: Path) -> Problem | None:
 
 
 def _unwritable(folder: Path) -> str:
-    """Make the folder and a file in it; return why that failed, as a sentence, or nothing."""
+    """Create the folder and a test file; return the reason of a failure, or an empty text."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

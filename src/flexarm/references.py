@@ -1,4 +1,4 @@
-"""What to cite: BibTeX of exactly the methods that a result used."""
+"""BibTeX references of the methods that a result used."""
 
 from __future__ import annotations
 
@@ -147,19 +147,19 @@ _ENTRIES = {
 
 
 class Cited(Protocol):
-    """What knows the methods that made it, as keys separated by spaces."""
+    """Object with the BibTeX keys of its methods, separated by spaces."""
 
     references: ClassVar[str]
 
 
 def citation(result: xr.Dataset | Cited) -> str:
-    """Return BibTeX entries of the package and of the methods that made a result.
+    """Return BibTeX entries of the package and of the methods of a result.
 
     Args:
-        result: dataset of ``simulate``, a linear model, or modes that were followed.
+        result: dataset of ``simulate``, a linear model, or tracked modes.
 
     Raises:
-        InputError: something else was given.
+        InputError: if ``result`` is none of these.
     """
     attributes = getattr(result, "attrs", None)
     if isinstance(attributes, dict):

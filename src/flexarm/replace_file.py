@@ -1,10 +1,10 @@
-"""Write a file in one step: readers find the old content or the new one, never a part of it.
+"""Atomic replacement of a file: readers find the old or the new content, never a part of it.
 
-The content goes to a temporary file beside the target, which then takes the target's name. A
-process that is killed leaves its temporary file behind; the next one that writes the same target
-removes it. Which ones are left behind is decided by a lock that the operating system releases when
-the writing process ends. A process number in the name would not do: numbers are used again, and
-processes in different containers have the same ones.
+The content is written to a temporary file beside the target, which is then renamed to the target. A
+process that is killed leaves its temporary file behind; the next process that writes the same
+target removes it. Abandoned files are recognised by a lock that the operating system releases when
+the writing process ends. A process number in the name would not be sufficient, because numbers are
+reused, and processes in different containers have the same ones.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 try:
     import fcntl
-except ImportError:  # Windows, which does not remove a file that is open
+except ImportError:  # Windows, which does not remove an open file
     fcntl = None  # type: ignore[assignment]
 
 
@@ -28,7 +28,7 @@ _unfinished: set[Path] = set()
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files of this process, which is about to end."""
+    """Remove the temporary files of this process before it ends."""
     for beside in list(_unfinished):
         beside.unlink(missing_ok=True)
 
@@ -36,21 +36,22 @@ def remove_unfinished() -> None:
 def replace_file(
     path: str | os.PathLike[str], parts: Iterable[bytes | memoryview], durable: bool = True
 ) -> None:
-    """Write a file of the given parts, one after the other, in place of an older one.
+    """Write a file from parts, one after the other, in place of an older one.
 
-    A symbolic link stays: the file that it names is replaced. Permissions of an older file are
-    kept. If anything fails, the older file is unchanged and nothing else is left.
+    A symbolic link is kept: the file to which it refers is replaced. Permissions of an older file
+    are kept. If anything fails, the older file is unchanged and no other file remains.
 
-    Libraries that write files do not get the stream: HDF5 crashes the process if the disk is full.
+    Libraries that write files do not get the stream, because HDF5 crashes the process if the disk
+    is full.
 
     Args:
         path: the file to create or replace; its folder must exist.
         parts: the content; may be computed while it is written.
         durable: whether the content must be on the disk, not only in the system's buffers, before
-            it replaces the older file. A file that can be recomputed does without.
+            it replaces the older file. It is not necessary for a file that can be recomputed.
 
     Raises:
-        OSError: if the disk is full, the folder is missing or read-only, the name is not a name.
+        OSError: if the disk is full, the folder is missing or read-only, or the name is invalid.
     """
     try:
         target = Path(os.path.realpath(path))
@@ -69,7 +70,7 @@ def replace_file(
             if durable:
                 os.fsync(stream.fileno())
             if fcntl is None:
-                stream.close()  # Windows does not rename a file that is open
+                stream.close()  # Windows does not rename an open file
             os.replace(beside, target)
     finally:
         beside.unlink(missing_ok=True)
@@ -77,7 +78,7 @@ def replace_file(
 
 
 def _prefix(target: Path) -> str:
-    """Return how the names of temporary files for this target begin; hashed, as names are long."""
+    """Return the prefix of temporary files for this target, with a hash because names are long."""
     name = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:12]
     return f".flexarm-{name}-"
 
@@ -86,8 +87,8 @@ def _open_beside(target: Path, mode: int | None) -> BinaryIO:
     """Create and lock a temporary file beside the target.
 
     Args:
-        mode: permissions of the older file, or None. Nobody who may not read the older file may
-            open the new one, not even while it is still empty.
+        mode: permissions of the older file, or None. Users who may not read the older file must
+            not be able to open the new one, even while it is still empty.
     """
 
     def create(path: str, flags: int) -> int:
@@ -102,7 +103,7 @@ def _open_beside(target: Path, mode: int | None) -> BinaryIO:
             _unfinished.discard(beside)
             raise
         try:
-            # Another process may have taken it for stale before it was locked.
+            # Another process may have removed it as stale before it was locked.
             if _lock(stream) and beside.exists():
                 return stream
         except BaseException:
@@ -115,7 +116,7 @@ def _open_beside(target: Path, mode: int | None) -> BinaryIO:
 
 
 def _lock(stream: BinaryIO) -> bool:
-    """Lock a file until it is closed; whether nobody else holds the lock."""
+    """Lock a file until it is closed; return False if another process holds the lock."""
     if fcntl is None:
         return True
     try:
@@ -128,12 +129,12 @@ def _lock(stream: BinaryIO) -> bool:
 
 
 def _open_at_once(path: str, flags: int) -> int:
-    """Open a file for reading; a pipe without waiting for its writer, a link not at all."""
+    """Open a file for reading, without following a link or waiting for the writer of a pipe."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
 
 
 def _remove_stale(target: Path) -> None:
-    """Remove temporary files for this target that no process is writing any more."""
+    """Remove temporary files for this target that no process is writing."""
     for beside in target.parent.glob(f"{_prefix(target)}*.tmp"):
         try:
             with open(beside, "rb", opener=_open_at_once) as stream:
@@ -142,5 +143,5 @@ def _remove_stale(target: Path) -> None:
                     if fcntl is None:
                         stream.close()
                     beside.unlink()
-        except OSError:  # removed by another process, in use, or not ours to remove
+        except OSError:  # removed by another process, in use, or owned by another user
             continue

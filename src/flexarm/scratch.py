@@ -1,4 +1,4 @@
-"""Buffers that evaluations of the dynamics keep from one call to the next."""
+"""Buffers that evaluations of the dynamics reuse from one call to the next."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _FLOAT = np.dtype(np.float64)
 
 
 def is_plain(value: object, shape: tuple[int, ...]) -> bool:
-    """Return whether a value is an array of floats of a shape, which needs no conversion."""
+    """Return whether a value is a float array of the given shape, which needs no conversion."""
     return type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape
 
 
 class Pool(list[T]):
     """Free buffers of one kind. Each call takes its own, so that threads do not share any.
 
-    The caller appends them again when done, but not with values that are not finite.
+    The caller appends them again afterwards, but not with values that are not finite.
     """
 
     def __init__(self, new: Callable[[], T]) -> None:
@@ -37,15 +37,15 @@ class Pool(list[T]):
 
 
 class Scratch(KernelView):
-    """A view of the kernels with buffers for the three vectors of one evaluation.
+    """View of the kernels with buffers for the three vectors of one evaluation.
 
     Args:
-        assembly: of the arm, n bodies of m modes.
-        shape: of the array of the third vector, (n,) or (n, 1 + m).
-        places: positions of the third vector's numbers in that array, flattened.
+        assembly: assembly of the arm, n bodies with m modes.
+        shape: shape of the array of the third vector, (n,) or (n, 1 + m).
+        places: indices of the third vector's numbers in that array, flattened.
 
     Attributes:
-        state: (2, n, 1 + m), of coordinates and rates. third: torques (n,) or accelerations
+        state: (2, n, 1 + m), coordinates and rates. third: torques (n,) or accelerations
         (n, 1 + m).
     """
 
@@ -62,7 +62,7 @@ class Scratch(KernelView):
         self._places = _as_slice(q), _as_slice(q + rates), _as_slice(places + third)
 
     def fill(self, q: FloatArray, qd: FloatArray, third: FloatArray) -> bool:
-        """Place three vectors; return whether all their numbers are finite."""
+        """Copy three vectors to the buffers; return whether all their numbers are finite."""
         given, places = self._given, self._places
         given[places[0]] = q
         given[places[1]] = qd
@@ -71,7 +71,7 @@ class Scratch(KernelView):
 
 
 def _as_slice(places: IntArray) -> Any:
-    """Return positions that follow each other as a slice, which is faster."""
+    """Return consecutive indices as a slice, which is faster."""
     first = int(places[0]) if places.size else 0
     if np.array_equal(places, np.arange(first, first + places.size)):
         return slice(first, first + places.size)
@@ -79,5 +79,5 @@ def _as_slice(places: IntArray) -> Any:
 
 
 def is_finite(array: FloatArray) -> bool:
-    """Return whether all numbers are finite; sums or products of them would be faster, but warn."""
+    """Return whether all numbers are finite, without the warnings that sums or products give."""
     return bool(np.count_nonzero(np.isfinite(array)) == array.size)

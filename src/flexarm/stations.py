@@ -1,4 +1,4 @@
-"""Places along the links, and the arm cut off at them."""
+"""Stations along the links, and the parts of the links inboard of them."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ from flexarm.kernels.layout import (
 from flexarm.kernels.section_forces import section_forces
 from flexarm.loads import SAME_PLACE, Load, loads_inboard, parts_of
 
-#: Stations on a link at most: what lies between finite elements is smooth.
+#: Maximum number of stations on a link; more give no information, because elements are smooth.
 MOST_STATIONS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """One section on each link, and the arm with every link cut off there.
+    """One section on each link, and the constants of the links' parts inboard of it.
 
     Attributes:
-        stations: the sections, (links,) of them.
-        constants: the bodies that hold a section end there; others mean nothing.
-        sizes: of these constants.
-        reach: (n,) m from each body's root to its section; 0 where there is none.
+        stations: the sections, (links,) in total.
+        constants: constants of bodies that end at their section; those of bodies without a section
+            are meaningless.
+        sizes: sizes of these constants.
+        reach: (n,) m from each body's root to its section; 0 without a section.
     """
 
     stations: Stations
@@ -45,7 +46,11 @@ class Cut:
 
 
 def check_stations(where: str, stations: object, most: int = MOST_STATIONS) -> int:
-    """Return a number of stations that holds root and tip, or raise ``InputError``."""
+    """Return a number of stations that includes root and tip.
+
+    Raises:
+        InputError: if it is not a whole number from 2 to ``most``.
+    """
     if isinstance(stations, int | np.integer) and 2 <= int(stations) <= most:
         return int(stations)
     rule = f"be a whole number from 2 (root and tip) to {most}"
@@ -53,7 +58,7 @@ def check_stations(where: str, stations: object, most: int = MOST_STATIONS) -> i
 
 
 def place_stations(arm: Coordinates, count: int) -> Stations:
-    """Divide each link evenly by ``count`` stations, root and tip included: (links * count,).
+    """Divide each link evenly by ``count`` stations, including root and tip: (links * count,).
 
     A station between two segments is the tip of the inboard one.
     """
@@ -86,7 +91,7 @@ def place_stations(arm: Coordinates, count: int) -> Stations:
 def place_gauges(
     arm: Coordinates, gauges: Sequence[tuple[int, float, float]]
 ) -> tuple[FloatArray, IntArray]:
-    """Strain per modal coordinate at gauges (link, station m, distance m), and their bodies."""
+    """Return strain per modal coordinate at gauges (link, station m, distance m), and bodies."""
     rows = np.zeros((len(gauges), arm.assembly.modes))
     bodies = np.zeros(len(gauges), dtype=np.intp)
     for k, (i, station, distance) in enumerate(gauges):
@@ -103,7 +108,7 @@ def place_gauges(
 
 
 def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
-    """Cut every link at its first station, every link at its second, and so on: ``count`` cuts."""
+    """Return ``count`` cuts; cut k contains the section at station k of every link."""
     placed = place_stations(arm, count)
     whole = arm.assembly.constants
     n, m = whole.S.shape
@@ -113,7 +118,7 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
             body=whole.body.copy(),
             mode=whole.mode.copy(),
             shortening=whole.shortening.copy(),
-            # A part has no unit mass matrix: this is there without rotary inertia too.
+            # The mass matrix of a part is not the identity, so this term is always necessary.
             centrifugal=np.zeros((n, m, m)),
         )
         stations = Stations(*(np.ascontiguousarray(array[k::count]) for array in placed))
@@ -140,10 +145,11 @@ def forces_at(
     placed: Loads,
     work: Workspace,
 ) -> FloatArray:
-    """Axial force, shear force and bending moment of one state: (links, cuts, 3), N and N m.
+    """Return axial force, shear force and bending moment (N, N m) of one state: (links, cuts, 3).
 
-    ``state`` (2, n, 1 + m) and ``acceleration`` (n, 1 + m) in the kernels' layout; ``placed`` the
-    place of ``loads`` in it; ``work`` as ``inverse_dynamics`` has left it for all of these.
+    ``state`` (2, n, 1 + m) and ``acceleration`` (n, 1 + m) have the kernels' layout; ``placed``
+    contains ``loads`` in it; ``work`` contains the results of ``inverse_dynamics`` for all of
+    these.
     """
     forces, owners = np.zeros((len(cuts), arm.links, 3)), parts_of(arm, loads)
     for cut, values in zip(cuts, forces, strict=True):

@@ -1,6 +1,6 @@
-"""Surfaces that an arm may touch: walls, circles, and curves through points.
+"""Surfaces for contacts: walls, circles, and curves through points.
 
-They stand still in the axes of the arm's base, and move with it where the base moves.
+They are fixed in the axes of the arm's base, and move with an accelerated base.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from flexarm.errors import InputError, Problem, check_array, shown
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-#: A piece of a tabulated surface turns by no more than this (rad): its nearest knot is then a good
-#: start for Newton's method.
+#: Maximum rotation (rad) of the tangent of a tabulated surface within a piece, so that the nearest
+#: knot is a good initial value for Newton's method.
 _TURN = 0.25
 _MOST_CUTS = 64
-#: Points closer than this part of the extent are one: angles round.
+#: Points closer than this fraction of the extent are equal, because of rounding errors.
 _SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A straight surface; what is behind it, against the normal, is solid.
+    """A straight surface; the region behind it, against the normal, is solid.
 
     Args:
-        point: (x, y) m, any place on it.
-        normal: (x, y), away from the wall; any length but zero.
+        point: (x, y) m, any point of the wall.
+        normal: (x, y), pointing away from the wall; any length except zero.
 
     Raises:
-        InputError: a value is not finite, or the normal has no length.
+        InputError: if a value is not finite, or the normal is zero.
     """
 
     point: ArrayLike
@@ -52,17 +52,17 @@ class Wall:
     def arc(self) -> tuple[float, FloatArray, FloatArray]:
         """Curvature 0 (1/m), a point (2,) m and the unit normal (2,) there."""
         normal = np.asarray(self.normal, dtype=np.float64)
-        normal = normal / np.max(np.abs(normal))  # squares of the components cannot overflow then
+        normal = normal / np.max(np.abs(normal))  # prevents an overflow of the squares
         return 0.0, np.asarray(self.point, dtype=np.float64), normal / np.linalg.norm(normal)
 
 
 @dataclass(frozen=True, eq=False)
 class RoundWall:
-    """A circle: a solid post that is touched from outside, or a round room, from inside.
+    """A circle: a solid post with contacts from outside, or a round room with contacts from inside.
 
     Args:
         center: (x, y) m. radius: m, positive.
-        inside: whether the arm is inside of it.
+        inside: whether the arm is inside the circle.
 
     Raises:
         InputError: if a value is not finite, the radius is not positive, or ``inside`` is not a
@@ -89,19 +89,19 @@ class RoundWall:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceTable:
-    """A smooth curve through points; what lies to the right of its course is solid.
+    """A smooth curve through points; the region to the right of its direction is solid.
 
-    A cubic spline over the length of the polygon through the points, so that a profile whose x
-    rises is solid below. Beyond its ends an open curve goes straight on.
+    The curve is a cubic spline over the length of the polygon through the points. A profile with
+    increasing x is therefore solid below. An open curve continues straight beyond its ends.
 
     Args:
-        x, y: (k,) m, three points or more, no two in a row the same.
-        closed: whether the curve goes on from the last point to the first: counter-clockwise the
-            arm is inside of it, clockwise outside.
+        x, y: (k,) m, three points or more; consecutive points must differ.
+        closed: whether the curve continues from the last point to the first. The arm is inside a
+            counter-clockwise curve and outside a clockwise one.
 
     Raises:
-        InputError: a value is not finite, there are too few points, two in a row are the same, or
-            the polygon of a closed curve crosses itself.
+        InputError: if a value is not finite, there are too few points, two consecutive points are
+            equal, or the polygon of a closed curve crosses itself.
     """
 
     x: ArrayLike
@@ -141,16 +141,16 @@ class SurfaceTable:
 
 
 def _area(points: FloatArray) -> float:
-    """Area inside a polygon (k, 2), m^2, negative clockwise; its last point is its first."""
+    """Return the area inside a polygon (k, 2), m^2, negative if clockwise; the ends coincide."""
     (x, y), (x_next, y_next) = points[:-1].T, points[1:].T
     return 0.5 * float(np.sum(x * y_next - x_next * y))
 
 
 def _crossing(points: FloatArray) -> tuple[int, int] | None:
-    """Return the first two sides of a polygon (k, 2) that cross; its last point is its first."""
+    """Return the first two sides of a polygon (k, 2) that cross; the end points coincide."""
     start, side = points[:-1], np.diff(points, axis=0)
     for k in range(len(start) - 2):
-        # Sides next to this one share a point with it; the last is next to the first.
+        # Adjacent sides share a point; the last side is adjacent to the first.
         others = np.arange(k + 2, len(start) - (k == 0))
         to, along = start[others] - start[k], side[others]
         turn = side[k, 0] * along[:, 1] - side[k, 1] * along[:, 0]
@@ -164,9 +164,9 @@ def _crossing(points: FloatArray) -> tuple[int, int] | None:
 
 
 def _cut(spline: CubicSpline, closed: bool) -> FloatArray:
-    """Rows (pieces, 9): start (arc of the polygon, m), then cubics of x and y, lowest power first.
+    """Return rows (pieces, 9): start (polygon length, m), then cubics of x, y in rising powers.
 
-    The first row leads up to the curve and the last one away from it.
+    The first and the last row continue the curve beyond its start and its end.
     """
     starts = []
     for a, b in zip(spline.x[:-1], spline.x[1:], strict=True):
@@ -177,7 +177,7 @@ def _cut(spline: CubicSpline, closed: bool) -> FloatArray:
         starts += np.linspace(a, b, cuts, endpoint=False).tolist()
     s = np.array(starts)
     powers = [spline(s, k) / factor for k, factor in enumerate((1.0, 1.0, 2.0))]
-    # The third derivative jumps at knots: that of a piece is the one inside it.
+    # The third derivative is discontinuous at knots, so evaluate it inside each piece.
     ends = np.append(s[1:], spline.x[-1])
     powers.append(spline(0.5 * (s + ends), 3) / 6.0)
     rows = np.column_stack([s, *(np.stack(powers, axis=2).reshape(len(s), 8).T)])

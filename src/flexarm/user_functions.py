@@ -1,4 +1,4 @@
-"""Functions of time that users write: what they raise becomes an error with the time."""
+"""User functions of time, with errors that contain the time of a failure."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Any
 
 from flexarm.errors import FlexarmError, SimulationError
 
-#: Halvings of the interval in which a function begins to fail: to the last digit of the time.
+#: Bisections of the interval in which a function begins to fail: to the last digit of the time.
 _HALVINGS = 60
 
 
 class FunctionError(SimulationError):
-    """A function of time raised an exception, its ``__cause__``; until ``time`` it answered."""
+    """A function of time raised an exception, its ``__cause__``; it succeeds before ``time``."""
 
 
 def call(name: str, function: Callable[[Any], Any], t: Any) -> Any:
     """Return the value of a function at a time (s), or at times (T,).
 
     Raises:
-        FunctionError: if the function raises; flexarm's own errors go through as they are.
+        FunctionError: if the function raises an exception; flexarm's own exceptions pass unchanged.
     """
     try:
         return function(t)
@@ -32,10 +32,10 @@ def call(name: str, function: Callable[[Any], Any], t: Any) -> Any:
 def first_failure(
     name: str, function: Callable[[float], Any], before: float, failed: FunctionError
 ) -> FunctionError:
-    """Return the failure of a function at the time from which on it fails, by bisection.
+    """Return the failure of a function at the earliest time of failure, found by bisection.
 
     Args:
-        before: a time (s) at which it answers.
+        before: a time (s) at which the function succeeds.
         failed: its failure at a later time.
     """
     at, cause = failed.time, failed.__cause__

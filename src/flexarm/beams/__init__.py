@@ -1,4 +1,4 @@
-"""Finite elements of one link: plain numbers in, arrays out."""
+"""Finite elements of one link: constants of the arm's dynamics from section properties."""
 
 from flexarm.beams.invariants import LinkConstants, link_constants, rigid_constants
 

@@ -1,10 +1,10 @@
 """Matrices and vectors of one link over its nodal coordinates, root clamped.
 
 Nodal coordinates are `[v_2, phi_2, ..., v_{N+1}, phi_{N+1}]`, deflection (m) and rotation of the
-section (rad) at the free nodes of N elements; the root's own pair is zero and left out. N(x) are
-the shapes of the deflection, N_phi(x) those of the rotation: N' for an Euler-Bernoulli beam.
-Of a beam that shears, three interior values of each element follow; ``beams.interior`` makes them
-functions of the nodal ones.
+section (rad) at the free nodes of N elements; the zero pair of the clamped root is omitted. N(x)
+are the shapes of the deflection, N_phi(x) those of the rotation: N' for an Euler-Bernoulli beam.
+With shear, three interior values of each element follow; ``beams.interior`` expresses them by the
+nodal ones.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ from flexarm.beams.shear import (
 
 @dataclass(frozen=True, eq=False)
 class BeamMatrices:
-    """Matrices of one link; n = 2 * elements nodal values, and 3 * elements interior ones if any.
+    """Matrices of one link over n = 2 * elements nodal values, plus 3 * elements interior ones.
+
+    The interior values exist only with shear.
 
     Attributes:
         translational_mass: (n, n) integral of mu N N^T.
@@ -49,7 +51,7 @@ class BeamMatrices:
 
     @property
     def mass(self) -> FloatArray:
-        """(n, n) translational and rotary inertia together."""
+        """(n, n) sum of translational and rotary inertia."""
         return self.translational_mass + self.rotary_mass
 
     def over(self, shapes: FloatArray) -> BeamMatrices:
@@ -84,7 +86,7 @@ def beam_matrices(table: BeamTable, quadrature: BeamQuadrature) -> BeamMatrices:
 def beam_forms(
     table: BeamTable, quadrature: BeamQuadrature, *, with_root: bool = False
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return translational mass, rotary mass and stiffness; ``with_root`` as `product_integral`."""
+    """Return translational mass, rotary mass, stiffness; `with_root` as in `product_integral`."""
     x, shapes = quadrature.points, point_shapes(table, quadrature)
 
     def form(column: FloatArray, local: FloatArray) -> FloatArray:
@@ -102,7 +104,7 @@ def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray)
     """Integrate density(x) N(x) along the link.
 
     Args:
-        quadrature: the points, q of them.
+        quadrature: the points; q is their number.
         density: (q,) weight function at the points.
         local: (q, 4) or (q, 7) shapes of each point's element there, a field of `PointShapes`.
 
@@ -124,10 +126,10 @@ def product_integral(
         quadrature: the points, q of them.
         density: (q,) weight function at the points.
         local: (q, 4) or (q, 7) shapes of each point's element there, a field of `PointShapes`.
-        with_root: count the root's pair too, first.
+        with_root: whether to include the pair of the root, as the first one.
 
     Returns:
-        (n, n) symmetric matrix over the coordinates, or (n + 2, n + 2) with the root's.
+        (n, n) symmetric matrix over the coordinates, or (n + 2, n + 2) including the root.
     """
     products = local[:, :, None] * local[:, None, :]
     products *= (quadrature.weights * density)[:, None, None]
@@ -144,16 +146,16 @@ def nodal_shapes(
     derivative: int = 0,
     parameters: FloatArray | None = None,
 ) -> FloatArray:
-    """Evaluate the deflection's shapes of all nodal coordinates at stations along the link.
+    """Evaluate the deflection shapes of all nodal coordinates at stations along the link.
 
     Args:
         stations: (k,) distances from the root (m), 0 to `length`.
-        length: of the link (m).
+        length: length of the link (m).
         elements: number of elements.
-        derivative: 0 deflection v, 1 slope v', 2 curvature phi'. The curvature jumps at element
-            ends, with shear the slope too: the value is the outboard element's, at the tip the
-            last element's.
-        parameters: (elements,) Phi_s of `shear_parameters`; None where there is no shear.
+        derivative: 0 deflection v, 1 slope v', 2 curvature phi'. At element ends the curvature is
+            discontinuous, with shear also the slope: the value is that of the outboard element, at
+            the tip that of the last element.
+        parameters: (elements,) Phi_s of `shear_parameters`; None without shear.
 
     Returns:
         (k, n) rows that multiply nodal coordinates.
@@ -166,7 +168,7 @@ def nodal_shapes(
 def nodal_rotations(
     stations: FloatArray, length: float, elements: int, parameters: FloatArray
 ) -> FloatArray:
-    """Evaluate the shapes (k, n) of the section's rotation phi; arguments as `nodal_shapes`."""
+    """Evaluate the shapes (k, n) of the section rotation phi; arguments as in `nodal_shapes`."""
     element, xi = _places(stations, length, elements)
     angles = _angles(element, length / elements, elements, parameters)
     return _spread(element, elements, rotation_shapes(xi, length / elements, angles))
@@ -175,7 +177,7 @@ def nodal_rotations(
 def interior_shapes(
     stations: FloatArray, length: float, elements: int, field: str, derivative: int
 ) -> FloatArray:
-    """Evaluate all interior shapes at stations: (k, 3 * elements); arguments as `nodal_shapes`.
+    """Evaluate interior shapes (k, 3 * elements) at stations; arguments as in `nodal_shapes`.
 
     Args:
         field: "deflection" for v, or "rotation" for phi.
@@ -191,7 +193,7 @@ def interior_shapes(
 def _places(
     stations: FloatArray, length: float, elements: int
 ) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Element (k,) and position in it (k,) of each station."""
+    """Return the element (k,) of each station, and the position in it (k,)."""
     scaled = stations / (length / elements)
     element = np.minimum(scaled.astype(np.intp), elements - 1)
     return element, scaled - element
@@ -200,25 +202,25 @@ def _places(
 def _angles(
     element: npt.NDArray[np.intp], length: float, elements: int, parameters: FloatArray | None
 ) -> FloatArray:
-    """Rows (k, 4) of the shear angle of each station's element."""
+    """Return the rows (k, 4) of the shear angle of each station's element."""
     shear = np.zeros(elements) if parameters is None else parameters
     return shear_angles(shear, length)[element]
 
 
 def _spread(element: npt.NDArray[np.intp], elements: int, local: FloatArray) -> FloatArray:
-    """(k, n) rows over all nodal coordinates of the local ones (k, 4)."""
+    """Return rows (k, n) over all nodal coordinates, from those of one element (k, 4)."""
     shapes = np.zeros((element.size, 2 * elements + 2))
     np.put_along_axis(shapes, _rows(element), local, axis=1)
     return shapes[:, 2:]
 
 
 def _rows(element: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """(k, 4) positions of an element's nodal coordinates, the root's pair counted."""
+    """Return the indices (k, 4) of an element's nodal coordinates, counted with the root's pair."""
     return 2 * element[:, None] + np.arange(4)
 
 
 def _all_rows(quadrature: BeamQuadrature, local: FloatArray) -> tuple[npt.NDArray[np.intp], int]:
-    """Positions (q, 4 or 7) of the coordinates that ``local`` belongs to, and their number."""
+    """Return the indices (q, 4 or 7) of the coordinates of ``local``, and their total number."""
     nodal, interior = 2 * quadrature.elements + 2, local.shape[1] - 4
     inner = nodal + interior * quadrature.element[:, None] + np.arange(interior)
     rows = np.hstack([_rows(quadrature.element), inner])

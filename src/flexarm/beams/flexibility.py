@@ -1,10 +1,10 @@
-"""From bending strain to shape: a factor of the flexibility matrix without inverting anything.
+"""Factor of the flexibility matrix, without inverting the stiffness matrix.
 
 On a fine mesh the stiffness matrix is ill conditioned (its condition number grows as the fourth
-power of the number of elements), and frequencies taken from it are blurred by that much rounding:
-with 256 elements the lowest one keeps five digits. A clamped root makes a better way possible: the
-curvature, linear in each element, is integrated twice from the root. Such sums lose nothing.
-With shear the mean angle of an element is integrated along.
+power of the number of elements), and frequencies computed from it lose as many digits: with 256
+elements the lowest one keeps five. Because the root is clamped, the curvature, linear in each
+element, can be integrated twice from the root instead. These sums lose no digits. With shear, the
+mean shear angle of an element is included in the integration.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from flexarm.beams.quadrature import BeamQuadrature
 
 
 def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
-    """Find the matrix F that turns strain coordinates z into nodal coordinates.
+    """Compute the matrix F that transforms strain coordinates z to nodal coordinates.
 
     In element e (length h, xi from 0 to 1) the curvature is `c_0 + c_1 sqrt(3) (2 xi - 1)`, and
     `z_e = sqrt(h) R c` with `R^T R` the integral of EI over the products of the two functions, so
     the strain energy is |z|^2 / 2. Hence `F^T K F = 1` and `F F^T` is the flexibility matrix.
     With shear the angle, quadratic in each element, adds its flexibility; (B.32). These are the
-    static shapes: the response to loads at nodes, interior shapes included.
+    static shapes, including the interior shapes: the response to loads at nodes.
 
     Returns:
         (n, n) F, with n = 2 * elements; rows `[v_2, phi_2 h, v_3, phi_3 h, ...]`: rotations
-        times the element length (m), so that all rows are lengths.
+        times the element length (m), so that all rows have the unit of length.
 
     Raises:
-        numpy.linalg.LinAlgError: the bending stiffness of an element is not positive.
+        numpy.linalg.LinAlgError: if the bending stiffness of an element is not positive.
     """
     h, elements = quadrature.element_length, quadrature.elements
     linear = np.sqrt(3.0) * (2.0 * quadrature.xi - 1.0)
@@ -44,7 +44,7 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     )
     # z = R c sqrt(h) with gram = h R^T R = lower lower^T, so c = lower^-T z.
     curvature = np.linalg.inv(np.linalg.cholesky(gram)).transpose(0, 2, 1)
-    # Gains of (v, phi h) over an element from its curvature: rotation h^2 c_0, deflection
+    # Increments of (v, phi h) over an element by its curvature: rotation h^2 c_0, deflection
     # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi.
     from_curvature = np.zeros((elements, 2, 2))
     from_curvature[:, 0, 0], from_curvature[:, 1, 0] = 0.5, 1.0
@@ -65,10 +65,10 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
 def _shear_flexibility(
     rigidity: FloatArray, table: BeamTable, quadrature: BeamQuadrature
 ) -> FloatArray:
-    """Mean shear angle of each element under a unit shear force, (elements,), rad/(N m).
+    """Return the mean shear angle of each element under unit shear force, (elements,), rad/(N m).
 
-    The angle is a parabola: the best approximation of 1/kGA in the element that three Legendre
-    polynomials allow.
+    The angle is a parabola: the best approximation of 1/kGA in the element by three Legendre
+    polynomials.
     """
     basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
     weights = quadrature.weights * np.interp(quadrature.points, table.x, rigidity)

@@ -1,17 +1,16 @@
-"""Interior shapes of elements that shear: how they follow the nodal values.
+"""Interior shapes of shear-deformable elements, as functions of the nodal values.
 
-The two-node element is exact under loads at its nodes, but inertia loads the link between them as
-well. Without the shear strain of these loads, frequencies converge as h^2 where shear dominates.
-Three interior values of each element, v cubic and phi quadratic with zero ends, supply it. They
+The two-node element is exact under loads at its nodes, but inertia also loads the link between
+them. Without the shear strain of these loads, frequencies converge as h^2 if shear dominates.
+Three interior values of each element, v cubic and phi quadratic with zero ends, represent it. They
 are not coordinates, because they would add frequencies near the cut-off sqrt(kGA/rho I), which
 limits the step of every integrator. They are functions of the nodal values d,
-
     b = S d + T p(d),    S = -K_bb^-1 K_bn,    T = K_bb^-1 F :
 
 the static response to the nodal values, and to the inertia F p of the mean acceleration p of each
-element. p follows from the forces K d at the inner nodes, which are inertia in a vibration. Loads
-at the tip have no forces there, so the static response to them stays exact. Theory page "beams",
-section 9.
+element. p follows from the forces K d at the inner nodes, which are inertia forces in a vibration.
+Loads at the tip cause no forces there, so the static response to them stays exact. Theory page
+"beams", section 9.
 
 Symbols: n nodal, b interior; K stiffness; h length of an element.
 """
@@ -28,8 +27,8 @@ from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature
 from flexarm.beams.shear import element_integrals, point_shapes
 
-# Rotary inertia is negligible below this part of mu h^2. In a beam of one material h then exceeds
-# thirty radii of gyration, and shear is negligible too.
+# Rotary inertia is negligible below this fraction of mu h^2. In a beam of one material h then
+# exceeds thirty radii of gyration, and shear is negligible too.
 _NEGLIGIBLE = 1e-3
 
 
@@ -56,7 +55,7 @@ class Interior:
 
         Args:
             strain_to_nodal: (n, n) F of the static response, rows in metres.
-            units: (n,) divisors of its rows that give nodal coordinates.
+            units: (n,) divisors that convert its rows to nodal coordinates.
         """
         if not len(self.values):
             return strain_to_nodal
@@ -68,7 +67,7 @@ class Interior:
 
 
 def interior_values(table: BeamTable, quadrature: BeamQuadrature) -> Interior:
-    """Compute how the interior values of a link follow its nodal ones."""
+    """Compute the interior values of a link per nodal value."""
     n = 2 * quadrature.elements
     if table.shear_rigidity is None:
         return Interior(np.zeros((0, n)), np.zeros((0, n)))
@@ -83,12 +82,12 @@ def interior_values(table: BeamTable, quadrature: BeamQuadrature) -> Interior:
 
 
 def _accelerations(table: BeamTable, quadrature: BeamQuadrature, static: FloatArray) -> FloatArray:
-    """Mean acceleration (2 * elements, n) of v and phi in each element, per nodal value.
+    """Return the mean acceleration (2 * elements, n) of v, phi in each element, per nodal value.
 
-    The forces ``static @ d`` at inner nodes over the inertia of these nodes. Root and tip elements
-    take the value of their inner node, because other forces act at root and tip; the error is of
-    first order in two elements and changes frequencies in fifth order. The moment at a node also
-    contains mu h^3/15 v'' of a smooth field around it.
+    It is the force ``static @ d`` at inner nodes divided by the inertia of these nodes. Root and
+    tip elements take the value of their inner node, because other forces act at root and tip; the
+    error is of first order in two elements and changes frequencies in fifth order. The moment at a
+    node also contains mu h^3/15 v'' of a smooth field around it.
     """
     h, elements, xi = quadrature.element_length, quadrature.elements, quadrature.xi
     mass, rotary = (
@@ -108,10 +107,10 @@ def _accelerations(table: BeamTable, quadrature: BeamQuadrature, static: FloatAr
 
 
 def _inertia_forces(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
-    """F (3 * elements, 2 * elements): inertia of each element's mean acceleration.
+    """Return F (3 * elements, 2 * elements): inertia of each element's mean acceleration.
 
-    Where rotary inertia is negligible, F vanishes: the response would cancel the deflection that
-    rotations of the nodes cause in soft elements, the only mass that these rotations then have.
+    If rotary inertia is negligible, F vanishes. Otherwise the response would cancel the deflection
+    that node rotations cause in soft elements, and then these rotations would have no inertia.
     """
     local, elements = point_shapes(table, quadrature), quadrature.elements
     mass, rotary = (

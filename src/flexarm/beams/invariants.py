@@ -1,4 +1,4 @@
-"""Everything the arm's dynamics needs to know of one link, as constants."""
+"""Constants of one link for the dynamics of the arm."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LinkConstants:
     Frame: origin at the root, x normal to the section there, deflection `v(x) = Phi(x)^T eta`,
     rotation of the section `phi(x) = Psi(x)^T eta`; without shear Psi = Phi', and x is along the
     tangent. mu is the mass per length, rho I the rotary inertia per length. Over these shapes the
-    link's own mass matrix is the identity and its stiffness diag(w2). Arrays are read-only.
+    mass matrix of the link is the identity and its stiffness diag(w2). Arrays are read-only.
 
     Attributes:
         length: L (m).
@@ -50,20 +50,20 @@ class LinkConstants:
         rotary: (m, m) integral of rho I Psi Psi^T, contained in the identity above.
         D0: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x.
         D1: (m, m) integral of mu x g(x).
-        residual_inertia: (3,) inertia that is left of a rigid translation and rotation about the
-            root once the shapes have followed as well as they can: translation, coupling,
-            rotation (kg, kg m, kg m^2); theory page "recursion", (R.6).
-        residual_tip: (2, 2) tip deflection and rotation (rows) of what is left of a unit
+        residual_inertia: (3,) inertia of the residuals of a rigid translation and rotation about
+            the root, after subtracting their best approximation by the shapes: translation,
+            coupling, rotation (kg, kg m, kg m^2); theory page "recursion", (R.6).
+        residual_tip: (2, 2) tip deflection and rotation (rows) of the residuals of a unit
             translation and rotation (columns).
         G: (m, m) g(L). A bent link is shorter by eta^T G eta / 2 along its root tangent.
         basis: (2 * elements, m) shapes at the nodes: `basis @ eta` is
-            `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is left out.
-        projector: (m, 2 * elements) `basis^T M`, the way back (mass-orthogonal).
+            `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is omitted.
+        projector: (m, 2 * elements) `basis^T M`, the mass-orthogonal projection of nodal values.
         shear_parameter: (elements,) 12 EI / (k G A h^2) of each element; 0 without shear.
         interior: (k, m) interior values of the shapes, k = 3 * elements with shear, else 0.
-        table: section properties along the link, of which all of this is made.
+        table: section properties along the link, from which the constants are computed.
 
-    A rigid link has m = 0 and the same arrays, empty.
+    A rigid link has m = 0 and the same arrays, which are then empty.
     """
 
     length: float
@@ -107,7 +107,7 @@ class LinkConstants:
 
     @property
     def elements(self) -> int:
-        """Number of finite elements the shapes are made of."""
+        """Number of finite elements."""
         return len(self.basis) // 2
 
     def deflection(self, x: object) -> FloatArray:
@@ -117,12 +117,12 @@ class LinkConstants:
     def slope(self, x: object) -> FloatArray:
         """Evaluate Phi' at stations x (k,), 0 to length (m): (k, m), rad per unit of eta.
 
-        With shear it jumps at element ends; there the value is the outboard element's.
+        With shear it is discontinuous at element ends; the value is that of the outboard element.
         """
         return self._shapes(x, 1)
 
     def rotation(self, x: object) -> FloatArray:
-        """Evaluate Psi, the rotation of the section, as `slope`: which it is without shear."""
+        """Evaluate the section rotation Psi; as `slope`, to which it is equal without shear."""
         stations = self._stations(x)
         nodal = nodal_rotations(stations, self.length, self.elements, self.shear_parameter)
         return nodal @ self.basis + self._interior(stations, "rotation", 0)
@@ -130,7 +130,7 @@ class LinkConstants:
     def curvature(self, x: object) -> FloatArray:
         """Evaluate Psi' at stations x (k,), 0 to length (m): (k, m), 1/m per unit of eta.
 
-        It jumps at element ends; there the value is the outboard element's.
+        It is discontinuous at element ends; the value is that of the outboard element.
         """
         return self._shapes(x, 2)
 
@@ -141,16 +141,16 @@ class LinkConstants:
         return nodal @ self.basis + self._interior(stations, *field)
 
     def _interior(self, stations: FloatArray, field: str, derivative: int) -> FloatArray:
-        """Return the part of the interior values: (k, m), or zero without shear."""
+        """Return the contribution of the interior values: (k, m), zero without shear."""
         if not len(self.interior):
             return np.zeros((stations.size, self.w2.size))
         shapes = interior_shapes(stations, self.length, self.elements, field, derivative)
         return shapes @ self.interior
 
     def _stations(self, x: object) -> FloatArray:
-        """Check stations, and move those on the link that rounding has put beside it."""
+        """Check stations, and clip those that are outside the link because of rounding."""
         stations = check_array("LinkConstants", "x", x, (-1,))
-        slack = 1e-9 * self.length  # stations computed as sums may miss the tip by rounding
+        slack = 1e-9 * self.length  # stations computed as sums may differ from the tip by rounding
         outside = (stations < -slack) | (stations > self.length + slack)
         if np.any(outside):
             rule = f"lie between 0 and the length {self.length:g}"
@@ -179,12 +179,12 @@ def link_constants(
         rotary_inertia_per_length: (p,) rho I (kg m); zeros for an Euler-Bernoulli beam.
         shear_rigidity: (p,) k G A (N), positive, for a Timoshenko beam; None: no shear.
         elements: number of finite elements of equal length.
-        modes: reduced shapes to keep, 1 to 2 * elements (see `beams.modes.beam_basis`); None
-            keeps the full finite element model.
-        where: the link's name, for messages.
+        modes: number of reduced shapes, 1 to 2 * elements (see `beams.modes.beam_basis`); None:
+            the full finite element model.
+        where: name of the link, for messages.
 
     Raises:
-        InputError: a rule above is broken, or the mass matrix is not positive definite.
+        InputError: if a condition above is not met, or the mass matrix is not positive definite.
     """
     table = beam_table(
         where, x, flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity
@@ -210,8 +210,8 @@ def _flexible_constants(
     basis, interior = shapes.basis, inside.values @ shapes.basis
     all_values = np.vstack([basis, interior]) if len(interior) else basis
 
-    # The slope at s shortens everything outboard of it, so exchanging the order of integration
-    # turns each double integral into one over s, weighted by what lies outboard.
+    # The slope at s shortens everything outboard of it. Exchanging the order of integration
+    # therefore gives single integrals over s, weighted by the outboard mass or first moment.
     s = quadrature.points
     S = basis.T @ matrices.deflection_moment
     a = basis.T @ matrices.rotation_moment
@@ -253,10 +253,10 @@ def rigid_constants(
 
     Args:
         x, mass_per_length, rotary_inertia_per_length, where: as in `link_constants`.
-        elements: rows of the empty basis, so that `basis @ eta` still has two zeros per element.
+        elements: sets the rows of the empty basis: `basis @ eta` has two zeros per element.
 
     Raises:
-        InputError: a rule of the tables is broken.
+        InputError: if a table does not meet a condition of `BeamTable`.
     """
     _check_count(where, "elements", elements, None)
     unused = np.ones_like(check_array(where, "x", x, (-1,)))
@@ -292,7 +292,7 @@ def rigid_constants(
 
 @contextmanager
 def _in_range(where: str, table: BeamTable) -> Iterator[None]:
-    """Raise InputError where numbers overflow, round to zero, or leave matrices indefinite."""
+    """Raise InputError if numbers overflow or underflow, or matrices are indefinite."""
     try:
         with np.errstate(divide="raise", over="raise", invalid="raise"):
             yield
@@ -309,7 +309,7 @@ def _in_range(where: str, table: BeamTable) -> Iterator[None]:
 
 
 def _is_extreme(table: BeamTable) -> bool:
-    """Whether powers and products of the dimensions may leave the range of floats."""
+    """Return whether powers and products of the dimensions may exceed the range of floats."""
     shear = [] if table.shear_rigidity is None else [table.shear_rigidity]
     dimensions = np.concatenate(
         [
@@ -325,7 +325,7 @@ def _is_extreme(table: BeamTable) -> bool:
 
 
 def _rigid_body(table: BeamTable, quadrature: BeamQuadrature) -> tuple[float, float, float, float]:
-    """Length, mass, first moment, moment of inertia about the root, as `LinkConstants` begins."""
+    """Return length, mass, first moment, inertia about the root: first fields of LinkConstants."""
     s, weights = quadrature.points, quadrature.weights
     mass = weights * np.interp(s, table.x, table.mass_per_length)
     rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
@@ -342,15 +342,15 @@ def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
 def _left_of_rigid_motion(
     quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
 ) -> FloatArray:
-    """Subtract from unit rigid motions what the shapes make of them, at all nodes.
+    """Return the residuals of unit rigid motions, after subtracting the shapes' approximation.
 
     Args:
         translation, rotation: (n + k,) nodal and interior values of the shapes' best approximation.
 
     Returns:
-        (n + 2 + k, 2) values, the root's pair first. With the full finite element model all
-        that is left is a wave that dies out within a few elements of the root: so small beside
-        the rigid motion that differences of integrals (int mu x^2 - a.a) would lose it.
+        (n + 2 + k, 2) values, with the root's pair first. With the full finite element model the
+        residual decays within a few elements of the root. It is so small compared to the rigid
+        motion that differences of integrals (int mu x^2 - a.a) would lose it.
     """
     nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
     left = np.zeros((2 + translation.size, 2))
@@ -366,7 +366,10 @@ def _left_of_rigid_motion(
 def _residual_inertia(
     table: BeamTable, quadrature: BeamQuadrature, local: PointShapes, left: FloatArray
 ) -> FloatArray:
-    """Inertia (3,) of the motions ``left`` (n + 2 + k, 2): translation, coupling, rotation."""
+    """Return inertia (3,) of the motions ``left``: translation, coupling, rotation.
+
+    ``left`` has shape (n + 2 + k, 2).
+    """
     x = quadrature.points
     mass = np.interp(x, table.x, table.mass_per_length)
     rotary = np.interp(x, table.x, table.rotary_inertia_per_length)

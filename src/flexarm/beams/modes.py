@@ -1,4 +1,4 @@
-"""Coordinates of a flexible link: mass-normalised shapes, all of them or a few good ones."""
+"""Mass-normalised shapes of a flexible link, complete or reduced, as its coordinates."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from flexarm.beams.assembly import BeamMatrices
 from flexarm.beams.hermite import FloatArray
 from flexarm.errors import InputError, Problem
 
-# Rounding leaves 1e-13 on meshes of 256 elements; a matrix that is not really positive definite
-# leaves far more than this.
+# Rounding errors are 1e-13 on meshes of 256 elements; if the matrix is not positive definite, the
+# error is far larger than this limit.
 _ORTHONORMALITY = 1e-10
-# The shapes must diagonalise the stiffness up to the rounding of the product itself; this is the
-# share allowed on top of it. It catches wrong algebra, not lost digits.
+# The shapes must diagonalise the stiffness up to the rounding error of the product itself plus this
+# relative tolerance. The check detects wrong algebra, not lost digits.
 _DIAGONALITY = 1e-7
 
 
@@ -23,15 +23,15 @@ class BeamBasis:
     """Mass-normalised shapes Phi of one link: nodal coordinates are `basis @ eta`.
 
     Attributes:
-        basis: (n, m) with n = 2 * elements: column j holds shape j at the nodes (m and rad per
+        basis: (n, m) with n = 2 * elements: column j contains shape j at the nodes (m and rad per
             unit of eta_j, which is in sqrt(kg) m).
         projector: (m, n) `basis^T M`: eta of a nodal deflection; for one outside the span of the
-            shapes, of its mass-orthogonal projection.
-        w2: (m,) stiffness over the shapes (rad^2/s^2), increasing; frequencies of the clamped
-            link squared.
+            shapes, eta of its mass-orthogonal projection.
+        w2: (m,) stiffness over the shapes (rad^2/s^2), increasing: squared frequencies of the
+            clamped link.
 
     Raises:
-        InputError: `projector @ basis` is not the identity.
+        InputError: if `projector @ basis` is not the identity.
     """
 
     basis: FloatArray
@@ -60,22 +60,22 @@ def beam_basis(
     modes: int | None,
     where: str = "beam_basis",
 ) -> BeamBasis:
-    """Find the shapes of a link.
+    """Compute the shapes of a link.
 
-    All of them are the eigenvectors of stiffness and mass of the clamped link: the finite element
-    model itself in other coordinates. A reduced set is that of Craig and Bampton: the static
-    shapes of a unit force and a unit moment at the tip, where the rest of the arm pulls, then the
-    lowest modes with the tip clamped as well, all diagonalised again inside their span.
+    The complete set consists of the eigenvectors of stiffness and mass of the clamped link: the
+    finite element model itself in other coordinates. The reduced set is that of Craig and Bampton:
+    the static shapes of a unit force and a unit moment at the tip, where the rest of the arm acts,
+    then the lowest modes with the tip also clamped, all diagonalised again within their span.
 
     Args:
-        matrices: of the link.
+        matrices: matrices of the link.
         strain_to_nodal: (n, n) F of `flexibility.strain_to_nodal`.
         element_length: h (m), the unit of its rotation rows.
-        modes: m, or None for all n. One keeps the tip force shape, two the moment shape too.
-        where: the link's name, for messages.
+        modes: m, or None for all n. 1 keeps the tip force shape, 2 also the tip moment shape.
+        where: name of the link, for messages.
 
     Raises:
-        InputError: the mass matrix is not positive definite.
+        InputError: if the mass matrix is not positive definite.
 
     Reference:
         R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses",
@@ -87,7 +87,7 @@ def beam_basis(
     units = np.tile([1.0, element_length], len(strain_to_nodal) // 2)
     root_mass = _mass_factor(matrices.mass / np.outer(units, units), where)
     # With M = G G^T and K^-1 = F F^T the modes are the left singular vectors of G^T F, and the
-    # singular values 1/w. Nothing is squared, so the low frequencies come out to full precision.
+    # singular values 1/w. No squares are formed, so low frequencies have full precision.
     motion = root_mass.T @ strain_to_nodal
     if modes is not None:
         motion = motion @ _craig_bampton(motion, strain_to_nodal, modes)
@@ -100,7 +100,7 @@ def beam_basis(
 
 
 def _mass_factor(mass: FloatArray, where: str) -> FloatArray:
-    """Lower triangular G with M = G G^T."""
+    """Return the lower triangular G with M = G G^T."""
     try:
         return np.asarray(np.linalg.cholesky(mass), np.float64)
     except np.linalg.LinAlgError:
@@ -116,10 +116,10 @@ def _mass_factor(mass: FloatArray, where: str) -> FloatArray:
 
 
 def _craig_bampton(motion: FloatArray, strain_to_nodal: FloatArray, modes: int) -> FloatArray:
-    """(n, m) orthonormal strain coordinates z of the reduced shapes.
+    """Return orthonormal strain coordinates z (n, m) of the reduced shapes.
 
     The strain of a tip force is the transposed tip row of F, and shapes with a clamped tip are
-    orthogonal to it: one orthogonal matrix splits both.
+    orthogonal to it, so that one orthogonal matrix contains both.
     """
     split, _ = np.linalg.qr(strain_to_nodal[-2:].T, mode="complete")
     static, clamped = split[:, : min(modes, 2)], split[:, 2:]
@@ -130,10 +130,10 @@ def _craig_bampton(motion: FloatArray, strain_to_nodal: FloatArray, modes: int) 
 
 
 def _signs(shapes: FloatArray) -> FloatArray:
-    """(m,) +1 or -1 that make the tip deflection positive, or the largest entry if it is none."""
+    """Return signs (m,) that make the tip deflection positive, or else the largest entry."""
     tip, largest = shapes[-2], np.abs(shapes).max(axis=0)
     peak = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    # Below this the sign of the tip deflection could be decided by rounding.
+    # Below this limit, rounding errors could determine the sign of the tip deflection.
     return np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
 
 

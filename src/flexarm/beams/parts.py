@@ -1,7 +1,7 @@
 """Constants of the part of a link between its root and a station.
 
-Theory page "recursion", (R.40): the integrals of `LinkConstants` over the link's own shapes, taken
-to the station instead of the tip.
+Theory page "recursion", (R.40): the integrals of `LinkConstants` over the shapes of the whole link,
+from the root to the station instead of the tip.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class PartConstants:
         mass, first_moment, inertia: (k,) kg, kg m, kg m^2 about the root.
         S, a: (k, m) integrals of mu Phi and of mu x Phi + rho I Psi.
         D0, D1: (k, m, m) integrals of mu g and of mu x g.
-        spread: (k, m, m) integral of mu Phi Phi^T. Rotary inertia has no part in it.
+        spread: (k, m, m) integral of mu Phi Phi^T, without rotary inertia.
     """
 
     mass: FloatArray
@@ -37,13 +37,13 @@ class PartConstants:
 
 
 def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> PartConstants:
-    """Integrate a link from its root to stations; exact, as the constants of the whole link are.
+    """Integrate a link from its root to stations; exact, as the constants of the whole link.
 
     Args:
-        link: of m shapes; m = 0 for a rigid link.
+        link: constants of the link with m shapes; m = 0 for a rigid link.
         x: (k,) stations, 0 to the length (m).
-        shortening: whether the axis draws back as it bends (second-order theory); D0 and D1
-            are zero if not.
+        shortening: whether bending shortens the axis (second-order theory); if not, D0 and D1 are
+            zero.
     """
     table, m = link.table, link.w2.size
     quadrature = beam_quadrature(np.union1d(table.x, x), link.elements)
@@ -54,10 +54,10 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
     inside = (s < x[:, None]).astype(np.float64)
     D0, D1, spread = np.zeros((3, x.size, m, m))
     for k, end in enumerate(x):
-        n = int(inside[k].sum())  # the points ascend
+        n = int(inside[k].sum())  # the points are in ascending order
         spread[k] = _squared(deflection[:n], mass[:n])
         if shortening:
-            # As for the whole link: a slope shortens what lies between it and the station.
+            # As for the whole link: a slope shortens the interval from it to the station.
             beyond = [table.outboard_moment(np.array([end]), power)[0] for power in (0, 1)]
             zeroth, first = (
                 weights[:n] * (table.outboard_moment(s[:n], power) - beyond[power])
@@ -78,7 +78,10 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
 
 
 def inverse_inertia(mass: float, first_moment: float, inertia: float) -> float:
-    """Return 1 / inertia about the centre of mass, 1/(kg m^2), from that about the root; or 0."""
+    """Return the inverse inertia about the centre of mass, 1/(kg m^2), or 0 if not positive.
+
+    ``inertia`` (kg m^2) and ``first_moment`` (kg m) are about the root.
+    """
     central = inertia - first_moment / mass * first_moment if mass else 0.0
     return 1.0 / central if central > 0.0 else 0.0
 

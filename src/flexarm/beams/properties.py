@@ -1,4 +1,4 @@
-"""What a link is made of along its axis: checked tables of stiffness and inertia."""
+"""Section properties along a link: checked tables of stiffness and inertia."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class BeamTable:
     Attributes:
         x: (p,) stations (m), p >= 2, from 0, strictly increasing; the last one is the length.
         flexural_rigidity: (p,) EI (N m^2), positive.
-        mass_per_length: (p,) mu (kg/m), not negative; positive somewhere, unless asked otherwise.
+        mass_per_length: (p,) mu (kg/m), not negative; positive somewhere unless it may be massless.
         rotary_inertia_per_length: (p,) rho I (kg m), not negative; without shear, zero is
-            Euler-Bernoulli, anything else Rayleigh's beam.
-        shear_rigidity: (p,) k G A (N), positive: Timoshenko's beam; None where sections stay
-            normal to the axis.
+            an Euler-Bernoulli beam, otherwise a Rayleigh beam.
+        shear_rigidity: (p,) k G A (N), positive: Timoshenko beam; None: sections stay normal to
+            the axis.
 
-    Build one with `beam_table`, which checks all of this.
+    Use `beam_table` to create one; it checks these conditions.
     """
 
     x: FloatArray
@@ -57,7 +57,7 @@ class BeamTable:
         return outboard
 
     def _moment(self, start: FloatArray, end: FloatArray, power: int) -> FloatArray:
-        """Integrate mu x^power over intervals that hold no station; exact up to mu x^2."""
+        """Integrate mu x^power over intervals without stations; exact up to mu x^2."""
         half = (end - start) / 2
         points = (start + end) / 2 + _NODES[:, None] * half
         mass = np.interp(points, self.x, self.mass_per_length)
@@ -75,17 +75,17 @@ def beam_table(
     *,
     may_be_massless: bool = False,
 ) -> BeamTable:
-    """Check a table of section properties and turn it into arrays.
+    """Check a table of section properties and convert it to arrays.
 
     Args:
-        where: the link's name, for messages.
+        where: name of the link, for messages.
         x, flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity:
             array-likes of equal length, see `BeamTable`.
-        may_be_massless: mass may be zero everywhere, as a rigid link's may.
+        may_be_massless: whether mass may be zero everywhere, as for a rigid link.
 
     Raises:
-        InputError: a column has another length than `x`, is not finite or breaks its rule; all
-            broken rules are reported together.
+        InputError: if a column has another length than `x`, is not finite or does not meet its
+            condition; all problems are reported together.
     """
     stations = check_array(where, "x", x, (-1,))
     size = (stations.size,)
@@ -118,6 +118,6 @@ def beam_table(
 
 
 def _listed(column: FloatArray) -> str:
-    """Write the first few numbers of a column."""
+    """Format the first few numbers of a column."""
     more = ", ..." if column.size > 6 else ""
     return f"[{', '.join(f'{number:.6g}' for number in column[:6])}{more}]"

@@ -1,4 +1,4 @@
-"""Where to evaluate a link: Gauss-Legendre points on pieces that hold no kink."""
+"""Gauss-Legendre quadrature of a link, on pieces with smooth integrands."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from flexarm.beams.hermite import FloatArray
 
-# The worst integrands have degree 7: cubic times cubic shape functions times a linear mass per
-# length, and quadratic times quadratic slopes times a cubic outboard moment. Four points do.
+# The integrands have at most degree 7: cubic times cubic shape functions times a linear mass per
+# length, and quadratic times quadratic slopes times a cubic outboard moment. Four points suffice.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
@@ -20,10 +20,10 @@ class BeamQuadrature:
 
     Attributes:
         elements: number of elements.
-        element_length: of each (m).
+        element_length: length of each element (m).
         points: (k,) distances from the root (m), increasing.
         weights: (k,) quadrature weights (m).
-        element: (k,) index of the element a point lies in.
+        element: (k,) index of the element of each point.
         xi: (k,) position in that element, 0 to 1.
     """
 
@@ -36,10 +36,10 @@ class BeamQuadrature:
 
 
 def beam_quadrature(breakpoints: FloatArray, elements: int) -> BeamQuadrature:
-    """Place points that integrate polynomials of degree 7 exactly on every piece.
+    """Return points and weights that integrate polynomials of degree 7 exactly on every piece.
 
-    A piece lies between neighbours among the element ends and the breakpoints of the tables:
-    inside it shape functions and tables are polynomials.
+    A piece lies between adjacent element ends or breakpoints of the tables, so that shape functions
+    and tables are polynomials inside it.
 
     Args:
         breakpoints: (p,) stations of the tables (m), from 0 to the length, increasing.
@@ -49,8 +49,8 @@ def beam_quadrature(breakpoints: FloatArray, elements: int) -> BeamQuadrature:
     edges = np.union1d(ends, breakpoints)
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
     points = (middle[:, None] + half[:, None] * _NODES).ravel()
-    # A piece may be as short as rounding (a breakpoint on an element end): its middle, not the
-    # rounded points, says which element it belongs to.
+    # A piece may be as short as rounding errors (a breakpoint at an element end), so its middle and
+    # not its rounded points determine its element.
     owner = np.searchsorted(ends[1:-1], middle, side="right")
     element = np.repeat(owner, _NODES.size)
     element_length = float(breakpoints[-1]) / elements

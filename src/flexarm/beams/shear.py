@@ -1,16 +1,16 @@
-"""Shear of an element: the sections turn by one angle against the normals of the axis.
+"""Shear deformation of an element, by the angle between the sections and the normals of the axis.
 
-The deflection v stays the cubic Hermite polynomial, between end slopes that are the rotations phi
+The deflection v remains the cubic Hermite polynomial, with end slopes that are the rotations phi
 of the end sections plus this angle. Balance of moments inside the element makes the angle linear
 in the nodal coordinates; theory page "beams", section 9. Without shear the angle is zero and the
-element is Euler and Bernoulli's.
+element is that of Euler and Bernoulli.
 
 Reference:
     Z. Friedman and J. B. Kosmatka, "An improved two-node Timoshenko beam finite element",
     Computers & Structures 47(3), 1993, 473-481.
 
-These shapes are exact under loads at nodes only. Three interior shapes of each element, zero at
-its ends, follow the loads inside it; ``beams.interior`` says how.
+These shapes are exact only under loads at nodes. Three interior shapes of each element, zero at
+its ends, represent loads inside it; see ``beams.interior``.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from flexarm.beams.quadrature import BeamQuadrature
 def shear_parameters(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     """Return Phi_s = 12 EI / (k G A h^2) of each element (elements,), from its mean rigidities.
 
-    Zero for an Euler-Bernoulli beam. The choice decides which shapes are used, not what they
-    weigh: energies are integrated over the table as it is.
+    Zero for an Euler-Bernoulli beam. The mean affects the shapes only: energies are integrated
+    over the table itself.
     """
     if table.shear_rigidity is None:
         return np.zeros(quadrature.elements)
@@ -47,11 +47,11 @@ def element_integrals(quadrature: BeamQuadrature, density: FloatArray) -> FloatA
 
 
 def shear_angles(parameters: FloatArray, length: float) -> FloatArray:
-    """Return the rows that make the shear angle v' - phi of nodal coordinates; (B.30).
+    """Return rows that give the shear angle v' - phi from nodal coordinates; (B.30).
 
     Args:
         parameters: (k,) Phi_s of k elements.
-        length: of an element (m).
+        length: length of an element (m).
 
     Returns:
         (k, 4): columns belong to v_1, phi_1, v_2, phi_2.
@@ -64,12 +64,12 @@ def shear_angles(parameters: FloatArray, length: float) -> FloatArray:
 def deflection_shapes(
     xi: FloatArray, length: float, angles: FloatArray, derivative: int = 0
 ) -> FloatArray:
-    """Evaluate the shapes of the deflection, or a derivative of them; (B.31).
+    """Evaluate the shapes of the deflection, or one of their derivatives; (B.31).
 
     Args:
         xi: (k,) positions in their elements, 0 to 1.
-        length: of an element (m).
-        angles: (k, 4) rows of `shear_angles` of the elements that the positions lie in.
+        length: length of an element (m).
+        angles: (k, 4) rows of `shear_angles` of the elements of the positions.
         derivative: 0 deflection v, 1 slope v', 2 curvature v'' = phi'.
 
     Returns:
@@ -81,7 +81,7 @@ def deflection_shapes(
 
 
 def rotation_shapes(xi: FloatArray, length: float, angles: FloatArray) -> FloatArray:
-    """Evaluate the shapes (k, 4) of the section's rotation phi; as `deflection_shapes`."""
+    """Evaluate the shapes (k, 4) of the section rotation phi; as in `deflection_shapes`."""
     rotation: FloatArray = deflection_shapes(xi, length, angles, 1) - angles
     return rotation
 
@@ -91,7 +91,7 @@ def interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> F
 
     Args:
         xi: (k,) positions in their elements, 0 to 1.
-        length: of an element (m).
+        length: length of an element (m).
         derivative: 0 deflection v, 1 slope v'.
 
     Returns:
@@ -104,7 +104,7 @@ def interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> F
 
 
 def interior_rotation(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
-    """Evaluate the rotation phi of the interior shapes, or phi'; arguments as above.
+    """Evaluate the rotation phi of the interior shapes, or phi', as `interior_deflection`.
 
     Returns:
         (k, 3): zero, zero, and the parabola xi (1 - xi).
@@ -116,9 +116,9 @@ def interior_rotation(xi: FloatArray, length: float, derivative: int = 0) -> Flo
 
 @dataclass(frozen=True, eq=False)
 class PointShapes:
-    """Shapes of each quadrature point's element there: (q, 4) for v_1, phi_1, v_2, phi_2.
+    """Shapes of the element of each quadrature point: (q, 4) for v_1, phi_1, v_2, phi_2.
 
-    Of a beam that shears (q, 7): those of the three interior shapes follow.
+    With shear (q, 7), where the last three columns are the interior shapes.
 
     Attributes:
         deflection: v. slope: v'. rotation: phi of the section. curvature: phi'.

@@ -1,4 +1,4 @@
-"""How far the points of a bent, inextensible link draw back along its root tangent."""
+"""Shortening of a bent, inextensible link along its root tangent."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ def shortening_matrices(
 ) -> NDArray[np.float64]:  # fmt: skip
     """Return g(x) = int_0^x Phi' Phi'^T ds (k, m, m) at ascending stations x (k,), m.
 
-    A point at x draws back by ``eta^T g(x) eta / 2``. Exact: between element ends the integrand is
-    a quartic, which three Gauss points integrate. Theory page "link", second order.
+    The axial displacement at x is ``-eta^T g(x) eta / 2``. The result is exact: between element
+    ends the integrand is a quartic, which three Gauss points integrate. Theory page "link", second
+    order.
     """
     ends = np.linspace(0.0, link.length, link.elements + 1)
     cuts = np.unique(np.concatenate([ends, x]))

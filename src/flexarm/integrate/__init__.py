@@ -1,4 +1,4 @@
-"""Time stepping: one method a file, and the registry of their names."""
+"""Integrators, one method per file, and the registry of their names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INTEGRATORS: dict[str, type[Integrator]] = {
     GeneralizedAlpha.name: GeneralizedAlpha,
 }
 
-#: Methods of earlier versions, and what is best in their place; decision 0017.
+#: Methods of earlier versions, and their replacements; decision 0017.
 REMOVED = {
     "dormand_prince_5": DormandPrince8.name,
     "kennedy_carpenter_4": KennedyCarpenter5.name,

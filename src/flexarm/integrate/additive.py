@@ -1,9 +1,9 @@
-"""Compiled stepping of additive Runge-Kutta methods: bending and damping implicit.
+"""Compiled stepping of additive Runge-Kutta methods, implicit in bending and damping.
 
-Theory page "integration", (I.1) to (I.4). Each stage has two states: an explicit one for what is
-smooth (posture, speeds, mass matrix, loads) and an implicit one for the forces of bending, of joint
-springs and of damping, in which the equations are linear. So a stage is one pass of the recursion
-with a diagonal added to the mass matrix, without iteration.
+Theory page "integration", (I.1) to (I.4). Each stage has two states: an explicit one for the smooth
+terms (posture, rates, mass matrix, loads) and an implicit one for the forces of bending, of joint
+springs and of damping, in which the equations are linear. A stage is therefore one pass of the
+recursion with a diagonal added to the mass matrix, without iteration.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ class AdditiveRecord(NamedTuple):
     """Coefficients of an ``additive_tableau.AdditiveTableau``, and the arrays of a run."""
 
     explicit: Array  # (s + 1, s)
-    implicit: Array  # (s + 1, s), one number on the diagonal but for the explicit first stage
+    implicit: Array  # (s + 1, s), equal diagonal entries except for the explicit first stage
     c: Array  # (s + 1,)
     error: Array  # (2, s + 1)
     order: int
-    known: Array  # (2, n, 1 + m) implicit state of a stage, as far as earlier stages make it
-    stages: Array  # (s + 1, 2, n, 1 + m) derivatives; stage s is that at the new point
-    softened: ArmConstants  # with the diagonal of a step of length ``clock[SOFTENED]``
+    known: Array  # (2, n, 1 + m) implicit state of a stage without its own acceleration
+    stages: Array  # (s + 1, 2, n, 1 + m) derivatives; stage s belongs to the new point
+    softened: ArmConstants  # with the diagonal for a step of length ``clock[SOFTENED]``
 
 
 @merged
@@ -53,9 +53,10 @@ def soften_for(system: System, softened: ArmConstants, damping: float, stiffness
 
 @merged
 def shift_forces(system: System, smooth: Array, q: Array, v: Array, torque: Array) -> None:
-    """Move bending, springs and damping from the smooth state (2, n, 1 + m) to the one at q, v.
+    """Replace bending, spring and damping forces at the smooth state by those at ``q`` and ``v``.
 
-    Those of the joints are added to ``torque``, those of modes are written to ``work.force``.
+    ``smooth`` has shape (2, n, 1 + m). Forces on joints are added to ``torque``, forces on modes
+    are written to ``work.force``.
     """
     c = system.constants
     for i in range(len(system.sizes.bodies)):
@@ -73,7 +74,7 @@ def shift_forces(system: System, smooth: Array, q: Array, v: Array, torque: Arra
 def additive_step(
     system: System, record: AdditiveRecord, memory: Memory, t: float, h: float
 ) -> None:
-    """Fill ``stages[1:s]`` from ``stages[0]``, and ``memory.new`` with the new point."""
+    """Fill ``stages[1:s]`` from ``stages[0]``, and write the new point to ``memory.new``."""
     AE, AI, c, known, stages = (
         record.explicit, record.implicit, record.c, record.known, record.stages,
     )  # fmt: skip
@@ -112,8 +113,8 @@ def advance_additive(
     until: float,
     max_steps: int,
 ) -> int:
-    """Step to ``until``; see ``base.Integrator`` for the rules kept."""
-    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    """Step to ``until``, by the rules of ``base.Integrator``."""
+    # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
@@ -153,7 +154,7 @@ def advance_additive(
         choose_step(clock, h, record.order, lands)
         if t >= until:
             return DONE
-        if lands:  # the torque may jump here: the slope is that from the left
+        if lands:  # the torque may jump here, and the last slope is the one from the left
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[EVALUATIONS] += 1
     return PAUSED

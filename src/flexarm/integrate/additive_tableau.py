@@ -29,7 +29,7 @@ class AdditiveTableau:
         error: (2, s + 1) weights of the error estimate; the second row and column are zero.
 
     Raises:
-        ValueError: the coefficients contradict each other; a typing error cannot be constructed.
+        ValueError: if the coefficients do not satisfy the order conditions or their structure.
     """
 
     order: int
@@ -60,9 +60,9 @@ def additive_tableau(
     implicit: Sequence[Sequence[float]],
     embedded: Sequence[float],
 ) -> AdditiveTableau:
-    """Make a tableau from the rows of its stages, of which the last implicit one is the new point.
+    """Create a tableau from the rows of its stages; the last implicit row is the new point.
 
-    ``embedded`` (s,): weights of the solution that the error is estimated with.
+    ``embedded`` (s,): weights of the embedded solution for the error estimate.
     """
     s = len(embedded)
     pair = np.zeros((2, s + 1, s))
@@ -77,7 +77,7 @@ def additive_tableau(
 def additive_record(
     tableau: AdditiveTableau, constants: ArmConstants, state: FloatArray
 ) -> AdditiveRecord:
-    """Allocate what a stepper needs for a run from ``state`` (2, n, 1 + m), of its number type."""
+    """Allocate the record of a run from ``state`` (2, n, 1 + m), with its number type."""
     return AdditiveRecord(
         explicit=tableau.explicit,
         implicit=tableau.implicit,
@@ -92,7 +92,7 @@ def additive_record(
 
 @dataclass(frozen=True)
 class Additive(Integrator):
-    """Common part of the additive methods."""
+    """Base class of the additive methods."""
 
     adaptive: ClassVar[bool] = True
     reference: ClassVar[tuple[str, ...]] = ("KennedyCarpenter2003", "BoscarinoFilbetRusso2016")

@@ -1,21 +1,22 @@
-"""What an integrator is, and what it says about a run.
+"""Contract of integrators, and their common data.
 
-An integrator is a small value object that carries only the parameters of its method. The rules it
-keeps (``tests/conformance/test_every_integrator.py`` checks each for every entry of the registry):
+An integrator is a small value object that contains only the parameters of its method. It follows
+these rules (``tests/conformance/test_every_integrator.py`` checks each for every entry of the
+registry):
 
 1. ``advance`` carries ``progress`` from its time to ``until`` and fills the samples that it passes.
-   It may return before that (``Status.PAUSED``) so that the caller can show progress.
-2. Samples are values at exactly the asked times, by dense output of at least third order.
-3. It lands exactly on every time in ``drive.stops``: there the torque is not smooth.
-4. At a stop it uses the torque from the left for the step that ends there, from the right for the
-   step that starts there.
-5. It keeps the last good state when it gives up, and says why with a status, never with NaN.
-6. Its observed order is the order it claims.
+   It may return earlier (``Status.PAUSED``) so that the caller can show progress.
+2. Samples are values at exactly the requested times, by dense output of at least third order.
+3. A step ends exactly at every time in ``drive.stops``, because the torque is not smooth there.
+4. At a stop, the step that ends there uses the torque from the left, and the step that starts there
+   uses the torque from the right.
+5. After a failure, the last good state is kept and a status gives the reason, never NaN.
+6. The observed order is the stated order.
 7. It never calls Python, and it allocates nothing per step.
 8. An adaptive method ends a step where a joint meets or leaves a stop (``integrate.joint_stops``);
-   a method of fixed steps ends a run that diverges with a status (``steps.followed``).
-9. Where it follows contacts, no step passes a surface unseen (``integrate.nearness``), and a fixed
-   step that is too long for a touch ends with a status.
+   a fixed-step method ends a run that diverges with a status (``steps.followed``).
+9. A method that follows contacts never skips a contact between steps (``integrate.nearness``), and
+   a fixed step that is too long for a contact ends with a status.
 """
 
 from __future__ import annotations
@@ -35,28 +36,28 @@ from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
 
 FloatArray = NDArray[np.float64]
 
-#: First step of an integrator without one, times the highest frequency.
+#: First step of an integrator without a given one, times the highest frequency.
 _FIRST = 0.5
 
 
 class Drive(NamedTuple):
-    """Torques and loads over time, as the kernels read them.
+    """Torques and loads over time, in the form that the kernels read.
 
     The torque is a piecewise cubic: on piece k, ``sum_p coefficients[k, p] (t - breaks[k])^p``.
-    Before the first break the first piece goes on, after the last break the last piece.
+    The first piece extends before the first break, the last piece beyond the last break.
     """
 
     breaks: FloatArray  # (pieces + 1,) s, ascending
     coefficients: FloatArray  # (pieces, 4, n) N m / s^p
     stops: FloatArray  # (stops,) s, ascending: times where the torque is not smooth
-    loads: Loads  # ``value`` and ``base_acceleration`` are overwritten as time goes on
+    loads: Loads  # ``value`` and ``base_acceleration`` are overwritten at each time
     amplitude: FloatArray  # (k, 3) of the loads at factor one
     factor_breaks: FloatArray  # (pieces + 1,) s
     factor_coefficients: FloatArray  # (pieces, 4, k + 2) factors, base acceleration x, y
 
 
 class System(NamedTuple):
-    """The arm, as an integrator sees it."""
+    """Arm, drive and workspace of an integrator."""
 
     sizes: Sizes
     constants: ArmConstants
@@ -65,11 +66,12 @@ class System(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """What one step may err by, see ``flexarm.engine.tolerance``.
+    """Allowed error of one step; see ``flexarm.engine.tolerance``.
 
-    A joint angle may err by ``absolute * unit + relative * |angle|``; a mode by ``unit * (absolute
-    + relative * d)`` with ``d`` the largest ``|mode| / unit`` of its body. So a stiff mode, whose
-    value means little at the tip, neither dictates the step nor hides behind the joint angles.
+    The allowed error of a joint angle is ``absolute * unit + relative * |angle|``; that of a mode
+    is ``unit * (absolute + relative * d)`` with ``d`` the largest ``|mode| / unit`` of its body. A
+    stiff mode, whose value has little effect on the tip, therefore neither determines the step nor
+    is neglected beside the joint angles.
     """
 
     absolute: float  # m at the tip
@@ -80,19 +82,19 @@ class Tolerance(NamedTuple):
 
 @dataclass
 class Progress:
-    """Where a run stands; ``advance`` updates it in place."""
+    """Progress of a run; ``advance`` updates it in place."""
 
     time: float
     state: FloatArray  # (2, n, 1 + m)
-    step: float  # next step to try, s; 0 asks the integrator to choose
+    step: float  # next step to try, s; 0: the integrator chooses it
     sample: int = 0  # samples filled so far
     steps: int = 0
     rejected: int = 0
     evaluations: int = 0
     impacts: int = 0  # steps that an adaptive method has shortened to meet or leave a joint stop
-    memory: Memory | None = None  # None: nothing is remembered of earlier steps
-    method: tuple[Any, ...] | None = None  # record of the integrator, of the same steps
-    entry: Entry | None = None  # into the stepper
+    memory: Memory | None = None  # None: no data of earlier steps
+    method: tuple[Any, ...] | None = None  # record of the integrator for the same steps
+    entry: Entry | None = None  # cached entry point of the stepper
 
     def enter(
         self,
@@ -103,7 +105,7 @@ class Progress:
         until: float,
         max_steps: int,
     ) -> Status:
-        """Call the stepper of the integrator that this run has, and take over what it did.
+        """Call the stepper of the run's integrator, and read its results from the memory.
 
         ``Entry`` requires that the arguments of a run keep their types, which they do.
         """
@@ -120,19 +122,20 @@ class Progress:
 
 @dataclass(frozen=True)
 class Integrator(ABC):
-    """Base of all integrators; subclasses add fields for their parameters.
+    """Base class of all integrators; subclasses add fields for their parameters.
 
-    A subclass names its compiled ``stepper``, which is called as ``stepper(system, tolerance,
-    record, memory, until, max_steps)`` and returns a code of ``status``, and makes its ``record``.
+    A subclass defines its compiled ``stepper``, which is called as ``stepper(system, tolerance,
+    record, memory, until, max_steps)`` and returns a code of ``status``, and creates its
+    ``record``.
 
-    Class attributes: ``name`` in the registry, ``order``, ``adaptive``, ``follows_contacts``, false
-    for a method that looks back over several steps and so needs smooth motion between stops, and
-    ``reference``, the BibTeX keys of the method (``flexarm.citation``).
+    Class attributes: ``name`` in the registry; ``order``; ``adaptive``; ``follows_contacts``, False
+    for a multistep method, which requires smooth motion between stops; and ``reference``, the
+    BibTeX keys of the method (``flexarm.citation``).
 
     Args:
-        step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
-            (``flexarm.engine.default_step``). Of a method with step control the first step to
-            try; None takes half a radian of the fastest mode.
+        step: fixed step (s), shortened to end at every stop; None: ``simulate`` chooses it
+            (``flexarm.engine.default_step``). For a method with step control, the first step to
+            try; None: half a radian of the fastest mode.
     """
 
     step: float | None = None
@@ -146,7 +149,7 @@ class Integrator(ABC):
 
     @abstractmethod
     def record(self, constants: ArmConstants, state: FloatArray) -> tuple[Any, ...]:
-        """Coefficients of the method, and its own arrays for a run from ``state``."""
+        """Return the coefficients of the method, and its own arrays for a run from ``state``."""
 
     def advance(
         self,
@@ -158,10 +161,10 @@ class Integrator(ABC):
         samples: FloatArray,
         max_steps: int,
     ) -> Status:
-        """Carry ``progress`` to ``until`` (s), at most ``max_steps`` steps in this call.
+        """Carry ``progress`` to ``until`` (s), with at most ``max_steps`` steps in this call.
 
-        ``sample_times`` (samples,) ascending; ``samples`` (samples, 2, n, 1 + m) receives the
-        states at them, from ``progress.sample`` on.
+        ``sample_times`` (samples,) ascending; the states at these times are written to ``samples``
+        (samples, 2, n, 1 + m), from ``progress.sample`` on.
         """
         if progress.memory is None:
             step = float(self.step or progress.step or _FIRST / tolerance.fastest)

@@ -1,8 +1,8 @@
-"""Compiled stepping of Gauss collocation: implicit stages, solved to rounding by the recursion.
+"""Compiled stepping of Gauss collocation, with implicit stages solved to rounding errors.
 
 Theory page "integration", (I.12) to (I.15). A sweep updates the accelerations of all stages in
-turn, each by one pass of the recursion that takes bending, springs and damping as implicit. What is
-left to the iteration is smooth, so few sweeps do.
+turn, each by one pass of the recursion in which bending, springs and damping are implicit. The
+iteration treats only smooth terms, so a few sweeps are sufficient.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array
 
-#: Sweeps after which a step has failed; three to ten are usual.
+#: Number of sweeps after which a step has failed; three to ten are usual.
 _SWEEPS = 100
-#: Change of a sweep, as a part of the state, that ends the iteration: a twentieth of a unit in the
-#: last place. What is left then is much the same in each step, so in a million steps it adds up.
+#: Change in a sweep, relative to the state, that ends the iteration: a twentieth of a unit in the
+#: last place. The remaining error is similar in each step, so it accumulates over a million steps.
 _ROUNDING = 0.05 * float(np.finfo(float).eps)
-#: A change this many times above what is asked for counts as noise of rounding once it has not
-#: shrunk for some sweeps; a larger one, which only very fast modes make, after more of them:
-#: changes may swing.
+#: A change below this many times ``_ROUNDING`` counts as rounding noise once it has not decreased
+#: for this number of sweeps. Larger changes, which only very fast modes cause, require more sweeps,
+#: because changes may oscillate.
 _NOISE, _STALLED = 1e3, 2
 _LARGE_NOISE, _LONG_STALLED = 1e8, 10
 
@@ -59,22 +59,22 @@ class CollocationRecord(NamedTuple):
     b: Array  # (s,) weights of the new rates
     bA: Array  # (s,) weights of the new coordinates, with h^2
     c: Array  # (s,)
-    guess: Array  # (2, s, 2 s) weights of a first guess by the last step, by the last two
-    pull: float  # what h^2 K is multiplied by on the diagonal
-    drag: float  # what h D is multiplied by on the diagonal
+    guess: Array  # (2, s, 2 s) weights of the initial guess: from one step, from two steps
+    pull: float  # factor of h^2 K on the diagonal
+    drag: float  # factor of h D on the diagonal
     inner: Array  # (2, n, 1 + m) state of a stage
-    lost: Array  # (2, n, 1 + m) digits that the sum of all steps has lost: summed up apart
+    lost: Array  # (2, n, 1 + m) compensation: digits lost in the sum of all steps
     stages: Array  # (s, n, 1 + m) accelerations
-    earlier: Array  # (2 s, n, 1 + m) those of the last two steps
+    earlier: Array  # (2 s, n, 1 + m) accelerations of the stages of the last two steps
     ends: Array  # (2, 2, n, 1 + m) slopes at both ends of a step, for samples
-    change: Array  # (1, 2, n, 1 + m) what a sweep changed of a stage
+    change: Array  # (1, 2, n, 1 + m) change of a stage in a sweep
     one: Array  # (2, 1) weights of ``change`` in its norm
-    softened: ArmConstants  # with the diagonal of a step of length ``clock[SOFTENED]``
+    softened: ArmConstants  # with the diagonal for a step of length ``clock[SOFTENED]``
 
 
 @merged
 def _guess(system: System, record: CollocationRecord, row: int) -> None:
-    """First guess of the accelerations of the stages, from those of earlier steps."""
+    """Write the initial guess of the stages' accelerations, from those of earlier steps."""
     stages, earlier = record.stages, record.earlier
     for k in range(stages.shape[0]):
         for i in range(len(system.sizes.bodies)):
@@ -87,7 +87,7 @@ def _guess(system: System, record: CollocationRecord, row: int) -> None:
 
 @merged
 def _rounding(system: System, tolerance: Tolerance) -> Tolerance:
-    """Return what a sweep may change of a state that is solved."""
+    """Return the tolerance on the change in a sweep that counts as solved."""
     least = tolerance.unit[0, 0, 0]
     for i in range(len(system.sizes.bodies)):
         least = min(least, tolerance.unit[0, i, 0])
@@ -99,7 +99,7 @@ def _sweep(
     system: System, rounding: Tolerance, record: CollocationRecord, memory: Memory, t: float,
     h: float,
 ) -> float:  # fmt: skip
-    """Update the accelerations of all stages; return the largest change, rounding being one."""
+    """Update the accelerations of all stages; return the largest change over its tolerance."""
     k = system.constants
     state, torque, force = memory.state, memory.torque, system.work.force
     stages, inner, change = record.stages, record.inner, record.change
@@ -139,7 +139,7 @@ def _solve(
     system: System, tolerance: Tolerance, record: CollocationRecord, memory: Memory, t: float,
     h: float,
 ) -> int:  # fmt: skip
-    """Sweep until rounding is all that changes; not ``DONE`` if that fails."""
+    """Sweep until only rounding errors change; return ``DONE``, or another code on failure."""
     rounding = _rounding(system, tolerance)
     least: float = math.inf
     stalled = 0
@@ -161,7 +161,7 @@ def _solve(
 
 @merged
 def _new_point(system: System, record: CollocationRecord, memory: Memory, h: float) -> None:
-    """Make the new point, summing up apart what each addition rounds away."""
+    """Compute the new point by compensated summation."""
     stages, lost = record.stages, record.lost
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):
@@ -186,8 +186,8 @@ def advance_collocation(
     until: float,
     max_steps: int,
 ) -> int:
-    """Step to ``until``; see ``base.Integrator`` for the rules kept."""
-    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    """Step to ``until``, by the rules of ``base.Integrator``."""
+    # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     last = int(np.int64(1))
     from_left = bool(np.bool_(True))

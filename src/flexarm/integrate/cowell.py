@@ -1,7 +1,7 @@
-"""Compiled stepping of Cowell's method of order 4, linearly implicit: one evaluation a step.
+"""Compiled stepping of Cowell's method of order 4, linearly implicit, with one evaluation per step.
 
-Theory page "integration", (I.5) to (I.8). Positions obey the symmetric two-step formula that is
-also Numerov's. The bending forces at the new time are implicit; posture, speeds and mass matrix at
+Theory page "integration", (I.5) to (I.8). Positions satisfy the symmetric two-step formula that is
+also Numerov's. The bending forces at the new time are implicit; posture, rates and mass matrix at
 the new time are predicted.
 """
 
@@ -44,45 +44,45 @@ from flexarm.kernels.cache import compiled, inner, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
-#: Points that the formulas look back on; the first ones of a span come from a one-step method.
+#: Number of previous points in the formulas; a one-step method computes the first ones of a span.
 _STARTED = 3
-#: What the weight of the new acceleration has more in (I.8) than in (I.5).
+#: Difference of the weights of the new acceleration in (I.8) and in (I.5).
 _SHARE = STIFF_BETA - BETA
-#: Two lengths of a step are one if their ratio differs from 1 by less: ``begin_span`` rounds so.
+#: Two step lengths are equal if their ratio differs from 1 by less: ``begin_span`` rounds to this.
 _SAME = 1.0 - 1e-8
-#: Every so many steps the accelerations of predicted posture and rates are compared with those of
-#: the posture and the rates that came of them: three per cent of the work.
+#: Compare predicted and corrected accelerations every 32 steps, because each comparison requires an
+#: evaluation: this adds three per cent of the work.
 _LOOK = 32
-#: How much of what was seen before is kept at a look: the last fifty count.
+#: Factor on the sums of earlier comparisons: about the last fifty contribute.
 _KEPT = 0.98
-#: Largest part of the accelerations of the joints that the predictions may miss. Of 432 runs of 48
-#: random arms without damping, with steps of 0.5 to 8 over the highest frequency, 59 stop here and
-#: 6 elsewhere; the tip errs by more than 5 mm in 3 of the others.
+#: Maximum prediction error relative to the joint accelerations. Of 432 runs of 48 random arms
+#: without damping, with steps of 0.5 to 8 over the highest frequency, 59 stop for this reason and 6
+#: for others; the tip error exceeds 5 mm in 3 of the remaining runs.
 _MISSED = 0.005
-#: Parts of the arm's reach that the misses must have added up to, or the absolute tolerance where
-#: that is more: at rest all is rounding.
+#: Sum of prediction errors, relative to the arm's reach, below which the check does not apply, or
+#: the absolute tolerance if that is larger: at rest, all differences are rounding errors.
 _NOTICED = 1e-4
 
 
 class CowellRecord(NamedTuple):
     """The arrays of a run. Points are those of the present span; k is the last accepted one."""
 
-    start: AdditiveRecord  # of the method that makes the first steps of a span
+    start: AdditiveRecord  # of the method for the first steps of a span
     past: Array  # (4, 3, n, 1 + m) last four points: point k in place k & 3; q, v, a
-    rise: Array  # (n, 1 + m) q_k - q_(k-1), kept as a sum of its own: no digits are lost
-    stiff: Array  # (n, 1 + m) 1.0 where a damped mode is too fast for the formula
-    missed: Array  # (3,) sums of ``_follows``, and steps since the last look
+    rise: Array  # (n, 1 + m) q_k - q_(k-1), summed separately so that no digits are lost
+    stiff: Array  # (n, 1 + m) 1.0 for a damped mode that is too fast for the formula
+    missed: Array  # (3,) sums of ``_follows``, and steps since the last comparison
     bounds: Array  # (5,) see ``resolved_modes``
-    softened: ArmConstants  # with the diagonal of the steps of the span
+    softened: ArmConstants  # with the diagonal for the steps of the span
 
 
 @merged
 def _predict(system: System, record: CowellRecord, memory: Memory, k: int, h: float) -> None:
-    """From points up to k: the smooth state of point k + 1, what is known of q and v there.
+    """Predict point k + 1 from points up to k, without its own acceleration.
 
-    ``start.known`` receives the rise of q and the rate without the new acceleration;
-    ``work.force`` and ``memory.torque`` move bending, springs and damping from the smooth state to
-    it.
+    ``memory.new`` receives the predicted state. ``start.known`` receives the increment of q and the
+    rate without the new acceleration. ``work.force`` and ``memory.torque`` receive the differences
+    of bending, spring and damping forces between the two.
     """
     past, rise, known = record.past, record.rise, record.start.known
     r0 = k & 3
@@ -139,7 +139,7 @@ def _predict(system: System, record: CowellRecord, memory: Memory, k: int, h: fl
 
 @merged
 def _correct(system: System, record: CowellRecord, k: int, h: float) -> None:
-    """Make point k + 1 from its accelerations."""
+    """Compute point k + 1 from its accelerations."""
     past, known = record.past, record.start.known
     old = k & 3
     new = (k + 1) & 3
@@ -163,11 +163,11 @@ def _remember(
     sizes: Sizes, stiff: Array, past: Array, rise: Array, k: int, h: float, state: Array,
     stage: Array,
 ) -> None:  # fmt: skip
-    """Store point k of a span that a one-step method has made."""
+    """Store point k of a span that a one-step method has computed."""
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):
             rise[i, j] = state[0, i, j] - past[(k - 1) & 3, 0, i, j]
-            if stiff[i, j] != 0.0:  # both formulas start with the same momentum
+            if stiff[i, j] != 0.0:  # the momenta in both formulas must start with the same value
                 change = stage[1, i, j] - past[(k - 1) & 3, 2, i, j]
                 rise[i, j] += _SHARE * h * h * change
             past[k & 3, 0, i, j] = state[0, i, j]
@@ -180,10 +180,11 @@ def _follows(
     system: System, tolerance: Tolerance, past: Array, k: int, h: float, slope: Array,
     missed: Array,
 ) -> bool:  # fmt: skip
-    """Whether the accelerations at point k are, so far, those of the posture and rates there.
+    """Return whether the accelerations agree, so far, with the corrected posture and rates.
 
-    ``slope`` (2, n, 1 + m) holds the latter; ``missed`` the sums over the last looks of what the
-    joints miss and of what they feel, in rates per metre at the tip, below (I.8).
+    ``slope`` (2, n, 1 + m) contains the accelerations evaluated at point k. ``missed`` contains
+    sums over the last comparisons of the error and of the size of the joint accelerations, in rates
+    per metre at the tip; see below (I.8).
     """
     missed[0] *= _KEPT
     missed[1] *= _KEPT
@@ -204,7 +205,7 @@ def _between(
     sizes: Sizes, tolerance: Tolerance, stiff: Array, past: Array, k: int, h: float, x: float,
     sample: Array,
 ) -> None:  # fmt: skip
-    """Sample at x (0 to 1) between points k - 1 and k: Hermite; cubic Lagrange of stiff modes."""
+    """Sample at x (0 to 1) between points k - 1 and k: Hermite, or cubic Lagrange if stiff."""
     new = k & 3
     old = (k - 1) & 3
     before = (k - 2) & 3
@@ -241,8 +242,8 @@ def advance_cowell(
     until: float,
     max_steps: int,
 ) -> int:
-    """Step to ``until``; see ``base.Integrator`` for the rules kept."""
-    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    """Step to ``until``, by the rules of ``base.Integrator``."""
+    # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
@@ -257,7 +258,7 @@ def advance_cowell(
             break
         if clock[PLACE] >= clock[COUNT]:  # a new span begins
             longest = clock[STEP]
-            # A shorter step may resolve a mode that was stiff, and so require a shorter one again.
+            # A shorter step may resolve a mode that was stiff, which then requires a shorter one.
             while True:
                 begin_span(system.drive.stops, t, until, longest, clock)
                 longest = longest_step(

@@ -1,20 +1,20 @@
 """Coefficients of Dormand and Prince's method of order 8(5,3), to double precision.
 
-Of the program DOP853 of Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I
-(1993), section II.10, in the names of ``scipy.integrate.DOP853``; a test compares them to the last
-bit. They stand here because importing ``scipy.integrate`` takes a third of a second.
+From the program DOP853 of Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I
+(1993), section II.10, with the names of ``scipy.integrate.DOP853``. A test compares them to the
+last bit. They are copied because importing ``scipy.integrate`` takes a third of a second.
 """
 
 from __future__ import annotations
 
 # fmt: off
-#: Times of the stages, in steps.
+#: Times of the stages, as fractions of a step.
 C = (
     0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726,
     0.3333333333333333, 0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571,
     1.0,
 )
-#: Weights of the stages before, for each stage.
+#: Weights of the previous stages, for each stage.
 A = (
     (),
     (0.05260015195876773,),
@@ -41,7 +41,7 @@ B = (
     -5.801203960010585, 0.3111643669578199, -0.1521609496625161, 0.20136540080403034,
     0.04471061572777259,
 )
-#: Errors of order 3 and 5; the last weight is of the new point.
+#: Error weights of order 3 and 5; the last one is for the new point.
 E3 = (
     -0.18980075407240762, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003,
     -5.801203960010585, -0.4226823213237919, -0.1521609496625161, 0.20136540080403034,
@@ -53,7 +53,7 @@ E5 = (
     1.6643771824549864, -0.35032884874997366, 0.3341791187130175, 0.08192320648511571,
     -0.022355307863886294, 0.0,
 )
-#: Three more stages for dense output, and four rows of it.
+#: Coefficients of three more stages for dense output, and four rows of it.
 C_EXTRA = (
     0.1, 0.2, 0.7777777777777778,
 )

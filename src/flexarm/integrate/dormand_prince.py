@@ -17,8 +17,8 @@ from flexarm.integrate.tableau import Tableau
 def _order_8_dense(b: FloatArray, D: FloatArray) -> FloatArray:
     """Write DOP853's nested interpolant (Hairer, Norsett and Wanner I, II.6) as polynomials.
 
-    The interpolant is F0 x + F1 x y + F2 x^2 y + F3 x^2 y^2 + ... with y = 1 - x, where F0 to F2
-    come from the ends of the step and F3 on from the rows of D.
+    The interpolant is F0 x + F1 x y + F2 x^2 y + F3 x^2 y^2 + ... with y = 1 - x. F0 to F2 come
+    from the ends of the step, the others from the rows of D.
     """
     r = D.shape[1]
     total = np.zeros(r)
@@ -39,7 +39,7 @@ def _order_8_dense(b: FloatArray, D: FloatArray) -> FloatArray:
 
 @cache
 def _order_8() -> Tableau:
-    rows = [*dop853.A, dop853.B, *dop853.A_EXTRA]  # of stages, new point, dense output
+    rows = [*dop853.A, dop853.B, *dop853.A_EXTRA]  # stages, new point, dense output
     A = np.zeros((len(rows), len(rows)))
     for k, row in enumerate(rows):
         A[k, : len(row)] = row
@@ -57,7 +57,7 @@ def _order_8() -> Tableau:
 
 @dataclass(frozen=True)
 class DormandPrince8(ExplicitRungeKutta):
-    """Order 8(5,3), 12 stages, three more for dense output of order 7."""
+    """Explicit method of order 8(5,3) with 12 stages, plus three for dense output of order 7."""
 
     name = "dormand_prince_8"
     order = 8

@@ -47,8 +47,8 @@ def advance_explicit(
     until: float,
     max_steps: int,
 ) -> int:
-    """Step to ``until``; see ``base.Integrator`` for the rules kept."""
-    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    """Step to ``until``, by the rules of ``base.Integrator``."""
+    # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
@@ -75,7 +75,7 @@ def advance_explicit(
             t_stage = t + c[k] * h
             if k == s:
                 t_stage = t_new
-            # The only place where the dynamics is merged in: the code is long.
+            # The dynamics is inlined only here, because its code is long.
             rates_of(system, t_stage, c[k] == 1.0, new, torque, stages, k)
         if last == s:
             combine(system.sizes, state, stages, A, s, s, h, new)
@@ -98,7 +98,7 @@ def advance_explicit(
             return status
 
         rows = record.dense.shape[0]
-        extra = s + 1  # stages of dense output that are there
+        extra = s + 1  # number of stages computed so far for dense output
         sample = sample_before(memory, t_new)
         while sample >= 0:
             out = memory.samples[sample]
@@ -120,7 +120,7 @@ def advance_explicit(
             choose_step(clock, h, record.order, lands)
         if t >= until:
             return DONE
-        if lands:  # the torque may jump here: the slope is that from the left
+        if lands:  # the torque may jump here, and the last slope is the one from the left
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[EVALUATIONS] += 1
     return PAUSED

@@ -1,4 +1,4 @@
-"""Gauss collocation of order 6: symmetric, keeps the energy of long motions without damping."""
+"""Gauss collocation of order 6: symmetric, conserves the energy of long undamped motions."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class Coefficients(NamedTuple):
     b: FloatArray  # (s,)
     bA: FloatArray  # (s,) b A
     c: FloatArray  # (s,)
-    guess: FloatArray  # (2, s, 2 s) weights of earlier stages in a first guess
+    guess: FloatArray  # (2, s, 2 s) weights of earlier stages in the initial guess
 
 
 def gauss_coefficients(stages: int) -> Coefficients:
-    """Coefficients from the quadrature of Gauss and Legendre; Hairer and Wanner II, IV.5.
+    """Return the coefficients from Gauss-Legendre quadrature; Hairer and Wanner II, IV.5.
 
     Raises:
-        ValueError: if they miss the order or the symmetry of the method.
+        ValueError: if the coefficients do not have the order or the symmetry of the method.
     """
     x, w = np.polynomial.legendre.leggauss(stages)
     c, b = (1.0 + x) / 2.0, w / 2.0
@@ -44,26 +44,26 @@ def gauss_coefficients(stages: int) -> Coefficients:
 
 
 def _continued(known: FloatArray, asked: FloatArray) -> FloatArray:
-    """Weights (asked, known) of the polynomial through values at ``known``."""
+    """Return weights (asked, known) to evaluate the polynomial through values at ``known``."""
     powers = np.arange(known.size)
     return np.asarray(asked[:, None] ** powers @ np.linalg.inv(known[:, None] ** powers))
 
 
 _COEFFICIENTS = gauss_coefficients(3)
-#: What h^2 K and h D are multiplied by on the diagonal of a sweep: such that linear vibrations
-#: converge fastest at the step where they do so most slowly, (I.15).
+#: Factors of h^2 K and h D on the diagonal of a sweep, chosen to minimise the contraction factor of
+#: linear vibrations at the step with the slowest convergence, (I.15).
 _PULL, _DRAG = 0.0337, 0.214
 
 
 @dataclass(frozen=True)
 class Gauss6(Integrator):
-    """Order 6, three stages, fixed step, symmetric: the energy of long runs does not drift.
+    """Symmetric method of order 6 with three stages and a fixed step, without energy drift.
 
-    Bending, springs and damping are implicit; the stages are solved to rounding. A step must be
-    short enough for that: about what an explicit method of high order takes.
+    Bending, springs and damping are implicit; the stages are solved to rounding errors. This
+    requires a step about as short as that of an explicit method of high order.
 
     Args:
-        step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
+        step: fixed step (s), shortened to end at every stop; None: ``simulate`` chooses it
             (``flexarm.engine.default_step``).
     """
 

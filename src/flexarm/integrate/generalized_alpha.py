@@ -1,4 +1,4 @@
-"""The generalised-alpha method: order 2, with chosen damping of what the step does not resolve."""
+"""Generalised-alpha method of order 2, with adjustable damping of unresolved vibrations."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from flexarm.kernels.layout import ArmConstants
 
 @dataclass(frozen=True)
 class GeneralizedAlpha(Integrator):
-    """Order 2, fixed step, chosen damping of fast vibrations; bending implicit, no limit of step.
+    """Implicit method of order 2 with a fixed step and adjustable damping of fast vibrations.
 
-    The tolerances say how closely the equations of a step are solved, not how far the step errs.
+    Bending is implicit, so stability does not limit the step. The tolerances control how
+    accurately the equations of a step are solved, not the error of the step.
 
     Args:
-        step: fixed step (s), shortened to meet every stop; None lets ``simulate`` find one
+        step: fixed step (s), shortened to end at every stop; None: ``simulate`` chooses it
             (``flexarm.engine.default_step``).
-        spectral_radius: factor per step on a vibration far too fast for the step: 1 keeps it, 0
-            removes it at once.
+        spectral_radius: amplification factor per step of a vibration far too fast for the step:
+            1 preserves it, 0 removes it in one step.
 
     Raises:
-        InputError: the spectral radius is not a number from 0 to 1.
+        InputError: if the spectral radius is not a number from 0 to 1.
     """
 
     spectral_radius: float = 0.8

@@ -1,8 +1,8 @@
-"""Steps that end where a joint meets or leaves a stop.
+"""Detection of joint stops: steps that end where a joint meets or leaves a stop.
 
-The torque of a stop (R.33) has a corner there, over which no formula keeps its order, and the error
-estimate of a step may miss it: single stages inside the stop may have no weight in the estimate.
-Theory page "integration", below (I.4).
+The torque of a stop (R.33) has a corner there, across which no formula keeps its order. The error
+estimate of a step may not detect it, because stages inside the stop may have zero weight in the
+estimate. Theory page "integration", below (I.4).
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from flexarm.kernels.cache import merged
 from flexarm.kernels.columns import FREE, JOINT_UW, LOWER_STOP, STOP_STIFFNESS
 from flexarm.kernels.layout import Array
 
-#: A corner may lie inside a step by this part of the time in which the stop turns the joint back.
-#: The rate then errs by half its square, relative to the rate of the impact.
+#: Allowed distance in time of a corner from an end of a step, as a fraction of the time in which
+#: the stop reverses the joint. The relative error of the rate is then half its square.
 _SHARE = 1e-6
-#: The same as a part of the clock's reading, several times its rounding.
+#: The same as a fraction of the current time, several times its rounding error.
 _ROUNDING = 2e-15
-#: Parts of a step that are searched for a crossing, and halvings that locate one.
+#: Intervals of a step that are searched for a crossing, and bisections that locate it.
 _PARTS, _HALVINGS = 8, 50
-#: A cubic of which both ends are this far away, in paths of the faster end, does not get there.
+#: A cubic has no crossing if the distances of its ends add up to more than this many paths of the
+#: faster end.
 _REACH = 1.5
 
 
 @merged
 def _angle(x: float, h: float, q0: float, v0: float, q1: float, v1: float) -> float:
-    """Joint angle at x (0 to 1) of a step: cubic Hermite."""
+    """Return the joint angle at x (0 to 1) of a step, by cubic Hermite interpolation."""
     y = 1.0 - x
     ends: float = q0 * y * y * (1.0 + 2.0 * x) + q1 * x * x * (3.0 - 2.0 * x)
     return ends + h * x * y * (v0 * y - v1 * x)
@@ -37,7 +38,7 @@ def _angle(x: float, h: float, q0: float, v0: float, q1: float, v1: float) -> fl
 def _crossing(
     corner: float, h: float, q0: float, v0: float, q1: float, v1: float, allowed: float
 ) -> float:
-    """First time (s) after ``allowed`` at which the angle passes the corner; infinity for none."""
+    """Return the first time (s) after ``allowed`` at which the angle crosses the corner, or inf."""
     if abs(q0 - corner) + abs(q1 - corner) > _REACH * h * max(abs(v0), abs(v1)):
         return math.inf
     for part in range(_PARTS):
@@ -60,10 +61,10 @@ def _crossing(
 
 @merged
 def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -> float:
-    """Length of the step from t after which a joint meets or leaves a stop; h where none does.
+    """Return the step length from t at which a joint meets or leaves a stop, or h if none does.
 
-    ``state`` and ``new`` (2, n, 1 + m): the ends of a step of length h, after which the dynamics
-    was evaluated last.
+    ``state`` and ``new`` (2, n, 1 + m) are the ends of a step of length h; the last evaluation of
+    the dynamics must be the one at ``new``.
     """
     c = system.constants
     longest = h
@@ -79,7 +80,7 @@ def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -
                     c.body[i, LOWER_STOP + side], h, state[0, i, 0], state[1, i, 0], new[0, i, 0],
                     new[1, i, 0], allowed,
                 )  # fmt: skip
-                # Aim beyond the corner: a step that ends before it needs a tiny one after it.
+                # Aim beyond the corner, because a step that ends before it requires a tiny one.
                 if found + allowed < h:
                     longest = min(longest, found + 0.5 * allowed)
     return longest

@@ -8,7 +8,7 @@ from flexarm.integrate.additive_tableau import Additive, AdditiveTableau, additi
 
 
 def _order_4() -> AdditiveTableau:
-    """ARK4(3)6L[2]SA, appendix C of the paper."""
+    """Return ARK4(3)6L[2]SA, appendix C of the paper."""
     explicit = [
         [],
         [1 / 2],
@@ -58,7 +58,7 @@ def _order_4() -> AdditiveTableau:
 
 
 def _order_5() -> AdditiveTableau:
-    """ARK5(4)8L[2]SA, appendix D of the paper."""
+    """Return ARK5(4)8L[2]SA, appendix D of the paper."""
     explicit = [
         [],
         [41 / 100],
@@ -148,14 +148,17 @@ def _order_5() -> AdditiveTableau:
     return additive_tableau(5, explicit, implicit, embedded)
 
 
-#: The pair of order 4, with which Cowell's method starts.
+#: The pair of order 4, which starts Cowell's method.
 ORDER_4 = _order_4()
 _ORDER_5 = _order_5()
 
 
 @dataclass(frozen=True)
 class KennedyCarpenter5(Additive):
-    """Order 5(4), 8 stages, L-stable in bending, damping, joint springs; dense order 4."""
+    """Additive method of order 5(4) with 8 stages, L-stable in the stiff terms; dense order 4.
+
+    Bending, damping and joint springs are implicit.
+    """
 
     name = "kennedy_carpenter_5"
     order = 5

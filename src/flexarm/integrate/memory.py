@@ -1,4 +1,4 @@
-"""The numbers of a run that every stepper keeps: clock, counts, state and samples."""
+"""Data of a run that every stepper uses: clock, counts, state and samples."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ import numpy as np
 
 from flexarm.kernels.layout import Array
 
-#: Places in ``Memory.clock``. A *span* is the time between two stops, which a method of fixed steps
-#: cuts into equal steps.
+#: Indices of ``Memory.clock``. A *span* is the interval between two stops, which a fixed-step
+#: method divides into equal steps.
 CLOCK_PLACES = 12
 (
     TIME,  # s
-    STEP,  # s, next step to try; the longest one of a method that works in spans
-    REFUSED,  # 1.0 where the last step was refused, else 0.0
-    NORM,  # error of the present step over the allowed one
-    LAST_NORM,  # the same of the last accepted step, zero if there is none
-    LAST_STEP,  # s, length of that step
+    STEP,  # s, next step to try; for a method that works in spans, the longest step
+    REFUSED,  # 1.0 if the last step was rejected, else 0.0
+    NORM,  # error of the present step over the allowed error
+    LAST_NORM,  # NORM of the last accepted step, zero without one
+    LAST_STEP,  # s, length of the last accepted step
     START,  # s, of the present span
     END,  # s, of the present span
     LENGTH,  # s, of the equal steps of the span
     COUNT,  # number of these steps
-    PLACE,  # number of them that are done
-    SOFTENED,  # s, step for which the constants of an implicit method were made
+    PLACE,  # number of completed steps
+    SOFTENED,  # s, step length of the constants of an implicit method
 ) = range(CLOCK_PLACES)
 
-#: Places in ``Memory.counts``.
+#: Indices of ``Memory.counts``.
 COUNT_PLACES = 5
 (
-    SAMPLES,  # filled so far
+    SAMPLES,  # number filled so far
     STEPS,  # accepted
     REJECTED,
     EVALUATIONS,  # of the dynamics
@@ -38,7 +38,7 @@ COUNT_PLACES = 5
 
 
 class Memory(NamedTuple):
-    """Arrays of one run, the same for every method."""
+    """Arrays of one run, common to all methods."""
 
     clock: Array  # (CLOCK_PLACES,)
     counts: Array  # (COUNT_PLACES,) integers

@@ -1,10 +1,10 @@
-"""No step past a surface unseen: how long a step may be near what the arm can touch.
+"""Step length near contacts, so that no contact event is skipped between steps.
 
-Theory page "contact", (T.8) to (T.10). A method sees a surface only at its stages. A point cannot
-have touched anything between two moments if its path in between is shorter than the sum of its
-distances at both; where it may have, the step has to resolve the time in which a touch turns the
-point back. In a touch the error control sees it, as it sees a vibration; at its beginning that is
-not enough, because single stages may touch whose weight in the estimate is zero.
+Theory page "contact", (T.8) to (T.10). A method evaluates contacts only at its stages. A point
+cannot have had contact between two instants if its path is shorter than the sum of its distances at
+both. Otherwise the step has to resolve the time in which a contact reverses the motion of the
+point. During a contact, the error control is sufficient, as for a vibration. At its beginning it is
+not, because the stages in contact may have zero weight in the estimate.
 """
 
 from __future__ import annotations
@@ -25,36 +25,39 @@ from flexarm.kernels.contact import (
 )
 from flexarm.kernels.layout import Contacts
 
-#: A step that is longer than allowed by less than this stands: it may have been drawn to a stop.
+#: A step that exceeds the allowed length by less than this ratio is accepted, because it may have
+#: been extended to a stop.
 _NEARLY = 0.999
-#: Part of the time that turns a point back, which a step may take where it may have touched.
+#: Fraction of the turning time that a step may take if a contact is possible.
 _SHARE = 0.1
 _TINY = 1e-300
-#: Lowest speed of a touch (m/s): one that only rests has its own time, that of its springs.
+#: Lowest speed of a contact (m/s); the time scale of a resting contact is that of its springs.
 _SLOWEST = 1e-3
-#: Steps of a fixed length may be as long as the turning time or the time constant of friction and
-#: damping in a touch, times this: explicit methods are stable up to more than twice that.
+#: Longest fixed step, relative to the turning time or the time constant of friction and damping in
+#: a contact. Explicit methods are stable up to more than twice that.
 _STABLE = 1.0
-#: How much of the distances a step made anew may use.
+#: Fraction of the distances that a repeated step may use.
 _BACK = 0.9
-#: Deepest touch as a part of the radius of a bulging surface: at its centre the normal turns over.
+#: Maximum depth relative to the radius of a convex surface: at its centre the normal reverses.
 _DEEPEST = 0.9
-#: Path of a step inside of a bulging surface, in its radius: no step leads past the centre.
+#: Path of a step inside a convex surface, relative to its radius, so that no step crosses the
+#: centre.
 _WITHIN = 0.15
 
 
 @merged
 def _bulge(contacts: Contacts, k: int) -> float:
-    """Curvature (1/m) of a bulging surface at the worse end of a step, hardly any of others."""
+    """Return the larger curvature (1/m) at the ends of a step; almost zero if not convex."""
     bend: float = max(contacts.seen[0, k, BEND], contacts.seen[1, k, BEND], _TINY)
     return bend
 
 
 @merged
 def turning_time(contacts: Contacts, k: int, speed: float) -> float:
-    """Time (s) in which a touch at this speed of closing is at its deepest, about, (T.9).
+    """Return the approximate time (s) to maximum depth of a contact at a closing speed, (T.9).
 
-    Or has gone as far as the surface's radius, where that is less: a soft post is passed there.
+    If the radius of the surface is smaller than that depth, return the time to travel the radius,
+    because a point can pass through a soft post.
     """
     law = contacts.law
     above = law[k, EXPONENT] + 1.0
@@ -75,7 +78,7 @@ def _speed(contacts: Contacts, end: int, k: int) -> float:
 
 @merged
 def _fastest_change(contacts: Contacts, k: int) -> float:
-    """Time (s) of the fastest vibration or decay in a touch, at the worse end of a step."""
+    """Return the time constant (s) of the fastest vibration or decay in a contact during a step."""
     law = contacts.law
     depth = -min(contacts.seen[0, k, GAP], contacts.seen[1, k, GAP])
     exponent = law[k, EXPONENT]
@@ -88,7 +91,7 @@ def _fastest_change(contacts: Contacts, k: int) -> float:
 
 @merged
 def step_on(contacts: Contacts) -> None:
-    """Make the end of a step, where the dynamics was evaluated last, the start of the next."""
+    """Make the end of a step, where the dynamics was evaluated last, the start of the next one."""
     for k in range(contacts.body.shape[0]):
         for column in range(contacts.seen.shape[2]):
             contacts.seen[0, k, column] = contacts.seen[1, k, column]
@@ -96,10 +99,10 @@ def step_on(contacts: Contacts) -> None:
 
 @inner
 def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
-    """Longest step (s) that sees every touch, after one of length h: h itself if that stands.
+    """Return the longest step (s) that skips no contact, or h if the step of length h is accepted.
 
-    The dynamics has been evaluated last at the end of the step. Zero where a point is about to
-    leave a bulging surface on its other side, (T.10): no step helps.
+    The last evaluation of the dynamics must be at the end of the step. Returns zero if a point is
+    about to leave a convex surface on its other side, (T.10), which no step can prevent.
     """
     longest = h
     for k in range(contacts.body.shape[0]):

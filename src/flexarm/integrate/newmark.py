@@ -1,9 +1,9 @@
-"""Compiled stepping of the generalised-alpha method: one implicit acceleration a step.
+"""Compiled stepping of the generalised-alpha method, with one implicit acceleration per step.
 
 Theory page "integration", (I.9) to (I.11). Coordinates and rates follow Newmark's formulas with an
-averaged acceleration. Bending, springs and damping are solved for by the recursion; posture,
-velocity products and mass matrix of the new point by repeating that until nothing changes.
-``memory.new`` is the new point as the last pass left it.
+averaged acceleration. The recursion solves for bending, springs and damping. Posture, velocity
+products and mass matrix of the new point are found by repeating it until the change is negligible.
+``memory.new`` is the new point after the last pass.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.columns import MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array
 
-#: Passes after which a step has failed; two or three are usual.
+#: Number of passes after which a step has failed; two or three are usual.
 _PASSES = 50
-#: What further passes would change, as a part of what a step may err by: little, because it is of
-#: one sign over thousands of steps.
+#: Allowed change by further passes, relative to the allowed error of a step. It is small because
+#: the remaining error has the same sign over thousands of steps.
 _SOLVED = 1e-3
-#: A step is solved no closer than this, relative to the state: rounding stands in the way.
+#: Smallest tolerance relative to the state, because of rounding errors.
 _ROUNDING = 1e-12
-#: Largest growth from one step to the next that the averaged acceleration is carried over.
+#: Largest step ratio by which the averaged acceleration is extrapolated.
 _GROWTH = 5.0
 
 
@@ -50,25 +50,25 @@ class NewmarkRecord(NamedTuple):
     beta: float
     gamma: float
     known: Array  # (2, n, 1 + m) the new point without its own acceleration
-    averaged: Array  # (n, 1 + m) the acceleration that Newmark's formulas take
+    averaged: Array  # (n, 1 + m) averaged acceleration in Newmark's formulas
     ends: Array  # (2, 2, n, 1 + m) rates and accelerations at both ends of a step
-    change: Array  # (1, 2, n, 1 + m) by the last pass
+    change: Array  # (1, 2, n, 1 + m) change in the last pass
     one: Array  # (2, 1) weights of ``change`` in its norm
-    softened: ArmConstants  # with the diagonal of a step of length ``clock[SOFTENED]``
+    softened: ArmConstants  # with the diagonal for a step of length ``clock[SOFTENED]``
 
 
 @merged
 def _share(record: NewmarkRecord) -> float:
-    """Part of the new averaged acceleration that is the new true one."""
+    """Return the coefficient of the new acceleration in the new averaged acceleration."""
     return (1.0 - record.alpha_f) / (1.0 - record.alpha_m)
 
 
 @merged
 def _carry_over(system: System, record: NewmarkRecord, old_h: float, h: float) -> None:
-    """Carry the averaged acceleration over to steps of another length, and across a jump.
+    """Update the averaged acceleration for a new step length, and across a jump, (I.11).
 
-    It stands for a time that differs from the step's end by a part of the step. ``known[0]`` holds
-    the acceleration before the jump.
+    It approximates the acceleration at a time that differs from the step's end by a fraction of the
+    step. ``known[0]`` contains the acceleration before the jump.
     """
     averaged = record.averaged
     ratio = 0.0
@@ -82,7 +82,7 @@ def _carry_over(system: System, record: NewmarkRecord, old_h: float, h: float) -
 
 @merged
 def _predict(system: System, record: NewmarkRecord, memory: Memory, h: float) -> None:
-    """Predict the new point, and compute what is ``known`` of it."""
+    """Predict the new point, and compute ``known``, its part without the new acceleration."""
     c, state, smooth, known = system.constants, memory.state, memory.new, record.known
     alpha_m, alpha_f, beta, gamma = record.alpha_m, record.alpha_f, record.beta, record.gamma
     for i in range(len(system.sizes.bodies)):
@@ -100,7 +100,7 @@ def _predict(system: System, record: NewmarkRecord, memory: Memory, h: float) ->
                     h * max(math.sqrt(c.mode[i, j - 1, W2]), c.mode[i, j - 1, MODE_DAMPING])
                     > RESOLVED
                 )
-            # The acceleration of a mode that the step does not resolve predicts nothing.
+            # The acceleration of a mode that the step does not resolve is useless for a prediction.
             smooth[0, i, j] = q if stiff else q + h * (v + 0.5 * h * a)
             smooth[1, i, j] = v if stiff else v + h * a
 
@@ -110,9 +110,9 @@ def _pass(
     system: System, tolerance: Tolerance, record: NewmarkRecord, memory: Memory, kappa: float,
     lag: float,
 ) -> float:  # fmt: skip
-    """Solve for the new acceleration at ``new``, and move ``new`` to what follows from it.
+    """Solve for the new acceleration at ``new``, and update ``new`` with it.
 
-    Returns the largest change over what a step may err by.
+    Returns the largest change over the allowed error.
     """
     smooth, known, change = memory.new, record.known, record.change
     shift_forces(system, smooth, known[0], known[1], memory.torque)
@@ -137,7 +137,7 @@ def _solve(
     system: System, tolerance: Tolerance, record: NewmarkRecord, memory: Memory, t_new: float,
     lands: bool, h: float,
 ) -> int:  # fmt: skip
-    """Repeat passes until nothing changes any more; not ``DONE`` if that fails."""
+    """Repeat passes until the change is negligible; return ``DONE``, or another code on failure."""
     share = _share(record)
     allowed = Tolerance(
         max(tolerance.absolute, _ROUNDING),
@@ -155,7 +155,7 @@ def _solve(
         memory.counts[EVALUATIONS] += 1
         if not math.isfinite(norm):
             return NOT_FINITE if trial == 0 else NOT_CONVERGED
-        # What further passes would change, if they shrink as this one did.
+        # Estimated change by all further passes, if they decrease at the present ratio.
         if norm == 0.0 or (trial > 0 and norm * norm <= _SOLVED * (before - norm)):
             return DONE
     return NOT_CONVERGED
@@ -170,8 +170,8 @@ def advance_newmark(
     until: float,
     max_steps: int,
 ) -> int:
-    """Step to ``until``; see ``base.Integrator`` for the rules kept."""
-    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    """Step to ``until``, by the rules of ``base.Integrator``."""
+    # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_right = bool(np.bool_(False))
     clock, counts, new = memory.clock, memory.counts, memory.new

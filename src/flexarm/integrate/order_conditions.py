@@ -1,10 +1,10 @@
-"""Order conditions of Runge-Kutta methods and of additive pairs of them, by rooted trees.
+"""Order conditions of Runge-Kutta methods and of additive pairs, by rooted trees.
 
 J. C. Butcher's theory as in Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I
-(2nd ed., 1993), section II.2: a method has order p where ``sum_i b_i Phi_i(t) = 1/gamma(t)`` for
+(2nd ed., 1993), section II.2: a method has order p if ``sum_i b_i Phi_i(t) = 1/gamma(t)`` for
 every rooted tree t of at most p nodes. There are 1, 1, 2, 4, 9, 20, 48, 115 trees of 1 to 8 nodes.
 For a pair each edge of a tree belongs to one of the two methods (Kennedy and Carpenter, Applied
-Numerical Mathematics 44 (2003) 139-181, section 2.1, with the weights in common).
+Numerical Mathematics 44 (2003) 139-181, section 2.1, with common weights).
 
 A tree is the sorted tuple of the branches on its root; a branch is a pair of the method of its edge
 and the tree at its end.
@@ -24,13 +24,13 @@ Tree = tuple[Any, ...]
 
 @cache
 def trees(nodes: int, methods: int = 1) -> tuple[Tree, ...]:
-    """Return every rooted tree of this many nodes, with edges of so many methods."""
+    """Return every rooted tree with ``nodes`` nodes and edges of ``methods`` methods."""
     return _forests(nodes - 1, nodes - 1, methods)
 
 
 @cache
 def _forests(nodes: int, largest: int, methods: int) -> tuple[Tree, ...]:
-    """Every multiset of branches of at most ``largest`` nodes each, ``nodes`` in all."""
+    """Return every multiset of branches of at most ``largest`` nodes each, ``nodes`` in total."""
     if nodes == 0:
         return ((),)
     found: set[Tree] = set()
@@ -43,7 +43,7 @@ def _forests(nodes: int, largest: int, methods: int) -> tuple[Tree, ...]:
 
 @cache
 def size(tree: Tree) -> int:
-    """Return the number of nodes."""
+    """Return the number of nodes of a tree."""
     return 1 + sum(size(child) for _, child in tree)
 
 
@@ -73,10 +73,10 @@ def _weights(tree: Tree, A: tuple[FloatArray, ...], known: dict[Tree, FloatArray
 def largest_miss(
     order: int, b: FloatArray, *A: FloatArray, exact: float = 1.0
 ) -> tuple[float, int]:
-    """Return the largest miss of an order condition, and the nodes of its tree.
+    """Return the largest residual of an order condition, and the number of nodes of its tree.
 
     Args:
-        order: most nodes of the trees.
+        order: maximum number of nodes of the trees.
         b: (s,) weights. A: (s, s) coefficients of the methods that share them.
         exact: 1 for the weights of a new point, 0 for those of an error estimate.
     """

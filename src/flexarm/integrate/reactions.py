@@ -1,4 +1,4 @@
-"""Joint reactions and section forces of recorded states: forward dynamics, then inverse."""
+"""Joint reactions and section forces of recorded states, by forward and inverse dynamics."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def reactions_many(
 ) -> None:
     """Fill ``reactions`` (samples, n, 3) in body axes and ``motor`` torques (samples, n).
 
-    ``states`` (samples, 2, n, 1 + m); ``torques`` (samples, n) as ``forward_dynamics`` takes them.
-    A motor gives what the joint transmits less what the joint gives by itself; for a joint whose
-    motion is given, that is the torque it takes. Filled too, for ``section_forces_many``:
-    ``accelerations`` (samples, n, 1 + m) and ``root_accelerations`` (samples, n, 3) less gravity.
+    ``states`` (samples, 2, n, 1 + m); ``torques`` (samples, n) as in ``forward_dynamics``. The
+    motor torque is the transmitted moment minus the joint's passive torque; for a joint with
+    prescribed motion, it is the required torque. Also filled, for ``section_forces_many``:
+    ``accelerations`` (samples, n, 1 + m) and ``root_accelerations`` (samples, n, 3) minus gravity.
     """
     sizes, constants, work = system.sizes, system.constants, system.work
     for k in range(states.shape[0]):
@@ -69,8 +69,8 @@ def section_forces_many(
 ) -> None:
     """Fill ``forces`` (samples, links, 3): axial, shear, moment at one station of each link.
 
-    ``system`` is the arm cut off at ``stations``, its loads those inboard of them; the other arrays
-    come from ``reactions_many`` of the whole arm.
+    ``system`` is the arm with links that end at ``stations`` and with the loads inboard of them.
+    The other arrays come from ``reactions_many`` of the whole arm.
     """
     sizes, constants, work = system.sizes, system.constants, system.work
     for k in range(states.shape[0]):

@@ -1,9 +1,9 @@
-"""How long the steps of a span of Cowell's method may be, and which modes it does not resolve.
+"""Stable step length of Cowell's method, and the modes that it does not resolve.
 
-Theory page "integration", below (I.8). ``stiff`` (n, 1 + m) is 1.0 where a mode is carried on by
-the trapezoidal rule, and 0.0 else; ``bounds`` (5,) keeps the largest square frequency (rad^2/s^2)
-and the largest damping rate (1/s) that were found last, the step (s) they were found for, or
-infinity where no mode was stiff, and the first two of the straight posture alone.
+Theory page "integration", below (I.8). ``stiff`` (n, 1 + m) is 1.0 for a mode that is integrated
+by the trapezoidal rule, else 0.0. ``bounds`` (5,) contains the largest squared frequency
+(rad^2/s^2) and the largest damping rate (1/s) found last, the step (s) for which they were found,
+or infinity if no mode was stiff, and the first two for the straight posture alone.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_D
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
 
-#: Numerov's formula is stable for square frequencies times h^2 of up to 6; the estimate of the
-#: highest one comes from below, so some of that is kept.
+#: Numerov's formula is stable for squared frequencies times h^2 of up to 6. The estimate of the
+#: highest frequency is a lower bound, which requires a margin.
 _STABLE = 5.0
-#: The same where spans are short and restarts many: the rate (I.6) at the end of a span, taken up
-#: by the next one, makes vibrations grow, by 2 per cent at most at this square angle (rad^2) of a
-#: step, by a fifth to a half where it is about 4.
+#: The same limit (rad^2) for short spans with many restarts. The rate (I.6) at the end of a span,
+#: which starts the next one, makes vibrations grow: by 2 per cent at most at this limit, by a fifth
+#: to a half if it is about 4.
 _RESTARTED = 1.5
-#: Spans of fewer steps than this are short.
+#: Spans with fewer steps than this are short.
 _LONG = 500.0
-#: Largest h times the damping rate of a coordinate, from the eigenvalues of (I.5) with (I.6).
+#: Largest h times damping rate of a coordinate, from the eigenvalues of (I.5) with (I.6).
 _DAMPED = 1.3
-#: Square of twice the damping ratio from which a mode that is not resolved dies out at once.
+#: Square of twice the damping ratio above which an unresolved mode decays quickly.
 _DYING = 0.16
 _ITERATIONS = 25
-#: The posture of a run that goes on changes its frequencies; below this part of what is stable
-#: they are not looked at again.
+#: The frequencies change with the posture during a run. They are not computed again below this
+#: fraction of the stability limit.
 _NEAR = 0.5
 
 
@@ -44,11 +44,11 @@ def _largest(
     system: System, stiff: Array, of_damping: bool, state: Array, bent: float, rest: Array,
     direction: Array, unforced: Array, torque: Array,
 ) -> float:  # fmt: skip
-    """Largest square frequency, or damping rate, without those of stiff modes; from below.
+    """Return a lower bound of the largest squared frequency, or damping rate, without stiff modes.
 
-    In the posture of ``bent`` times the coordinates of the state. Power iteration. Fine meshes need
-    it: the residual inertia of (R.7) is so small that even the stiffness of slow modes makes a fast
-    motion of a joint against its link.
+    The coordinates of the state are multiplied by ``bent``. The method is power iteration. It is
+    necessary on fine meshes, where the residual inertia of (R.7) is so small that even the
+    stiffness of slow modes causes a fast vibration of a joint against its link.
     """
     c, force = system.constants, system.work.force
     for i in range(len(system.sizes.bodies)):
@@ -87,7 +87,7 @@ def _largest(
 
 @merged
 def _stable_step(square: float, rate: float, stable: float) -> float:
-    """Longest h with h^2 square / stable + h rate / _DAMPED of at most one; zero for no limit."""
+    """Return the longest h with h^2 square / stable + h rate / _DAMPED <= 1; zero: no limit."""
     half = 0.5 * rate / _DAMPED
     root = math.sqrt(half * half + square / stable)
     return 1.0 / (half + root) if half + root > 0.0 else 0.0
@@ -98,10 +98,11 @@ def longest_step(
     system: System, state: Array, rest: Array, known: Array, torque: Array, stiff: Array,
     bounds: Array, h: float, span: float,
 ) -> float:  # fmt: skip
-    """Decide which modes are stiff at steps of h; return h, or what is stable if that is shorter.
+    """Find the modes that are stiff at steps of h; return h, or a shorter stable step.
 
-    ``span`` (s) is how long the steps go on; the arm may stretch meanwhile, and straight arms
-    vibrate fastest. ``rest`` and ``known`` (2, n, 1 + m) and ``torque`` are scratch.
+    ``span`` (s) is the duration of the steps. The straight posture is also checked, because the arm
+    may reach it and straight arms vibrate fastest. ``rest`` and ``known`` (2, n, 1 + m) and
+    ``torque`` are scratch.
     """
     c = system.constants
     found_for = math.inf
@@ -122,10 +123,10 @@ def longest_step(
     part = h * h * bounds[0] / _RESTARTED + h * bounds[1] / _DAMPED
     if bounds[2] == found_for and part < _NEAR:
         return h
-    # Typed constants: literals would make the compiler build a copy of each callee for each value.
+    # Typed constants: with literals, the compiler would build each callee for every value.
     damping = bool(np.bool_(True))
     stiffness = bool(np.bool_(False))
-    straight_too = bounds[2] != found_for  # else known from the span before
+    straight_too = bounds[2] != found_for  # otherwise computed for an earlier span
     bounds[2] = found_for
     for k in range(2):
         if k == 0 and not straight_too:
@@ -146,13 +147,13 @@ def longest_step(
     longest = _stable_step(bounds[0], bounds[1], _STABLE)
     if span < _LONG * min(h, longest):
         longest = _stable_step(bounds[0], bounds[1], _RESTARTED)
-    # Where there is no limit, and where a state that is lost has none that is a number.
+    # ``longest`` is zero without a limit, and NaN for a state that is not finite: keep h.
     return min(h, longest) if longest > 0.0 else h
 
 
 @inner
 def soften(system: System, softened: ArmConstants, stiff: Array, h: float) -> None:
-    """Add the implicit parts of springs, bending and damping at steps of h to the mass."""
+    """Add the implicit parts of springs, bending and damping at steps of h to the mass matrix."""
     c, added = system.constants, system.work.force
     for i in range(len(system.sizes.bodies)):
         for j in range(1 + len(system.sizes.modes)):

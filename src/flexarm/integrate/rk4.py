@@ -32,9 +32,9 @@ _TABLEAU = Tableau(
 
 @dataclass(frozen=True)
 class RungeKutta4(ExplicitRungeKutta):
-    """Classical method of order 4, fixed step, cubic Hermite dense output.
+    """Classical Runge-Kutta method of order 4, fixed step, cubic Hermite dense output.
 
-    It goes unstable where step times highest frequency exceeds 2.8.
+    It is unstable if the step times the highest frequency exceeds 2.8.
     """
 
     name = "rk4"

@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta integrators: a tableau given to the compiled stepper."""
+"""Explicit Runge-Kutta integrators, defined by a tableau for the compiled stepper."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexarm.kernels.layout import ArmConstants
 
 @dataclass(frozen=True)
 class ExplicitRungeKutta(Integrator):
-    """Common part of the explicit methods."""
+    """Base class of the explicit methods."""
 
     stepper = staticmethod(advance_explicit)
 

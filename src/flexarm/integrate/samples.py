@@ -1,9 +1,9 @@
-"""Samples of a run, between the ends of a step and at them.
+"""Samples of a run, inside a step and at its ends.
 
 =============  =============================================================================
 symbol         meaning
 =============  =============================================================================
-``x``          place inside of a step, 0 at its start and 1 at its end
+``x``          position inside a step, 0 at its start and 1 at its end
 ``q, v, a``    coordinate, rate and acceleration; 0 at the start of the step, 1 at its end
 ``ends``       (s + 1, 2, n, 1 + m) slopes: the first at the start of the step, the last at
                its end
@@ -18,16 +18,16 @@ from flexarm.kernels.cache import inner, merged
 from flexarm.kernels.columns import W2
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
-#: Steps shorter than this part of a radian of the fastest mode are truncated ones: nothing moves in
-#: them.
+#: Steps shorter than this fraction of a radian of the fastest mode are truncated steps, in which
+#: the motion is negligible.
 SHORT = 1e-3
-#: A mode that turns by more radians than this in a step is not resolved by it.
+#: A step does not resolve a mode whose phase changes by more than this angle (rad) in it.
 RESOLVED = 1.6
 
 
 @inner
 def copy_state(sizes: Sizes, source: Array, target: Array) -> None:
-    """Copy coordinates and rates (2, n, 1 + m)."""
+    """Copy the coordinates and rates (2, n, 1 + m) of a state."""
     for level in range(2):
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
@@ -36,7 +36,7 @@ def copy_state(sizes: Sizes, source: Array, target: Array) -> None:
 
 @merged
 def samples_at(sizes: Sizes, memory: Memory, state: Array, t: float) -> None:
-    """Fill the samples at time t, and those before it that are not filled, with a state."""
+    """Fill the samples at time t, and earlier ones that are not filled yet, with a state."""
     counts = memory.counts
     while (
         counts[SAMPLES] < memory.sample_times.shape[0] and memory.sample_times[counts[SAMPLES]] <= t
@@ -47,7 +47,7 @@ def samples_at(sizes: Sizes, memory: Memory, state: Array, t: float) -> None:
 
 @merged
 def sample_before(memory: Memory, t: float) -> int:
-    """Count the next sample as filled and return its index if it lies before time t, else -1."""
+    """Return the index of the next sample if it is before time t, and count it, else -1."""
     k: int = memory.counts[SAMPLES]
     if k < memory.sample_times.shape[0] and memory.sample_times[k] < t:
         memory.counts[SAMPLES] = k + 1
@@ -57,7 +57,7 @@ def sample_before(memory: Memory, t: float) -> int:
 
 @merged
 def begin_call(sizes: Sizes, memory: Memory) -> float:
-    """Fill the samples that are due at the start of a call of a stepper; return its time (s)."""
+    """Fill the samples at the start of a call of a stepper; return its time (s)."""
     t: float = memory.clock[TIME]
     samples_at(sizes, memory, memory.state, t)
     return t
@@ -65,7 +65,7 @@ def begin_call(sizes: Sizes, memory: Memory) -> float:
 
 @merged
 def end_step(sizes: Sizes, memory: Memory, new: Array, t_new: float) -> None:
-    """Take over ``new`` (2, n, 1 + m), the end of an accepted step, at time ``t_new``."""
+    """Store ``new`` (2, n, 1 + m), the end of an accepted step, as the state at ``t_new``."""
     samples_at(sizes, memory, new, t_new)
     for level in range(2):
         for i in range(len(sizes.bodies)):
@@ -77,7 +77,7 @@ def end_step(sizes: Sizes, memory: Memory, new: Array, t_new: float) -> None:
 
 @merged
 def dense_weights(dense: Array, theta: float, weights: Array) -> None:
-    """Weights (1, r) of the stages at t + theta h."""
+    """Compute the weights (1, r) of the stages at t + theta h."""
     for k in range(dense.shape[0]):
         weight = 0.0
         for p in range(dense.shape[1]):
@@ -89,10 +89,10 @@ def dense_weights(dense: Array, theta: float, weights: Array) -> None:
 def coordinate_between(
     x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float
 ) -> float:
-    """Coordinate at x (0 to 1) of a step: quintic Hermite."""
+    """Return the coordinate at x (0 to 1) of a step, by quintic Hermite interpolation."""
     v = h * v0
     a = 0.5 * h * h * a0
-    # What is missing at the new point, of value, slope and half the curvature.
+    # Residuals at the new point of value, slope and half the curvature.
     e0 = q1 - q0 - v - a
     e1 = h * v1 - v - 2.0 * a
     e2 = 0.5 * h * h * a1 - a
@@ -107,9 +107,10 @@ def rate_between(
     x: float, h: float, q0: float, v0: float, a0: float, q1: float, v1: float, a1: float,
     fine: bool,
 ) -> float:  # fmt: skip
-    """Rate at x (0 to 1) of a step: cubic Hermite, or with ``fine`` the quartic that also adds up.
+    """Return the rate at x (0 to 1) of a step, by cubic Hermite interpolation or a quartic.
 
-    The quartic covers the distance from q0 to q1; it divides by h, so not for very short steps.
+    With ``fine``, the quartic has the integral q1 - q0. It divides by h, so it is not suitable for
+    very short steps.
     """
     rise = v1 - v0
     c2 = 3.0 * rise - h * (2.0 * a0 + a1)
@@ -128,7 +129,8 @@ def between_ends(
 ) -> None:  # fmt: skip
     """Sample at x (0 to 1) of a step from the values and the first and last slopes of ``ends``.
 
-    A mode that the step does not resolve has accelerations that mean nothing inside it: cubic.
+    For a mode that the step does not resolve, the interpolation is cubic, because its accelerations
+    are meaningless inside the step.
     """
     s = ends.shape[0] - 1
     fine = h * tolerance.fastest > SHORT
@@ -156,7 +158,7 @@ def samples_between(
     system: System, tolerance: Tolerance, memory: Memory, ends: Array, t: float, h: float,
     t_new: float,
 ) -> None:  # fmt: skip
-    """Fill the samples inside of a step of length h from t to ``t_new`` by ``between_ends``."""
+    """Fill the samples inside a step of length h from t to ``t_new`` by ``between_ends``."""
     k = sample_before(memory, t_new)
     while k >= 0:
         between_ends(

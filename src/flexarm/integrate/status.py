@@ -1,4 +1,4 @@
-"""How a call of a stepper ended: the codes, once."""
+"""Status codes of a call of a stepper."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Status(IntEnum):
-    """How a call of ``advance`` ended."""
+    """Status of a call of ``advance``."""
 
     DONE = 0
     PAUSED = 1
@@ -21,7 +21,7 @@ class Status(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What happened, for the error message."""
+        """Description of the status for the error message."""
         return _SENTENCES[self]
 
 
@@ -43,7 +43,7 @@ _SENTENCES = {
     "100 times the reach of the arm: the step is too long, or the arm is unstable.",
 }
 
-# The codes as plain integers, which kernels return: an enumeration costs time at each call.
+# Kernels return the codes as plain integers, because an enumeration costs time at each call.
 DONE = Status.DONE.value
 PAUSED = Status.PAUSED.value
 STEP_UNDERFLOW = Status.STEP_UNDERFLOW.value

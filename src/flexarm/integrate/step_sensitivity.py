@@ -1,7 +1,7 @@
-"""One step of a Runge-Kutta method, exact in its derivatives by complex perturbation.
+"""One step of a Runge-Kutta method, with exact derivatives by complex perturbation.
 
-Every number may be complex: the state, the torque, the constants of the arm. A perturbation of
-1e-30 i in one of them carries its derivative through all stages in the imaginary part.
+The state, the torque and the constants of the arm may be complex. A perturbation of 1e-30 i in one
+of them carries its derivative through all stages in the imaginary part.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ def held_torque_step(
     stages: Array,
     new: Array,
 ) -> None:
-    """Carry ``state`` (2, n, 1 + m) over a step h (s) into ``new``, the torque (n,) held.
+    """Carry ``state`` (2, n, 1 + m) over a step h (s) into ``new``, at constant torque (n,).
 
-    ``A`` (s + 1, s + 1): a tableau's rows of the s stages, and that of the new point; ``stages``
+    ``A`` (s + 1, s + 1): rows of a tableau for the s stages and for the new point; ``stages``
     (s, 2, n, 1 + m) is scratch.
     """
     count = stages.shape[0]
@@ -59,7 +59,7 @@ def held_torque_additive_step(
 ) -> None:
     """Carry ``memory.state`` over a step h (s) into ``memory.new`` with a method of ``additive``.
 
-    ``system.drive`` holds the torque; all arrays of numbers of the motion are complex.
+    The torque is that of ``system.drive``; all arrays of the motion are complex.
     """
     memory.clock[SOFTENED] = -1.0  # the constants may have changed since the last call
     slope_at(
@@ -88,12 +88,12 @@ def held_torque_jacobian(
     new: Array,
     slopes: Array,
 ) -> None:
-    """State after equal steps, and its derivatives by states, torques and one parameter.
+    """Compute the state after equal steps, and its derivatives by states, torques, one parameter.
 
     ``places`` (p, 3): level, body and column of each state; ``bodies`` (j,) of the torques;
-    ``moved``: the constants with the parameter's imaginary step. ``slopes``
-    (p + j + 1, 2, n, 1 + m); ``new`` holds the state after in its real part. All but ``slopes``
-    complex, where it is no index; ``before`` (2, n, 1 + m) is scratch.
+    ``moved``: the constants with the parameter's imaginary step. The derivatives are written to
+    ``slopes`` (p + j + 1, 2, n, 1 + m), and the real part of ``new`` is the final state. All arrays
+    except ``slopes`` and indices are complex; ``before`` (2, n, 1 + m) is scratch.
     """
     count = places.shape[0]
     for column in range(count + bodies.shape[0] + 1):

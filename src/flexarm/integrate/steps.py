@@ -1,8 +1,8 @@
-"""What the steppers share: sums of stages, the error of a step, the next step, stops, spans.
+"""Common functions of the steppers: sums of stages, error norm, step control, stops, spans.
 
 Step sizes follow a digital filter instead of the last error alone (Soderlind, ACM Transactions on
-Mathematical Software 29 (2003) 1-26). Where stability and not accuracy limits an explicit method,
-the error jumps with the step, and a controller without memory refuses every third step.
+Mathematical Software 29 (2003) 1-26). If stability and not accuracy limits an explicit method, the
+error varies strongly with the step, and a controller without memory rejects every third step.
 """
 
 from __future__ import annotations
@@ -44,22 +44,23 @@ from flexarm.kernels.layout import Array, Sizes
 
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
-#: Soderlind's filter H211b: how much the last two errors and the last change of the step weigh.
+#: Parameter b of Soderlind's filter H211b: the exponents of the last two errors and of the last
+#: step ratio are divided by it.
 _FILTER = 4.0
-#: An error this far below what is allowed says no more than that the step may grow at once.
+#: Smallest error norm in the controller, far below the range that determines the step.
 _TINY = 1e-12
-#: A step shorter than this part of the clock's reading no longer moves it reliably.
+#: Smallest step relative to the current time: a shorter one no longer advances it reliably.
 _SMALLEST = 1e-14
-#: A step that ends this part of itself before a stop is drawn to the stop.
+#: A step that would end this close before a stop, relative to its length, is extended to the stop.
 _NEARLY = 1.000001
 
-#: No explicit step turns the fastest mode by more radians than this, which is beyond all limits of
-#: stability. While an arm only turns, without bending, any step would pass the error control; but
-#: the polynomial between its ends multiplies the rounding of the modes by high powers of the step.
+#: Largest phase change (rad) of the fastest mode in an explicit step, beyond all stability limits.
+#: While an arm turns without bending, any step would pass the error control, but the polynomial
+#: between its ends multiplies the rounding errors of the modes by high powers of the step.
 LONGEST = 7.0
 
-#: No step that turns a joint by more than half a turn (rad) samples its motion, and no link bends
-#: by more than this many times the reach of the arm.
+#: Limits of a plausible fixed step: rotation of a joint (rad), because samples of a faster motion
+#: are useless, and deflection of a link relative to the reach of the arm.
 _MOST_TURNED, _ABSURD = math.pi, 100.0
 
 
@@ -68,7 +69,7 @@ _MOST_TURNED, _ABSURD = math.pi, 100.0
 
 @merged
 def next_stop(stops: Array, t: float, until: float) -> float:
-    """Next time that a step must not cross."""
+    """Return the next time that a step must not cross."""
     low = 0
     high = stops.shape[0]
     while low < high:
@@ -96,7 +97,7 @@ def step_landing(stops: Array, t: float, h: float, until: float) -> tuple[float,
 
 @merged
 def begin_span(stops: Array, t: float, until: float, step: float, clock: Array) -> None:
-    """Cut the time from t to the next stop into equal steps, none longer than ``step``."""
+    """Divide the time from t to the next stop into equal steps, none longer than ``step``."""
     clock[START] = t
     clock[END] = next_stop(stops, t, until)
     clock[COUNT] = max(1.0, math.ceil((clock[END] - t) / step * (1.0 - 1e-9)))
@@ -122,7 +123,7 @@ def combine(
     sizes: Sizes, state: Array, stages: Array, weights: Array, row: int, count: int, h: float,
     out: Array,
 ) -> None:  # fmt: skip
-    """out = state + h * sum over stages of weights[row]."""
+    """Compute out = state + h * sum over stages of weights[row]."""
     for level in range(2):
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
@@ -134,7 +135,7 @@ def combine(
 
 @merged
 def _scale(system: System, tolerance: Tolerance, state: Array, level: int, i: int) -> float:
-    """Largest modal value of a body, in metres at the tip."""
+    """Return the largest modal value of a body, in metres at the tip."""
     largest: float = 0.0
     for j in range(len(system.sizes.modes)):
         size = abs(state[level, i, 1 + j]) / tolerance.unit[level, i, 1 + j]
@@ -147,9 +148,9 @@ def error_norm(
     system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, error: Array,
     h: float,
 ) -> float:  # fmt: skip
-    """Largest error of a step over what is allowed: at most one if the step may be accepted.
+    """Return the largest error of a step over the allowed error; the step is accepted up to 1.
 
-    ``error`` (2, stages): weights of the estimate and of a cruder one.
+    ``error`` (2, stages): weights of the error estimate and of a less accurate one.
     """
     worst: float = 0.0
     worst_low: float = 0.0
@@ -175,13 +176,13 @@ def error_norm(
                     return math.inf
     if worst == 0.0:
         return 0.0
-    # As a ratio: the square of a vanishing error would underflow to 0 / 0.
+    # Use a ratio, because the square of a very small error would underflow to 0 / 0.
     return worst / math.sqrt(1.0 + 0.01 * (worst_low / worst) ** 2)
 
 
 @merged
 def inertia_left(system: System) -> bool:
-    """Whether every free joint felt a positive inertia when the dynamics was evaluated last."""
+    """Return whether the articulated inertia of every free joint was positive at the last pass."""
     lowest = 1.0
     for i in range(len(system.sizes.bodies)):
         if system.constants.body[i, FREE] != 0.0:
@@ -191,9 +192,9 @@ def inertia_left(system: System) -> bool:
 
 @inner
 def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
-    """Judge the end (2, n, 1 + m) of a fixed step of length h: not ``DONE`` if it cannot be right.
+    """Check the end (2, n, 1 + m) of a fixed step of length h; not ``DONE`` if it is implausible.
 
-    A fixed step has no error estimate, so without this a run that diverges goes on to overflow.
+    A fixed step has no error estimate, so without this check a diverging run would overflow.
     """
     furthest = _ABSURD / tolerance.unit[0, 0, 0]
     for i in range(len(sizes.bodies)):
@@ -212,7 +213,7 @@ def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
 
 @merged
 def _repeat_to(memory: Memory, reached: float) -> int:
-    """Repeat the step only as far as ``reached`` (s), where the forces have a corner."""
+    """Reject the step and repeat it to ``reached`` (s), where the forces have a corner."""
     memory.counts[REJECTED] += 1
     memory.clock[STEP] = reached
     memory.clock[REFUSED] = 1.0
@@ -224,10 +225,10 @@ def judge_step(
     system: System, tolerance: Tolerance, memory: Memory, stages: Array, error: Array, order: int,
     t: float, h: float,
 ) -> int:  # fmt: skip
-    """Judge a step of length h from t to ``memory.new``, by joint stops and by its error.
+    """Check a step of length h from t to ``memory.new``, for joint stops and its error.
 
-    Returns ``DONE`` where the step stands, with its error in ``clock[NORM]``; ``PAUSED`` where it
-    is to be repeated with ``clock[STEP]``; else how the run ends.
+    Returns ``DONE`` for an accepted step, with its error in ``clock[NORM]``; ``PAUSED`` if it must
+    be repeated with ``clock[STEP]``; otherwise the status that ends the run.
     """
     clock = memory.clock
     reached = step_to_stop(system, t, memory.state, memory.new, h)
@@ -249,7 +250,7 @@ def judge_step(
 
 @merged
 def judge_end(system: System, memory: Memory, h: float, adaptive: bool) -> int:
-    """Judge a step of length h after the dynamics was evaluated at its end, by contacts, inertia.
+    """Check contacts and inertia after the dynamics was evaluated at the end of a step of length h.
 
     Returns a code as ``judge_step`` does.
     """
@@ -277,11 +278,11 @@ def choose_step(clock: Array, h: float, order: int, lands: bool) -> None:
     else:
         grow = error ** (-1.0 / order)
     grow = min(_GROW, max(_SHRINK, grow))
-    if clock[REFUSED] > 0.0:  # do not grow at once after a refusal
+    if clock[REFUSED] > 0.0:  # do not increase the step directly after a rejection
         grow = min(1.0, grow)
     clock[REFUSED] = 0.0
     if lands and grow >= 1.0 and h * grow <= clock[STEP]:
-        return  # a truncated step says nothing about the one that was to be
+        return  # a truncated step gives no information about the full step
     clock[LAST_NORM] = max(clock[NORM], _TINY)
     clock[LAST_STEP] = h
     clock[STEP] = h * grow

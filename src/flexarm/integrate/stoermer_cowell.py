@@ -1,4 +1,4 @@
-"""Cowell's two-step method of order 4 for long vibrations: symmetric, one evaluation a step."""
+"""Cowell's two-step method of order 4 for long vibrations: symmetric, one evaluation per step."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from flexarm.kernels.layout import ArmConstants
 
 @dataclass(frozen=True)
 class Cowell4(Integrator):
-    """Order 4, fixed step, one evaluation a step, neither gain nor loss of vibration energy.
+    """Symmetric method of order 4 with a fixed step and one evaluation per step.
 
-    Energy is kept of small vibrations; the predicted velocity products of large ones cost a little.
-    It does not follow contacts: the formula looks back over four points of a smooth motion.
-    Bending and damping are implicit, and damped modes too fast for the step are carried on by the
-    trapezoidal rule. After every stop, where the torque is not smooth, three steps are made by
-    Kennedy and Carpenter's additive pair of order 4. A motion too fast for the predictions ends it.
+    It conserves the energy of small vibrations; for large ones, the predicted velocity products
+    change it slightly. It does not follow contacts, because the formula uses four points of a
+    smooth motion. Bending and damping are implicit, and damped modes too fast for the step are
+    integrated by the trapezoidal rule. After every stop, where the torque is not smooth, Kennedy
+    and Carpenter's additive pair of order 4 makes three steps. If the motion is too fast for the
+    predictions, the run ends.
 
     Args:
-        step: longest step (s), shortened to meet every stop, and to what the highest frequency and
-            the fastest damping of the arm, bent or straight, ask for; None lets ``simulate``
-            find one (``flexarm.engine.default_step``).
+        step: longest step (s), shortened to end at every stop, and as required by the highest
+            frequency and the fastest damping of the arm, bent or straight; None: ``simulate``
+            chooses it (``flexarm.engine.default_step``).
     """
 
     name = "cowell_4"

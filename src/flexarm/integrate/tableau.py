@@ -8,34 +8,34 @@ import numpy as np
 
 from flexarm.integrate.order_conditions import FloatArray, largest_miss
 
-#: Coefficients are printed to at least 16 digits; sums of a dozen of them lose two.
+#: Coefficients are given to at least 16 digits; sums of a dozen of them lose two.
 _ROUNDING = 1e-12
 
 
 def demand(holds: object, rule: str) -> None:
-    """Raise unless a rule of a tableau holds.
+    """Raise an error unless a rule of a tableau holds.
 
     Raises:
-        ValueError: if it does not.
+        ValueError: if the rule does not hold.
     """
     if not holds:
         raise ValueError(f"Tableau: {rule}")
 
 
 def demand_zero(value: object, rule: str) -> None:
-    """Raise unless what has to vanish does, but for rounding.
+    """Raise an error unless a value is zero to rounding errors.
 
     Raises:
-        ValueError: if it does not.
+        ValueError: if the value is not zero.
     """
     demand(np.max(np.abs(np.asarray(value))) < _ROUNDING, rule)
 
 
 def demand_order(order: int, b: FloatArray, *A: FloatArray, exact: float = 1.0) -> None:
-    """Raise unless all order conditions hold; arguments as of ``largest_miss``.
+    """Raise an error unless all order conditions hold; arguments as in ``largest_miss``.
 
     Raises:
-        ValueError: if one does not.
+        ValueError: if a condition does not hold.
     """
     miss, nodes = largest_miss(order, b, *A, exact=exact)
     what = "new point" if exact else "error estimate"
@@ -47,20 +47,21 @@ class Tableau:
     """Coefficients of an explicit Runge-Kutta method with s stages.
 
     Stage s (counted from 0) is the derivative at the new point, which is also stage 0 of the next
-    step; later ones, if any, serve dense output alone.
+    step. Later stages, if any, are used for dense output only.
 
     Attributes:
         order: order of the new point.
         A: (r, r) lower triangular; rows of the s stages, of the new point, of dense output.
         b: (s,) weights of the new point.
         c: (r,) abscissae.
-        error: (2, s + 1) weights of the error estimate, and of a second, cruder one, combined as in
-            Hairer, Norsett and Wanner, Solving ODEs I (1993), section II.10. Zeros: none.
-        error_orders: orders up to which the estimates see nothing.
+        error: (2, s + 1) weights of the error estimate, and of a second, less accurate one,
+            combined as in Hairer, Norsett and Wanner, Solving ODEs I (1993), section II.10. Zeros:
+            no estimate.
+        error_orders: orders up to which the estimates are zero.
         dense: (r, d) polynomials ``b_i(theta) = sum_p dense[i, p] theta^(p + 1)``.
 
     Raises:
-        ValueError: the coefficients contradict each other; a typing error cannot be constructed.
+        ValueError: if the coefficients do not satisfy the order conditions or their structure.
     """
 
     order: int
@@ -73,7 +74,7 @@ class Tableau:
 
     @property
     def stages(self) -> int:
-        """Number of stages s that make the new point."""
+        """Number of stages s of the new point."""
         return int(self.b.size)
 
     def __post_init__(self) -> None:
@@ -95,7 +96,7 @@ class Tableau:
 
 
 def hermite_dense(b: FloatArray) -> FloatArray:
-    """Dense output of third order from the values and slopes at both ends of a step."""
+    """Return dense output of third order from the values and slopes at both ends of a step."""
     s = b.size
     dense = np.zeros((s + 1, 3))
     dense[:s] = np.outer(b, [0.0, 3.0, -2.0])

@@ -1,4 +1,4 @@
-"""The torque of a drive at a time, and the accelerations it gives: the integrators' right side."""
+"""Right-hand side of the integrators: torque and loads at a time, and accelerations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexarm.kernels.layout import Array
 
 @merged
 def piece_of(breaks: Array, t: float, from_left: bool) -> int:
-    """Find the piece that holds time t; on a break the earlier one if ``from_left``."""
+    """Return the piece that contains time t; at a break the earlier one if ``from_left``."""
     low = 0
     high = breaks.shape[0] - 1
     while high - low > 1:
@@ -24,7 +24,7 @@ def piece_of(breaks: Array, t: float, from_left: bool) -> int:
 
 @merged
 def piece_after(breaks: Array, t: float, piece: int) -> int:
-    """Find the piece that holds time t from one that held an earlier time; on a break the left."""
+    """Return the piece that contains t, searching from an earlier ``piece``; left at a break."""
     while piece < breaks.shape[0] - 2 and breaks[piece + 1] < t:
         piece += 1
     return piece
@@ -38,7 +38,7 @@ def torque_at(system: System, t: float, from_left: bool, torque: Array) -> None:
 
 @merged
 def torque_in(system: System, k: int, t: float, torque: Array) -> None:
-    """Evaluate the drive's torque (n,) at time t, which piece k holds."""
+    """Evaluate the drive's torque (n,) at time t, which must be in piece k."""
     drive = system.drive
     x = t - drive.breaks[k]
     for i in range(len(system.sizes.bodies)):
@@ -50,7 +50,7 @@ def torque_in(system: System, k: int, t: float, torque: Array) -> None:
 
 @merged
 def loads_at(system: System, t: float, from_left: bool) -> None:
-    """Set the loads and the base acceleration of time t."""
+    """Set the loads and the base acceleration at time t."""
     drive = system.drive
     count = drive.amplitude.shape[0]
     k = piece_of(drive.factor_breaks, t, from_left)
@@ -69,7 +69,7 @@ def loads_at(system: System, t: float, from_left: bool) -> None:
 
 @merged
 def drive_at(system: System, t: float, from_left: bool, torque: Array) -> None:
-    """Set torque, loads and base acceleration of time t."""
+    """Set torque, loads and base acceleration at time t."""
     torque_at(system, t, from_left, torque)
     if system.drive.factor_coefficients.shape[2] > 0:
         loads_at(system, t, from_left)
@@ -104,5 +104,5 @@ def slope_at(
     stages: Array,
     stage: int,
 ) -> None:
-    """``rates_of`` as a call of its own, for places that are not hot: less code to compile."""
+    """Call ``rates_of`` without inlining it, where compile time is more important than speed."""
     rates_of(system, t, from_left, state, torque, stages, stage)

@@ -1,6 +1,6 @@
-"""Laws by which controllers adapt; theory page "control under uncertainty", (C.44), (C.49).
+"""Adaptation laws of controllers; theory page "control under uncertainty", (C.44), (C.49).
 
-Plain arithmetic on small arrays, compiled because controllers run it at every sample time.
+The functions are compiled because controllers evaluate them at every sample time.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ def adaptive_torque(
     estimate: Array,
     torque: Array,
 ) -> None:
-    """Torque of the present estimate into ``torque`` (joints,), then the next estimate, (C.44).
+    """Write the adaptive torque into ``torque`` (joints,) and update the estimate, (C.44).
 
-    ``columns`` (known + p, joints) of the regressor, the first ``known`` of what is not adapted;
-    ``error`` (joints,) s = qd - qd_r. ``estimate``, ``gain``, ``start``, ``lower``, ``upper`` (p,).
+    ``columns`` (known + p, joints): columns of the regressor; the first ``known`` belong to
+    parameters that are not adapted. ``error`` (joints,) is s = qd - qd_r. ``estimate``, ``gain``,
+    ``start``, ``lower``, ``upper`` have shape (p,).
     """
     size = 0.0
     for j in range(error.shape[0]):
@@ -42,7 +43,7 @@ def adaptive_torque(
         for k in range(estimate.shape[0]):
             torque[j] += columns[known + k, j] * estimate[k]
     size = np.sqrt(size)
-    # Outside the dead zone the error counts from its edge on, so that adaptation starts smoothly.
+    # The error is counted from the edge of the dead zone, so that adaptation starts smoothly.
     counted = max(size - dead_zone, 0.0) / max(size, 1e-300)
     for k in range(estimate.shape[0]):
         drive = 0.0
@@ -67,10 +68,11 @@ def network_torque(
     weights: Array,
     torque: Array,
 ) -> None:
-    """Torque of a radial-basis network into ``torque`` (joints,), then its next weights, (C.49).
+    """Write the torque of a radial-basis network into ``torque`` and update its weights, (C.49).
 
-    ``centres`` (c, joints) rad, ``sharpness`` (joints,) 1/rad of the Gaussians; ``signals`` (z,)
-    multiply every Gaussian; ``weights`` (joints, c, z); ``error`` (joints,) s = qd - qd_r.
+    ``torque`` (joints,). ``centres`` (c, joints) in rad and ``sharpness`` (joints,) in 1/rad define
+    the Gaussians; ``signals`` (z,) multiply every Gaussian; ``weights`` (joints, c, z); ``error``
+    (joints,) is s = qd - qd_r.
     """
     size = 0.0
     for j in range(error.shape[0]):

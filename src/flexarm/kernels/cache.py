@@ -15,23 +15,23 @@ from flexarm.kernels.compile_notice import CompileNotice
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Floating-point freedoms that change the last digits but never hide a NaN or an infinity.
+#: Fast-math options that change the last digits but never hide a NaN or an infinity.
 _FAST = {"contract", "nsz", "arcp"}
 
 
-#: Where the machine code is kept; None if no folder is private to this user.
+#: Folder of the compiled code; None if no folder is private to this user.
 CACHE_DIRECTORY = cache_folder()
 
 
 def _options() -> dict[str, Any]:
-    """Options of every kernel.
+    """Return the compiler options of every kernel.
 
-    Kernels own no memory: arrays come in, arrays go out. Without Numba's reference counting they
-    run three times as fast (an atomic counter at each array access otherwise). The option has no
-    documented name, so a Numba that does not know it compiles without.
+    Kernels own no memory, because their results are arguments. Without Numba's reference counting
+    they run three times as fast (otherwise each array access updates an atomic counter). The option
+    is undocumented, so it is omitted for versions of Numba without it.
     """
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": _FAST}
-    options["no_cfunc_wrapper"] = True  # nobody passes a kernel on as a C function
+    options["no_cfunc_wrapper"] = True  # no kernel is passed on as a C function
     if hasattr(CPUTargetOptions, "_nrt"):
         options["_nrt"] = False
     return options
@@ -39,42 +39,43 @@ def _options() -> dict[str, Any]:
 
 def _decorate(function: F, **more: Any) -> F:
     dispatcher: Any = numba.njit(**_options(), **more)(function)
-    if hasattr(dispatcher, "enable_caching"):  # not where Numba is told to compile nothing
+    if hasattr(dispatcher, "enable_caching"):  # absent if compilation is disabled
         dispatcher._cache = cache_of(function, CACHE_DIRECTORY)
     return cast(F, dispatcher)
 
 
 def compiled(function: F) -> F:
-    """Compile a kernel on first use, for each combination of argument types, cached on disk."""
+    """Compile a kernel at its first call for each combination of argument types; cache on disk."""
     return _decorate(function)
 
 
 def inner(function: F) -> F:
     """Compile a kernel that only kernels call, without the code that unpacks Python's arguments.
 
-    That code takes longer to compile than many a kernel. Calling one from Python raises TypeError;
-    ``undecorated`` gives the plain function.
+    That code often takes longer to compile than the kernel. A call from Python raises TypeError;
+    ``undecorated`` returns the plain function.
     """
     return _closed(_decorate(function, no_cpython_wrapper=True))
 
 
 def merged(function: F) -> F:
-    """Compile a pass of a kernel into its callers: handing over the arrays costs as much as it.
+    """Compile a kernel into its callers, because passing the arrays costs as much as the kernel.
 
-    Only kernels call it, as with ``inner``. It is for hot places; elsewhere a call compiles faster.
+    Only kernels can call it, as with ``inner``. Use it in hot loops; elsewhere, an ordinary call
+    compiles faster.
     """
     return _closed(_decorate(function, no_cpython_wrapper=True, forceinline=True))
 
 
 def merged_and_called(function: F) -> F:
-    """Compile a kernel into the kernels that call it, and for calls from Python too."""
+    """Compile a kernel into the kernels that call it, and also for calls from Python."""
     return _decorate(function, forceinline=True)
 
 
 def _closed(kernel: F) -> F:
-    """Refuse calls from Python, for which there is no machine code."""
+    """Make calls from Python raise TypeError, because there is no machine code for them."""
     dispatcher: Any = kernel
-    if hasattr(dispatcher, "add_overload"):  # not where Numba is told to compile nothing
+    if hasattr(dispatcher, "add_overload"):  # absent if compilation is disabled
 
         def keep(version: Any) -> None:
             dispatcher.overloads[tuple(version.signature.args)] = version
@@ -87,24 +88,24 @@ def _closed(kernel: F) -> F:
     return kernel
 
 
-#: Calls after which finding the types once and for all (2 ms) has paid, at 8 us each.
+#: Number of calls, at 8 us each, after which determining the types once (2 ms) pays off.
 _OFTEN = 200
 
 
 class Entry:
-    """The way into one kernel for a caller that comes again and again with the same types.
+    """Cached entry point of a kernel, for repeated calls with the same argument types.
 
-    At each call of a kernel Numba finds the type of every array in every record anew, which costs
-    ten times what a small kernel does. Here that ends after some calls with the same first
-    argument; as long as it is the same, the caller promises that the others keep their types,
-    dimensions and memory layout. Nothing checks the promise.
+    At each call of a kernel, Numba determines the type of every array in every record, which costs
+    ten times as much as a small kernel. An entry point skips this after some calls with the same
+    first argument. While the first argument is the same object, the caller must keep the types,
+    dimensions and memory layout of the others. This is not checked.
     """
 
     __slots__ = ("_calls", "_code", "_first", "kernel")
 
     def __init__(self, kernel: Callable[..., Any]) -> None:
         self.kernel = kernel
-        self._first: Any = self  # no caller's first argument
+        self._first: Any = self  # differs from every caller's first argument
         self._code: Callable[..., Any] = kernel
         self._calls = 0
 
@@ -120,23 +121,23 @@ class Entry:
 
     def _look(self, arguments: tuple[Any, ...]) -> None:
         kernel: Any = self.kernel
-        if hasattr(kernel, "typeof_pyval"):  # not where Numba is told to compile nothing
+        if hasattr(kernel, "typeof_pyval"):  # absent if compilation is disabled
             types = tuple(map(kernel.typeof_pyval, arguments))
             kernel.compile(types)
             self._code = kernel.overloads[types].entry_point
 
     def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any]]]:
-        return Entry, (self.kernel,)  # a copy finds its machine code anew
+        return Entry, (self.kernel,)  # a copy determines its machine code again
 
 
 def undecorated(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]] = {}
 ) -> Callable[..., Any]:
-    """Return the plain Python function behind a kernel, and behind every kernel that it calls.
+    """Return the plain Python function of a kernel, and of every kernel that it calls.
 
-    The result runs the very same source over any number type that knows ``+ - * /``: symbolic
-    scalars in object arrays, for example. Nothing is compiled. ``instead``: functions to call in
-    place of kernels.
+    The result runs the same source over any number type that supports ``+ - * /``, for example
+    symbolic scalars in object arrays. Nothing is compiled. ``instead`` maps kernels to functions
+    that replace them.
     """
     known = {id(getattr(kernel, "py_func", kernel)): other for kernel, other in instead.items()}
     return _undecorated(function, known)
@@ -162,5 +163,5 @@ event.register("numba:compile", notice)  # type: ignore[no-untyped-call]
 
 
 def compile_seconds() -> float:
-    """Seconds that this process has spent compiling kernels so far."""
+    """Return the time in seconds that this process has spent compiling kernels."""
     return notice.seconds

@@ -1,14 +1,15 @@
-"""Machine code on disk: in a folder that only its user can write, checked before it is loaded.
+"""Cache of machine code on disk, in a private folder and with a checksum.
 
-Numba's own disk cache is not used, for four reasons. It looks only at the file of the function that
-is called, so after an edit of a kernel that this one calls it would serve the old physics. It loads
-what it finds: a damaged file raises at every start or, where the damage is inside the machine code,
-executes it. Two processes that compile at the same time can leave an index that names the code of
-other argument types. And where its folder cannot be written, it takes another one.
+Numba's own disk cache is not used, for four reasons. It checks only the file of the called
+function, so after an edit of a kernel that this function calls it would return outdated code. It
+loads a file without checking it: a damaged file raises at every start or, if the machine code
+itself is damaged, executes it. Two processes that compile at the same time can leave an index that
+refers to the code of other argument types. If its folder is not writable, it uses another one.
 
-Here the folder is named by a hash of every source that takes part. Each file holds the code of one
-kernel for one combination of argument types, after a digest of the rest. A file that is damaged, or
-that belongs to another user, is discarded and compiled again. No fault of the cache stops a run.
+Here the name of the folder contains a hash of all sources of the kernels. Each file contains the
+code of one kernel for one combination of argument types, preceded by a digest. A file that is
+damaged, or that belongs to another user, is discarded and compiled again. Errors of the cache never
+stop a run.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from platformdirs import user_cache_dir
 
 from flexarm.replace_file import replace_file
 
-#: Packages whose sources decide what the machine code says.
+#: Packages whose sources determine the machine code.
 _SOURCE_FOLDERS = ("kernels", "integrate")
 _UNUSED_CACHE_SECONDS = 60 * 24 * 3600
 _DIGEST_BYTES = hashlib.sha256().digest_size
@@ -51,10 +52,10 @@ def _source_hash() -> str:
 
 
 def cache_folder() -> Path | None:
-    """Return the folder for these sources, created if missing; None if no private one can be had.
+    """Return the folder for these sources, created if missing; None if no folder is private.
 
-    It lies in the user's cache folder or, where that cannot be written, in a folder of the
-    temporary directory that belongs to this user and that nobody else can open.
+    It is in the user's cache folder or, if that is not writable, in a folder of the temporary
+    directory that belongs to this user and that nobody else can open.
     """
     name = f"kernels-{_source_hash()}"
     for root in _roots():
@@ -74,12 +75,12 @@ def cache_folder() -> Path | None:
 
 def _roots() -> Iterator[Path]:
     home = Path(user_cache_dir("flexarm"))
-    if home.is_absolute():  # "~" is left in the path of a user without a home
+    if home.is_absolute():  # the path of a user without a home directory starts with "~"
         yield home
     try:
         shared = Path(tempfile.gettempdir()) / f"flexarm-{_user()}"
         shared.mkdir(mode=0o700, exist_ok=True)
-        # Anybody can create folders there, so its mode must be the one just given.
+        # Any user can create a folder with this name, so its owner and mode are checked.
         if _is_private(shared, others=0o077):
             yield shared
     except OSError:
@@ -91,16 +92,19 @@ def _user() -> int:
 
 
 def _is_private(folder: Path, others: int = 0o022) -> bool:
-    """Whether a path is a folder of this user, not a link, without the permissions ``others``."""
+    """Return whether a path is a folder of this user, without the permissions ``others``.
+
+    A link to such a folder does not count.
+    """
     if not hasattr(os, "geteuid"):
-        return True  # Windows: the folders of a user are closed to others by default
+        return True  # on Windows, the folders of a user are closed to others by default
     status = os.lstat(folder)
     ours = stat.S_ISDIR(status.st_mode) and status.st_uid == _user()
     return ours and not status.st_mode & others
 
 
 def _forget_unused(root: Path, keep: Path) -> None:
-    """Remove the machine code of sources that nobody has used for two months."""
+    """Remove the machine code of sources that have not been used for two months."""
     (keep / ".used").touch()
     for old in root.glob("kernels-*"):
         stamp = old / ".used"
@@ -111,9 +115,9 @@ def _forget_unused(root: Path, keep: Path) -> None:
 
 
 class CodeCache(_Cache):
-    """The machine code of one kernel; a Numba dispatcher asks it before and after it compiles."""
+    """Cache of the machine code of one kernel, used by its Numba dispatcher."""
 
-    #: Why code compiled by this process could not be kept; empty if all of it was.
+    #: Why code compiled by this process could not be saved; empty if all of it was saved.
     failure = ""
 
     def __init__(self, function: Callable[..., Any], folder: Path) -> None:
@@ -123,11 +127,11 @@ class CodeCache(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """The folder."""
+        """Path of the folder."""
         return str(self._folder)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled code for the argument types ``sig``; None if there is none."""
+        """Return the compiled code for the argument types ``sig``, or None if it is not cached."""
         target_context.refresh()
         key = self._key(sig, target_context.codegen())
         path = self._path(key)
@@ -146,16 +150,16 @@ class CodeCache(_Cache):
                     rebuild: Any = CompileResult._rebuild
                     return rebuild(target_context, *code)
         except Exception:
-            # Whatever another version of a library has written and this one does not understand.
+            # The file may come from another version of a library, which raises arbitrary errors.
             pass
         with contextlib.suppress(OSError):  # the folder may have become read-only
             path.unlink()
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the compiled code ``data`` for the argument types ``sig``."""
+        """Save the compiled code ``data`` for the argument types ``sig``."""
         if data.lifted or data.library.has_dynamic_globals:
-            return  # refers to addresses of this process
+            return  # the code contains addresses of this process
         key = self._key(sig, data.codegen)
         body = dumps((key, data._reduce()))  # type: ignore[no-untyped-call]
         digest = hashlib.sha256(body).digest()
@@ -165,12 +169,12 @@ class CodeCache(_Cache):
             CodeCache.failure = error.strerror or str(error)
 
     def enable(self) -> None:
-        """Do nothing: a kernel without a cache has a `NullCache`."""
+        """Do nothing, because a kernel without a cache has a `NullCache`."""
 
     disable = enable
 
     def flush(self) -> None:
-        """Remove the code of this kernel, for all argument types."""
+        """Remove the code of this kernel for all argument types."""
         for path in self._folder.glob(f"{self._name()}-*.code"):
             with contextlib.suppress(OSError):
                 path.unlink()
@@ -180,23 +184,23 @@ class CodeCache(_Cache):
         return name.replace("<", "").replace(">", "")
 
     def _path(self, key: tuple[Any, ...]) -> Path:
-        # Types are equal if their texts are, but the text may hold an address: a miss, no harm.
+        # Equal types have equal texts unless a text contains an address, which costs only a miss.
         name = hashlib.sha256(str(key).encode()).hexdigest()[:16]
         return self._folder / f"{self._name()}-{name}.code"
 
     def _key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        """Return what the machine code depends on, beside the sources that name the folder."""
+        """Return the key of the machine code: all dependencies except the package's sources."""
         function = self._function
         bytecode = hashlib.sha256(function.__code__.co_code).hexdigest()
         return (sig, codegen.magic_tuple(), sys.implementation.cache_tag, bytecode, self._stamp)
 
 
 def _file_hash(function: Callable[..., Any]) -> str:
-    """Return a hash of the file of a kernel that is not one of the package."""
+    """Return a hash of the file of a kernel outside the package."""
     return hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()
 
 
 def cache_of(function: Callable[..., Any], folder: Path | None) -> Any:
-    """Return the cache of one kernel: none without a folder, or for code typed at a prompt."""
+    """Return the cache of a kernel; a `NullCache` without a folder or without a source file."""
     known = Path(function.__code__.co_filename).is_file()
     return CodeCache(function, folder) if folder is not None and known else NullCache()

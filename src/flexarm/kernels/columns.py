@@ -1,54 +1,54 @@
-"""Names of the columns of the kernels' arrays: symbol, unit, frame of every number, once.
+"""Names of the columns of the kernels' arrays, with the symbol, unit and frame of each number.
 
-Records of arrays and their shapes are in ``layout``. A name stands for a place along an axis: the
-mass of body i is ``constants.body[i, MASS]``, the first moment of its mode j is
-``constants.mode[i, j, S]``. A few arrays with named columns compile several times faster than an
-array for each number, and are handed on faster; decision 0016.
+Records of arrays and their shapes are in ``layout``. A name is an index along an axis: the mass
+of body i is ``constants.body[i, MASS]``, the first moment of its mode j is
+``constants.mode[i, j, S]``. A few arrays with named columns compile several times faster than one
+array for each number, and are passed on faster; see decision 0016.
 
 Axes of a body: origin at its joint, x along the tangent at its clamped root.
 """
 
 from __future__ import annotations
 
-# ``ArmConstants.arm`` (3,): numbers of the whole arm.
+# ``ArmConstants.arm`` (3,): constants of the whole arm.
 ARM_COLUMNS = 3
 (
     GRAVITY_X,  # m/s^2, world axes
     GRAVITY_Y,
-    HAS_JOINT_LAWS,  # 1.0 where some joint has friction, stops or a geared rotor, else 0.0
+    HAS_JOINT_LAWS,  # 1.0 if any joint has friction, stops or a geared rotor, else 0.0
 ) = range(ARM_COLUMNS)
 
-# ``ArmConstants.body`` (n, BODY_COLUMNS): numbers of each body and of the joint at its root.
+# ``ArmConstants.body`` (n, BODY_COLUMNS): constants of each body and of the joint at its root.
 BODY_COLUMNS = 37
 (
     MASS,  # kg
-    INVERSE_MASS,  # 1/kg; 0 of a body without mass
+    INVERSE_MASS,  # 1/kg; 0 for a body without mass
     FIRST_MOMENT_X,  # kg m, int mu x dx
-    FIRST_MOMENT_Y,  # kg m, of the undeformed body (a payload beside the axis)
+    FIRST_MOMENT_Y,  # kg m, of the undeformed body (a payload offset from the axis)
     INERTIA,  # kg m^2 about the joint, with section rotary inertia and hub
-    HUB,  # kg m^2, the hub's part of it
-    INVERSE_INERTIA,  # 1/(kg m^2), of the link's own about its centre of mass, or 0
+    HUB,  # kg m^2, part of INERTIA due to the hub
+    INVERSE_INERTIA,  # 1/(kg m^2), of the link alone about its centre of mass, or 0
     LENGTH,  # m
-    RESIDUAL_YY,  # kg, (m, mc, I) less what the modes follow, (R.6)
+    RESIDUAL_YY,  # kg, (m, mc, I) minus the part that the modes follow, (R.6)
     RESIDUAL_YW,  # kg m
     RESIDUAL_WW,  # kg m^2
-    RESIDUAL_TIP_YY,  # 1, transfer T to the tip less what the modes follow, (R.6)
+    RESIDUAL_TIP_YY,  # 1, transfer T to the tip minus the part that the modes follow, (R.6)
     RESIDUAL_TIP_YW,  # m
     RESIDUAL_TIP_WY,  # 1/m
     RESIDUAL_TIP_WW,  # 1
     N_YY,  # 1/kg, P.P
     N_YW,  # 1/(kg m), P.dP
     N_WW,  # 1/(kg m^2), dP.dP
-    TIP_MASS,  # kg, point mass carried by the body's tip
-    TIP_INERTIA,  # kg m^2, turning with the tip section
-    FREE,  # 1.0 for a joint moved by forces, 0.0: fixed, or its motion is given
-    JOINT_ADDED,  # kg m^2 on the joint's diagonal: 0, but in an implicit step
+    TIP_MASS,  # kg, point mass at the body's tip
+    TIP_INERTIA,  # kg m^2, rotating with the tip section
+    FREE,  # 1.0 for a joint moved by forces, 0.0 for a fixed or prescribed one
+    JOINT_ADDED,  # kg m^2, added to the joint's diagonal: nonzero only in an implicit step
     JOINT_DAMPING,  # N m s/rad
-    JOINT_STIFFNESS,  # N m/rad, spring beside the motor
-    JOINT_REST,  # rad, where that spring is free
-    JOINT_ANGLE,  # rad, added to the angle in the state: a fixed joint's
+    JOINT_STIFFNESS,  # N m/rad, spring parallel to the motor
+    JOINT_REST,  # rad, rest angle of that spring
+    JOINT_ANGLE,  # rad, added to the angle in the state: the angle of a fixed joint
     COULOMB,  # N m, dry friction
-    STATIC_RISE,  # N m, static less Coulomb friction
+    STATIC_RISE,  # N m, static minus Coulomb friction
     STRIBECK_RATE,  # rad/s
     SMOOTHING_RATE,  # rad/s
     VISCOUS,  # N m s/rad
@@ -60,7 +60,7 @@ BODY_COLUMNS = 37
     GEAR_RATIO,  # of that rotor
 ) = range(BODY_COLUMNS)
 
-# ``ArmConstants.mode`` (n, m, MODE_COLUMNS): numbers of each mode; eta in m sqrt(kg).
+# ``ArmConstants.mode`` (n, m, MODE_COLUMNS): constants of each mode; eta in m sqrt(kg).
 MODE_COLUMNS = 7
 (
     S,  # sqrt(kg), int mu Phi dx
@@ -69,10 +69,10 @@ MODE_COLUMNS = 7
     DP,  # 1/(m sqrt(kg)), Phi'(L)
     W2,  # rad^2/s^2, squared frequency
     MODE_DAMPING,  # 1/s
-    MODE_MOBILITY,  # acceleration per modal force: 1, or 1 / Delta of an implicit step
+    MODE_MOBILITY,  # acceleration per modal force: 1, or 1 / Delta in an implicit step
 ) = range(MODE_COLUMNS)
 
-# ``ArmConstants.shortening`` (n, g, g, SHORTENING_COLUMNS): symmetric, of each pair of modes.
+# ``ArmConstants.shortening`` (n, g, g, SHORTENING_COLUMNS): constants of each pair of modes.
 SHORTENING_COLUMNS = 3
 (
     D0,  # 1/m, int mu g(x) dx
@@ -80,10 +80,10 @@ SHORTENING_COLUMNS = 3
     G,  # 1/(kg m), g(L)
 ) = range(SHORTENING_COLUMNS)
 
-# ``Workspace.body`` (n, WORK_BODY_COLUMNS): scratch of each body, in its axes but for WORLD_*.
+# ``Workspace.body`` (n, WORK_BODY_COLUMNS): results for each body, in its axes except WORLD_*.
 WORK_BODY_COLUMNS = 73
 (
-    COSINE,  # of the turn from the previous body's axes to these
+    COSINE,  # of the rotation from the previous body's axes to these
     SINE,
     RATE,  # w, angular rate of the body axes, rad/s
     TIP_X,  # L + u_L, m
@@ -92,8 +92,8 @@ WORK_BODY_COLUMNS = 73
     TIP_BIAS_Y,
     MOMENT_S,  # s, kg m
     MOMENT_MU,  # mu, kg m
-    BENT_INERTIA,  # kg m^2, what bending adds to the inertia
-    BENT_RESIDUAL,  # kg m^2, what of that the modes leave
+    BENT_INERTIA,  # kg m^2, added to the inertia by bending
+    BENT_RESIDUAL,  # kg m^2, residual part of BENT_INERTIA
     ROOT_BIAS_X,  # velocity products in the root wrench, N
     ROOT_BIAS_Y,
     ROOT_BIAS_W,  # N m
@@ -123,7 +123,7 @@ WORK_BODY_COLUMNS = 73
     DRIFT_X,  # tip acceleration at zero root acceleration and zero tip force
     DRIFT_Y,
     DRIFT_W,
-    GAIN_XX,  # tip force per root acceleration, and K: at none
+    GAIN_XX,  # tip force per root acceleration; K: at zero root acceleration
     GAIN_XY,
     GAIN_XW,
     GAIN_XK,
@@ -135,19 +135,19 @@ WORK_BODY_COLUMNS = 73
     GAIN_WY,
     GAIN_WW,
     GAIN_WK,
-    JOINT_UX,  # U: what the joint's equation takes per acceleration of its root
+    JOINT_UX,  # U: coefficients of the root acceleration in the joint's equation
     JOINT_UY,
     JOINT_UW,
     JOINT_INVERSE,  # free / D
     JOINT_DRIVE,  # tau - h_w, N m
-    JOINT_GIVEN,  # given acceleration, rad/s^2
-    ROOT_ACCELERATION_X,  # of the joint less gravity (inverse dynamics), m/s^2
+    JOINT_GIVEN,  # prescribed acceleration, rad/s^2
+    ROOT_ACCELERATION_X,  # of the joint minus gravity (inverse dynamics), m/s^2
     ROOT_ACCELERATION_Y,
     ROOT_ACCELERATION_W,  # rad/s^2
-    TIP_ACCELERATION_X,  # of the tip, likewise
+    TIP_ACCELERATION_X,  # of the tip minus gravity
     TIP_ACCELERATION_Y,
     TIP_ACCELERATION_W,
-    WRENCH_X,  # what the joint gives to its body, N
+    WRENCH_X,  # of the joint on its body, N
     WRENCH_Y,
     WRENCH_W,  # N m
     WORLD_COSINE,  # of the absolute angle of the body axes (with loads)
@@ -158,8 +158,8 @@ WORK_BODY_COLUMNS = 73
     WORLD_Y_RATE,
 ) = range(WORK_BODY_COLUMNS)
 
-# ``Workspace.mode`` (n, m, WORK_MODE_COLUMNS): scratch of each mode; the last three with the
-# second-order theory alone.
+# ``Workspace.mode`` (n, m, WORK_MODE_COLUMNS): results for each mode; the last three are used by
+# the second-order theory only.
 WORK_MODE_COLUMNS = 4
 (
     FLEX_BIAS,  # stiffness, damping and velocity products of the modal equations

@@ -1,4 +1,4 @@
-"""What the terminal shows while kernels compile, and how long that takes."""
+"""Progress messages and timing of the compilation of kernels."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from flexarm.kernels.code_cache import CodeCache
 
 
 class CompileNotice(event.Listener):
-    """Say on the terminal that the first run compiles, which kernel, and how long it took."""
+    """Listener that reports on the terminal which kernel compiles and how long compilation took."""
 
     def __init__(self, kept: bool) -> None:
-        """``kept``: there is a folder to keep machine code in."""
+        """Create a listener; ``kept``: whether there is a folder to save machine code in."""
         self._kept = kept
         self._depth = 0
         self._started = 0.0
@@ -39,7 +39,7 @@ class CompileNotice(event.Listener):
         self._depth += 1
 
     def _announce(self, kernel: str) -> None:
-        """Print one line, once; on a terminal a second one, for the kernel at hand."""
+        """Print one line once and, on a terminal, a second line with the current kernel."""
         if not self._announced:
             self._announced = True
             print(
@@ -53,7 +53,7 @@ class CompileNotice(event.Listener):
             print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
 
     def _tell_time(self) -> None:
-        """Print the time when the process ends: only then is nothing left to compile."""
+        """Print the total time when the process ends, because more may compile until then."""
         kept = "the result is kept for the next start."
         if not self._kept:
             kept = "the result is not kept: no folder is writable by this user alone."

@@ -1,8 +1,9 @@
 """Mass matrix by composite bodies: M of the kinetic energy 1/2 qd' M qd.
 
-Theory page "recursion", (R.18) and (R.19). The outboard chain, frozen, is one 3 x 3 inertia ``W``
-at the tip of a body. A unit acceleration of a coordinate takes a wrench at the root of its own
-body; carried towards the base, that wrench gives the row of every coordinate further in.
+Theory page "recursion", (R.18) and (R.19). The outboard chain, moving as one rigid body, is a 3 x 3
+inertia ``W`` at the tip of a body. A unit acceleration of a coordinate requires a wrench at the
+root of its own body. Transmitted towards the base, that wrench gives the entries of all inboard
+coordinates.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
 def mass_matrix(
     sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace, M: Array
 ) -> None:
-    """Write M into an array (n, 1 + m, n, 1 + m). Padded and fixed coordinates get unit mass."""
+    """Write M into an array (n, 1 + m, n, 1 + m); padded and fixed coordinates get unit mass."""
     c = constants
     link_terms(sizes, constants, state, work)
     last = len(sizes.bodies) - 1
@@ -71,7 +72,7 @@ def mass_matrix(
         Hyw = ty + c.body[i, FIRST_MOMENT_X] + work.body[i, MOMENT_MU]
         Hww = c.body[i, INERTIA] + work.body[i, BENT_INERTIA] + x_tip * ty - v_tip * tx + tw
         free = c.body[i, FREE]
-        # The rotor turns with its carrier, and with its own joint in its gear's ratio.
+        # The rotor turns with its carrier, plus the gear ratio times the joint rate.
         rotor = 0.0
         geared = 0.0
         for _ in range(len(sizes.joint_laws)):
@@ -82,7 +83,7 @@ def mass_matrix(
         for j in range(len(sizes.modes)):
             deflection = c.mode[i, j, P]
             slope = c.mode[i, j, DP]
-            # Wrench at the tip of a unit modal acceleration, then at the root.
+            # Wrench of a unit modal acceleration at the tip, then at the root.
             px = Wxy * deflection + Wxw * slope
             py = Wyy * deflection + Wyw * slope
             pw = Wyw * deflection + Www * slope
@@ -134,7 +135,7 @@ def _carry(
     ry: Any,
     rw: Any,
 ) -> None:
-    """Carry the root wrench (rx, ry, rw) of one coordinate to the base, filling M on the way."""
+    """Transmit the root wrench (rx, ry, rw) of one coordinate to the base and fill M."""
     c = constants
     for back in range(body):
         outer = body - back

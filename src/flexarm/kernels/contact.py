@@ -1,24 +1,24 @@
-"""Points of the arm against surfaces that stand still beside it: theory page "contact".
+"""Contact of points of the arm with fixed surfaces: theory page "contact".
 
-Surfaces push where a point has gone into them, along their normal, as Hunt and Crossley's law says;
-they rub against it across the normal. Walls and circles are one formula, (T.2): a circle with the
-curvature kappa, which is zero for a wall and negative where the point is inside of the circle. A
-tabulated surface is a cubic spline whose nearest place is found by Newton's method, (T.4).
+Where a point penetrates a surface, the surface pushes along its normal by the law of Hunt and
+Crossley, and friction acts across the normal. One formula covers walls and circles, (T.2): a circle
+of curvature kappa, which is zero for a wall and negative if the point is inside the circle. A
+tabulated surface is a cubic spline whose nearest point is found by Newton's method, (T.4).
 
 =============  =================================================================================
 symbol         meaning
 =============  =================================================================================
-``gap``        distance of the point from the surface, negative where it has gone in, m
-``n``          unit normal of the surface, away from what it bounds
-``bend``       curvature of the surface, 1/m, positive where it bulges towards the point
-``depth``      max(-gap, 0), its corner rounded
-``s``          arc along a tabulated surface, m
+``gap``        distance of the point from the surface, negative for a penetration, m
+``n``          unit normal of the surface, pointing away from the solid
+``bend``       curvature of the surface, 1/m, positive if it is convex towards the point
+``depth``      max(-gap, 0), with a rounded corner
+``s``          arc length along a tabulated surface, m
 =============  =================================================================================
 
-No branch here depends on a state but two, both on real parts alone: which piece of a table is
-nearest, and how Newton's iteration approaches the nearest place. The spline is twice continuously
-differentiable, so that both sides of a joint between pieces have the same force and derivatives;
-and the place found does not depend on the way to it.
+Only two branches depend on the state, and both use real parts alone: the selection of the nearest
+piece of a table, and the steps of Newton's iteration. The spline is twice continuously
+differentiable, so force and derivatives are continuous across the knots, and the point found does
+not depend on the path of the iteration.
 """
 
 from __future__ import annotations
@@ -48,30 +48,31 @@ from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspa
 from flexarm.kernels.numbers import exp, log, positive_part, real, sqrt, tanh
 from flexarm.kernels.push import push_at
 
-#: Places in a row of ``Contacts.law``. WEIGHT 0 takes the force away. CURVATURE, POINT and NORMAL
-#: of a wall or a circle; FIRST row of a table in ``knots`` and its COUNT, 0 where there is none.
-#: MOBILITY of the arm at the point, 1/kg: integrators ask how soon a touch turns it back.
+#: Columns of a row of ``Contacts.law``. WEIGHT 0 removes the force. CURVATURE, POINT and NORMAL
+#: describe a wall or a circle; FIRST is the first row of a table in ``knots`` and COUNT its number
+#: of rows, 0 without a table. MOBILITY of the arm at the point, 1/kg: integrators estimate the
+#: duration of a contact from it.
 WEIGHT, LEVER = 0, 1
 STIFFNESS, EXPONENT, DAMPING, FRICTION, FRICTION_SPEED = 2, 3, 4, 5, 6
 CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY = 7, 8, 10, 12, 13, 14
 
-#: Columns of ``look_many``: world position and velocity of the point, force on it, gap,
-#: curvature of the surface, energy stored in the touch.
+#: Columns of the result of ``look_many``: world position and velocity of the point, force on it,
+#: gap, curvature of the surface, energy stored in the contact.
 POSITION, VELOCITY, FORCE, GAP, BEND, ENERGY = 0, 2, 4, 6, 7, 8
 
-#: Corner of the depth (m): far below what anybody measures, far above rounding.
+#: Rounding radius of the depth (m): far below any measurable length, far above rounding errors.
 CORNER = 1e-9
-#: The same for the relative rise by damping.
+#: Rounding radius of the relative increase of the force by damping.
 PUSH = 1e-6
-#: Newton's iterations: near the surface three reach rounding; pieces are short, so the start is
-#: near.
+#: Number of Newton iterations. Near the surface three reach rounding errors, because the pieces
+#: are short and the initial value is close.
 _ITERATIONS = 8
 _TINY = 1e-300
 
 
 @merged
 def _arc(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
-    """Gap, normal and curvature of a wall or a circle at a world point, (T.2)."""
+    """Return gap, normal and curvature of a wall or a circle at a world point, (T.2)."""
     law = contacts.law
     bend = law[k, CURVATURE]
     dx = x - law[k, POINT]
@@ -87,7 +88,7 @@ def _arc(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any
 
 @merged
 def _nearest_chord(knots: Array, first: int, last: int, x: Any, y: Any) -> tuple[int, float]:
-    """Piece whose chord is nearest to a point, and the arc where; between knots alone."""
+    """Return the piece between knots whose chord is nearest to a point, and the arc length."""
     near = first + 1
     place = knots[near, 0]
     least = np.inf
@@ -107,16 +108,16 @@ def _nearest_chord(knots: Array, first: int, last: int, x: Any, y: Any) -> tuple
 
 @merged
 def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
-    """Gap, normal and curvature at the nearest place of a tabulated surface, (T.3), (T.4)."""
+    """Return gap, normal and curvature at the nearest point of a table, (T.3), (T.4)."""
     knots = contacts.knots
     first = int(contacts.law[k, FIRST])
     last = first + int(contacts.law[k, COUNT]) - 1
     near, place = _nearest_chord(knots, first, last, x, y)
     s = place + 0.0 * x
-    # Further than over the neighbours is a step too far: round a sharp end to the other side.
+    # Limit the search to the neighbouring pieces: a longer step could pass around a sharp end.
     lowest = knots[near - 1, 0]
     highest = knots[min(near + 2, last), 0]
-    if knots[first, 0] == knots[first + 1, 0]:  # an open curve, straight on beyond its ends
+    if knots[first, 0] == knots[first + 1, 0]:  # an open curve continues straight beyond its ends
         lowest = lowest if near - 1 > first else -np.inf
         highest = highest if near + 2 < last else np.inf
     elif near + 1 == last:
@@ -134,7 +135,7 @@ def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, A
         square = tx * tx + ty * ty
         slope = square + dx * (2.0 * knots[near, 3] + u * 6.0 * knots[near, 4])
         slope += dy * (2.0 * knots[near, 7] + u * 6.0 * knots[near, 8])
-        # Beyond half a radius of curvature Newton's method may run away: shorter steps.
+        # Beyond half a radius of curvature Newton's method may diverge, so shorten its steps.
         if real(slope) < 0.5 * real(square):
             slope = 0.5 * square
         s = s - (dx * tx + dy * ty) / slope
@@ -159,13 +160,13 @@ def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, A
 
 @merged
 def _power(depth: Any, exponent: Any) -> Any:
-    """depth^exponent for exponents of one or more; analytic, and exactly the depth for one."""
+    """Return depth^exponent for an exponent >= 1; analytic, and exactly the depth for 1."""
     return depth * exp((exponent - 1.0) * log(depth + _TINY))
 
 
 @merged
 def _place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
-    """Fill WORLD columns: angle, position and velocity of each body's root in world axes."""
+    """Fill the WORLD columns: angle, position and velocity of each body's root in world axes."""
     cosine = 1.0 + 0.0 * work.body[0, COSINE]
     sine = 0.0 * cosine
     x = 0.0 * cosine
@@ -200,7 +201,7 @@ def _place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Wor
 def _motion_of_point(
     sizes: Sizes, contacts: Contacts, k: int, state: Array, work: Workspace
 ) -> tuple[Any, Any, Any, Any]:
-    """World position and velocity of the point of contact k, after ``_place_bodies``."""
+    """Return world position and velocity of the point of contact k, after ``_place_bodies``."""
     i = contacts.body[k]
     v = 0.0
     v_dot = 0.0
@@ -229,7 +230,7 @@ def _motion_of_point(
 
 @merged
 def _near(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
-    """Gap, normal and curvature of the surface of contact k at a world point."""
+    """Return gap, normal and curvature of the surface of contact k at a world point."""
     if contacts.law[k, COUNT] > 0.0:
         return _table(contacts, k, x, y)
     return _arc(contacts, k, x, y)
@@ -239,11 +240,11 @@ def _near(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, An
 def _force(
     contacts: Contacts, k: int, gap: Any, nx: Any, ny: Any, vx: Any, vy: Any
 ) -> tuple[Any, Any]:
-    """World force on the point of contact k: (T.5) along the normal, (T.6) across it."""
+    """Return the world force on the point of contact k: (T.5) normal, (T.6) tangential."""
     law = contacts.law
     depth = positive_part(-gap, CORNER)
     closing = -(nx * vx + ny * vy)
-    # A surface pushes, it never pulls, however fast the point leaves it.
+    # A surface never pulls, however fast the point leaves it.
     push = positive_part(1.0 + law[k, DAMPING] * closing, PUSH)
     normal = law[k, STIFFNESS] * _power(depth, law[k, EXPONENT]) * push
     sliding = ny * vx - nx * vy
@@ -255,9 +256,9 @@ def _force(
 def touch(
     sizes: Sizes, constants: ArmConstants, contacts: Contacts, state: Array, work: Workspace
 ) -> None:
-    """Take the forces of contacts from the biases that ``link_terms`` has left.
+    """Subtract the contact forces from the biases computed by ``link_terms``.
 
-    Real parts of motion, force and gap stay in ``seen``.
+    The real parts of velocity, force, gap and curvature are written to ``seen``.
     """
     _place_bodies(sizes, constants, state, work)
     for k in range(contacts.body.shape[0]):
@@ -289,7 +290,7 @@ def look_many(
     work: Workspace,
     values: Array,
 ) -> None:
-    """Fill ``values`` (samples, k, 9) of states (samples, 2, n, 1 + m): columns named above."""
+    """Fill ``values`` (samples, k, 9) for states (samples, 2, n, 1 + m), with the columns above."""
     for sample in range(states.shape[0]):
         state = states[sample]
         link_terms(sizes, constants, state, work)

@@ -1,8 +1,9 @@
 """External forces and moments on the bodies: theory page "recursion", (R.35) and (R.36).
 
-A dead load keeps its world direction, a follower load turns with the axes of its body. With the
-second-order theory the point of application draws back as the body shortens, and the load works on
-that too: this is how axial loads stiffen and buckle. Contacts push at their points in the same way.
+A dead load keeps its world direction; a follower load rotates with the axes of its body. In the
+second-order theory the point of application moves back as the body shortens, and the load does
+work on that displacement. This is how axial loads stiffen a link or make it buckle. Contacts act
+on their points in the same way.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from flexarm.kernels.push import push_at
 def apply_loads(
     sizes: Sizes, constants: ArmConstants, loads: Loads, state: Array, work: Workspace
 ) -> None:
-    """Take loads and contacts from the biases of roots and modes that ``link_terms`` has left."""
+    """Subtract loads and contact forces from the biases computed by ``link_terms``."""
     if loads.contacts.body.shape[0] > 0:
         touch(sizes, constants, loads.contacts, state, work)
     if loads.body.shape[0] == 0:
@@ -33,12 +34,12 @@ def apply_loads(
         work.body[i, WORLD_SINE] = sine
     for k in range(loads.body.shape[0]):
         i = loads.body[k]
-        # The identity turns a follower load: cosine 1, sine 0.
+        # A follower load is not rotated: cosine 1, sine 0.
         cosine = work.body[i, WORLD_COSINE] * (1.0 - loads.follower[k]) + loads.follower[k]
         sine = work.body[i, WORLD_SINE] * (1.0 - loads.follower[k])
         fx = cosine * loads.value[k, 0] + sine * loads.value[k, 1]
         fy = cosine * loads.value[k, 1] - sine * loads.value[k, 0]
-        # Weight 0 takes a load away, with its moment.
+        # Weight 0 removes a load together with its moment.
         moment = loads.weight[k] * loads.value[k, 2]
         for j in range(len(sizes.modes)):
             work.mode[i, j, FLEX_BIAS] -= loads.slopes[k, j] * moment

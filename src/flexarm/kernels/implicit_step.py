@@ -1,15 +1,15 @@
-"""Add a diagonal to the mass matrix: forward dynamics then solves implicit steps, (R.27), (R.28).
+"""Diagonal additions to the mass matrix for implicit steps, (R.27), (R.28).
 
 =============  =================================================================================
 symbol         meaning
 =============  =================================================================================
-``Delta``      1 + what is added to a mode
-``share``      1 - 1 / Delta: how much of a mode no longer follows the root
+``Delta``      1 + the addition to the diagonal entry of a mode
+``share``      1 - 1 / Delta: fraction of a mode that no longer follows the root
 =============  =================================================================================
 
-The residual inertia ``H - C' C`` of (R.7) is known to full precision and nearly nothing on a fine
-mesh; that of the implicit step is ``H - C' C / Delta = (H - C' C) + C' share C``: a sum of positive
-terms, as accurate for Delta = 1 as for large ones.
+The residual inertia ``H - C' C`` of (R.7) is known to full precision and almost zero on a fine
+mesh. That of the implicit step is ``H - C' C / Delta = (H - C' C) + C' share C``, a sum of
+positive terms, which is equally accurate for all Delta.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
 
 def constants_to_soften(constants: ArmConstants) -> ArmConstants:
-    """Return the constants with arrays of their own where ``add_to_diagonal`` writes."""
+    """Return the constants with copies of the arrays that ``add_to_diagonal`` writes."""
     return constants._replace(body=constants.body.copy(), mode=constants.mode.copy())
 
 
@@ -45,7 +45,7 @@ def constants_to_soften(constants: ArmConstants) -> ArmConstants:
 def add_to_diagonal(
     sizes: Sizes, constants: ArmConstants, added: Array, softened: ArmConstants
 ) -> None:
-    """Make ``softened`` the constants of ``M + added``; ``added`` (n, 1 + m) is not negative."""
+    """Write the constants of ``M + added`` to ``softened``; ``added`` (n, 1 + m) is >= 0."""
     c = constants
     for i in range(len(sizes.bodies)):
         softened.body[i, JOINT_ADDED] = added[i, 0]

@@ -1,7 +1,7 @@
-"""Inverse dynamics and the tip's motion, with exact derivatives by q, qd and qdd.
+"""Inverse dynamics and the motion of the tip, with exact derivatives by q, qd and qdd.
 
-By complex perturbation, as in ``sensitivity``. A motion need not obey any law of motion here: so
-one can ask what a wanted motion takes, and how that changes.
+The derivatives use complex perturbation, as in ``sensitivity``. The given motion need not satisfy
+the equations of motion: the result is the generalised force that it requires, and its derivatives.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ def tip_motion(
 ) -> None:
     """Fill ``tip`` (6,): position, velocity, acceleration (x, y each), world axes, from the base.
 
-    Right after ``inverse_dynamics`` of the same state: ``work`` holds the tip's acceleration in
-    the axes of the last body, net of gravity. ``body_poses`` (n, 10) and ``pose`` (6,) are scratch.
+    Call it directly after ``inverse_dynamics`` of the same state, which leaves the acceleration of
+    the tip in ``work``, in the axes of the last body and minus gravity. ``body_poses`` (n, 10) and
+    ``pose`` (6,) are scratch.
     """
     poses(sizes, constants, state, body_poses, pose)
     last = len(sizes.bodies) - 1
@@ -71,13 +72,14 @@ def inverse_jacobian_many(
     force_by: Array,
     tip_by: Array,
 ) -> None:
-    """Generalised forces and tip motions of many motions, and their derivatives.
+    """Compute generalised forces and tip motions of many motions, and their derivatives.
 
     Complex: ``states`` (k, 2, n, 1 + m), ``accelerations`` (k, n, 1 + m), ``work``, and the scratch
-    ``body_poses`` (n, 10), ``pose`` (6,), ``tip`` (6,). Filled: ``forces`` (k, n, 1 + m) and
-    ``tips`` (k, 6) as ``tip_motion``; ``force_by`` (k, 3, n, 1 + m, n, 1 + m) and ``tip_by``
-    (k, 3, n, 1 + m, 6), derivatives by coordinates (0), rates (1), accelerations (2), whose
-    places stand before what is differentiated. Those by padded and fixed ones mean nothing.
+    ``body_poses`` (n, 10), ``pose`` (6,), ``tip`` (6,). Results: ``forces`` (k, n, 1 + m) and
+    ``tips`` (k, 6) as in ``tip_motion``; ``force_by`` (k, 3, n, 1 + m, n, 1 + m) and ``tip_by``
+    (k, 3, n, 1 + m, 6), the derivatives by coordinates (0), rates (1) and accelerations (2). The
+    indices of the variable precede those of the function. Derivatives by padded and fixed
+    coordinates are meaningless.
     """
     for k in range(states.shape[0]):
         for level in range(3):
@@ -100,7 +102,7 @@ def inverse_jacobian_many(
                             force_by[k, level, i, j, a, p] = work.force[a, p].imag / STEP
                     for p in range(6):
                         tip_by[k, level, i, j, p] = tip[p].imag / STEP
-        # The perturbation leaves the real parts as they are.
+        # The perturbation does not change the real parts.
         for a in range(len(sizes.bodies)):
             for p in range(1 + len(sizes.modes)):
                 forces[k, a, p] = work.force[a, p].real

@@ -51,7 +51,7 @@ def inward(
         ky = ky + Wxy * bias_x + Wyy * bias_y
         kw = kw + Wxw * bias_x + Wyw * bias_y
 
-        # Sums over the modes: what the modal biases do to root and tip.
+        # Sums over the modes: effect of the modal biases on root and tip.
         Sh = 0.0
         ah = 0.0
         zy = 0.0
@@ -99,7 +99,7 @@ def inward(
         Twy = c.body[i, RESIDUAL_TIP_WY]
         Tww = c.body[i, RESIDUAL_TIP_WW]
         for _ in range(min(len(sizes.geometric), 1)):
-            # The rigid motion that stands for the shortening goes with that of the root, (R.46).
+            # The rigid motion equivalent to the shortening follows the root motion, (R.46).
             alpha = work.body[i, ALPHA]
             beta = work.body[i, BETA]
             da += alpha * dS + beta * (da + work.body[i, MOMENT_S])
@@ -167,7 +167,7 @@ def inward(
         Tyx = dP
         Twx = ddP
 
-        # The outboard chain, softened by the modes, moved to the root.
+        # The outboard chain in series with the modes, moved to the root.
         Yxx, Yxy, Yyy, Yxw, Yyw, Yww = softened(
             Wxx, Wxy, Wyy, Wxw, Wyw, Www, Nxx, Nxy, Nyy, Nxw, Nyw, Nww
         )
@@ -222,7 +222,7 @@ def inward(
             -zw,
         )
 
-        # Eliminate the joint (one that is not free passes everything on), then turn inboard.
+        # Eliminate the joint (a joint that is not free transmits all forces), then rotate.
         free = c.body[i, FREE]
         added = c.body[i, JOINT_ADDED]
         Uw = Hww
@@ -248,7 +248,7 @@ def inward(
         Rxx = Hxx - Hxw * Hxw * inverse
         Rxy = Hxy - Hxw * Hyw * inverse
         Ryy = Hyy - Hyw * Hyw * inverse
-        # Written without the difference of the large numbers Hww and Uw^2 / D.
+        # This form avoids the difference of the large numbers Hww and Uw^2 / D.
         turned = Hww * (1.0 - free) + Hww * added * inverse
         for _ in range(len(sizes.joint_laws)):
             J = c.body[i, ROTOR_INERTIA]

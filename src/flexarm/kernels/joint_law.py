@@ -1,4 +1,4 @@
-"""What a joint does besides its motor: damping, spring, dry friction, stops, a geared rotor.
+"""Passive joint torques: damping, spring, dry friction, stops, and a geared rotor.
 
 Theory page "recursion", (R.32) to (R.34), and (R.37) for the rotor. Torques act on the relative
 joint angle.
@@ -28,15 +28,15 @@ from flexarm.kernels.columns import (
 from flexarm.kernels.layout import ArmConstants, Sizes
 from flexarm.kernels.numbers import exp, positive_part, tanh
 
-#: Corner of a stop (rad): far below what any encoder sees, far above rounding.
+#: Rounding radius at a stop (rad): far below the resolution of encoders, far above rounding errors.
 CORNER = 1e-9
-#: The same for the relative rise by damping.
+#: Rounding radius of the relative increase of the torque by damping.
 PUSH = 1e-6
 
 
 @merged
 def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, rate: Any) -> Any:
-    """Torque (N m) that the joint of body i gives by itself at a relative angle and rate."""
+    """Return the passive torque (N m) of the joint of body i at a relative angle and rate."""
     c = constants
     torque = -c.body[i, JOINT_DAMPING] * rate - c.body[i, JOINT_STIFFNESS] * (
         angle - c.body[i, JOINT_REST]
@@ -47,7 +47,7 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
         torque -= level * tanh(rate / c.body[i, SMOOTHING_RATE]) + c.body[i, VISCOUS] * rate
         below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
         above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
-        # A stop pushes, it never pulls, however fast the joint leaves it.
+        # A stop never pulls, however fast the joint leaves it.
         rise = c.body[i, STOP_DAMPING] * rate
         torque += c.body[i, STOP_STIFFNESS] * below * positive_part(1.0 - rise, PUSH)
         torque -= c.body[i, STOP_STIFFNESS] * above * positive_part(1.0 + rise, PUSH)
@@ -56,7 +56,7 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
 
 @merged
 def joint_energy(sizes: Sizes, constants: ArmConstants, i: int, angle: Any) -> Any:
-    """Energy (J) stored in the spring and the stops of the joint of body i."""
+    """Return the energy (J) stored in the spring and the stops of the joint of body i."""
     c = constants
     turned = angle - c.body[i, JOINT_REST]
     energy = 0.5 * c.body[i, JOINT_STIFFNESS] * turned * turned
@@ -69,11 +69,11 @@ def joint_energy(sizes: Sizes, constants: ArmConstants, i: int, angle: Any) -> A
 
 @merged
 def rotor_moment(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, relative: Any) -> Any:
-    """Moment (N m) on the rotor of body i's motor, about its own axis.
+    """Return the moment (N m) on the rotor of body i's motor, about its own axis.
 
-    ``carrier``: angular acceleration of the section that carries the motor; ``relative``: that of
-    the joint angle, rad/s^2. The rotor turns at the carrier's rate plus the gear ratio times the
-    joint's.
+    ``carrier``: angular acceleration of the section that carries the motor; ``relative``: angular
+    acceleration of the joint angle, rad/s^2. The angular rate of the rotor is that of the carrier
+    plus the gear ratio times that of the joint.
     """
     moment = 0.0 * relative
     for _ in range(len(sizes.joint_laws)):
@@ -85,7 +85,7 @@ def rotor_moment(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, re
 
 @merged
 def rotor_energy(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, relative: Any) -> Any:
-    """Kinetic energy (J) of that rotor at these angular rates, rad/s."""
+    """Return the kinetic energy (J) of the rotor of body i's motor at angular rates in rad/s."""
     energy = 0.0 * relative
     for _ in range(len(sizes.joint_laws)):
         rate = carrier + constants.body[i, GEAR_RATIO] * relative

@@ -1,4 +1,4 @@
-"""Outward pass that every algorithm shares: rates, tip positions and velocity products.
+"""Kinematics of the links: the outward pass shared by every algorithm.
 
 =================  ============================================================  ==========
 symbol             meaning                                                       theory
@@ -7,9 +7,9 @@ symbol             meaning                                                      
 ``phi``, ``v_L``   slope and deflection of the tip, dP.eta, P.eta                (R.1)
 ``u_L``            shortening of the tip along x, -1/2 eta' G eta                (R.1)
 ``s``              first moment about x, s_0 + S.eta                             (L.11)
-``mu``             loss of first moment by shortening, -1/2 eta' D0 eta          (L.11)
-``chi``            loss of half the inertia by shortening, -1/2 eta' D1 eta      (L.11)
-``alpha, beta``    rigid motion alpha + beta x that stands for the shortening    (L.44)
+``mu``             change of first moment by shortening, -1/2 eta' D0 eta        (L.11)
+``chi``            change of half the inertia by shortening, -1/2 eta' D1 eta    (L.11)
+``alpha, beta``    rigid motion alpha + beta x equivalent to the shortening      (L.44)
 =================  ============================================================  ==========
 """
 
@@ -65,8 +65,8 @@ from flexarm.kernels.numbers import cos, sin, sqrt
 def link_terms(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
     """Fill the columns of ``work`` up to MEAN_RATES, and of its modes, for a state (2, n, 1 + m).
 
-    Only products of rates enter the biases, no position or velocity of the origin: the equations
-    are the same for every inertial observer.
+    The biases contain only products of rates, and no position or velocity of the origin, because
+    the equations are the same in every inertial frame.
     """
     c = constants
     inboard_slope = 0.0
@@ -154,7 +154,7 @@ def link_terms(sizes: Sizes, constants: ArmConstants, state: Array, work: Worksp
         work.body[i, ROOT_BIAS_Y] = -w * w * s + 2.0 * w * mu_dot
         work.body[i, ROOT_BIAS_W] = 2.0 * w * spread_dot
         for _ in range(min(len(sizes.geometric), 1)):
-            # The rigid motion across the axis that stands for the shortening, and its derivatives.
+            # The rigid lateral motion equivalent to the shortening, and its derivatives.
             m = c.body[i, MASS]
             mc = c.body[i, FIRST_MOMENT_X]
             mean = c.body[i, INVERSE_MASS]

@@ -1,20 +1,21 @@
-"""Arrays that the kernels work on: what they hold, their shapes, units and frames.
+"""Records of the arrays of the kernels, with shapes, units and frames.
 
-A *body* is one flexible or rigid piece on a joint. Bodies with fewer modes than the widest one are
-padded with modes of zero shape and unit mass, which stay at rest; so every array is rectangular.
+A *body* is a flexible or rigid piece on a joint. Bodies with fewer modes than the body with most
+modes are padded with modes of zero shape and unit mass, which stay at rest, so that every array is
+rectangular.
 
 ==========  =====================================================================================
 index       meaning
 ==========  =====================================================================================
 ``n``       bodies, from the base outwards
-``m``       modes of the widest body
-``c``       ``m`` where the sections of some body have rotary inertia, else 0
+``m``       maximum number of modes of a body
+``c``       ``m`` if the sections of any body have rotary inertia, else 0
 ``g``       ``m`` with the second-order theory, else 0
-``laws``    1 where some joint has friction, stops or a geared rotor, else 0
+``laws``    1 if any joint has friction, stops or a geared rotor, else 0
 ==========  =====================================================================================
 
-The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates; in each
-row first the joint angle (rad), relative to the tip tangent of the body before, then the
+The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates. Each
+row contains first the joint angle (rad), relative to the tip tangent of the previous body, then the
 mass-normalised modal coordinates (m sqrt(kg)).
 """
 
@@ -29,17 +30,17 @@ from flexarm.kernels import columns
 
 Array = NDArray[Any]
 
-#: Numbers of one contact: their places are named in ``kernels.contact``.
+#: Columns of the law of one contact, named in ``kernels.contact``.
 LAW_PLACES = 15
-#: What is seen of one contact: columns likewise.
+#: Columns of the observed quantities of one contact, named in ``kernels.contact``.
 LOOK_COLUMNS = 9
 
 
 class Sizes(NamedTuple):
-    """Loop lengths. Each field is something whose ``len`` counts.
+    """Loop lengths; the ``len`` of each field is a count.
 
-    Tuples make the counts part of the type: the compiler sees constants, and compiles once for
-    every model size. Arrays make them run-time numbers: one compilation serves every size.
+    With tuples the counts are part of the type: the compiler sees constants, and compiles once for
+    every model size. With arrays they are run-time values: one compilation serves every size.
     """
 
     bodies: Any
@@ -50,9 +51,9 @@ class Sizes(NamedTuple):
 
 
 class Columns:
-    """Columns of an array of a record under a name of their own, as a view, for Python code.
+    """Descriptor that returns named columns of an array of a record as a view, for Python code.
 
-    Kernels name the array and the column: ``constants.body[i, MASS]``, not ``constants.mass[i]``.
+    Kernels use the array and the column: ``constants.body[i, MASS]``, not ``constants.mass[i]``.
     """
 
     def __init__(self, array: str, first: int, count: int = 0) -> None:
@@ -74,11 +75,11 @@ class _ArmArrays(NamedTuple):
 
 
 class ArmConstants(_ArmArrays):
-    """Numbers of one arm. Body axes: origin at the joint, x along the clamped root tangent.
+    """Constants of one arm. Body axes: origin at the joint, x along the clamped root tangent.
 
-    Nobody writes into the constants of an arm. The arrays are not marked as read-only: for Numba
-    they would be of another type than those of an implicit step, which change, and every kernel
-    would be compiled for both.
+    The constants of an arm must not be modified. The arrays are not marked as read-only, because
+    Numba would then treat them as another type than those of an implicit step, which do change, and
+    would compile every kernel for both.
     """
 
     __slots__ = ()
@@ -119,12 +120,12 @@ class ArmConstants(_ArmArrays):
 
     @property
     def has_joint_laws(self) -> bool:
-        """Whether some joint has friction, stops or a geared rotor."""
+        """Whether any joint has friction, stops or a geared rotor."""
         return bool(self.arm[columns.HAS_JOINT_LAWS] != 0.0)
 
 
 def empty_constants(n: int, m: int, c: int, g: int) -> ArmConstants:
-    """Allocate the constants of an arm, to be filled in: all zero."""
+    """Allocate the constants of an arm, filled with zeros."""
     return ArmConstants(
         arm=np.zeros(columns.ARM_COLUMNS),
         body=np.zeros((n, columns.BODY_COLUMNS)),
@@ -135,21 +136,21 @@ def empty_constants(n: int, m: int, c: int, g: int) -> ArmConstants:
 
 
 class Contacts(NamedTuple):
-    """Points of the arm that may touch surfaces, and the law of each touch."""
+    """Points of the arm that may be in contact with surfaces, and their contact laws."""
 
-    body: Array  # (k,) integers, the body that holds the point
+    body: Array  # (k,) integers, the body of the point
     rows: Array  # (k, m) Phi(x)
     shortening: Array  # (k, g, g) g(x)
-    law: Array  # (k, LAW_PLACES) numbers of point, surface and law, see ``kernels.contact``
-    knots: Array  # (pieces, 9) of tabulated surfaces: arc s, then cubics of x and y in s, m
-    seen: Array  # (2, k, 9) scratch: at the start of a step, and where the forces were taken last
+    law: Array  # (k, LAW_PLACES) constants of point, surface and law, see ``kernels.contact``
+    knots: Array  # (pieces, 9) tabulated surfaces: arc length s, then cubics of x and y in s, m
+    seen: Array  # (2, k, 9) scratch: at the start of a step, and at the last evaluation of forces
 
 
 class Loads(NamedTuple):
     """External loads at one instant, besides gravity and the joint torques.
 
-    A load is a force and a moment at a station of a body, or spread along it; spread ones are
-    stored as integrals of their density p(x).
+    A load is a force and a moment at a station of a body, or distributed along it. Distributed
+    loads are stored as integrals of their density p(x).
     """
 
     body: Array  # (k,) integers
@@ -159,15 +160,15 @@ class Loads(NamedTuple):
     slopes: Array  # (k, m) Psi(x), for the moment: Phi'(x) without shear
     shortening: Array  # (k, g, g) g(x); int p g dx
     follower: Array  # (k,) 1.0: force in the axes of the body; 0.0: in world axes
-    value: Array  # (k, 3) Fx, Fy, Mz: N, N, N m (spread: per unit of the density)
+    value: Array  # (k, 3) Fx, Fy, Mz: N, N, N m (distributed: per unit of the density)
     base_acceleration: Array  # (2,) m/s^2 of the base joint, world axes
     contacts: Contacts
 
 
 class Stations(NamedTuple):
-    """Places along the links, with the shapes there."""
+    """Stations along the links, and the shapes there."""
 
-    body: Array  # (k,) integers, the body that holds each
+    body: Array  # (k,) integers, the body of each station
     x: Array  # (k,) m from the root of the body
     rows: Array  # (k, m) Phi(x), shapes of the deflection
     turns: Array  # (k, m) Psi(x), shapes of the section's rotation
@@ -182,7 +183,7 @@ class _WorkArrays(NamedTuple):
 
 
 class Workspace(_WorkArrays):
-    """Scratch and results of one evaluation; one per thread. Wrenches are (Fx, Fy, Mz)."""
+    """Scratch and results of one evaluation, one per thread. Wrenches are (Fx, Fy, Mz)."""
 
     __slots__ = ()
 
@@ -202,12 +203,12 @@ def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace
 
 
 def no_loads(constants: ArmConstants) -> Loads:
-    """Return the loads of an arm that nothing acts on."""
+    """Return empty loads for an arm without external loads."""
     return empty_loads(constants, 0)
 
 
 def empty_loads(constants: ArmConstants, count: int) -> Loads:
-    """Allocate ``count`` loads of no magnitude on the first body's root, to be filled in."""
+    """Allocate ``count`` loads of zero magnitude at the root of the first body."""
     m, g = constants.mode.shape[1], constants.shortening.shape[1]
     return Loads(
         body=np.zeros(count, dtype=np.intp),
@@ -224,7 +225,7 @@ def empty_loads(constants: ArmConstants, count: int) -> Loads:
 
 
 def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts:
-    """Allocate ``count`` contacts on the first body's root, to be filled in."""
+    """Allocate ``count`` contacts at the root of the first body, filled with zeros."""
     m, g = constants.mode.shape[1], constants.shortening.shape[1]
     return Contacts(
         body=np.zeros(count, dtype=np.intp),
@@ -237,13 +238,13 @@ def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts
 
 
 def run_time_sizes(constants: ArmConstants) -> Sizes:
-    """Sizes that compile once for all arms."""
+    """Return sizes for code that is compiled once for all arms."""
     counts = _counts(constants)
     return Sizes(*(np.zeros(count, dtype=np.int8) for count in counts))
 
 
 def compile_time_sizes(constants: ArmConstants) -> Sizes:
-    """Sizes that compile for this model size alone, to faster code."""
+    """Return sizes for faster code that is compiled for this model size alone."""
     return Sizes(*((0,) * count for count in _counts(constants)))
 
 

@@ -1,4 +1,4 @@
-"""Inverse dynamics in O(n m): the forces that a given motion takes, and the joint reactions.
+"""Inverse dynamics in O(n m): generalised forces of a given motion, and joint reactions.
 
 Theory page "recursion", (R.15) to (R.17). Symbols as in ``articulated_body``.
 """
@@ -36,8 +36,8 @@ def inverse_dynamics(
 ) -> None:
     """Write generalised forces (n, 1 + m) into ``work.force`` and reactions into WRENCH columns.
 
-    ``acceleration`` (n, 1 + m). The force is M qdd + bias: with stiffness, damping and gravity. The
-    wrench (n, 3) is what the joint gives to its body, at the joint, in the body's axes.
+    ``acceleration`` (n, 1 + m). The force is M qdd + bias, including stiffness, damping and
+    gravity. The wrench (n, 3) is that of the joint on its body, at the joint, in the body's axes.
     """
     link_terms(sizes, constants, state, work)
     apply_loads(sizes, constants, loads, state, work)
@@ -49,7 +49,7 @@ def inverse_dynamics(
 def _accelerations(
     sizes: Sizes, constants: ArmConstants, acceleration: Array, loads: Loads, work: Workspace
 ) -> None:
-    """Outwards: accelerations of each body's root and tip, in the body's axes."""
+    """Compute, outwards, accelerations of each body's root and tip, in the body's axes."""
     c = constants
     Ax = loads.base_acceleration[0] - c.arm[GRAVITY_X]
     Ay = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
@@ -91,10 +91,11 @@ def body_wrench(
     kw: Any,
     work: Workspace,
 ) -> tuple[Any, Any, Any]:
-    """Wrench (Fx, Fy, Mz) that body i takes at its root, body axes: (R.16) of one body.
+    """Return the wrench (Fx, Fy, Mz) required at the root of body i, body axes: (R.16).
 
-    With (kx, ky, kw) what its tip gives to the chain; ``work`` after ``link_terms`` and
-    ``apply_loads``, with the accelerations of roots. Writes the modes' forces, (R.17), too.
+    (kx, ky, kw) is the wrench of its tip on the outboard chain. ``work`` contains the results of
+    ``link_terms`` and ``apply_loads``, and the accelerations of the roots. The modal forces,
+    (R.17), are written into ``work.force``.
     """
     c = constants
     Ax = work.body[i, ROOT_ACCELERATION_X]
@@ -144,7 +145,7 @@ def _wrenches(
     acceleration: Array,
     work: Workspace,
 ) -> None:
-    """Inwards: wrench at each root, generalised force of each coordinate."""
+    """Compute, inwards, the wrench at each root and the generalised force of each coordinate."""
     c = constants
     last = len(sizes.bodies) - 1
     kx = 0.0
@@ -180,7 +181,10 @@ def inverse_dynamics_many(
     work: Workspace,
     forces: Array,
 ) -> None:
-    """Inverse dynamics of many states: (samples, 2, n, 1 + m), (samples, n, 1 + m)."""
+    """Compute the inverse dynamics of states (samples, 2, n, 1 + m).
+
+    ``accelerations`` and the result ``forces`` have shape (samples, n, 1 + m).
+    """
     for k in range(states.shape[0]):
         inverse_dynamics(sizes, constants, states[k], accelerations[k], loads, work)
         for i in range(len(sizes.bodies)):

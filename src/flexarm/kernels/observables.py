@@ -1,8 +1,8 @@
-"""What one can see of a state: poses, rates, energies.
+"""Observables of a state: poses, rates, energies.
 
 Theory page "recursion", (R.20) to (R.23). World axes: origin at the base joint.
 
-``POSE`` columns of a body: x, y of its joint and absolute angle of its axes (m, m, rad), then their
+``POSE`` columns of a body: x, y of its joint and absolute angle of its axes (m, m, rad), and their
 rates; then deflection and slope of its tip from the root tangent (m, rad), and their rates.
 """
 
@@ -36,7 +36,7 @@ from flexarm.kernels.joint_law import joint_energy, rotor_energy
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.numbers import cos, sin, sqrt
 
-#: Columns of a pose row, see the module's docstring.
+#: Number of columns of a pose; see the module's docstring.
 POSE_COLUMNS = 10
 
 
@@ -110,9 +110,8 @@ def energies(
 ) -> None:
     """Fill ``energy`` (3,): kinetic, strain, gravity, in J; zero gravity energy at the base.
 
-    Strain energy includes that of springs and stops at the joints.
-
-    Also fills ``body_poses`` and ``tip`` as ``poses`` does.
+    Strain energy includes that of springs and stops at the joints. ``body_poses`` and ``tip`` are
+    filled as in ``poses``.
     """
     c = constants
     poses(sizes, constants, state, body_poses, tip)
@@ -153,7 +152,7 @@ def energies(
                 mu -= 0.5 * state[0, i, 1 + j] * c.shortening[i, j, k, D0] * state[0, i, 1 + k]
                 chi -= 0.5 * state[0, i, 1 + j] * c.shortening[i, j, k, D1] * state[0, i, 1 + k]
                 mu_dot -= state[1, i, 1 + j] * c.shortening[i, j, k, D0] * state[0, i, 1 + k]
-        # Rigid motions stand for the shortening, (L.44): they go with that of the root.
+        # The rigid motion equivalent to the shortening, (L.44), is added to that of the root.
         mean = c.body[i, INVERSE_MASS]
         y = (
             2.0
@@ -174,7 +173,7 @@ def energies(
         # Centre of mass times mass, in world axes.
         mx = c.body[i, MASS] * body_poses[i, 0] + cosine * first_moment - sine * s
         my = c.body[i, MASS] * body_poses[i, 1] + sine * first_moment + cosine * s
-        # What the tip carries.
+        # Mass and inertia at the tip.
         if i == last:
             tx = tip[0]
             ty = tip[1]
@@ -206,6 +205,6 @@ def observe_many(
     tips: Array,
     energy: Array,
 ) -> None:
-    """Poses (k, n, 10), tips (k, 6) and energies (k, 3) of many states (k, 2, n, 1 + m)."""
+    """Fill poses (k, n, 10), tips (k, 6) and energies (k, 3) of states (k, 2, n, 1 + m)."""
     for k in range(states.shape[0]):
         energies(sizes, constants, states[k], body_poses[k], tips[k], energy[k])

@@ -23,7 +23,7 @@ from flexarm.kernels.columns import (
 
 @merged
 def outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspace) -> None:
-    """Write the accelerations, from the base to the tip. Gravity is an acceleration of the base."""
+    """Compute the accelerations outwards; gravity is included as a base acceleration."""
     c = constants
     Ax = loads.base_acceleration[0] - c.arm[GRAVITY_X]
     Ay = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
@@ -43,7 +43,7 @@ def outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspace
         work.acceleration[i, 0] = joint_acceleration
         Aw = Aw + joint_acceleration
 
-        # What the body gives to the chain at its tip; then its modes, then its tip.
+        # Wrench of the body on the chain at its tip; then its modes, then its tip.
         fx = work.body[i, GAIN_XX] * Ax + work.body[i, GAIN_XY] * Ay + work.body[i, GAIN_XW] * Aw
         fy = work.body[i, GAIN_YX] * Ax + work.body[i, GAIN_YY] * Ay + work.body[i, GAIN_YW] * Aw
         fw = work.body[i, GAIN_WX] * Ax + work.body[i, GAIN_WY] * Ay + work.body[i, GAIN_WW] * Aw

@@ -1,6 +1,6 @@
-"""Position, velocity and acceleration of points of the bent axis.
+"""Position, velocity and acceleration of points of the deformed axis.
 
-Theory page "link", (L.31), with the station in place of the tip.
+Theory page "link", (L.31), applied to a station instead of the tip.
 
 =================  ===========================================================
 symbol             meaning
@@ -40,12 +40,12 @@ def point_motions(
     tip: Array,
     motions: Array,
 ) -> None:
-    """Fill ``motions`` (k, 8) of the points where ``stations`` are placed.
+    """Fill ``motions`` (k, 8) for the points at ``stations``.
 
-    Columns: position from the base (m), velocity from it (m/s), and acceleration in space (m/s^2),
-    x and y in world axes; then what an accelerometer reads along and across the body's root
-    tangent: acceleration less gravity. ``acceleration`` (n, 1 + m) under ``loads``; of ``stations``
-    only the places are used.
+    Columns: position from the base (m), velocity relative to it (m/s), and acceleration in space
+    (m/s^2), x and y in world axes; then the reading of an accelerometer along and across the body's
+    root tangent, which is acceleration minus gravity. ``acceleration`` (n, 1 + m) must be the one
+    under ``loads``. Only the positions of ``stations`` are used.
     """
     inverse_dynamics(sizes, constants, state, acceleration, loads, work)
     poses(sizes, constants, state, body_poses, tip)

@@ -1,6 +1,7 @@
-"""Motion of points of an arm under held torques, with exact derivatives by the state.
+"""Motion of points of an arm under constant torques, with exact derivatives by the state.
 
-By complex perturbation, as in ``sensitivity``: what accelerometers and cameras say, for filters.
+The derivatives use complex perturbation, as in ``sensitivity``. They linearise the readings of
+accelerometers and cameras for filters.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ def point_jacobian(
     motions: Array,
     found: Array,
 ) -> None:
-    """Motions (k, 8) as ``point_motions``, and their derivatives, into ``found`` (p + 2, k, 8).
+    """Write motions (k, 8) as in ``point_motions`` and derivatives to ``found`` (p + 2, k, 8).
 
-    Rows 0 to p - 1: by the states at ``places`` (p, 3), level, body and column; row p: by the
-    parameter that has an imaginary step in ``moved``; row p + 1: the motions themselves. The rest
-    is complex, and scratch but for the state and the torque.
+    Rows 0 to p - 1: derivatives by the states at ``places`` (p, 3), which are level, body and
+    column; row p: derivative by the parameter with an imaginary step in ``moved``; row p + 1: the
+    motions. The other arguments are complex; all but the state and the torque are scratch.
     """
     count = places.shape[0]
     for column in range(count + 1):

@@ -1,4 +1,4 @@
-"""A force at a point of a body: what it takes from the biases of root and modes, (R.35), (R.36)."""
+"""Generalised forces of a force at a point of a body, (R.35), (R.36)."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ def push_at(
     state: Array,
     work: Workspace,
 ) -> None:
-    """Apply (fx, fy), axes of body i, at place k of ``rows`` (Phi) and ``shortening`` (g).
+    """Subtract (fx, fy), axes of body i, from the biases: station k of ``rows``, ``shortening``.
 
-    A spread force has the integrals of its density as ``weight`` and ``lever``; at a point they are
-    one and the distance from the body's root.
+    ``rows`` contains Phi and ``shortening`` g. For a distributed force, ``weight`` and ``lever``
+    are integrals of its density; for a point force they are 1 and the distance from the body's
+    root.
     """
     v = 0.0
     for j in range(len(sizes.modes)):

@@ -1,12 +1,12 @@
-"""The rigid twin taken apart for controllers: torque by parameter, and momentum.
+"""Terms of the rigid model for controllers: torques by parameter, and momentum.
 
 Theory page "control under uncertainty", (C.41) to (C.43), (C.52). The inverse dynamics are
-linear in the inertial numbers of the bodies and in the strengths of what joints do by themselves.
-A *set* is one row of these numbers for each body, ``SET_COLUMNS`` long; the kernels write it
-into the constants and run the inverse dynamics, so that a regressor is the same physics, column by
-column.
+linear in the inertial parameters of the bodies and in the magnitudes of the passive joint torques.
+A *set* contains one row of these parameters for each body, of length ``SET_COLUMNS``. The kernels
+write it into the constants and evaluate the inverse dynamics, so that each column of a regressor
+uses the same physics.
 
-Constants are the rigid twin's, in arrays of the caller's own that may be written.
+The constants are those of the rigid model, in arrays that the caller owns and that are overwritten.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from flexarm.kernels.columns import (
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
 
-#: Of a set: mass, first moments x and y, inertia, tip mass, tip inertia, rotor inertia; viscous
-#: damping, spring, Coulomb, rise to static, viscous friction, stop.
+#: Columns of a set: mass, first moments x and y, inertia, tip mass, tip inertia, rotor inertia;
+#: viscous damping, spring, Coulomb friction, rise to static friction, viscous friction, stop.
 SET_COLUMNS = 13
 
 
 @merged
 def _write(constants: ArmConstants, sets: Array, k: int, i: int) -> None:
-    """Write the numbers of body i in set k into the constants."""
+    """Write the parameters of body i in set k into the constants."""
     constants.body[i, MASS] = sets[k, i, 0]
     constants.body[i, FIRST_MOMENT_X] = sets[k, i, 1]
     constants.body[i, FIRST_MOMENT_Y] = sets[k, i, 2]
@@ -71,11 +71,11 @@ def _difference(
     acceleration: Array,
     torque: Array,
 ) -> None:
-    """Difference of two inverse dynamics, over 4, into ``torque`` (joints,).
+    """Write a quarter of the difference of two inverse dynamics into ``torque`` (joints,).
 
-    At the rates first + second and first - second. Accelerations are ``torque`` times
-    ``per_acceleration`` and its negative, gravity is multiplied by ``gravities`` and its negative:
-    all that is linear adds up, of the squares of rates the mixed product is left.
+    The rates are first + second and first - second. The accelerations are ``torque`` times
+    ``per_acceleration`` and its negative; gravity is multiplied by ``gravities`` and its negative.
+    Linear terms add up, and the mixed product remains of the squares of rates.
     """
     ax = loads.base_acceleration[0]
     ay = loads.base_acceleration[1]
@@ -84,7 +84,7 @@ def _difference(
         state[0, i, 0] = angle[j]
         state[1, i, 0] = first[j] + second[j]
         acceleration[i, 0] = per_acceleration * torque[j]
-    # Inverse dynamics see the base's acceleration less gravity.
+    # The inverse dynamics use the base's acceleration minus gravity.
     loads.base_acceleration[0] = (1.0 - gravities) * constants.arm[GRAVITY_X]
     loads.base_acceleration[1] = (1.0 - gravities) * constants.arm[GRAVITY_Y]
     inverse_dynamics(sizes, constants, state, acceleration, loads, work)
@@ -116,12 +116,12 @@ def regressor(
     acceleration: Array,
     columns: Array,
 ) -> None:
-    """Torques of each set into ``columns`` (k, joints), (C.41), (C.42).
+    """Write the torques of each set into ``columns`` (k, joints), (C.41), (C.42).
 
-    ``sets`` (k, n, SET_COLUMNS), the first ``inertial`` of them without what joints do by
-    themselves, the others without inertia. ``motion`` (4, joints): angle, rate, reference rate,
-    reference acceleration. Inertial: M qdd_r + C(q, qd) qd_r + g with Christoffel's C; others: at
-    the reference rate.
+    ``sets`` (k, n, SET_COLUMNS): the first ``inertial`` of them contain no passive joint torques,
+    the others no inertia. ``motion`` (4, joints): angle, rate, reference rate, reference
+    acceleration. Inertial sets give M qdd_r + C(q, qd) qd_r + g with Christoffel's C; the others
+    are evaluated at the reference rate.
     """
     for k in range(sets.shape[0]):
         for i in range(len(sizes.bodies)):
@@ -169,16 +169,17 @@ def momentum(
     acceleration: Array,
     found: Array,
 ) -> None:
-    """Momentum M qd and its rate without motors, C' qd - g - losses, into ``found`` (2, joints).
+    """Write momentum M qd and its rate without motors, C' qd - g - losses, into ``found``.
 
-    ``sets`` (2, n, SET_COLUMNS): the inertial and the other numbers of the arm; ``unit`` (joints,)
-    is zero and scratch. (C.52), with row k of C' qd = qd . C(q, qd) e_k.
+    ``found`` (2, joints). ``sets`` (2, n, SET_COLUMNS): the inertial and the other parameters of
+    the arm; ``unit`` (joints,) is scratch and must be zero. (C.52), with row k of
+    C' qd = qd . C(q, qd) e_k.
     """
     for i in range(len(sizes.bodies)):
         _write(constants, sets, 0, i)
     ax = loads.base_acceleration[0]
     ay = loads.base_acceleration[1]
-    # A base that falls freely feels no gravity.
+    # The acceleration of free fall cancels gravity.
     loads.base_acceleration[0] = constants.arm[GRAVITY_X]
     loads.base_acceleration[1] = constants.arm[GRAVITY_Y]
     for j in range(bodies.shape[0]):

@@ -1,9 +1,8 @@
-"""Forces inside the links: what holds a link together at a section.
+"""Internal forces at sections of the links.
 
-Theory page "recursion", (R.40) to (R.43). The part of a body between its root and a section is a
-body like any other, with integrals that end at the section: the same terms over other constants
-tell what it takes by itself, and what its root gets from the joint beyond that goes through the
-section.
+Theory page "recursion", (R.40) to (R.43). The part of a body between its root and a section is
+itself a body, with integrals that end at the section. The same terms with other constants give the
+wrench that this part requires. The difference from the joint's wrench passes through the section.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ def section_forces(
 ) -> None:
     """Fill ``forces`` (k, 3): axial force (N), shear force (N), bending moment (N m).
 
-    What the part outboard of a section gives to the part inboard of it, along and across the normal
-    of the section. ``part``: constants of bodies that end at their stations, one at most on each
-    body; ``loads``: those inboard of them. ``work`` comes from ``inverse_dynamics`` of the whole
-    arm with the same ``state`` and ``acceleration`` (n, 1 + m); its WRENCH and
-    ROOT_ACCELERATION are read, the rest is overwritten.
+    They act from the part outboard of a section on the part inboard of it, along and across the
+    normal of the section. ``part``: constants of bodies that end at their stations, at most one
+    station on each body; ``loads``: the loads inboard of the stations. ``work`` comes from
+    ``inverse_dynamics`` of the whole arm with the same ``state`` and ``acceleration`` (n, 1 + m);
+    its WRENCH and ROOT_ACCELERATION are read, the rest is overwritten.
     """
     link_terms(sizes, part, state, work)
     apply_loads(sizes, part, loads, state, work)

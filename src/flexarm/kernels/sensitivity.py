@@ -1,7 +1,8 @@
 """Exact derivatives of the kernels by complex perturbation.
 
-A perturbation of 1e-30 i leaves the real part as it is and carries the derivative in the imaginary
-part, free of subtraction: exact to rounding (Squire and Trapp, SIAM Review 40 (1998) 110-112).
+A perturbation of 1e-30 i does not change the real part, and its imaginary part is the derivative
+without a subtraction, so the result is exact to rounding (Squire and Trapp, SIAM Review 40 (1998)
+110-112).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from flexarm.kernels.cache import compiled
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
 
-#: Small enough that its square vanishes beside any number, far from the smallest double.
+#: Small enough that its square is lost in rounding, but far above the smallest double.
 STEP = 1e-30
 
 
@@ -26,10 +27,10 @@ def forward_jacobian(
     by_state: Array,
     by_torque: Array,
 ) -> None:
-    """Derivatives of the accelerations; ``state``, ``torque``, ``work`` are complex.
+    """Compute derivatives of the accelerations; ``state``, ``torque``, ``work`` are complex.
 
-    ``by_state`` (n, 1 + m, 2, n, 1 + m): derivative by coordinates (0) and rates (1);
-    ``by_torque`` (n, 1 + m, n). Derivatives by padded and fixed coordinates mean nothing.
+    ``by_state`` (n, 1 + m, 2, n, 1 + m): derivatives by coordinates (0) and rates (1);
+    ``by_torque`` (n, 1 + m, n). Derivatives by padded and fixed coordinates are meaningless.
     """
     for level in range(2):
         for i in range(len(sizes.bodies)):
@@ -61,10 +62,10 @@ def potential_hessian(
     work: Workspace,
     K: Array,
 ) -> None:
-    """Hessian ``K`` (n, 1 + m, n, 1 + m) of strain and gravity energy.
+    """Compute the Hessian ``K`` (n, 1 + m, n, 1 + m) of strain and gravity energy.
 
-    ``state`` and ``work`` complex; rates and ``acceleration`` (n, 1 + m) zero: then the inverse
-    dynamics is the gradient.
+    ``state`` and ``work`` are complex; rates and ``acceleration`` (n, 1 + m) must be zero, because
+    the inverse dynamics is then the gradient.
     """
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):

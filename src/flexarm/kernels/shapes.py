@@ -1,7 +1,7 @@
-"""The bent axis in the world, and the strain at gauges.
+"""World coordinates of the deformed axis, and strain at gauges.
 
-Theory page "recursion", (R.22) and (R.23). ``rows`` hold the shapes at stations: Phi for points of
-the axis, -distance * Phi'' for gauges.
+Theory page "recursion", (R.22) and (R.23). ``rows`` contains the shapes at stations: Phi for points
+of the axis, -distance * Phi'' for gauges.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def axis_points(
 ) -> None:
     """Fill ``points`` (k, 2): world coordinates of the neutral axis, m.
 
-    ``body_poses`` from ``observables.poses``; ``bodies`` (k,) integers; ``stations`` (k,) m from
-    the body's root; ``rows`` (k, m); ``shortening`` (k, g, g), the matrices g(x).
+    ``body_poses`` come from ``observables.poses``; ``bodies`` (k,) are integers; ``stations`` (k,)
+    in m from the body's root; ``rows`` (k, m); ``shortening`` (k, g, g), the matrices g(x).
     """
     for k in range(stations.shape[0]):
         i = bodies[k]

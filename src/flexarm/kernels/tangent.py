@@ -1,6 +1,6 @@
 """Exact tangent of the inverse dynamics: stiffness and damping of small motion about any motion.
 
-By complex perturbation, as in ``sensitivity``. Theory page "small motion", (S.2).
+Computed by complex perturbation, as in ``sensitivity``. Theory page "small motion", (S.2).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ def inverse_jacobian(
     work: Workspace,
     by_state: Array,
 ) -> None:
-    """Derivatives of the generalised forces; ``state`` and ``work`` are complex.
+    """Compute derivatives of the generalised forces; ``state`` and ``work`` are complex.
 
-    ``acceleration`` (n, 1 + m) is held; ``by_state`` (n, 1 + m, 2, n, 1 + m): derivative by
-    coordinates (0) and rates (1). Those by padded and fixed coordinates mean nothing.
+    ``acceleration`` (n, 1 + m) is constant; ``by_state`` (n, 1 + m, 2, n, 1 + m): derivatives by
+    coordinates (0) and rates (1). Derivatives by padded and fixed coordinates are meaningless.
     """
     for level in range(2):
         for i in range(len(sizes.bodies)):

@@ -1,8 +1,8 @@
-"""What a controller in the task space asks at each sample time, in one call.
+"""Quantities that a task-space controller requires at each sample time, in one call.
 
-Motion of the last tip (``tip_motion``), mass matrix (``composite_body``) and bias
-(``newton_euler``) of an arm, reduced to its joints. Passing the arrays of an arm to compiled code
-costs more than all three: therefore together.
+They are the motion of the last tip (``tip_motion``), the mass matrix (``composite_body``) and the
+bias (``newton_euler``) of an arm, reduced to its joints. One call computes all three, because
+passing the arrays of an arm to compiled code costs more than the computation.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.newton_euler import inverse_dynamics
 from flexarm.kernels.tip_motion import tip_motion
 
-#: Part of its trace that is added to J J': no joint accelerates beyond bounds where the arm is
-#: straight or folded, and elsewhere the tip's acceleration is right to about as many digits.
+#: Fraction of its trace added to J J'. It bounds the joint accelerations if the arm is straight or
+#: folded; elsewhere the relative error of the tip's acceleration is of the same order.
 DAMPING = 1e-6
 
 
@@ -39,13 +39,13 @@ def task_dynamics(
     mass: Array,
     bias_torque: Array,
 ) -> None:
-    """Fill what is asked of the joints at ``angle`` and ``rate`` (joints,).
+    """Compute motion of the tip, mass matrix and bias at ``angle`` and ``rate`` (joints,).
 
-    ``motion`` (3, 2): position, velocity, and acceleration where no joint accelerates, of the tip,
-    world axes; ``jacobian`` (2, joints); ``mass`` (joints, joints); ``bias_torque`` (joints,), what
-    the motion takes where no joint accelerates. The rest is scratch: ``state`` (2, n, 1 + m),
-    ``at_rest`` (n, 1 + m) zeros, ``scratch``, ``body_poses``, ``tip`` as of ``tip_motion``,
-    ``columns`` (2, n), ``full_mass`` (n, 1 + m, n, 1 + m).
+    ``motion`` (3, 2): position, velocity, and acceleration at zero joint acceleration of the tip,
+    world axes; ``jacobian`` (2, joints); ``mass`` (joints, joints); ``bias_torque`` (joints,), the
+    torque required at zero joint acceleration. The other arguments are scratch: ``state``
+    (2, n, 1 + m), ``at_rest`` (n, 1 + m) zeros, ``scratch``, ``body_poses``, ``tip`` as in
+    ``tip_motion``, ``columns`` (2, n), ``full_mass`` (n, 1 + m, n, 1 + m).
     """
     joints = joint_body.shape[0]
     for k in range(joints):
@@ -79,10 +79,10 @@ def tip_torque(
     added: Array,
     torque: Array,
 ) -> None:
-    """Fill ``torque`` (joints,): the tip accelerates as wanted, m/s^2, and pushes, N; (F.1).
+    """Fill ``torque`` (joints,) for a desired tip acceleration, m/s^2, and tip force, N; (F.1).
 
-    The first four as ``task_dynamics`` leaves them. ``posture`` (joints,) rad/s^2 is what joint
-    accelerations come near to; ``added`` (joints,) N m is added.
+    The first four arguments are results of ``task_dynamics``. ``posture`` (joints,) rad/s^2 are the
+    preferred joint accelerations; ``added`` (joints,) N m is added to the torque.
     """
     joints = mass.shape[0]
     xx = 0.0

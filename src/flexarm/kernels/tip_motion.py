@@ -1,7 +1,7 @@
-"""Jacobian of the last tip, and its acceleration where no joint accelerates.
+"""Jacobian of the last tip, and its acceleration at zero joint acceleration.
 
 The Jacobian's columns are the tip's velocities at unit rates. ``J_dot qd`` is the derivative of the
-velocity along the motion, by a complex step (see ``sensitivity``): exact to rounding.
+velocity along the motion, computed with a complex step (see ``sensitivity``), exact to rounding.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def tip_motion(
 ) -> None:
     """Fill position, velocity and bias (2,) and the Jacobian (2, n), world axes.
 
-    ``state`` (2, n, 1 + m) real, modes at rest; ``scratch`` of its shape, ``body_poses`` (n, 10)
-    and ``tip`` (6,) complex.
+    ``state`` (2, n, 1 + m) is real, with modes at rest; ``scratch`` of the same shape,
+    ``body_poses`` (n, 10) and ``tip`` (6,) are complex.
     """
     count = len(sizes.bodies)
     for i in range(count):

@@ -1,6 +1,7 @@
-"""The inverse of identity plus a product of two symmetric 3 x 3 matrices, (R.8).
+"""Inverse of the identity plus a product of two symmetric 3 x 3 matrices, (R.8).
 
-What hangs on a tip is felt through the springs of the modes: ``W`` without them, softened with.
+It gives the inertia of the outboard chain in series with the modal springs: ``W`` is the inertia
+without the springs, ``Y`` with them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ def softened(
     Wxx: Any, Wxy: Any, Wyy: Any, Wxw: Any, Wyw: Any, Www: Any,
     Nxx: Any, Nxy: Any, Nyy: Any, Nxw: Any, Nyw: Any, Nww: Any,
 ) -> Any:  # fmt: skip
-    """Y = (1 + W N)^-1 W for symmetric W, N: valid for singular W. Returns six entries."""
+    """Return the six entries of Y = (1 + W N)^-1 W for symmetric W and N; W may be singular."""
     axx = 1.0 + Wxx * Nxx + Wxy * Nxy + Wxw * Nxw
     axy = Wxx * Nxy + Wxy * Nyy + Wxw * Nyw
     axw = Wxx * Nxw + Wxy * Nyw + Wxw * Nww
