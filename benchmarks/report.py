@@ -115,7 +115,7 @@ The table shows the fastest setting of each program with at most the given error
 
 ![Work-precision diagram](work-precision.png)
 
-### Steps and whole calls
+### Steps alone
 
 The table gives the time of flexarm's compiled steps, with sizes known to the compiler, and the time
 of the whole call, which includes the creation of the arm and the labels of all channels. Each is
