@@ -174,6 +174,6 @@ def compile_feature(name: str) -> tuple[float, str]:
     notice.silent = True
     before = compile_seconds()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", fa.FlexarmWarning)  # about the small arm
+        warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
         FEATURES[name]()
     return compile_seconds() - before, CodeCache.failure

@@ -58,8 +58,8 @@ def new_run(
     instants at which functions of time are compared with their cubic approximations.
 
     Raises:
-        InputError: if a load, the base acceleration or a contact does not fit the arm, or the
-            integrator is not available.
+        InputError: if a load, the base acceleration or a contact does not fit the arm, or no
+            integrator has that name.
     """
     touching = contacts_of_run(arm, contacts, state, where)
     touch = touch_frequency(touching)

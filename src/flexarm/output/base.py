@@ -23,7 +23,7 @@ class Format:
     3. Names and units are in the file.
     4. ``read`` returns a dataset equal to the one written, attributes included, and raises
        ``OSError`` if the file is not of this format or damaged. It is None if the format cannot
-       hold all of a result.
+       store a complete result.
     """
 
     name: str

@@ -27,5 +27,5 @@ ENVIRONMENTS: dict[str, type[ArmEnv]] = {
 }
 
 for _name, _kind in ENVIRONMENTS.items():
-    # Episodes have their own limit in seconds, so that none in steps is registered.
+    # Episodes have their own limit in seconds, so no limit in steps is registered.
     gymnasium.register(_name, entry_point=f"{_kind.__module__}:{_kind.__name__}")

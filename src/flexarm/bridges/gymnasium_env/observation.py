@@ -20,7 +20,7 @@ Vector = NDArray[np.float32]
 _MOST_RATE, _MOST_STRAIN = 50.0, 10.0
 #: Largest contact force in an observation, N.
 MOST_FORCE = 100.0
-#: Ratio of tip distance to reach, because a bent arm in the linear theory reaches a little farther.
+#: Limit on the ratio of tip distance to reach, which exceeds 1 for a bent arm in the linear theory.
 _STRETCH = 1.2
 
 

@@ -27,7 +27,7 @@ _LENGTH = 0.125
 _GAP = 0.005
 #: Largest angle (rad) of a wall's normal to the base direction: the base is then on its free side.
 _TURN = np.pi / 6.0
-#: Distances of a line from the base (fractions of the reach), because a straight arm is too stiff.
+#: Bounds of a line's distance from the base (fractions of the reach); a straight arm is too stiff.
 _NEAREST, _FARTHEST = 0.5, 0.85
 #: Largest joint rates (rad/s) along a line, and largest static torque of the maximum force as a
 #: fraction of the torque limits; more would bend the links too far.

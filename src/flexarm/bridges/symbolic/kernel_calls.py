@@ -1,5 +1,6 @@
-"""Kernels as plain Python functions over arrays of objects, the only use of their layout here.
+"""Kernels as plain Python functions over arrays of objects.
 
+No other module of the package depends on the layout of the kernels' arrays.
 Arguments and results are arrays of objects in the coordinates of the arm: q, qd, qdd (dof,),
 torque (joints,), tip_force (3,). Entries are `Scalar` objects or numbers.
 """
