@@ -1,1 +1,1 @@
-"""Bridges to other ecosystems, one each; nothing in flexarm needs them."""
+"""Bridges to other libraries; no other part of flexarm depends on them."""

@@ -1,1 +1,1 @@
-"""The command line: thin commands over the same calls that Python users make."""
+"""Command line: thin commands over the Python interface."""

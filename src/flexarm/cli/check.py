@@ -1,4 +1,4 @@
-"""``flexarm check``: read a file, build everything it describes, say what was found."""
+"""``flexarm check``: read and validate a file, and print a summary of its content."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _MOST_LINKS_SHOWN = 12
 
 
 def check_file(path: Path) -> None:
-    """Check an arm file, a scenario and the motion it asks for, or a study.
+    """Check an arm file, a scenario with its motion, or a study, and print a summary.
 
     Raises:
-        InputError: what is wrong, all of it.
+        InputError: if the file is not valid; it lists every problem.
     """
     document = load_document(path)
     is_study = "drives" in document.value
@@ -64,13 +64,13 @@ def _about_study(study: Study) -> list[tuple[str, str]]:
 
 
 def _scenario(document: Document) -> tuple[Scenario, Where] | None:
-    """Read a scenario, see `locate_scenario`; None for a file that describes an arm alone."""
+    """Read a scenario, see `locate_scenario`; return None if the file describes only an arm."""
     try:
         return locate_scenario(document)
     except ModelError as error:
         if all((problem.name, problem.value) != ("run", "missing") for problem in error.problems):
             raise
-        # An arm file, or a scenario whose run was forgotten: the other keys tell.
+        # A missing run means an arm file or an incomplete scenario; the other keys decide.
         if document.value.keys() <= {"flexarm", "arm"}:
             return None
         raise

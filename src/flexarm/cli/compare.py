@@ -1,4 +1,4 @@
-"""``flexarm compare``: run a study, print its numbers, save and draw them."""
+"""``flexarm compare``: run a study, print its metrics, save and plot them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _WHERE = "flexarm compare"
-#: What a comparison's file may end in.
+#: File suffixes of comparisons.
 TABLE_SUFFIXES = (".nc", ".csv")
-#: Columns of the printed table: number, head, factor to the unit shown.
+#: Columns of the printed table: metric, heading, factor to the displayed unit.
 _FREE = (
     ("tip_error_rms", "RMS mm", 1e3),
     ("tip_error_peak", "peak mm", 1e3),
@@ -30,7 +30,7 @@ _FREE = (
     ("torque_rms", "N m", 1.0),
     ("controller_time", "us", 1e6),
 )
-#: The same along a reference that presses.
+#: The same for a reference with contact force.
 _PRESSING = (
     ("tip_error_rms", "RMS mm", 1e3),
     ("tip_error_peak", "peak mm", 1e3),
@@ -43,17 +43,17 @@ _PRESSING = (
 def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
     """Run the study in a file.
 
-    Everything that can be wrong with the file and the places for output is found before the runs.
+    The file and the output paths are validated before the runs.
 
     Raises:
-        InputError: a wrong file, or a place that cannot be written.
+        InputError: if the file is not valid or an output path cannot be written.
     """
     prepared = PreparedStudy(*locate_study(path))
     if out is not None:
         check_place(_WHERE, "--out", out, TABLE_SUFFIXES)
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
-    with warnings.catch_warnings():  # printed below, beside the names of the runs
+    with warnings.catch_warnings():  # printed below with the names of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
         table = prepared.run()
     screen = console()
@@ -93,7 +93,7 @@ def _printed(table: xr.Dataset, reference: str) -> object:
 
 
 def _told(table: xr.Dataset, kind: str) -> list[str]:
-    """Return what runs stopped for, or warned of, with their names."""
+    """Return the failures or warnings of runs, with the names of the runs."""
     told = []
     for drive in table["controller"].values:
         for plant in table["plant"].values:

@@ -1,4 +1,4 @@
-"""Draw figures in other processes: Matplotlib loads while the runs go on, cores share the work."""
+"""Drawing of figures in other processes, so that Matplotlib loads while the simulations run."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from flexarm.plot.paper_data import Histories
 
-_MOST_PROCESSES = 2  # the figures of a paper keep no more busy
+_MOST_PROCESSES = 2  # more would not speed up the figures of the paper
 _Task = tuple[Callable[..., None], tuple[object, ...]]
 
 
 def load_plotting() -> None:
-    """Import what drawing needs."""
+    """Import the modules for drawing."""
     import flexarm.output
     import flexarm.plot.paper_figures  # noqa: F401
 
 
 def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
-    """Save figures of the paper as PNG and PDF; "overview" and "theories" are names too."""
+    """Save figures of the paper as PNG and PDF; also accepts "overview" and "theories"."""
     from flexarm.output import write_figure
     from flexarm.plot.paper_figures import FIGURES
 
@@ -39,9 +39,9 @@ def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
 
 
 class Drawing:
-    """A pool of drawing processes, open as long as the ``with`` block; its end waits for them.
+    """Pool of drawing processes as a context manager; its exit waits for all figures.
 
-    Where no processes can be had, the figures are drawn in this one.
+    If no processes are available, the figures are drawn in this one.
     """
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class Drawing:
         processes = min(_MOST_PROCESSES, os.cpu_count() or 1)
         if processes > 1:
             try:
-                # spawn: forked copies of a process with compiled threads may hang
+                # Use spawn, because forked copies of a process with compiled threads may hang.
                 self._pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
                 with _ctrl_c_ignored():
                     for _ in range(processes):
@@ -62,7 +62,7 @@ class Drawing:
         return self
 
     def submit(self, function: Callable[..., None], *arguments: object) -> None:
-        """Have a function called, in another process if there is one."""
+        """Schedule a function call, in another process if possible."""
         future = None
         if self._pool is not None:
             try:
@@ -101,9 +101,9 @@ def _finish(
 
 @contextmanager
 def _ctrl_c_ignored() -> Iterator[None]:
-    """Let processes started inside ignore Ctrl-C: the one that starts them ends them."""
+    """Make processes started in this context ignore Ctrl-C; this process terminates them."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread may set what signals do
+        yield  # only the main thread may set signal handlers
         return
     theirs = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

@@ -1,4 +1,4 @@
-"""What users see when something fails: a message, an exit status, no traceback."""
+"""Failures on the command line: a message and an exit status without traceback."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ FAILED_RUN, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
 @contextmanager
 def failures_told() -> Iterator[None]:
-    """Report failures on the error stream and end with the exit status of each.
+    """Report failures on the error stream and exit with their status.
 
-    Only exceptions that flexarm raises on purpose: any other is a bug, and its traceback is wanted.
+    Only exceptions that flexarm raises on purpose are handled. Any other exception is a bug, and
+    keeps its traceback.
     """
     try:
         yield
@@ -38,10 +39,11 @@ def failures_told() -> Iterator[None]:
 
 
 def end_orderly_when_terminated() -> None:
-    """Let SIGTERM remove temporary files and end the process with status 143.
+    """Handle SIGTERM: remove temporary files and exit with status 143.
 
-    Only for the command: in Python, signals belong to the program that imports the package. An
-    exception would be lost if the signal arrives in a finaliser, of which HDF5 files have many.
+    Only the command line does this, because in Python the signal handlers belong to the importing
+    program. An exception would be lost if the signal arrives in a finaliser, such as those of HDF5
+    files.
     """
 
     def leave(*_: object) -> None:
@@ -56,12 +58,12 @@ def end_orderly_when_terminated() -> None:
 
 
 def _flush_briefly() -> None:
-    """Write out what was printed, unless its reader does not take it within a second."""
+    """Flush the output streams, for at most a second."""
     if hasattr(signal, "SIGALRM"):
         signal.signal(signal.SIGALRM, lambda *_: os._exit(TERMINATED))
         signal.alarm(1)
     for stream in (sys.stdout, sys.stderr):
-        # The reader may have gone, or the signal may have arrived within a write to the stream.
+        # The pipe may be closed, or the signal may have interrupted a write to the stream.
         with suppress(OSError, ValueError, RuntimeError):
             stream.flush()
 
@@ -75,6 +77,6 @@ def warn(message: str) -> None:
 
 
 def say(message: str) -> None:
-    """Write a message to the error stream without layout: editors and scripts read these lines."""
+    """Write a message to the error stream unformatted, because editors and scripts parse it."""
     lines = map(printable, message.split("\n"))
     print("\n".join(lines), file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""What can be compiled ahead: small calls that reach every kernel, by the feature that needs it."""
+"""Small calls that together use every kernel, by feature, for ``flexarm warmup``."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _prescribe() -> None:
     fa.simulate(_arm(), 0.01, prescribed={1: held}, initial=_arm().rest(_START))
 
 
-#: Calls by name; those that take longest come first, so that the last process is not alone.
+#: Calls by name. The longest come first, so that all processes finish at about the same time.
 FEATURES: dict[str, Callable[[], None]] = {
     "forward dynamics and derivatives": _dynamics,
     "simulate": _simulate,
@@ -166,14 +166,14 @@ FEATURES: dict[str, Callable[[], None]] = {
 
 
 def compile_feature(name: str) -> tuple[float, str]:
-    """Compile what a feature needs, or load it.
+    """Compile or load the kernels of a feature.
 
     Returns:
-        Seconds of compiling, and why machine code could not be kept; empty if it was.
+        Compilation time in s, and why the machine code could not be stored; empty if it was.
     """
     notice.silent = True
     before = compile_seconds()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", fa.FlexarmWarning)  # of the small arm, not the user's
+        warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
         FEATURES[name]()
     return compile_seconds() - before, CodeCache.failure

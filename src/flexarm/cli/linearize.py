@@ -1,4 +1,4 @@
-"""``flexarm linearize``: a linear model of an arm where it rests, its poles, and files of it."""
+"""``flexarm linearize``: linear model of an arm at an equilibrium, with poles and output files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexarm.output import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear, write_f
 from flexarm.places import check_place
 
 _WHERE = "flexarm linearize"
-#: Poles nearer to zero than this part of the largest are rounding.
+#: Poles below this fraction of the largest are zero to rounding.
 _ROUNDING = 1e-7
 
 
@@ -29,11 +29,11 @@ def show_linear(
     out: Path | None,
     plot: Path | None,
 ) -> None:
-    """Print what a linear model consists of and its slowest poles; write it and its responses.
+    """Print a summary of a linear model and its slowest poles; save the model and its responses.
 
     Raises:
-        InputError: a wrong file, unknown signals, a path that cannot be written.
-        EquilibriumError: the arm does not rest there.
+        InputError: if the file is not valid, a signal is unknown, or a path cannot be written.
+        EquilibriumError: if the arm has no equilibrium there.
     """
     arm = load_arm(path)
     posture = joint_numbers(_WHERE, "--angles", arm, angles, "rad")
@@ -41,7 +41,7 @@ def show_linear(
         check_place(_WHERE, "--out", out, MODEL_SUFFIXES)
     if plot is not None:
         check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
-    with one_warning():  # reported below, in one line
+    with one_warning():  # printed below in one line
         rest = equilibrium(arm, posture)
         model = linearize(arm, rest, inputs=_names(inputs), outputs=_names(outputs))
     screen = console()
@@ -84,7 +84,7 @@ def _some(names: tuple[str, ...]) -> str:
 
 
 def _poles(model: LinearModel, count: int) -> list[tuple[str, str, str, str]]:
-    """Slowest poles, one of each pair."""
+    """Return the rows of the slowest poles, one per conjugate pair."""
     poles = model.poles
     poles = np.where(np.abs(poles) > _ROUNDING * np.abs(poles).max(initial=0.0), poles, 0.0)
     real = np.where(np.abs(poles.real) > _ROUNDING * np.abs(poles), poles.real, 0.0)

@@ -1,6 +1,7 @@
-"""The commands, their options and their help. What they do is imported when it is asked for.
+"""Commands of the command line with options and help; each command imports its own modules.
 
-So ``flexarm --help`` waits for nothing: NumPy, Numba and the rest take a second to load.
+This keeps ``flexarm --help`` fast, because NumPy, Numba and the other libraries take a second to
+load.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ app = typer.Typer(
 
 
 class Joints(StrEnum):
-    """What the joints do while the arm vibrates."""
+    """State of the joints while the arm vibrates."""
 
     LOCKED = "locked"
     FREE = "free"

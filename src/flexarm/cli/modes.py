@@ -1,4 +1,4 @@
-"""``flexarm modes``: natural frequencies and damping at a posture, or along a way."""
+"""``flexarm modes``: natural frequencies and damping at one posture, or along a range."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from flexarm.output import FIGURE_SUFFIXES, write_figure
 from flexarm.places import check_place, write_text
 
 _WHERE = "flexarm modes"
-#: Samples along a way, and every how manieth of them the table shows.
+#: Samples along a range of postures or spins, and stride of the printed rows.
 _SAMPLES, _SHOWN_EVERY = 81, 10
 
 
 class ModesOptions(NamedTuple):
-    """What the command line says, as it says it."""
+    """Options of the command, as given on the command line."""
 
     joints: str | None
     angles: str | None
@@ -41,12 +41,12 @@ class ModesOptions(NamedTuple):
 
 
 def show_modes(path: Path, options: ModesOptions) -> None:
-    """Print the lowest modes of the arm in a file; write what else was asked for.
+    """Print the lowest modes of the arm in a file, and write the requested output files.
 
     Raises:
-        InputError: a wrong file, angles that are not numbers or too many or few, a path that
-            cannot be written, options that exclude each other.
-        EquilibriumError: no rest under gravity, or no steady spin.
+        InputError: if the file is not valid, angles are not one number for each joint, a path
+            cannot be written, or options cannot be combined.
+        EquilibriumError: if there is no equilibrium under gravity or no steady spin.
     """
     arm = load_arm(path)
     posture = joint_numbers(_WHERE, "--angles", arm, options.angles, "rad")
@@ -61,7 +61,7 @@ def show_modes(path: Path, options: ModesOptions) -> None:
     if options.to is not None or options.campbell_to is not None:
         _show_tracks(_tracks(arm, posture, joints, options), told_joints, options)
         return
-    with one_warning():  # reported below, in one line
+    with one_warning():  # printed below in one line
         about = equilibrium(arm, posture) if options.sag else posture
         found = modes_of(arm, about, joints, spin=options.spin)
     if warning := bending_warning(arm, found.q):
@@ -73,7 +73,7 @@ def show_modes(path: Path, options: ModesOptions) -> None:
 
 
 def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
-    """What holds the joints, and how a title says it."""
+    """Return the condition of the joints, and its text for a title."""
     if options.proportional is None and options.derivative is None:
         joints = options.joints or "locked"
         return joints, f" with the joints {joints}" if arm.joints else ", no joint turns"

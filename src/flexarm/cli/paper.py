@@ -1,4 +1,4 @@
-"""``flexarm paper``: compute the paper's example, draw its figures, print its numbers."""
+"""``flexarm paper``: compute the paper's example, draw its figures, print a table of results."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ tip error: distance of the flexible arm's tip from the rigid arm's
 
 
 def reproduce(folder: Path) -> None:
-    """Write figures, data and numbers of the paper's example into ``folder``; print the numbers.
+    """Write figures, data and numbers of the paper's example to ``folder``; print the numbers.
 
     Raises:
-        InputError: the folder cannot be written in.
+        InputError: if the folder is not writable.
     """
     check_folder("flexarm paper", "--out", folder)
     with Drawing() as drawing:
-        # Imported only now: the other processes load Matplotlib at the same time.
+        # Import here, because the other processes load Matplotlib at the same time.
         from flexarm.output import write_result
         from flexarm.paper import FAST, SLOW, PaperCase
         from flexarm.plot.paper_data import FIGURE_NAMES, histories

@@ -1,4 +1,4 @@
-"""Options that several commands share: numbers for each joint, and where the arm is."""
+"""Common options of commands: one number for each joint, and the posture of the arm."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from flexarm.errors import InputError, Problem, shown
 
 
 def joint_numbers(where: str, option: str, arm: Arm, text: str | None, unit: str) -> list[float]:
-    """Read one number for each joint, commas between; zeros for None.
+    """Parse one number for each joint, separated by commas; return zeros for None.
 
     Raises:
-        InputError: other than that many finite numbers.
+        InputError: if the text is not one finite number for each joint.
     """
     if text is None:
         return [0.0] * arm.joints
@@ -30,11 +30,11 @@ def joint_numbers(where: str, option: str, arm: Arm, text: str | None, unit: str
 
 
 def at(angles: list[float]) -> str:
-    """Where the arm is, for a title; nothing of an arm whose joints are all fixed."""
+    """Return the posture as text for a title; empty for an arm without movable joints."""
     return f", at {told(angles)} rad" if angles else ""
 
 
 def told(angles: list[float]) -> str:
-    """Angles as text, the first eight of many."""
+    """Format angles as text, at most the first eight."""
     more = ", ..." if len(angles) > 8 else ""
     return ", ".join(f"{angle:.4g}" for angle in angles[:8]) + more

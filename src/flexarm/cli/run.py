@@ -1,4 +1,4 @@
-"""``flexarm run``: simulate a scenario file, say how it went, save what was asked for."""
+"""``flexarm run``: simulate a scenario file, print a summary, write the requested files."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _WHERE = "flexarm run"
 def run_file(path: Path, out: Path | None, plot: Path | None, animation: Path | None) -> None:
     """Run a scenario file.
 
-    Everything that can be wrong with the file and the places for output is found before the run.
+    The file and the output paths are validated before the run.
 
     Raises:
-        InputError: a wrong file, or a place that cannot be written.
-        SimulationError: the run stopped early; what it had is saved beside ``out``.
+        InputError: if the file is not valid or an output path cannot be written.
+        SimulationError: if the run stops early; the samples up to then are saved next to ``out``.
     """
     prepared = prepare(*locate_scenario(path))
     if out is not None:
@@ -41,7 +41,7 @@ def run_file(path: Path, out: Path | None, plot: Path | None, animation: Path | 
     if animation is not None:
         check_animation_place(_WHERE, "--animate", animation)
     try:
-        with warnings.catch_warnings():  # told below, in one line
+        with warnings.catch_warnings():  # printed below in one line
             warnings.simplefilter("ignore", FlexarmWarning)
             result = prepared.run()
     except SimulationError as error:
@@ -75,7 +75,7 @@ def _save_part(result: xr.Dataset, out: Path) -> None:
     try:
         write_result(result, part)
     except InputError as error:
-        say(str(error))  # the reason why the run stopped matters more, and follows
+        say(str(error))  # the error of the run is more important and follows
     else:
         say(f"{_WHERE}: the run up to t = {result['time'].values[-1]:.6g} s is in {part}")
 
@@ -99,7 +99,7 @@ def _summary(result: xr.Dataset) -> list[tuple[str, str]]:
 
 
 def _events(result: xr.Dataset) -> list[tuple[str, str]]:
-    """How often each event happened and when first; which one ended the run."""
+    """Return the number and first time of each event, and the event that ended the run."""
     if "event_name" not in result:
         return []
     names, times = result["event_name"].values, result["event_time"].values

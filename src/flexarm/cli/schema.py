@@ -1,4 +1,4 @@
-"""``flexarm schema``."""
+"""``flexarm schema``: print or write the JSON schema of a kind of file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands print: plain tables that fit a terminal of 80 columns."""
+"""Plain tables for the output of commands, for a terminal with 80 columns."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from flexarm.errors import printable
 
 
 class _Screen(Console):
-    """A console that prints names and paths of users without the control codes in them."""
+    """Console that removes control codes from names and paths of users."""
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Make printable text of a string, line by line."""
+        """Convert a string to printable text, line by line."""
         return super().render_str("\n".join(map(printable, text.split("\n"))), **options)
 
 
 def console() -> Console:
-    """Return the standard output; numbers keep the colour of the text around them."""
+    """Return the standard output without highlighting of numbers."""
     return _Screen(highlight=False, markup=False, emoji=False)
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
-    """Make a table of names and what they are."""
+    """Create a table of names and values."""
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
@@ -37,7 +37,7 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def numbers(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """Make a table of numbers: names at the left, values in columns at the right."""
+    """Create a table of numbers with names in the first column and right-aligned values."""
     table = Table(
         title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False
     )

@@ -1,4 +1,4 @@
-"""``flexarm warmup``: compile every kernel ahead, in as many processes as there are cores."""
+"""``flexarm warmup``: compile all kernels in advance, in parallel processes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from flexarm.kernels.cache import CACHE_DIRECTORY
 
 
 def compile_everything() -> None:
-    """Compile all features and keep the machine code; print how long it took.
+    """Compile all features, store the machine code, and print the time.
 
     Raises:
-        InputError: the machine code cannot be kept.
+        InputError: if the machine code cannot be stored.
     """
     rule = "be writable, by this user alone"
     if CACHE_DIRECTORY is None:

@@ -1,1 +1,1 @@
-"""Carry a run through time: integrator, step, events, contacts, channels."""
+"""Run engine: integrator choice, step size, events, contacts and output channels."""

@@ -1,4 +1,4 @@
-"""Every quantity that a result holds: one table for datasets, plots, CSV headers and docs."""
+"""Output channels of a result: name, dimensions, unit and meaning of each quantity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Channel(NamedTuple):
-    """One quantity over time."""
+    """One output quantity over time."""
 
     name: str
     dims: tuple[str, ...]  # besides time

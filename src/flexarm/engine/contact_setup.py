@@ -1,4 +1,4 @@
-"""Contacts in a run: where they are, and how fast a touch can be."""
+"""Contacts of a run: placement on the arm, and the highest frequency of a contact."""
 
 from __future__ import annotations
 
@@ -14,21 +14,23 @@ from flexarm.kernels.cache import undecorated
 from flexarm.kernels.contact import MOBILITY
 from flexarm.kernels.layout import Contacts
 
-#: Speed (m/s) at which the first step looks at touches whose stiffness depends on it.
+#: Speed (m/s) at which the first step evaluates contacts whose stiffness depends on the speed.
 _SPEED = 1.0
-#: A corner between the links at which a point is often more mobile than at the start.
+#: Bend angle (rad) between the links at which a point is often more mobile than at the start.
 _BENT = 0.5 * np.pi
 
 
 def contacts_of_run(
     arm: Arm, contacts: Sequence[Contact], state: FloatArray, where: str = "simulate"
 ) -> Contacts:
-    """Place contacts for a run that starts at ``state`` (2, n, 1 + m), with their mobilities.
+    """Place the contacts of a run on the arm and set their mobilities.
 
-    ``where``: the call, for messages.
+    Args:
+        state: initial state (2, n, 1 + m).
+        where: name of the calling function, for messages.
 
     Raises:
-        InputError: as ``place_contacts``.
+        InputError: under the conditions of ``place_contacts``.
     """
     placed = place_contacts(arm, where, contacts)
     if contacts:
@@ -40,7 +42,7 @@ def contacts_of_run(
 
 
 def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
-    """Largest acceleration of the point per force on it at a posture, 1/kg."""
+    """Compute the largest acceleration of the contact point per force on it at a posture, 1/kg."""
     rest, still = np.zeros(arm.dof), np.zeros(arm.joints)
     none = arm.forward_dynamics(q, rest, still), arm.inverse_dynamics(q, rest, rest)
     pushed, force = np.zeros((2, arm.dof)), np.zeros((2, arm.dof))
@@ -53,7 +55,7 @@ def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
 
 
 def touch_frequency(placed: Contacts) -> float:
-    """Highest frequency (rad/s) of the arm on a surface that it may touch; 0 without contacts."""
+    """Return the highest frequency (rad/s) of the arm on a surface; 0 without contacts."""
     turning = undecorated(turning_time)
     times = [turning(placed, k, _SPEED) for k in range(placed.body.size)]
     return max((1.0 / time for time in times), default=0.0)

@@ -1,4 +1,4 @@
-"""Starts and references that contacts refuse: deep in a surface, or pressing away from it."""
+"""Validation of initial states and references of runs with contacts."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from flexarm.loads import SAME_PLACE
 from flexarm.motion.kinematics import tip_jacobian
 from flexarm.observe import contact_values
 
-#: Parts of the reach: further in is seen by eye; nearer than that to a surface a path is on it.
+#: Fractions of the reach: a larger depth is a visible error of the initial state, and a path that
+#: is closer than this to a surface counts as on it.
 _DEEP = 0.01
-#: A force of so many times the arm's weight, where g is 9.81 m/s^2, is more than an arm holds at
-#: rest: robots carry about their own weight at most. So nothing has pressed a point in that far.
+#: Limit on the contact force, in multiples of the arm's weight with g = 9.81 m/s^2. Robots carry
+#: about their own weight at most, so no load at rest can have pressed a point in that deep.
 _UNHELD, _GRAVITY = 10.0, 9.81
-#: Times along a motion at which its normal is looked at.
+#: Number of times along a motion at which the direction of its normal is checked.
 _LOOKS = 41
-#: Part of the reach by which a tip is moved to see on which side of it the surface is.
+#: Displacement of the tip, as a fraction of the reach, that determines its side of the surface.
 _NUDGE = 1e-6
 
 
 def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts) -> None:
-    """Refuse a state (2, n, 1 + m) that a surface would throw away as no motion could have led to.
+    """Raise if a contact point starts deeper inside a surface than any motion could have taken it.
 
-    A point may start in a surface, at rest or in a blow. It may not be deeper than a hundredth of
-    the reach and be pushed by more than ten times the arm's weight, both at once.
+    A point may start inside a surface, at rest or during an impact. The state (2, n, 1 + m) is
+    rejected if the depth exceeds a hundredth of the reach and the contact force also exceeds ten
+    times the arm's weight.
 
     Raises:
-        InputError: so it is.
+        InputError: if both limits are exceeded, or if the point is at the centre of a circle.
     """
     if not placed.body.size:
         return
@@ -43,7 +45,7 @@ def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts)
     weight = _GRAVITY * float(constants.mass.sum() + constants.tip_mass.sum())
     seen = contact_values(arm, placed, state[None])[0]
     for k, (law, values) in enumerate(zip(placed.law, seen, strict=True), start=1):
-        if not np.isfinite(values[GAP]):  # the centre of a circle is near to all of it
+        if not np.isfinite(values[GAP]):  # at the centre of a circle the nearest point is undefined
             rule = f"not be at the centre of the surface of contact {k}"
             raise InputError(Problem(where, "initial", rule, "there", "Start outside of it."))
         depth = max(-float(values[GAP]), 0.0)
@@ -70,12 +72,13 @@ def refuse_pressing_outward(
     reference: object,
     duration: float,
 ) -> None:
-    """Refuse a motion that presses, whose normal points into the surface that its path is on.
+    """Raise if the normal of a pressed motion points into the surface that its path is on.
 
-    Looked at where the path, of rigid links, is on a surface that the tip may touch.
+    The check covers the times at which the path, computed with rigid links, is on a surface that
+    the tip can contact. Other references pass unchecked.
 
     Raises:
-        InputError: so it is.
+        InputError: if the normal points into the surface at one of these times.
     """
     touching = [k for k, contact in enumerate(contacts) if _is_tip(arm, contact)]
     if not isinstance(reference, PressedMotion) or not touching:
@@ -99,7 +102,7 @@ def refuse_pressing_outward(
 
 
 def _is_tip(arm: Arm, contact: Contact) -> bool:
-    """Whether a contact's point is the tip of the arm."""
+    """Return whether the contact point is the tip of the arm."""
     last = float(arm.lengths[-1])
     there = contact.station is None or contact.station >= last * (1.0 - SAME_PLACE)
     return contact.link in (None, arm.links) and there

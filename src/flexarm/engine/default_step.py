@@ -1,8 +1,9 @@
-"""The step of a fixed-step method that was given none: halved until the motion agrees.
+"""Step-size search for fixed-step methods without a given step, by halving until convergence.
 
-Two trials go through time side by side, with steps h and h / 2. Where they differ by more than is
-allowed, the finer one becomes the coarser one of the next pair. Nothing is assumed about the arm:
-joint stops, friction, contacts and the motion of rigid links count as much as vibrations do.
+Two trials advance side by side with steps h and h / 2. If they differ by more than the allowed
+difference, the finer trial becomes the coarser one of the next pair. The search makes no
+assumption about the arm: joint stops, friction, contacts and the motion of rigid links count as
+much as vibrations do.
 """
 
 from __future__ import annotations
@@ -19,26 +20,27 @@ if TYPE_CHECKING:
     from flexarm.engine.event_search import Mark
     from flexarm.engine.stepping import Run
 
-#: How far two trials may differ over a run, as a part of the reach. The finer trial errs by less.
+#: Allowed difference of two trials over a run, as a fraction of the reach. The error of the finer
+#: trial is smaller.
 ALLOWED = 1e-4
-#: First step of the coarser trial: radians of the fastest mode, and fewest steps in a run.
+#: First step of the coarser trial: phase of the fastest mode (rad), and minimum number of steps.
 _RADIANS, _FEWEST = 1.0, 32
-#: Loops and plants are compared at the end of each sample time, where a difference may be the part
-#: of this that the sample time is of the run; a plant without a duration counts as so long (s).
+#: Closed loops and plants are compared at the end of each sample time. The allowed difference is
+#: proportional to the sample time over the duration; a plant without one uses this duration (s).
 _UNBOUNDED = 10.0
-#: The rate of a joint counts there with the angle that it makes in this time (s).
+#: The rate of a joint counts in this comparison as the angle that it covers in this time (s).
 _DRIFT = 1.0
-#: Halvings that are tried in any case, and steps of a span up to which there may be more.
+#: Minimum number of halvings, and number of steps in a span above which the search then stops.
 _HALVINGS, _MOST_STEPS = 6, 1e7
-#: A trial checks another one only if it makes this many times its steps: both make the same steps
-#: where stops of the torque are close together, or where a method shortens them for stability.
+#: A trial verifies another one only if it makes this many times its steps. Both make the same steps
+#: if torque breaks are close together, or if a method shortens its steps for stability.
 _FINER = 1.5
-#: Failures of the arm, and not of the step, where both trials end with them.
+#: Failures caused by the arm and not by the step, if both trials end with the same one.
 _OF_THE_ARM = (Status.INERTIA_LOST, Status.PRESSED_THROUGH)
 
 
 class _Start(NamedTuple):
-    """Where the trials of a span begin."""
+    """Initial values of the trials of a span."""
 
     time: float
     state: FloatArray  # (2, n, 1 + m)
@@ -50,7 +52,7 @@ class _Start(NamedTuple):
 
 @dataclass
 class _Trial:
-    """One of the two runs through a span, its samples, and how its last call ended."""
+    """One of the two trials of a span: its progress, its samples and its last status."""
 
     progress: Progress
     times: FloatArray  # (samples,)
@@ -58,7 +60,7 @@ class _Trial:
     status: Status = Status.PAUSED
 
     def begin(self, start: _Start, step: float, anew: bool) -> None:
-        """Go to the start of the span; ``anew``: with nothing remembered from before it."""
+        """Return to the start of the span; ``anew`` clears the memory of multistep methods."""
         progress = self.progress
         if anew or progress.step != step:
             progress.memory = None
@@ -70,11 +72,11 @@ class _Trial:
 
 @dataclass
 class DefaultStep:
-    """Carries a run from time to time with steps that it finds.
+    """Step-size search that advances a run from one time to the next.
 
     Attributes:
-        first: step (s) of the coarser trial to begin with.
-        shortest: step (s) of the finer trial, the shortest that was used.
+        first: initial step (s) of the coarser trial.
+        shortest: shortest step (s) of a finer trial that was accepted.
         difference: largest difference (m at the tip) of two trials that agreed.
     """
 
@@ -85,7 +87,7 @@ class DefaultStep:
     _coarse: Progress | None = field(default=None, repr=False)
 
     def reason(self) -> str:
-        """What a result adds to the reason for its integrator; nothing before a span is done."""
+        """Return the text to append to the reason for the integrator; empty before any span."""
         if not math.isfinite(self.shortest):
             return ""
         return (
@@ -94,10 +96,10 @@ class DefaultStep:
         )
 
     def carry(self, run: Run, system: System, until: float) -> System:
-        """Advance the run to ``until`` (s); return the system to go on with.
+        """Advance the run to ``until`` (s) and return the system for the next call.
 
         Raises:
-            SimulationError: no step was found, or the arm cannot be followed with any.
+            SimulationError: if no step makes the trials agree, or both fail because of the arm.
         """
         begun = run.progress
         mark = run.watch.mark() if run.watch is not None else None
@@ -130,7 +132,7 @@ class DefaultStep:
     def _search(
         self, pair: _Pair, run: Run, system: System, start: _Start, until: float
     ) -> tuple[System, int]:
-        """Halve the steps until the trials agree; return the system, and how often it was done."""
+        """Halve the steps until the trials agree; return the system and the number of halvings."""
         halvings = 0
         while True:
             system = pair.follow(run, system, until)
@@ -149,18 +151,18 @@ class DefaultStep:
 
 
 def default_step(integrator: Integrator, tolerance: Tolerance) -> DefaultStep | None:
-    """Return what finds the step of a run, or None where a step is given or controlled."""
+    """Return the step-size search of a run, or None if the step is given or adaptive."""
     given = integrator.adaptive or getattr(integrator, "step", None) is not None
     return None if given else DefaultStep(_RADIANS / tolerance.fastest)
 
 
 @dataclass
 class _Pair:
-    """Two trials of a span, and whether they agree to its end."""
+    """Two trials of a span and the state of their comparison."""
 
     coarse: _Trial
     fine: _Trial
-    whole: bool  # the span is the run: its samples are compared, else its end and the rates there
+    whole: bool  # the span is the entire run: compare its samples, otherwise its final state
     unit: FloatArray  # (levels, n, 1 + m) coordinates, and rates, per metre at the tip
     allowed: float  # m at the tip
     difference: float = 0.0
@@ -168,7 +170,7 @@ class _Pair:
 
     @classmethod
     def of(cls, run: Run, start: _Start, until: float) -> _Pair:
-        """Make the pair of a span; its trials have still to begin."""
+        """Create the pair of a span; the caller then starts both trials."""
         whole = start.time == 0.0 and until >= run.duration
         unit = run.tolerance.unit
         allowed = ALLOWED / float(unit[0, :, 0].min())
@@ -183,7 +185,7 @@ class _Pair:
         return cls(coarse, fine, whole, unit, allowed)
 
     def follow(self, run: Run, system: System, until: float) -> System:
-        """Advance the trial that is behind, until they differ, fail, or are through."""
+        """Advance the trial that is behind until the two differ, fail or reach ``until``."""
         coarse, fine = self.coarse, self.fine
         self.difference, compared = 0.0, 0
         while Status.PAUSED in (coarse.status, fine.status):
@@ -212,7 +214,7 @@ class _Pair:
         return system
 
     def _near(self, coarse: FloatArray, fine: FloatArray) -> bool:
-        """Compare states (k, 2, n, 1 + m)."""
+        """Compare states (k, 2, n, 1 + m) with the allowed difference."""
         apart = np.abs(coarse - fine)[:, : len(self.unit)] / self.unit
         self.difference = max(self.difference, float(apart.max(initial=0.0)))
         return self.difference <= self.allowed and bool(np.isfinite(apart).all())
@@ -221,10 +223,10 @@ class _Pair:
         return self.fine.progress.steps >= _FINER * self.coarse.progress.steps
 
     def refuse(self, run: Run, enough: bool) -> None:
-        """Raise where shorter steps do not help, or ``enough`` of them were tried.
+        """Raise if shorter steps do not help, or if ``enough`` of them were tried.
 
         Raises:
-            SimulationError: the arm cannot be followed, or no step was found.
+            SimulationError: if both trials fail because of the arm, or no step was found.
         """
         status = self.fine.status
         if status == self.coarse.status and status in _OF_THE_ARM:
@@ -247,7 +249,7 @@ class _Pair:
     def swap(self) -> None:
         """Make the finer trial the coarser one of the next pair."""
         self.coarse, self.fine = self.fine, self.coarse
-        if not self.whole:  # one of them alone fills the samples of the run
+        if not self.whole:  # only the finer trial fills the samples of the run
             old, new = self.coarse, self.fine
             old.times, new.times = new.times, old.times
             old.samples, new.samples = new.samples, old.samples

@@ -1,8 +1,8 @@
-"""Find the events of a run: look at its samples, then step again to where the sign changes.
+"""Event location: find sign changes between samples, then integrate again to the crossing.
 
-Between two samples of a run the arm is carried again from the earlier one, by the run's own method
-and tolerances, to the times that a root finder asks for. So any integrator will do, and an event is
-as accurate as the run.
+Between two samples of a run the arm is integrated again from the earlier one, with the method and
+the tolerances of the run, to the times that a root finder requests. This works with every
+integrator, and an event is as accurate as the run.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from flexarm.engine.events import Event, EventLog, Found
 from flexarm.errors import InputError, SimulationError, check_array
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
 
-#: Samples looked at in one go: bounds the scratch memory of long runs.
+#: Samples processed at once, which bounds the scratch memory of long runs.
 _CHUNK = 4096
-#: How closely a time is found: a part of the time between two samples, and of rounding.
+#: Tolerance of the event time: a fraction of the sample interval, and a multiple of rounding.
 _TIME_SHARE, _ROUNDING = 1e-12, 4.0 * np.finfo(np.float64).eps
-#: Most times tried for one event; bisection alone would need 40.
+#: Maximum number of function evaluations for one event; bisection alone would need 40.
 _MOST_TRIALS = 100
 _STEPS_A_CALL = 1024
 
 
 class _Point(NamedTuple):
-    """A state on the way, and the values of all events there."""
+    """State at one time and the values of all events there."""
 
     time: float
     state: FloatArray  # (2, n, 1 + m)
@@ -35,7 +35,7 @@ class _Point(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """Where a search stands: samples looked at, the last of them, and events found."""
+    """State of a search: number of processed samples, the last one, and number of events found."""
 
     seen: int
     last: _Point | None
@@ -44,26 +44,27 @@ class Mark(NamedTuple):
 
 @dataclass(eq=False)
 class Watch:
-    """Looks at the samples of a run as they come, and keeps a log of events.
+    """Search for events in the samples of a run as they are computed, with a log of the results.
 
     Attributes:
-        arm: the arm that is simulated, by ``integrator`` to ``tolerance``.
-        log: what to look for, and what was found.
+        arm: the simulated arm.
+        integrator, tolerance: method and tolerances of the run, for locating a crossing.
+        log: the requested events, and those found.
     """
 
     arm: Arm
     integrator: Integrator
     tolerance: Tolerance
     log: EventLog
-    _seen: int = 0  # samples looked at
+    _seen: int = 0  # samples processed
     _last: _Point | None = field(default=None, repr=False)
 
     def mark(self) -> Mark:
-        """Return where the search stands, for ``restore``."""
+        """Return the state of the search, for ``restore``."""
         return Mark(self._seen, self._last, len(self.log.found))
 
     def restore(self, mark: Mark) -> None:
-        """Go back to an earlier place, and forget the events found since then."""
+        """Return to an earlier state of the search and discard the events found since then."""
         self._seen, self._last = mark.seen, mark.last
         del self.log.found[mark.found :]
 
@@ -75,13 +76,13 @@ class Watch:
         samples: FloatArray,
         status: Status,
     ) -> Found | None:
-        """Look at the samples since the last call; return the event that ends the run, or None.
+        """Search the samples since the last call; return the event that ends the run, or None.
 
-        Where the call of ``advance`` did not just pause, its last state counts as a sample: the
-        system may be another one from there on.
+        Unless the integrator only paused, its last state counts as a sample, because the system
+        may change from there on.
 
         Raises:
-            SimulationError: an event function failed, or gave no finite number.
+            SimulationError: if an event function raises or does not return one finite number.
         """
         first, self._seen = self._seen, progress.sample
         for start in range(first, progress.sample, _CHUNK):
@@ -97,7 +98,7 @@ class Watch:
     def _search(
         self, system: System, step: float, times: FloatArray, states: FloatArray
     ) -> Found | None:
-        """Look at samples (k,), (k, 2, n, 1 + m) in order; those not after the last are old."""
+        """Search samples (k,), (k, 2, n, 1 + m) in order; skip those up to the last one."""
         if self._last is not None:
             new = times > self._last.time
             times, states = times[new], states[new]
@@ -132,7 +133,7 @@ class Watch:
     def _locate(
         self, system: System, step: float, place: int, left: _Point, right: _Point
     ) -> tuple[float, FloatArray]:
-        """Time and state of the crossing: at zero or, within the tolerance, just beyond it."""
+        """Return time and state of the crossing, at zero or just beyond it within the tolerance."""
         event = self.log.events[place]
         start, end = float(left.values[place]), float(right.values[place])
         beyond = right.time, right.state
@@ -157,7 +158,7 @@ class Watch:
         return beyond[0], beyond[1].copy()
 
     def _carried(self, system: System, step: float, start: _Point, until: float) -> FloatArray:
-        """State (2, n, 1 + m) at a time after a point, with nothing remembered from before it."""
+        """Integrate from a point to a time; return the state (2, n, 1 + m)."""
         progress = Progress(start.time, start.state.copy(), step)
         no_times, no_samples = np.zeros(0), np.zeros((0, *start.state.shape))
         status = Status.PAUSED
@@ -172,7 +173,7 @@ class Watch:
     def _values(
         self, times: FloatArray, states: FloatArray
     ) -> tuple[FloatArray, SimulationError | None]:
-        """Values (samples, events), up to where a function fails, and how it does."""
+        """Return values (samples, events) up to the first failing function call, and its error."""
         q, qd = self.arm.unpadded(states[:, 0]), self.arm.unpadded(states[:, 1])
         columns: list[FloatArray] = []
         first: SimulationError | None = None
@@ -198,7 +199,7 @@ class Watch:
         return np.array(values), None
 
     def _value(self, event: Event, name: str, t: float, state: FloatArray) -> float:
-        """Call an event function for one state (2, n, 1 + m)."""
+        """Evaluate an event function at one state (2, n, 1 + m)."""
         q, qd = self.arm.unpadded(state[0]), self.arm.unpadded(state[1])
         given: object
         try:
@@ -218,7 +219,7 @@ class Watch:
 
 
 class _Points:
-    """The samples of a search as points, after the last point of the search before."""
+    """Samples of a search as points, preceded by the last point of the search before."""
 
     def __init__(
         self, last: _Point | None, times: FloatArray, states: FloatArray, values: FloatArray
@@ -233,26 +234,26 @@ class _Points:
         return _Point(float(self._times[k]), self._states[k], self._values[k])
 
     def crossings(self) -> list[int]:
-        """Points after which a value changes its sign before the next one."""
+        """Return the indices of the points after which a value changes its sign."""
         values = np.vstack([*(point.values for point in self._before), self._values])
         crossed = np.any(_crossed(values[:-1], values[1:]), axis=1)
         return [int(k) for k in np.flatnonzero(crossed)]
 
 
 def _crossed(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Whether values went from one side of zero to it or beyond; those that start on it did not."""
+    """Return whether values reached or crossed zero; a value that starts at zero does not count."""
     crossed: FloatArray = (before != 0.0) & (np.sign(before) * np.sign(after) <= 0.0)
     return crossed
 
 
 def _at_once(event: Event, times: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray | None:
-    """Values (k,) of a function that takes many samples; None where it does not, or fails."""
+    """Return values (k,) of a vectorized function; None if it is not vectorized or fails."""
     if not getattr(event.function, "vectorized", False):
         return None
     try:
         values = np.asarray(event.function(times, q, qd), dtype=np.float64)
     except Exception:
-        return None  # called one by one, the sample that it fails at is found
+        return None  # the calls one by one then find the sample at which it fails
     if values.shape != times.shape or not np.all(np.isfinite(values)):
         return None
     return values

@@ -1,4 +1,4 @@
-"""Events of a run: what the user watches for, and the ready-made kinds."""
+"""Events of a run: user-defined functions and built-in joint, tip and contact events."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ from flexarm.model import EventSpec, JointEvent
 from flexarm.model.events import DURATION, FAILURE
 from flexarm.observe import contact_values, tips_of
 
-#: Function of t (s), q (dof,), qd (dof,) to a number.
+#: Function of t (s), q (dof,) and qd (dof,) that returns a number.
 EventFunction = Callable[[Any, Any, Any], Any]
-#: The stops of a joint, for the angle of an event.
+#: Names of the stops of a joint, for the angle of an event.
 STOPS = ("lower", "upper")
 
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A function of the state whose zero crossings are located during a run.
+    """Function of the state whose zero crossings are located during a run.
 
     Args:
-        function: of time t (s), coordinates q (dof,) and rates qd (dof,) of the arm that is
-            simulated, to one finite number. With an attribute ``vectorized = True`` it is called
-            with many samples at once: (k,), (k, dof), (k, dof) to (k,).
-        name: what results call it; "event_1" and so on by its place in the list where left out.
-        direction: 1 counts crossings from below zero, -1 those from above, 0 both.
-        terminal: whether the run ends there.
+        function: function of time t (s), coordinates q (dof,) and rates qd (dof,) of the simulated
+            arm that returns one finite number. With an attribute ``vectorized = True`` it is
+            called with many samples at once: (k,), (k, dof), (k, dof) to (k,).
+        name: name in results; by default "event_1" and so on, by position in the list.
+        direction: 1 for crossings from below zero, -1 for those from above, 0 for both.
+        terminal: whether the event ends the run.
 
     Raises:
-        InputError: no function, a name that is empty or says how runs end without an event
-            ("duration", "failure"), or another direction.
+        InputError: if ``function`` is not callable, ``name`` is empty or reserved for other ends
+            of a run ("duration", "failure"), ``direction`` is not -1, 0 or 1, or ``terminal`` is
+            not a bool.
     """
 
     function: EventFunction
@@ -75,16 +76,17 @@ def joint_event(
     direction: int = 0,
     terminal: bool = False,
 ) -> Event:
-    """Watch a joint pass an angle; the function is the joint's angle less that one, rad.
+    """Create an event at which a joint passes an angle; its function is the difference in rad.
 
     Args:
-        arm: the arm that is simulated.
-        joint: number of the joint, that of the link at whose root it is.
-        angle: rad, or "lower" or "upper": the joint's stop of that side.
-        name, direction, terminal: as for ``Event``; 1 is a growing angle.
+        arm: the simulated arm.
+        joint: number of the joint, equal to the number of the link that starts there.
+        angle: rad, or "lower" or "upper" for the joint's stop on that side.
+        name, direction, terminal: as for ``Event``; direction 1 is an increasing angle.
 
     Raises:
-        InputError: no such joint, a joint without limits, an angle that is no number.
+        InputError: if the arm has no such joint, the joint has no limits but a stop is requested,
+            or the angle is neither a number nor the name of a stop.
     """
     where = "joint_event"
     numbers = check_kind(where, "arm", arm, Arm).joint_numbers.tolist()
@@ -116,16 +118,16 @@ def tip_event(
     direction: int = 0,
     terminal: bool = False,
 ) -> Event:
-    """Watch the arm's tip pass a line; the function is its distance from the line, m.
+    """Create an event at which the tip crosses a line; its function is the distance in m.
 
     Args:
-        arm: the arm that is simulated.
+        arm: the simulated arm.
         point: (x, y) of any point of the line, m, world axes.
-        normal: (x, y) across the line, of any length; the distance grows that way.
-        name, direction, terminal: as for ``Event``; 1 is a tip that moves along the normal.
+        normal: (x, y) perpendicular to the line, of any length; the distance increases along it.
+        name, direction, terminal: as for ``Event``; direction 1 is a tip moving along the normal.
 
     Raises:
-        InputError: a value that is no pair of numbers, or a normal of no length.
+        InputError: if ``point`` or ``normal`` is not a pair of numbers, or the normal is zero.
     """
     where = "tip_event"
     arm = check_kind(where, "arm", arm, Arm)
@@ -145,15 +147,16 @@ def contact_event(
     direction: int = -1,
     terminal: bool = False,
 ) -> Event:
-    """Watch a contact being made or lost; the function is its gap, m, negative in touch.
+    """Create an event at which a contact closes or opens; its function is the gap in m.
 
     Args:
-        arm: the arm that is simulated.
-        contact: as ``simulate`` is given it; the run follows its forces only if it is given there.
-        name, direction, terminal: as for ``Event``; -1 is touching, 1 letting go, 0 both.
+        arm: the simulated arm.
+        contact: the contact, as passed to ``simulate``. Its forces act only if it is passed there.
+        name, direction, terminal: as for ``Event``; the gap is negative in contact, so -1 is
+            closing, 1 opening and 0 both.
 
     Raises:
-        InputError: no contact, or one whose point is not on the arm.
+        InputError: if ``contact`` is not a contact or its point is not on the arm.
     """
     where = "contact_event"
     arm = check_kind(where, "arm", arm, Arm)
@@ -162,7 +165,7 @@ def contact_event(
 
 
 def events_of(specs: Sequence[EventSpec], arm: Arm) -> list[Event]:
-    """Return the events of a scenario, watched on ``arm``."""
+    """Create the events of a scenario for ``arm``."""
     return [_event(spec, arm) for spec in specs]
 
 
@@ -171,14 +174,14 @@ def _event(spec: EventSpec, arm: Arm) -> Event:
     common["direction"] = {"both": 0, "rising": 1, "falling": -1}[spec.direction]
     if isinstance(spec, JointEvent):
         angle = spec.stop if spec.angle is None else spec.angle
-        assert angle is not None  # one of the two was given, or the file was refused
+        assert angle is not None  # the model requires one of the two
         return joint_event(arm, spec.joint, angle, **common)
     return tip_event(arm, spec.point, spec.normal, **common)
 
 
 @dataclass(frozen=True, eq=False)
 class _JointAngle:
-    """Angle of a joint beyond a given one, of many samples."""
+    """Joint angle relative to a given angle, for many samples."""
 
     vectorized: ClassVar[bool] = True
 
@@ -192,7 +195,7 @@ class _JointAngle:
 
 @dataclass(frozen=True, eq=False)
 class _TipDistance:
-    """Distance of the tip from a line, of many samples."""
+    """Distance of the tip from a line, for many samples."""
 
     vectorized: ClassVar[bool] = True
 
@@ -207,7 +210,7 @@ class _TipDistance:
 
 @dataclass(frozen=True, eq=False)
 class _Gap:
-    """Gap of a contact, of many samples."""
+    """Gap of a contact, for many samples."""
 
     vectorized: ClassVar[bool] = True
 
@@ -221,7 +224,7 @@ class _Gap:
 
 @dataclass(eq=False)
 class Found:
-    """One event that happened."""
+    """Occurrence of an event."""
 
     place: int  # in the list of events
     time: float  # s
@@ -231,7 +234,7 @@ class Found:
 
 @dataclass(eq=False)
 class EventLog:
-    """The events that a run watches for, their names, and those that happened, in order."""
+    """Events of a run, their names and their occurrences in order of time."""
 
     events: list[Event]
     names: list[str]
@@ -246,10 +249,11 @@ class EventLog:
 
 
 def event_log(where: str, arm: Arm, events: Sequence[Event]) -> EventLog | None:
-    """Check the events of a run of ``arm``; None where there are none.
+    """Validate the events of a run of ``arm``; return their log, or None without events.
 
     Raises:
-        InputError: no list of events, two of one name, or one made for another arm.
+        InputError: if ``events`` is not a list of events, two have the same name, or one was
+            created for a different arm.
     """
     events = check_list_of(where, "events", events, Event)
     names = [event.name or f"event_{k}" for k, event in enumerate(events, start=1)]
@@ -269,7 +273,7 @@ def event_log(where: str, arm: Arm, events: Sequence[Event]) -> EventLog | None:
 
 
 def event_variables(arm: Arm, log: EventLog) -> dict[str, Any]:
-    """Variables of a result over ``event``: when, which way, which, and the state there."""
+    """Return the variables over ``event``: time, name, direction, coordinates and rates."""
     found = log.found
     states = np.array([arm.unpadded(one.state) for one in found]).reshape(len(found), 2, arm.dof)
     names = np.array([log.names[one.place] for one in found], dtype=None if found else "U1")

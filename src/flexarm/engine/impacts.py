@@ -1,7 +1,7 @@
-"""Runs at the default tolerances in which joints meet their stops: made again at tighter ones.
+"""Repeated simulation, with tighter tolerances, of runs in which joints meet their stops.
 
-Each impact multiplies the errors made before it, by 5 to 20 where links bend: a part of 1e-9 of the
-reach at the first impact is 1e-4 at the sixth, however well the impacts are located.
+Each impact multiplies the errors made before it, by 5 to 20 with flexible links: an error of 1e-9
+of the reach at the first impact is 1e-4 at the sixth, even if the impacts are located exactly.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from flexarm.engine.stepping import Run, run_open_loop
 from flexarm.histories.torques import TorqueHistory
 from flexarm.integrate.base import FloatArray, Progress
 
-#: Default tolerances: errors of the tip near 1e-6 of the reach over the examples' durations.
+#: Default tolerances: tip errors are near 1e-6 of the reach over the durations of the examples.
 RTOL, ATOL = 1e-7, 1e-9
-#: Those of the second run are smaller by this factor.
+#: Factor from the default tolerances to those of the second run.
 _TIGHT = 1e-5
-#: Difference of both runs, as a part of the reach, from which the second gets a warning. Its own
-#: error is 1e-5 of a small difference, and was a hundredth of one of this size at most.
+#: Difference of both runs, as a fraction of the reach, above which the second run gets a warning.
+#: The error of the second run was 1e-5 of small differences, and at most 1 % of this one.
 _PARTED = 1e-2
 
 
 def run_through_impacts(run: Run, history_of: Callable[[float], TorqueHistory]) -> None:
-    """Simulate under a torque; at the default tolerances, twice if joints meet their stops.
+    """Simulate under a torque; at default tolerances, repeat the run if joints meet their stops.
 
     Args:
-        history_of: makes the torque history to a relative tolerance of the run.
+        history_of: function that returns the torque history for a relative tolerance of the run.
 
     Raises:
-        SimulationError: the run could not be carried on; what was computed last stands in it.
+        SimulationError: if the run cannot continue; ``run`` keeps the samples computed last.
     """
     tolerance, first = run.tolerance, run.progress
     times, duration = run.sample_times, run.duration
     mark = run.watch.mark() if run.watch is not None else None
-    history = history_of(tolerance.relative)  # it may set joints whose motion is given
+    history = history_of(tolerance.relative)  # also sets the start of prescribed joints
     start = first.state.copy()
     run_open_loop(run, history)
     if first.impacts == 0 or (tolerance.relative, tolerance.absolute) != (RTOL, ATOL):
@@ -49,7 +49,7 @@ def run_through_impacts(run: Run, history_of: Callable[[float], TorqueHistory]) 
     if run.watch is not None and mark is not None:
         run.watch = replace(run.watch, tolerance=run.tolerance)
         run.watch.restore(mark)
-    if run.loads_of is not None:  # the second run's loads are as exact as its torque
+    if run.loads_of is not None:  # make the loads of the second run as accurate as its torque
         run.loads = run.loads_of(run.tolerance.relative)
     run_open_loop(run, history_of(run.tolerance.relative))
     run.discarded = first.evaluations
@@ -66,7 +66,7 @@ def run_through_impacts(run: Run, history_of: Callable[[float], TorqueHistory]) 
 
 
 def _apart(run: Run, before: FloatArray, before_times: FloatArray, count: int) -> FloatArray:
-    """Difference (m at the tip) from the samples before, zero where the times differ."""
+    """Return the tip difference (m) from the earlier samples; zero if the times differ."""
     count = min(count, run.progress.sample)
     same = before_times[:count] == run.sample_times[:count]  # an event may be the last sample
     apart = np.abs(before[:count, 0] - run.samples[:count, 0]) / run.tolerance.unit[0]

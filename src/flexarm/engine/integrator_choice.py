@@ -1,4 +1,4 @@
-"""Which integrator a run gets, and why."""
+"""Choice of the integrator of a run, with the reason for it."""
 
 from __future__ import annotations
 
@@ -20,32 +20,36 @@ from flexarm.integrate import (
 )
 from flexarm.integrate.base import FloatArray, Tolerance
 
-#: Ratio of the fastest to the slowest vibration above which "auto" goes implicit, at a relative
-#: tolerance of 1e-5; it grows as tolerance^-1/2. On the arm of Table I the implicit method needs
-#: fewer evaluations from a tenth of this ratio on, but at equal tolerance its error is up to ten
-#: times that of the explicit one of order 8: accuracy is not traded for speed unasked.
+#: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
+#: relative tolerance of 1e-5; it grows as tolerance^-1/2. On the arm of Table I the implicit method
+#: needs fewer evaluations from a tenth of this ratio on, but at equal tolerance its error is up to
+#: ten times that of the explicit method of order 8. The default keeps the accuracy.
 _STIFF, _AT = 1300.0, 1e-5
-#: Largest angle (rad) of the fastest vibration in a step at which rk4 is stable.
+#: Largest phase (rad) of the fastest vibration per step at which rk4 is stable.
 _STABLE = 2.8
 
 
 class Choice(NamedTuple):
-    """An integrator and the sentence that explains it."""
+    """Chosen integrator and the reason for the choice."""
 
     integrator: Integrator
     reason: str
-    by_drive: bool = False  # "auto" with a step: the drive may still change it
-    doubt: str = ""  # warning that the choice deserves
+    by_drive: bool = False  # "auto" with a step: the drive may still change the choice
+    doubt: str = ""  # warning about the choice
 
 
 def check_integrator(
     asked: str | Integrator, step: float | None, where: str, touching: bool = False
 ) -> None:
-    """Refuse what no arm could be integrated with; ``touching``: there are contacts.
+    """Validate the requested integrator and step, independently of the arm.
+
+    Args:
+        touching: whether the run has contacts.
 
     Raises:
-        InputError: no integrator has that name, it does not follow contacts and there are some, the
-            step is not a positive time, or it is given beside an object, which has its own.
+        InputError: if no integrator has that name, the integrator does not support contacts and
+            there are some, the step is not positive, or a step is combined with an integrator
+            object, which has its own.
     """
     if step is not None:
         check_positive(where, "step", step)
@@ -74,14 +78,14 @@ def choose_integrator(
     touch: float = 0.0,
     where: str = "simulate",
 ) -> Choice:
-    """Resolve what the user asked for; "auto" looks at the arm's vibrations and the tolerance.
+    """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
     Args:
-        touch: frequency (rad/s) of the arm on the stiffest surface that it may touch; 0 for none.
-        where: the call, for messages.
+        touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
+        where: name of the calling function, for messages.
 
     Raises:
-        InputError: as ``check_integrator``; a method that does not follow contacts, with some.
+        InputError: under the conditions of ``check_integrator``.
     """
     check_integrator(asked, step, where, touch > 0.0)
     if isinstance(asked, Integrator):
@@ -96,11 +100,11 @@ def choose_integrator(
 def choose_by_drive(
     choice: Choice, arm: Arm, tolerance: Tolerance, stops: FloatArray, duration: float
 ) -> Choice:
-    """Return the choice for an open-loop run, once it is known when its drive is not smooth.
+    """Return the integrator of an open-loop run from the times at which its drive is not smooth.
 
     Args:
-        choice: without the drive; returned as it is unless "auto" was to find one for a given step.
-        stops: (k,) times (s) at which torques and loads jump or bend: steps end there.
+        choice: choice without the drive; returned unchanged unless "auto" got a fixed step.
+        stops: (k,) times (s) at which torques and loads jump or have a kink: steps end there.
         duration: s.
     """
     if not choice.by_drive:
@@ -108,7 +112,7 @@ def choose_by_drive(
     inside = stops[(stops > 0.0) & (stops < duration)]
     longest = float(np.diff(np.unique([0.0, *inside, duration])).max())
     step = float(choice.integrator.step or 0.0)
-    # Strong damping limits an explicit step as a vibration does.
+    # Strong damping limits an explicit step in the same way as a vibration.
     fastest = max(tolerance.fastest, float(arm.assembly.constants.damping.max(initial=0.0)))
     angle = min(step, longest) * fastest
     if angle <= _STABLE:
@@ -123,14 +127,15 @@ def choose_by_drive(
 
 
 def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float) -> Choice:
-    """Explicit where the fastest vibration has to be followed anyway, else implicit in bending.
+    """Choose an explicit method, or for stiff arms one that is implicit in bending.
 
-    Contacts are never implicit: one that is faster than every vibration leaves nothing to gain.
+    Contacts are always explicit: if a contact is faster than every vibration, an implicit method
+    has no advantage.
     """
     c = arm.assembly.constants
     real = c.w2 > 0.0
     if real.any():
-        # Strong damping limits an explicit step as a vibration does.
+        # Strong damping limits an explicit step in the same way as a vibration.
         fastest = max(tolerance.fastest, float(c.damping.max()))
         ratio = fastest / float(np.sqrt(c.w2[real].min()))
         stiff = ratio > _STIFF * np.sqrt(_AT / tolerance.relative)

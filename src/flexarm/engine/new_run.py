@@ -1,4 +1,4 @@
-"""What every run begins with: a state, tolerances, an integrator, the loads placed."""
+"""Creation of a run: initial state, tolerances, integrator and placed loads."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
 
-#: How much closer than the integrator's tolerance a torque function is followed.
+#: Tolerance of a torque approximation, as a fraction of the integrator's tolerance.
 TORQUE_SHARE = 1e-2
 
 
@@ -51,13 +51,15 @@ def new_run(
     stations: int = 0,
     specialized: bool | None = None,
 ) -> Run:
-    """Make a run that stands at its beginning, ``state`` (2, n, 1 + m).
+    """Create a run at its initial state ``state`` (2, n, 1 + m).
 
-    Arguments as of ``simulate``, already checked but for those that say what is outside the arm;
-    ``spacing``: s between instants at which functions of time are compared with their cubics.
+    The arguments are those of ``simulate``. They are validated by the caller, except for loads,
+    base acceleration, contacts and the integrator. ``spacing`` is the interval (s) between the
+    instants at which functions of time are compared with their cubic approximations.
 
     Raises:
-        InputError: something outside does not fit the arm, or there is no such integrator.
+        InputError: if a load, the base acceleration or a contact does not fit the arm, or no
+            integrator has that name.
     """
     touching = contacts_of_run(arm, contacts, state, where)
     touch = touch_frequency(touching)
@@ -94,13 +96,13 @@ def new_run(
 def initial_state(
     where: str, arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
 ) -> FloatArray:
-    """Return the state (2, n, 1 + m) of given coordinates and rates (dof,).
+    """Return the state (2, n, 1 + m) for coordinates and rates (dof,).
 
-    Without coordinates links are straight at the joint angles ``straight`` (joints,); without rates
-    they are zero.
+    Without ``q`` the links are straight at the joint angles ``straight`` (joints,); without ``qd``
+    the rates are zero.
 
     Raises:
-        InputError: one does not fit the arm.
+        InputError: if the coordinates or rates do not have shape (dof,).
     """
     if q is None:
         q = arm.rest(straight)

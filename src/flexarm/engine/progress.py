@@ -1,4 +1,4 @@
-"""A progress bar that appears only where a run takes longer than a second."""
+"""Progress bar of runs that take longer than a second."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any
 
 from flexarm.arguments import check_flag
 
-#: Runs shorter than this need no bar (s).
+#: Time (s) after which the bar appears.
 PATIENCE = 1.0
 
 
 class Meter:
-    """Show how far a run has come, on the error stream.
+    """Progress bar of a run, on the error stream.
 
     Args:
-        label: what is running.
-        shown: True shows the bar even where the stream is no terminal; None only on a terminal;
+        label: description of the running task.
+        shown: True shows the bar even if the stream is not a terminal, None only on a terminal,
             False never.
     """
 
@@ -36,7 +36,7 @@ class Meter:
         return self
 
     def update(self, fraction: float) -> None:
-        """Report the part done, 0 to 1."""
+        """Report the completed fraction, 0 to 1."""
         if not self._wanted:
             return
         if self._bar is None:

@@ -1,4 +1,4 @@
-"""What links carry inside, at the samples of a run."""
+"""Section forces of the links at the samples of a run."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ SECTION_CHANNELS = ("axial_force", "shear_force", "bending_moment")
 
 
 class CutSystem(NamedTuple):
-    """The arm cut off at one station of each link, with the loads inboard of them."""
+    """Arm cut at one station of each link, with the loads inboard of these stations."""
 
     stations: Stations
     system: System
 
 
 def cut_systems(arm: Arm, system: System, loads: LoadHistory, count: int) -> list[CutSystem]:
-    """Cut the arm of a run at ``count`` stations of each link; at none for 0."""
+    """Cut the arm of a run at ``count`` stations of each link; return an empty list for 0."""
     found = []
     for cut in cuts_at(arm, count) if count else ():
         kept = loads_inboard(arm, loads.owners, loads.placed, cut.reach)
@@ -43,7 +43,11 @@ def fill_sections(
     reactions: FloatArray,
     forces: FloatArray,
 ) -> None:
-    """Fill ``forces`` (stations, samples, links, 3) from what ``reactions_many`` has filled."""
+    """Compute the section forces (stations, samples, links, 3) from results of ``reactions_many``.
+
+    ``accelerations``, ``root_accelerations`` and ``reactions`` are these results; the section
+    forces are written to ``forces``.
+    """
     for cut, values in zip(cuts, forces, strict=True):
         section_forces_many(
             cut.system,
@@ -58,7 +62,7 @@ def fill_sections(
 
 
 def section_channels(forces: FloatArray) -> dict[str, FloatArray]:
-    """Name the section forces (stations, samples, links, 3) of a run; nothing without stations."""
+    """Return section forces (stations, samples, links, 3) by channel; empty without stations."""
     if not len(forces):
         return {}
     return {

@@ -1,4 +1,4 @@
-"""Carry a run through time."""
+"""Time stepping of a run: its system, its advance in time, and its reaction forces."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ from flexarm.kernels.columns import FREE
 from flexarm.kernels.layout import ArmConstants, compile_time_sizes
 from flexarm.observe import absolute_angles
 
-#: Length of one compiled call that keeps the progress bar and Ctrl-C alive (s).
+#: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
-#: Compiling for one model size takes about ten seconds and saves a third of each step: worth it
-#: where this much work is still ahead, which takes a minute on an idle machine. Work is counted in
-#: evaluations of the dynamics times coordinates. What is ahead is judged by what is done, once that
-#: is this much, which takes seconds: the beginning of a run may be its most difficult part. Large
-#: sizes gain little: their loops are long anyway.
+#: Compiling for one model size takes about ten seconds and saves a third of each step. It pays off
+#: if this much work remains, which takes a minute on an idle machine. Work is counted in
+#: evaluations of the dynamics times coordinates. The remaining work is extrapolated from the work
+#: done, once that reaches the second number (some seconds), because the beginning of a run may be
+#: its most difficult part. Large sizes gain little, because their loops are long.
 _WORTH_COMPILING, _TRIED, _MOST_BODIES, _MOST_MODES = 5e8, 5e7, 8, 16
-#: More steps than this to the end of a run or a sample time (days of computing) mean that
-#: something has gone wrong: an unstable loop turns faster and faster.
+#: Limits on the remaining steps of a run and of a sample time (days of computing). A run that
+#: exceeds both is unstable: its motion becomes faster and faster.
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
-#: What helps where it is neither step nor gains.
+#: Hints for failures that neither a smaller step nor other gains avoid.
 _HINTS = {
     Status.PRESSED_THROUGH: "Give the contact more stiffness, or what it touches a larger radius.",
 }
-#: Samples whose reactions are computed in one go: bounds the scratch memory of long runs.
+#: Samples whose reactions are computed at once, which bounds the scratch memory of long runs.
 _CHUNK = 4096
 
 
 @dataclass
 class Run:
-    """Everything one run needs, and where it stands."""
+    """Arguments and current progress of one run."""
 
     arm: Arm
     choice: Choice
@@ -66,19 +66,19 @@ class Run:
     samples: FloatArray
     loads: LoadHistory
     meter: Meter
-    prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is given
+    prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is prescribed
     stations: int = 0  # on each link, for section forces
-    specialized: bool | None = None  # compile for this model size; None decides by the work ahead
-    watch: Watch | None = None  # looks for events
+    specialized: bool | None = None  # compile for this model size; None decides by remaining work
+    watch: Watch | None = None  # search for events
     history: TorqueHistory | None = None  # of a run without a controller
-    loads_of: Callable[[float], LoadHistory] | None = None  # loads to another relative tolerance
+    loads_of: Callable[[float], LoadHistory] | None = None  # loads for another relative tolerance
     discarded: int = 0  # evaluations that are not part of the result
-    doubt: str = ""  # why the result may be less accurate than the defaults promise
-    default_step: DefaultStep | None = None  # finds the step of a fixed-step method without one
+    doubt: str = ""  # warning that the result may be less accurate than the defaults promise
+    default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     max_steps: int = 64
 
     def system(self, history: TorqueHistory) -> System:
-        """Join the arm with a torque history (its joints placed at the bodies)."""
+        """Combine the arm, its loads and a torque history into the system to integrate."""
         constants = self._constants()
         coefficients = self.arm.padded_torque(history.coefficients)
         loads, contacts = self.loads, self.loads.placed.contacts
@@ -89,7 +89,7 @@ class Run:
             history.breaks,
             coefficients,
             stops,
-            # Values of its own: they are overwritten as time goes on.
+            # The kernels overwrite these values as time goes on, so each system has its own copy.
             loads.placed._replace(
                 value=loads.placed.value.copy(),
                 base_acceleration=loads.placed.base_acceleration.copy(),
@@ -104,7 +104,7 @@ class Run:
         return System(sizes, constants, drive, kernels.work)
 
     def _constants(self) -> ArmConstants:
-        """Constants of the arm, with the joints whose motion is given taken from the forces."""
+        """Return the constants of the arm, with prescribed joints marked as not free."""
         constants = self.arm.assembly.constants
         if not self.prescribed:
             return constants
@@ -115,10 +115,15 @@ class Run:
     def reactions(
         self, times: FloatArray, given: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Motor torques (T, joints), joint forces (T, links, 2) in world axes, moments (T, links).
+        """Compute motor torques, joint reactions and section forces at the samples.
 
-        And section forces (stations, T, links, 3). ``given`` (T, joints): torques, or accelerations
-        of joints whose motion is given.
+        Args:
+            times: (T,) sample times, s.
+            given: (T, joints) torques, or accelerations of prescribed joints.
+
+        Returns:
+            Motor torques (T, joints), joint forces (T, links, 2) in world axes, joint moments
+            (T, links) and section forces (stations, T, links, 3).
         """
         arm, states = self.arm, self.samples[: len(times)]
         n = arm.assembly.bodies
@@ -138,22 +143,22 @@ class Run:
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
-        # A torque that was given is the motor's to the last digit.
+        # Return a given torque exactly, without the rounding of the inverse dynamics.
         torque = np.array(given)
         if self.prescribed:
             torque = np.where(self._moved(), motor[:, arm.assembly.joint_body], given)
         return torque, force, wrench[:, bodies, 2], inside
 
     def _moved(self) -> NDArray[np.bool_]:
-        """Which of the joints that turn follow a given motion, (joints,)."""
+        """Return which of the movable joints have a prescribed motion, (joints,)."""
         return np.isin(self.arm.joint_numbers, self.prescribed)
 
     def _specialize(self, system: System, progress: Progress) -> System:
-        """Switch a long run over to code for its own model size; the state does not change."""
+        """Switch a long run to code compiled for its model size; the state does not change."""
         n, m = system.constants.S.shape
         if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
             return system
-        # Counted work and not time, which on a busy machine says nothing about the run.
+        # Count work and not time, because the time depends on the load of the machine.
         work = progress.evaluations * n * (1 + m)
         ahead = work * (self.duration / max(progress.time, 1e-9 * self.duration) - 1.0)
         if work < _TRIED or ahead < _WORTH_COMPILING:
@@ -162,7 +167,11 @@ class Run:
         return system._replace(sizes=compile_time_sizes(system.constants))
 
     def carry_to(self, system: System, until: float) -> System:
-        """Advance to a time, or raise ``SimulationError``; return the system to go on with."""
+        """Advance to a time and return the system for the next call.
+
+        Raises:
+            SimulationError: if the integrator fails before ``until``.
+        """
         if self.default_step is not None:
             return self.default_step.carry(self, system, until)
         while True:
@@ -181,10 +190,10 @@ class Run:
         sample_times: FloatArray,
         samples: FloatArray,
     ) -> tuple[System, Status]:
-        """Make some steps towards a time; return the system to go on with, and how they ended.
+        """Make some steps towards a time; return the system for the next call and the status.
 
         Raises:
-            SimulationError: the steps have shrunk so much that the time will not be reached.
+            SimulationError: if the step has become too short to reach the time.
         """
         started = time.perf_counter()
         status = self.integrator.advance(
@@ -206,10 +215,12 @@ class Run:
         return self._specialize(system, progress), status
 
     def ended_by_event(self, system: System, status: Status) -> bool:
-        """Look for events in what was computed; one may end the run, as its last sample.
+        """Search the computed samples for events; return whether one ended the run.
+
+        The event that ends the run becomes its last sample.
 
         Raises:
-            SimulationError: an event function failed; samples after that are dropped.
+            SimulationError: if an event function fails; samples after the failure are dropped.
         """
         if self.watch is None:
             return False
@@ -224,7 +235,7 @@ class Run:
             return False
         keep = int(np.searchsorted(self.sample_times, event.time))
         self.sample_times = np.append(self.sample_times[:keep], event.time)
-        if keep == len(self.samples):  # the run goes on after its last sample
+        if keep == len(self.samples):  # the event lies after the last sample
             self.samples = np.concatenate([self.samples, event.state[None]])
         self.samples[keep] = event.state
         progress.state[...] = event.state
@@ -233,7 +244,7 @@ class Run:
         return True
 
     def failure(self, status: Status, reason: str = "", hint: str = "") -> SimulationError:
-        """Return the error for a run that ended with a status, or for another reason."""
+        """Return the error for a run that ended with a status or for the given reason."""
         reason = reason or status.sentence
         hint = (
             hint
@@ -246,13 +257,13 @@ class Run:
         return SimulationError(self.progress.time, reason, hint, self.state())
 
     def state(self) -> tuple[FloatArray, FloatArray]:
-        """Return the last good state (q, qd)."""
+        """Return the last valid state (q, qd)."""
         state = self.arm.unpadded(self.progress.state)
         return state[0], state[1]
 
 
 def run_open_loop(run: Run, history: TorqueHistory) -> None:
-    """Simulate under a given torque history."""
+    """Simulate a run under a given torque history."""
     run.history = history
     stops = np.concatenate([history.stops, run.loads.factors.stops])
     choice = choose_by_drive(run.choice, run.arm, run.tolerance, stops, run.duration)

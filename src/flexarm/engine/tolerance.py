@@ -1,4 +1,4 @@
-"""How much each coordinate may err: errors are measured in metres at the tip of the arm."""
+"""Error tolerances of the coordinates, measured in metres at the tip of the arm."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.kernel_view import KernelView
 
-#: A mode that hardly moves the tip still bends the link: its own amplitude counts this much.
+#: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
 _INTERIOR = 0.1
 _POWER_ITERATIONS = 40
 
-#: ``Tolerance.unit`` of each arm, and the frequency that was found last, with its posture.
+#: ``Tolerance.unit`` of each arm, and the frequency computed last, with its posture.
 _units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
 _frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
 def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) -> Tolerance:
-    """Make the tolerance of a run that starts at ``state`` (2, n, 1 + m).
+    """Return the tolerance of a run that starts at ``state`` (2, n, 1 + m).
 
-    A joint angle moves the tip by the outboard reach; a mode by its deflection there and its slope
-    times the reach beyond. Rates are weighed as displacements at the mode's own frequency.
+    A joint angle moves the tip by the outboard reach; a mode moves it by its tip deflection and by
+    its tip slope times the reach beyond. Rates are scaled to displacements by the mode's own
+    frequency.
     """
     unit = _units.get(arm)
     if unit is None:
@@ -32,7 +33,7 @@ def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) 
 
 
 def _unit(arm: Arm) -> FloatArray:
-    """Coordinates and rates (2, n, 1 + m) per metre of tip displacement."""
+    """Return coordinates and rates (2, n, 1 + m) per metre of tip displacement."""
     c = arm.assembly.constants
     n, m = c.S.shape
     reach = np.cumsum(c.length[::-1])[::-1]
@@ -40,7 +41,7 @@ def _unit(arm: Arm) -> FloatArray:
     unit = np.ones((2, n, 1 + m))
     unit[0, :, 0] = 1.0 / np.maximum(reach, 1e-3 * reach[0])
     real = c.w2 > 0.0
-    # A body without mass, a lever or the motor's end of an elastic joint, has no modes.
+    # A massless body (a lever, or the motor side of an elastic joint) has no modes.
     interior = _INTERIOR / np.sqrt(np.where(c.mass > 0.0, c.mass, 1.0))
     amplitude = np.abs(c.P) + np.abs(c.dP) * beyond[:, None] + interior[:, None]
     unit[0, :, 1:] = np.where(real, 1.0 / amplitude, 1.0)
@@ -54,7 +55,8 @@ def _unit(arm: Arm) -> FloatArray:
 def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     """Estimate the highest frequency (rad/s) at a posture, from below, within a few per cent.
 
-    At least 1. Runs that start at the same posture as the one before take over its frequency.
+    The result is at least 1 rad/s. A run that starts at the same posture as the previous run of
+    the arm reuses its frequency.
     """
     c = arm.assembly.constants
     if not (np.any(c.w2) or np.any(c.joint_stiffness)):
@@ -67,7 +69,7 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
 
 
 def _power_iteration(arm: Arm, state: FloatArray) -> float:
-    """Iterate on the change of the accelerations by a change of the coordinates."""
+    """Estimate the highest frequency by power iteration on the stiffness of the accelerations."""
     c = arm.assembly.constants
     kernels, no_torque = KernelView(c), np.zeros(c.mass.size)
     at_rest = np.zeros_like(state)
@@ -77,10 +79,10 @@ def _power_iteration(arm: Arm, state: FloatArray) -> float:
     direction[:, 1:] = np.sqrt(c.w2)
     direction[:, 0] = np.sqrt(c.joint_stiffness)
     flat, fixed = direction.reshape(-1), np.flatnonzero(c.free == 0.0)
-    # The sums of `np.linalg.norm`, without its checks.
+    # Compute the norm as np.linalg.norm does, without the overhead of its checks.
     length = np.sqrt(flat.dot(flat))
     for _ in range(_POWER_ITERATIONS):
-        # Small enough to stay linear, large enough to stand clear of rounding.
+        # The displacement is small enough to stay linear and large compared with rounding.
         direction *= 1e-6 / length
         np.add(at_rest[0], direction, out=moved[0])
         np.subtract(kernels.forward_dynamics(moved, no_torque), origin, out=direction)

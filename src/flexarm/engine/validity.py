@@ -1,4 +1,4 @@
-"""Where the theories end in a run: at large deflection."""
+"""Limits of the linear beam theory during a run: checks for large deflection."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from flexarm.arm import Arm
 from flexarm.bending import LARGEST_ERROR, BendingErrors, too_far_bent
 from flexarm.integrate.base import FloatArray
 
-#: Deflection over length that no link ever had.
+#: Ratio of deflection to length that no real link reaches.
 _ABSURD = 10.0
 
 
 class RunawayWatch:
-    """Which link bends by many times its length, as only an unstable loop makes it.
+    """Detection of a link that bends by many times its length, a sign of an unstable loop.
 
-    The linear theory would follow it for as long as numbers last. Fast enough for every sample
-    time: between two looks a link swings to its peak and back.
+    The linear theory itself has no limit on the deflection. The check is fast enough for every
+    sample time, and has to be made that often because a link swings back between samples.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -27,7 +27,7 @@ class RunawayWatch:
         self._at_end = arm.assembly.constants.P[self._bodies]
 
     def __call__(self, state: FloatArray) -> str:
-        """Say so of a state (2, n, 1 + m); empty where no link does."""
+        """Describe the runaway link of a state (2, n, 1 + m); return empty text without one."""
         bent = np.abs((self._at_end * state[0, self._bodies, 1:]).sum(axis=1)) / self._lengths
         worst = bent.argmax()
         if not bent[worst] > _ABSURD:
@@ -36,14 +36,14 @@ class RunawayWatch:
 
 
 class BendingWatch:
-    """``too_far_bent`` of one state after another, fast enough for every sample time."""
+    """Repeated evaluation of ``too_far_bent``, fast enough for every sample time."""
 
     def __init__(self, arm: Arm) -> None:
         self._arm, self._errors = arm, BendingErrors(arm)
         self._allowed = LARGEST_ERROR * arm.lengths
 
     def __call__(self, state: FloatArray) -> str:
-        """Describe the error of the theory at a state (2, n, 1 + m); empty where it is small."""
+        """Describe the error of the theory at a state (2, n, 1 + m); empty text if it is small."""
         if self._errors.surely_small(state[0, :, 1:].ravel()):
             return ""
         if not (self._errors.of_links(state[None])[0][0] > self._allowed).any():

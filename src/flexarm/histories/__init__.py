@@ -1,1 +1,1 @@
-"""Torques, loads and prescribed angles as functions of time."""
+"""Torques, loads and prescribed joint angles as functions of time."""

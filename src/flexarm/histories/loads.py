@@ -1,4 +1,4 @@
-"""Loads over time: their factors and the base's acceleration as piecewise cubics."""
+"""Time histories of loads: load factors and base acceleration as piecewise cubics."""
 
 from __future__ import annotations
 
@@ -26,8 +26,13 @@ BaseAcceleration = ArrayLike | Callable[[float], ArrayLike] | Table
 
 @dataclass(frozen=True, eq=False)
 class LoadHistory:
-    """Placed loads with the loads they are parts of, and over time factors (parts,) of them and
-    base acceleration (2,), in one row."""
+    """Placed loads of a run and their factors over time.
+
+    Attributes:
+        owners: the load that each placed part belongs to.
+        placed: the parts, placed on the arm.
+        factors: factors (parts,) and base acceleration (2,) over time, in one row.
+    """
 
     owners: list[Load]
     placed: Loads
@@ -45,14 +50,16 @@ def load_history(
     breaks: ArrayLike = (),
     spacing: float | None = None,
 ) -> LoadHistory:
-    """Place the loads and follow whatever of them changes with time: tables exactly.
+    """Place the loads and approximate their time dependence; tables are represented exactly.
 
-    ``contacts``: already placed, they are only joined to the loads. ``where``: the call, for
-    messages. ``breaks``, ``spacing``: of functions of time, as in ``function_torque``.
+    Args:
+        contacts: contacts already placed, which are only added to the loads.
+        where: name of the calling function, for messages.
+        breaks, spacing: of functions of time, as in ``function_torque``.
 
     Raises:
-        InputError: a load is not on the arm, a function returns something else than numbers, or
-            a table is none.
+        InputError: if a load is not on the arm, a function does not return numbers, or a table
+            is not valid.
     """
     moving = callable(base_acceleration) or is_table(base_acceleration)
     constant: Any = None if moving else base_acceleration
@@ -75,7 +82,7 @@ def load_history(
         base = constant_torque(placed.base_acceleration)
 
     def factor(load: Load) -> TorqueHistory:
-        """Follow the factor of a load: one column."""
+        """Return the factor of a load over time, in one column."""
         if load.factor is None:
             return constant_torque(np.ones(1))
         if not callable(load.factor):

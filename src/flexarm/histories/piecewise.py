@@ -1,4 +1,4 @@
-"""Piecewise cubics over time, put together: tables as they are, columns side by side."""
+"""Piecewise cubics over time: exact conversion of tables, and combination of columns."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from flexarm.histories.torques import FloatArray, TorqueHistory
 
 
 def linear_history(times: FloatArray, values: FloatArray) -> TorqueHistory:
-    """Join samples by straight lines, the first and the last one held for ever.
+    """Interpolate a table linearly, with the first and the last value constant beyond its ends.
 
-    Exact: no approximation, and stops at every bend and jump.
+    The representation is exact, with stops at every kink and jump.
 
     Args:
-        times: (k,) s, ascending; two equal ones are a jump.
+        times: (k,) s, ascending; two equal times are a jump.
         values: (k, columns).
     """
     ends = min(times[0], 0.0) - 1.0, times[-1] + abs(times[-1]) + 1.0
@@ -33,7 +33,7 @@ def linear_history(times: FloatArray, values: FloatArray) -> TorqueHistory:
 
 
 def side_by_side(histories: Sequence[TorqueHistory]) -> TorqueHistory:
-    """Put the columns of histories beside each other, all cut at each other's breaks."""
+    """Join the columns of histories, after splitting all pieces at the breaks of all histories."""
     breaks = np.unique(np.concatenate([history.breaks for history in histories]))
     coefficients = np.concatenate([cut(history, breaks) for history in histories], axis=2)
     stops = np.unique(np.concatenate([history.stops for history in histories]))
@@ -42,7 +42,7 @@ def side_by_side(histories: Sequence[TorqueHistory]) -> TorqueHistory:
 
 
 def cut(history: TorqueHistory, breaks: FloatArray) -> FloatArray:
-    """Coefficients (pieces, 4, columns) of the same function over finer pieces."""
+    """Return coefficients (pieces, 4, columns) of the same function over finer pieces."""
     last = len(history.breaks) - 2
     starts = breaks[:-1]
     k = np.clip(np.searchsorted(history.breaks, starts, side="right") - 1, 0, last)

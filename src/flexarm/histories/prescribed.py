@@ -1,4 +1,4 @@
-"""Joints that follow a given motion exactly, whatever torque it takes."""
+"""Prescribed joint motion, which joints follow exactly with the torque that this requires."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 from flexarm.user_functions import call
 
-#: What a table of angles does at its ends, and how SciPy calls it.
+#: Boundary conditions of a table of angles, and their names in SciPy.
 ENDS = {"rest": "clamped", "free": "not-a-knot"}
 
 
@@ -29,9 +29,9 @@ class PrescribedAngle:
 
     Args:
         angle, rate, acceleration: functions of time (s): rad, rad/s, rad/s^2 of the relative
-            joint angle. They must belong together: the simulation starts from angle and rate and
-            integrates the acceleration.
-        breaks: times where the acceleration jumps or bends.
+            joint angle. They must be consistent, because the simulation starts from angle and rate
+            and integrates the acceleration.
+        breaks: times at which the acceleration jumps or has a kink.
     """
 
     angle: Callable[[float], float]
@@ -53,17 +53,17 @@ class PrescribedAngle:
 
     @classmethod
     def table(cls, times: ArrayLike, angles: ArrayLike, ends: str = "rest") -> PrescribedAngle:
-        """Follow the cubic spline through angles: its acceleration is continuous.
+        """Return the cubic spline through a table of angles, with a continuous acceleration.
 
         Args:
-            times: (k,) s, increasing, two at least.
+            times: (k,) s, increasing, at least two.
             angles: (k,) rad.
-            ends: "rest": the joint is at rest at both ends and holds its angle beyond them;
-                "free": the rates there come from the angles, and the run must not go beyond.
+            ends: "rest": the joint is at rest at both ends and keeps its angle beyond them;
+                "free": the rates there follow from the angles, and the run must end within them.
 
         Raises:
-            InputError: wrong shapes, times that do not increase, or unknown ends; later, a run
-                that goes beyond free ends.
+            InputError: if the shapes do not match, the times do not increase, or ``ends`` is
+                unknown; during a run, if it exceeds a table with free ends.
         """
         from scipy.interpolate import CubicSpline
 
@@ -80,19 +80,19 @@ class PrescribedAngle:
 
 
 def constant(value: Any, t: float) -> Any:
-    """Return the same value at every time; a function in a module has a name for pickles."""
+    """Return the same value at every time; defined in the module so that it can be pickled."""
     return value
 
 
 @dataclass(frozen=True, eq=False)
 class _SplinePart:
-    """A spline or one of its derivatives as a function of time, or of times at once."""
+    """Spline or one of its derivatives as a function of a time or an array of times."""
 
     vectorized: ClassVar[bool] = True
 
     spline: Any
     order: int
-    rests: bool  # beyond its ends; else nothing is known there
+    rests: bool  # whether the spline is constant beyond its ends; otherwise undefined there
 
     def __call__(self, t: ArrayLike) -> Any:
         times = check_times("PrescribedAngle.table", "t", t)
@@ -121,17 +121,18 @@ def prescribe(
     breaks: ArrayLike = (),
     spacing: float | None = None,
 ) -> TorqueHistory:
-    """Put accelerations in place of torques, and the start of the motion into ``state``.
+    """Replace torques by prescribed accelerations, and set the initial motion in ``state``.
 
     Args:
-        prescribed: by joint number, counted from 1: its own angle, or a motion of all joints of
-            which this joint's part is taken.
+        prescribed: angle by joint number, counted from 1; of a motion of all joints, the part of
+            this joint is used.
         state: (2, n, 1 + m), changed in place.
-        history: of the other joints' torques.
+        history: torques of the other joints.
         breaks, spacing: of functions of time, as in ``function_torque``.
 
     Raises:
-        InputError: no such joint.
+        InputError: if the arm has no such joint, a value is not a prescribed angle or a motion,
+            or the rates and accelerations are not consistent with the angle.
     """
     for joint, motion in prescribed.items():
         numbers = arm.joint_numbers.tolist()
@@ -156,7 +157,7 @@ def prescribe(
 def _row(
     motion: PrescribedAngle | Motion, own: PrescribedAngle, index: int
 ) -> Callable[[float], ArrayLike]:
-    """The joint's acceleration as a function to (1,), for many times at once where it can be."""
+    """Return the joint's acceleration as a function to (1,), vectorized if the motion is."""
     if isinstance(motion, PrescribedAngle):
         return Row(own.acceleration)
 
@@ -187,10 +188,10 @@ def _of_joint(motion: PrescribedAngle | Motion, index: int, name: str) -> Prescr
 
 
 def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None:
-    """Refuse rates and accelerations that are not the derivatives of what they belong to.
+    """Raise if a rate or an acceleration is not the derivative of the angle or the rate.
 
-    By differences over a hundred-thousandth of the run, at a few times away from breaks: they err
-    by far less than the hundredth that is let pass.
+    The derivatives are estimated by central differences over 1e-5 of the run, at a few times away
+    from breaks. Their error is far below the tolerance of 1 %.
     """
     step = 1e-5 * duration
     times = [
@@ -217,7 +218,7 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
 
 
 def _replaced(history: TorqueHistory, index: int, column: TorqueHistory) -> TorqueHistory:
-    """Cut both histories at each other's breaks, and put one column of the first in its place."""
+    """Split both histories at all breaks, and replace one column of the first by the second."""
     breaks = np.unique(np.concatenate([history.breaks, column.breaks]))
     coefficients = cut(history, breaks)
     coefficients[:, :, index] = cut(column, breaks)[:, :, 0]

@@ -1,6 +1,6 @@
-"""Torques over time as piecewise cubics: from samples, from a function of time.
+"""Torques over time as piecewise cubics, from samples or from a function of time.
 
-The kernels read one form only; everything a user may give is turned into it here.
+The kernels read this form only; this module converts every input to it.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from flexarm.user_functions import FunctionError, call, first_failure
 FloatArray = NDArray[np.float64]
 
 INTERPOLATIONS = ("cubic", "linear", "hold")
-#: A second difference that stands out this much from both neighbours is a kink, not curvature:
-#: between samples fine enough for a cubic, curvature changes by far less.
+#: Ratio of a second difference to both neighbours above which a sample is a kink: if the samples
+#: are close enough for a cubic, curvature changes by far less.
 _KINK = 10.0
-#: Distance from a sample, in samples, at which a break is on it.
+#: Distance, in sample intervals, within which a break coincides with a sample.
 _ON_SAMPLE = 1e-6
-#: Pieces being halved at once. Few jumps keep few pieces open; noise keeps all of them.
+#: Limit on the pieces being halved at once. A few jumps keep a few pieces open, noise keeps all.
 _MOST_PIECES = 50_000
-#: Pieces that a function of time is first cut into.
+#: Initial number of pieces of a function of time.
 _FIRST_PIECES = 64
-#: Instants at which a function of time is examined besides: a fraction of a second of calls.
+#: Limit on the instants of the comparison, whose calls then take a fraction of a second.
 _MOST_INSTANTS = 20_000
 
 
@@ -51,7 +51,7 @@ class TorqueHistory:
     shortest_feature: float = 0.0
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Evaluate at times (T,): (T, joints) N m; on a break from the right."""
+        """Evaluate at times (T,): (T, joints) N m; at a break the value from the right."""
         last = len(self.breaks) - 2
         k = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, last)
         x = (times - self.breaks[k])[:, None]
@@ -66,9 +66,9 @@ class TorqueHistory:
         return replace(self, coefficients=coefficients)
 
     def held_to(self, time: float) -> TorqueHistory:
-        """Hold the last value up to a time (s) and beyond, instead of extending the last cubic."""
+        """Extend the history to a time (s) by its last value, instead of its last cubic."""
         end = self.breaks[-1]
-        # A constant last piece goes on by itself.
+        # A constant last piece needs no extension.
         if time <= end or not np.any(self.coefficients[-1, 1:]):
             return self
         held = np.zeros((1, *self.coefficients.shape[1:]))
@@ -83,7 +83,7 @@ class TorqueHistory:
 
 
 def constant_torque(torque: FloatArray) -> TorqueHistory:
-    """Hold a torque (joints,) for ever."""
+    """Return a torque (joints,) that is constant over time."""
     coefficients = np.zeros((1, 4, torque.size))
     coefficients[0, 0] = torque
     return TorqueHistory(np.array([0.0, 1.0]), coefficients, np.zeros(0))
@@ -100,15 +100,17 @@ def sampled_torque(
     """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero.
 
     Args:
-        values: N m; duration times rate of them at least. From the last sample to the end of the
-            run its value is held, whatever the interpolation: nothing is extrapolated.
-        interpolation: "hold" keeps each sample until the next; "linear" joins them; "cubic" is
-            the spline with continuous curvature, parted where the samples show a kink. Between
-            samples that change sign from one to the next it overshoots them.
-        breaks: times (s) at which the cubic is parted; between two samples it is straight there.
+        values: N m; at least duration times rate samples. After the last sample its value is
+            constant to the end of the run, for every interpolation.
+        interpolation: "hold" is a zero-order hold, "linear" connects the samples, and "cubic" is
+            the spline with continuous curvature, split where the samples have a kink. The spline
+            overshoots samples that alternate in sign.
+        breaks: times (s) at which the spline is split; a split between two samples makes it linear
+            there.
 
     Raises:
-        InputError: too few samples, wrong shape, NaN, or an unknown interpolation.
+        InputError: if there are too few samples, the shape is wrong, a value is not finite, or the
+            interpolation is unknown.
     """
     where = "simulate"
     check_choice(where, "torque_interpolation", interpolation, INTERPOLATIONS)
@@ -155,9 +157,9 @@ def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) ->
 
 
 def find_kinks(samples: FloatArray) -> NDArray[np.intp]:
-    """Return the samples at which a slope jumps: a spline across them would ring.
+    """Return the samples at which the slope jumps, because a spline across them would ring.
 
-    There the second difference is large against that of both neighbours.
+    At such a sample the second difference is large compared with both neighbours.
     """
     bend = np.abs(np.diff(samples, n=2, axis=0))
     if len(bend) < 3:
@@ -169,7 +171,7 @@ def find_kinks(samples: FloatArray) -> NDArray[np.intp]:
 
 
 class Row:
-    """A function of time that returns a number, as one that returns a row of one number."""
+    """Wrapper of a scalar function of time that returns rows of one number."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self._function = function
@@ -190,23 +192,24 @@ def function_torque(
     where: str = "simulate",
     spacing: float | None = None,
 ) -> TorqueHistory:
-    """Follow a function ``t -> (joints,)`` by cubics, as closely as the run's tolerance needs.
+    """Approximate a function ``t -> (joints,)`` by cubics, as accurately as the run requires.
 
-    Each piece is halved until the cubic through four of its points meets three more to
-    ``relative`` of the largest torque; where halving no longer helps, the function jumps or bends,
-    and the integrator is made to stop there. Then the function is compared with the cubics every
-    ``spacing``, and followed anew around each instant where they differ. A feature that is
+    Each piece is halved until the cubic through four of its points agrees with three more to
+    ``relative`` of the largest torque. Where halving does not reach this, the function jumps or
+    has a kink, and the integrator stops there. Then the function is compared with the cubics every
+    ``spacing``, and approximated again around each instant at which they differ. A feature that is
     shorter than ``shortest_feature`` of the result, and away from ``breaks``, may be missed.
 
     Args:
-        breaks: times (s) known to be kinks or jumps, besides ``function.breaks`` if it has any.
-        name: what the function is, for messages; ``where``: the call.
-        spacing: s between the instants of the comparison, lengthened where they would be more
-            than 20 000; None for no comparison.
+        breaks: times (s) of kinks or jumps, in addition to ``function.breaks`` if it exists.
+        name: name of the function, for messages.
+        where: name of the calling function, for messages.
+        spacing: interval (s) of the comparison, increased to limit it to 20 000 instants; None
+            for no comparison.
 
     Raises:
-        InputError: the function returns something else than ``joints`` finite numbers, or is
-            rough everywhere; the breaks are not a list of numbers.
+        InputError: if the function does not return ``joints`` finite numbers or is rough
+            everywhere, or the breaks are not a list of numbers.
     """
     follower = _Follower(function, duration, joints, relative, name, where)
     given = breaks, getattr(function, "breaks", ())
@@ -237,7 +240,7 @@ def function_torque(
 
 
 def _jumps(breaks: FloatArray, coefficients: FloatArray, allowed: float) -> FloatArray:
-    """Return the breaks where value or slope differ by far more than the approximation errs."""
+    """Return the breaks at which value or slope jump by far more than the approximation error."""
     width = np.diff(breaks)[:-1, None]
     left, right = coefficients[:-1], coefficients[1:]
     value = left[:, 0] + width * (left[:, 1] + width * (left[:, 2] + width * left[:, 3]))
@@ -249,9 +252,9 @@ def _jumps(breaks: FloatArray, coefficients: FloatArray, allowed: float) -> Floa
 
 
 class _Follower:
-    """Calls the user's function, checks what it returns, fits cubics."""
+    """Adaptive approximation of a user function by cubics, with validation of its values."""
 
-    #: Four points that the cubic goes through (ends shared), and three that test it.
+    #: Four points that the cubic interpolates (ends shared), and three that test it.
     _NODES = np.array([0.0, 0.25, 0.75, 1.0])
     _TESTS = np.array([0.1, 0.5, 0.9])
     #: All of them, as fractions of a piece.
@@ -270,28 +273,28 @@ class _Follower:
         self._where, self._name = where, name
         self._joints, self._relative = joints, relative
         self._powers = np.vander(self._TESTS, 4, increasing=True)
-        # A point just inside each end: the function may jump exactly on an edge, and either side
-        # must be followed from within.
+        # Evaluate just inside each end, because the function may jump exactly on an edge and each
+        # piece needs the value of its own side.
         self._inside = 1e-12 * duration
         self._shortest = duration * 2.0**-40
         self._scale = 0.0  # largest value so far
 
     @property
     def allowed(self) -> float:
-        """Error that a cubic may have."""
+        """Allowed error of a cubic."""
         return self._relative * self._scale
 
     def follow(
         self, starts: FloatArray, ends: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Halve pieces, given by their starts and ends, until cubics follow the function.
+        """Halve pieces, given by their starts and ends, until cubics approximate the function.
 
         Returns:
-            Starts of the pieces (k,) and coefficients (k, 4, joints), in order; both ends of
-            those where halving no longer helped.
+            Starts of the pieces (k,) and coefficients (k, 4, joints), in order; both ends of the
+            pieces for which halving did not help.
 
         Raises:
-            InputError: the function is rough everywhere.
+            InputError: if the function is rough everywhere.
         """
         stops = [np.zeros(0)]
         kept = [(np.zeros(0), np.zeros((0, 4, self._joints)))]
@@ -316,22 +319,22 @@ class _Follower:
         return times[order], pieces, np.concatenate(stops)
 
     def missed(self, history: TorqueHistory, times: FloatArray) -> FloatArray:
-        """Return those of the times at which the function is not where its cubics are."""
+        """Return the times at which the function differs from its cubics."""
         values = self._values(times)
         self._grow(values)
-        # Cubics err more between their points than at them, but never by this much.
+        # The error between the interpolated points is larger than at them, but never by this much.
         far = np.any(np.abs(values - history.at(times)) > 100.0 * self.allowed, axis=1)
         times = times[far]
-        # Within the shortest pieces it jumps, which is known.
+        # Within the shortest pieces there is a jump, which is already in the stops.
         piece = np.searchsorted(history.breaks, times, side="right") - 1
         return times[np.diff(history.breaks)[piece] > self._shortest]
 
     def _values(self, times: FloatArray) -> FloatArray:
-        """Call the function: once for all times if it says that it can, else for each.
+        """Evaluate the function, with one call for all times if it is vectorized.
 
         Raises:
-            InputError: if it returns something else than numbers for the joints.
-            FunctionError: if it raises; the time is that up to which it answered.
+            InputError: if it does not return one number for each joint.
+            FunctionError: if it raises; its time is the last one at which the function returned.
         """
         if getattr(self._function, "vectorized", False):
             try:
@@ -344,7 +347,7 @@ class _Follower:
 
     def _one_by_one(self, times: FloatArray, function: Callable[[float], Any]) -> FloatArray:
         rows = np.empty((times.size, self._joints))
-        before = 0.0  # where it fails from the start, nothing was computed
+        before = 0.0  # last time with a result; zero if the first call fails
         for k in np.argsort(times):
             t = float(times[k])
             try:
@@ -359,7 +362,7 @@ class _Follower:
         self._scale = max(self._scale, float(np.max(np.abs(values), initial=0.0)))
 
     def _cubics(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Fit pieces from a (k,) to b: coefficients (k, 4, joints) and errors (k,)."""
+        """Fit pieces from a (k,) to b (k,): coefficients (k, 4, joints) and errors (k,)."""
         width = (b - a)[:, None]
         inside = np.minimum(self._inside / width, 1e-3)
         nodes = np.tile(self._NODES, (a.size, 1))

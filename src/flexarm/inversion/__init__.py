@@ -1,1 +1,1 @@
-"""Torques and references for which the tip or the joints of a flexible arm follow a motion."""
+"""Inverse dynamics of flexible arms: torques and references for a given tip or joint motion."""

@@ -1,4 +1,4 @@
-"""Rigid torques and a spline that corrects them for the links' flexibility."""
+"""Rigid torques with a spline correction for the flexibility of the links."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 DEGREE = 3
-#: Coefficients at each end that are held, so that value and slope are those outside.
+#: Coefficients at each end that stay fixed, so that value and slope are continuous there.
 _HELD = 2
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedTorque:
-    """The rigid torque of a motion plus a cubic spline; call it with the time.
+    """Rigid torque of a motion plus a cubic spline, as a function of time.
 
     Attributes:
-        rigid: torque of the rigid arm.
-        knots: (N + 7,) s, with threefold ends besides.
-        coefficients: (N + 3, joints) N m; before and after the knots the first and the last hold.
+        rigid: torque of the rigid model.
+        knots: (N + 7,) s; each end has three additional knots.
+        coefficients: (N + 3, joints) N m; before and after the knots the spline is constant.
     """
 
-    #: ``simulate`` may ask for many times in one call.
+    #: ``simulate`` may evaluate many times in one call.
     vectorized: ClassVar[bool] = True
 
     rigid: RigidTorque
@@ -46,7 +46,7 @@ class CorrectedTorque:
 
     @property
     def motion(self) -> Motion:
-        """The motion that is followed."""
+        """The reference motion."""
         return self.rigid.motion
 
     @property
@@ -56,7 +56,7 @@ class CorrectedTorque:
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Times (s) where the torque or its slope may jump, and the spline's ends."""
+        """Times (s) at which the torque or its slope may jump, and the ends of the spline."""
         return tuple(sorted({*self.rigid.breaks, float(self.knots[0]), float(self.knots[-1])}))
 
     def __call__(self, t: ArrayLike) -> Floats:
@@ -69,14 +69,14 @@ class CorrectedTorque:
 
 
 def spline_knots(start: float, end: float, spacing: float) -> Floats:
-    """Return evenly spaced knots, threefold at the ends besides."""
+    """Return evenly spaced knots, with three additional ones at each end."""
     count = max(int(np.ceil((end - start) / spacing)), 2 * _HELD)
     inner = np.linspace(start, end, count + 1)
     return np.concatenate([[start] * DEGREE, inner, [end] * DEGREE])
 
 
 def spline_values(knots: Floats, t: Floats) -> Floats:
-    """Values (T, N + 3) of all B-splines at times (T,)."""
+    """Return the values (T, N + 3) of all B-splines at times (T,)."""
     from scipy.interpolate import BSpline
 
     inside = np.clip(t, knots[0], knots[-1])
@@ -85,5 +85,5 @@ def spline_values(knots: Floats, t: Floats) -> Floats:
 
 
 def free_coefficients(knots: Floats) -> slice:
-    """Those that may change while value and slope at the ends stay."""
+    """Return the coefficients that can change without changing value and slope at the ends."""
     return slice(_HELD, len(knots) - DEGREE - 1 - _HELD)

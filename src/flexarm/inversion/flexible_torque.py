@@ -22,31 +22,31 @@ from flexarm.simulation.run import simulate
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-#: Samples of a radian of the fastest mode: splines of order 6 then miss it by less than 1e-6.
+#: Samples per radian of the fastest mode; the error of splines of order 6 is then below 1e-6.
 _SAMPLES = 2.0
 _FEWEST, _MOST = 200, 40_000
 
 
 @dataclass(frozen=True, eq=False)
 class FlexibleTorque:
-    """The torque that makes the joints of a flexible arm follow a motion; call it with the time.
+    """Torque that makes the joints of a flexible arm follow a motion, as a function of time.
 
-    After ``end`` the last value holds: links that go on swinging are then left to themselves.
+    After ``end`` the torque is constant, and links that still vibrate are not controlled.
 
     Attributes:
-        arm, motion: what follows what.
-        end: up to when it was computed, s.
-        initial: q (dof,) at time zero, to start from.
+        arm, motion: the arm, and the motion of its joints.
+        end: end of the computed torque, s.
+        initial: initial q (dof,) at time zero.
     """
 
-    #: ``simulate`` may ask for many times in one call.
+    #: ``simulate`` may evaluate many times in one call.
     vectorized: ClassVar[bool] = True
 
     arm: Arm
     motion: Motion
     end: float
     initial: FloatArray
-    _splines: tuple[BSpline, ...]  # between two breaks each
+    _splines: tuple[BSpline, ...]  # one between each two breaks
     _edges: tuple[float, ...]
 
     def __repr__(self) -> str:
@@ -54,7 +54,7 @@ class FlexibleTorque:
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Times (s) where the torque or a derivative of it may jump."""
+        """Times (s) at which the torque or one of its derivatives may jump."""
         return self._edges
 
     @property
@@ -65,7 +65,7 @@ class FlexibleTorque:
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
 
-        At a break it belongs to what follows.
+        At a break the value is that from the right.
         """
         times = check_times("FlexibleTorque", "t", t)
         flat = np.clip(times.reshape(-1), 0.0, self.end)
@@ -89,16 +89,16 @@ def flexible_torque(
 
     Args:
         arm: the arm.
-        motion: of the joints, or of the rigid arm's tip; then the flexible one's vibrates.
-        duration: s from time zero up to which torques are wanted; by default to the motion's end.
+        motion: motion of the joints or of the rigid model's tip; the flexible arm's tip vibrates.
+        duration: s from time zero to the end of the torque; by default to the end of the motion.
         initial: q (dof,) at time zero; straight links by default.
         rtol: error allowed per step of the integration.
 
     Raises:
-        InputError: an argument has the wrong shape or value.
-        SimulationError: the links' motion could not be followed.
+        InputError: if an argument has the wrong shape or value.
+        SimulationError: if the integration of the links' motion fails.
 
-    The joints being given, the links' own equations are integrated forward in time; (D.8).
+    With prescribed joints, the equations of the links are integrated forward in time; (D.8).
     """
     where = "flexible_torque"
     arm = check_kind(where, "arm", arm, Arm)
@@ -109,7 +109,7 @@ def flexible_torque(
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # told by who simulates the result
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # simulating the torque warns
         result = simulate(
             arm,
             until,
@@ -128,7 +128,7 @@ def flexible_torque(
 
 
 def _spline(times: FloatArray, values: FloatArray, a: float, b: float) -> BSpline:
-    """Through the samples between two breaks, none on them: they might belong to either side."""
+    """Interpolate the samples between two breaks, excluding those on the breaks."""
     from scipy.interpolate import make_interp_spline
 
     own = (times > a) & (times < b) if a > 0.0 else times < b

@@ -1,9 +1,9 @@
-"""Springs and dampers that hold an arm near a motion while its torques are searched for.
+"""Joint springs and dampers that keep an arm near a motion during the search for its torques.
 
-An arm that falls by itself magnifies every error of a torque by the exponential of its duration, so
-that no correction of the torque alone converges. Feedback of the joints stops that. Joint springs
-and dampers are such feedback without a sample time, part of the arm's own equations; the torque
-without them follows from the run at the end.
+An arm that falls amplifies every error of a torque exponentially with time, so that no correction
+of the torque alone converges. Feedback from the joints prevents this. Joint springs and dampers are
+a feedback without sample time, part of the arm's own equations; the last run gives the torque
+without them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flexarm.inversion.zero_dynamics import RestEnd
 from flexarm.linear import modes
 from flexarm.motion import Motion
 
-#: Bandwidth, as a part of the slowest vibration with the joints locked, and damping ratio.
+#: Bandwidth, as a fraction of the slowest vibration with locked joints, and damping ratio.
 _BANDWIDTH, _DAMPING_RATIO = 0.5, 0.7
 
 
@@ -29,10 +29,13 @@ class JointSupport:
     """Feedback ``stiffness (angle - joint_angle) + damping (rate - joint_rate)`` as an arm.
 
     Attributes:
-        arm: the arm with the springs and dampers. motion: of the rigid arm.
-        stiffness, damping: (joints,) N m/rad and N m s/rad. rest: (joints,) rad, of the springs.
-        offset: (2, joints) rad, by which the joints at rest stand beside the motion at both ends,
-            where links sag. start, end: s, between which they pass from one to the other.
+        arm: the arm with the springs and dampers.
+        motion: of the rigid model.
+        stiffness, damping: (joints,) N m/rad and N m s/rad.
+        rest: (joints,) rad, rest angles of the springs.
+        offset: (2, joints) rad, offset of the joints from the motion in equilibrium at both ends,
+            due to the sag of the links.
+        start, end: s, interval in which the offset changes from the first to the second.
     """
 
     arm: Arm
@@ -45,7 +48,7 @@ class JointSupport:
     end: float
 
     def _wanted(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return angles and rates (..., joints) around which the joints are held."""
+        """Return the reference angles and rates (..., joints) of the feedback."""
         u = np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)[..., None]
         ease = u**3 * (10.0 + u * (-15.0 + 6.0 * u))
         ease_rate = 30.0 * u**2 * (1.0 - u) ** 2 / (self.end - self.start)
@@ -63,7 +66,7 @@ class JointSupport:
 
 @dataclass(frozen=True, eq=False)
 class SupportedTorque:
-    """A torque for a supported arm, whose springs and dampers are at rest on the motion."""
+    """Torque for a supported arm, whose springs and dampers are at rest on the motion."""
 
     support: JointSupport
     torque: CorrectedTorque
@@ -71,7 +74,7 @@ class SupportedTorque:
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Times (s) where the torque or its slope may jump."""
+        """Times (s) at which the torque or its slope may jump."""
         return self.torque.breaks
 
     def __call__(self, t: ArrayLike) -> FloatArray:
@@ -86,7 +89,7 @@ def joint_support(
 ) -> JointSupport | None:
     """Return a support for an arm under gravity; None without gravity or with elastic joints.
 
-    The springs of elastic joints lie between motor and link: there is no place beside the motor.
+    The springs of elastic joints act between motor and link, so they cannot act beside the motor.
     """
     turning = [arm.spec.joints[seat.link] for seat in arm.assembly.seats]
     if not any(arm.spec.gravity) or any(joint.elastic for joint in turning):

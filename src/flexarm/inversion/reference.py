@@ -1,4 +1,4 @@
-"""The joint angles that go with torques found by tip inversion, as a motion to follow."""
+"""Joint reference for the torques of a tip inversion, for feedback."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from flexarm.simulation.run import simulate
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-#: Samples in a knot of the torque's spline: a spline of order 6 through them is exact to 1e-6.
+#: Samples per knot of the torque's spline; a spline of order 6 through them is exact to 1e-6.
 _PER_KNOT = 8.0
-#: What is left when the motion is over is led to rest by the end, as the quintic law does.
+#: Quintic law that brings the remaining motion after the end to rest.
 _EASE = (10.0, -15.0, 6.0)
 
 
@@ -31,13 +31,13 @@ _EASE = (10.0, -15.0, 6.0)
 class InversionReference(Motion):
     """Joint angles of a flexible arm whose tip follows a motion.
 
-    For feedback: the joints are where they have to be for the *tip* to be in place, bending
-    included. It begins before the motion and ends after it, as the torques do.
+    As a reference for feedback, the joint angles include the effect of bending on the *tip*. The
+    reference begins before the motion and ends after it, as the torques do.
 
     Attributes:
-        motion: of the rigid arm, which the tip follows.
-        torque: function of time that goes with it: (joints,) N m.
-        initial: (dof,) coordinates to start from.
+        motion: of the rigid model; the tip follows it.
+        torque: function of time: (joints,) N m, consistent with the joint angles.
+        initial: (dof,) initial coordinates.
     """
 
     motion: Motion
@@ -58,7 +58,7 @@ class InversionReference(Motion):
         return (self.start_time, *inner, self.end_time)
 
     def tip(self, t: ArrayLike) -> FloatArray:
-        """Return where the tip (2,) or (T, 2) is to be, world axes, m."""
+        """Return the reference position of the tip (2,) or (T, 2), world axes, m."""
         return self.motion.tip(t)
 
     def at(self, times: FloatArray) -> JointState:
@@ -77,12 +77,12 @@ def inversion_reference(
     final: FloatArray,
     supported: SupportedTorque | None = None,
 ) -> InversionReference:
-    """Run an arm under the torques found, and keep its joint angles.
+    """Simulate an arm under the torques of an inversion and return its joint angles.
 
     Args:
-        ends: when the torques depart from those that hold it at rest, s.
+        ends: start and end of the torque's change, s.
         initial, final: (dof,) coordinates at rest before and after.
-        supported: the torque of an arm that must be held up, in place of ``torque``.
+        supported: the torque of a supported arm, to use instead of ``torque``.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -93,7 +93,7 @@ def inversion_reference(
     count = int(np.ceil(_PER_KNOT * (end - start) / spacing))
     rate = count / (end - start)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # told by who simulates the result
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # simulating the torque warns
         result = simulate(
             arm,
             end - start,
@@ -116,7 +116,7 @@ def inversion_reference(
 
 @dataclass(frozen=True)
 class _Later:
-    """A torque whose clock starts later."""
+    """Torque with a shifted time axis."""
 
     torque: CorrectedTorque | SupportedTorque
     start: float

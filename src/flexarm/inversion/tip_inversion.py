@@ -1,7 +1,8 @@
-"""Torques that make the tip of a flexible arm follow a path: stable, non-causal inversion.
+"""Stable, non-causal inversion: torques that make the tip of a flexible arm follow a path.
 
 Theory page "separation", sections 4 and 5. The torques begin before the tip moves and end after it
-has stopped: the links must be bent when the tip sets off, and unbent when it has come to rest.
+has stopped, because the links must be bent when the tip starts and unbent after it has come to
+rest.
 
 References:
     E. Bayo, J. Robotic Systems 4 (1987) 63-75: one link, in the frequency domain.
@@ -48,20 +49,20 @@ from flexarm.motion.motion import check_motion
 from flexarm.motion.tip_constraint import TipConstraint
 from flexarm.simulation.run import simulate
 
-#: What is left of the bending, as a part of that at the start of the motion, where torques begin.
+#: Bending that remains at the start of the torques, as a fraction of that at the motion's start.
 _LEFT = 1e-6
 #: Longest time before and after a motion, as a multiple of its duration.
 _LONGEST = 5.0
 _LONGEST_GIVEN = 100.0
-#: Knots of the torque and samples of the tip in a period of the slowest vibration.
+#: Knots of the torque and samples of the tip per period of the slowest vibration.
 _KNOTS, _SAMPLES = 12.0, 64.0
-#: Torques that hardly move the tip are damped as if they moved it by this part of all together.
-#: After a step that helps less so, down to the least; where one fails, more so.
+#: Levenberg-Marquardt damping, as a fraction of the tip's response to all coefficients together. It
+#: decreases to the minimum after each successful step and increases after each failed one.
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 1e-7, 0.1
-#: Rigid torques that miss by more than this part of the arm's length are no yardstick.
+#: Fraction of the arm's length that limits the rigid torques' error as a scale for reductions.
 _MOST_RIGID = 0.05
 _STEPS = 12
-#: Knots of the torque without support, in a knot of the searched one, and samples in each.
+#: Knots of the unsupported torque per knot of the original one, and samples per knot.
 _FINER, _PER_FINER = 4, 4
 
 
@@ -69,7 +70,7 @@ class InversionError(FlexarmError, RuntimeError):
     """No torque was found that keeps the tip on its path.
 
     Attributes:
-        tip_error: largest distance from the path that was reached, m.
+        tip_error: largest distance of the tip from the path in the best run, m.
     """
 
     def __init__(self, tip_error: float, reason: str) -> None:
@@ -83,20 +84,20 @@ class InversionError(FlexarmError, RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class TipInversion:
-    """The torques that make the tip of a flexible arm follow a path.
+    """Torques that make the tip of a flexible arm follow a path, with errors of the result.
 
     Attributes:
         torque: function of time: (joints,) N m, for ``simulate``.
-        start, end: when they depart from those that hold the arm at rest, s.
+        start, end: interval in which the torques differ from those of the arm at rest, s.
         initial, final: (dof,) coordinates at rest before ``start`` and after ``end``.
-        pre_actuation, post_actuation: how long they act before and after the motion, s.
+        pre_actuation, post_actuation: duration of the torques before and after the motion, s.
         tip_error: largest distance of the tip from the path in the last run, m. Under gravity that
             run has feedback of the joints, as in ``simulate`` with a controller on ``reference``.
         rigid_tip_error: the same under rigid torques.
         open_loop_tip_error: the same under ``torque`` alone, m; infinite if the arm falls. Without
             gravity it is ``tip_error``.
-        zeros: eigenvalues of the motion that is left to the links with the tip held at its start,
-            1/s: those in the right half-plane make it non-minimum phase.
+        zeros: eigenvalues of the links' motion with the tip constrained to its start, 1/s: those
+            in the right half-plane make the arm non-minimum phase.
     """
 
     arm: Arm
@@ -121,7 +122,7 @@ class TipInversion:
 
     @cached_property
     def reference(self) -> InversionReference:
-        """The joint angles that go with the torques: what feedback is to follow besides them."""
+        """Joint angles for these torques: the reference of an additional feedback."""
         ends = self.start, self.end
         return inversion_reference(
             self.arm, self.torque, ends, self.initial, self.final, self._supported
@@ -129,12 +130,12 @@ class TipInversion:
 
     @property
     def pre_actuation(self) -> float:
-        """How long the torques act before the tip moves, s."""
+        """Duration of the torques before the tip moves, s."""
         return self.motion.start_time - self.start
 
     @property
     def post_actuation(self) -> float:
-        """How long they act after the tip has stopped, s."""
+        """Duration of the torques after the tip has stopped, s."""
         return self.end - self.motion.end_time
 
 
@@ -146,28 +147,28 @@ def tip_inversion(
     post_actuation: float | None = None,
     reduction: float = 2e-3,
 ) -> TipInversion:
-    """Find the torques that make the tip of a flexible arm follow the tip of the rigid one.
+    """Compute the torques that make the tip of a flexible arm follow the tip of the rigid model.
 
     Args:
-        arm: the arm, with links that bend.
-        motion: rest to rest, of the rigid arm; it must start late enough for what comes before it,
-            ``pre_actuation``. Arms of three joints and more have some to spare: all but the two
-            that move the tip best follow it too. The tip of a single link is kept in the
-            direction of the rigid one.
-        pre_actuation, post_actuation: s; by default until a millionth of the bending is left.
-        reduction: stop when the tip's largest error is this part of that under rigid torques, or
-            of a twentieth of the arm's length where those leave the arm to fall.
+        arm: the arm, with flexible links.
+        motion: rest to rest, of the rigid model. Its start time must be at least
+            ``pre_actuation``. Arms with three or more joints are redundant: all joints except the
+            two that move the tip best also follow the motion. The tip of a single link follows
+            the direction of the rigid link.
+        pre_actuation, post_actuation: s; by default until 1e-6 of the bending remains.
+        reduction: target of the tip's largest error, as a fraction of that under rigid torques, or
+            of a twentieth of the arm's length if the arm falls under those.
 
     Raises:
-        InputError: the motion starts too early, leaves the joints no hold on the tip, or an
+        InputError: if the motion starts too early or the joints cannot control the tip, or an
             argument has the wrong value.
-        InversionError: the error cannot be reduced to a hundredth, or to ``reduction`` if that is
-            more.
+        InversionError: if the error cannot be reduced to a hundredth, or to ``reduction`` if that
+            is larger.
 
-    Levenberg-Marquardt on the full nonlinear model: each step runs ``simulate`` and
-    corrects the torque, all of it at once, by the response of the arm along that run; (D.12) to
-    (D.14). Under gravity the runs have feedback of the joints, which the torque returned includes.
-    With elastic joints they have none, and arms that fall by themselves fail.
+    Levenberg-Marquardt on the full nonlinear model: each step calls ``simulate`` and corrects the
+    entire torque history by the response of the arm along that run; (D.12) to (D.14). Under gravity
+    the runs have feedback of the joints, which the returned torque includes. Arms with elastic
+    joints have no such feedback, so the inversion fails if they fall.
     """
     where = "tip_inversion"
     arm = check_kind(where, "arm", arm, Arm)
@@ -203,11 +204,11 @@ def tip_inversion(
 
 
 class _Judged(NamedTuple):
-    """A torque, the run that it gives, and by how much the conditions are missed there."""
+    """Torque, its run, and the errors of the constraints in that run."""
 
     torque: CorrectedTorque
-    error: float  # m, the largest of all conditions together
-    tip: float  # m, of the tip alone
+    error: float  # m, the largest norm of all constraints
+    tip: float  # m, of the tip only
     times: FloatArray
     q: FloatArray
     qd: FloatArray
@@ -216,7 +217,7 @@ class _Judged(NamedTuple):
 
 
 class _Search:
-    """Runs, errors and corrections."""
+    """Iterative search: simulate, evaluate the tip error, correct the torque."""
 
     def __init__(
         self,
@@ -230,7 +231,7 @@ class _Search:
         self.constraint, self.first, self.support = constraint, first, support
         arm = self.arm = constraint.arm
         self.plant = arm if support is None else support.arm
-        # Without gravity: the swinging of a hanging arm is no vibration of its links.
+        # Without gravity, because the swinging of a hanging arm is not a vibration of its links.
         weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
         angles = constraint.motion.joint_angle(0.0)
         frequency = modes(weightless, angles, joints="free").frequency_hz
@@ -240,18 +241,18 @@ class _Search:
         ends = [first.torque - rigid(start - 1.0), last.torque - rigid(end + 1.0)]
         share = np.clip(np.linspace(-0.2, 1.2, len(knots) - 4), 0.0, 1.0)[:, None]
         self.torque = CorrectedTorque(rigid, knots, (1.0 - share) * ends[0] + share * ends[1])
-        # One period more: what vibrates then was not brought to rest.
+        # One more period shows the vibration that remains after the end.
         self.duration = end + self.period
         self.rate = np.ceil(_SAMPLES / self.period)
 
     def yardstick(self, rigid: float) -> float:
-        """Error (m) that reductions are counted from: an arm that falls misses by any amount."""
+        """Return the reference error (m) of reductions, limited because an arm may fall."""
         return min(rigid, _MOST_RIGID * float(np.sum(self.arm.lengths)))
 
     def run(self, reduction: float) -> tuple[_Judged, _Judged]:
-        """Correct until the errors are small enough, or no longer fall; what was found, and rigid.
+        """Correct until the errors are small enough or stop decreasing; return best and rigid run.
 
-        The tip alone must be close enough, and all conditions together.
+        Both the tip and all constraints together must be accurate enough.
         """
         from scipy.linalg import solve
 
@@ -281,7 +282,7 @@ class _Search:
         return best, rigid
 
     def _judged(self, torque: CorrectedTorque) -> _Judged:
-        """Run the arm under a torque, supported if need be, and find what its tip misses."""
+        """Simulate the arm under a torque, with its support if any; return the errors."""
         support = self.support
         acting = torque if support is None else SupportedTorque(support, torque)
         result = self._simulated(self.plant, acting, self.rate)
@@ -290,13 +291,13 @@ class _Search:
         return _Judged(torque, error, tip, times, q, qd, missed, rows)
 
     def without_support(self, supported: SupportedTorque) -> tuple[CorrectedTorque, float]:
-        """Return the torque that does what torque and support do together, and its error, m."""
+        """Return the sum of torque and support as one torque, and its open-loop tip error, m."""
         from scipy.interpolate import make_lsq_spline
 
         given, support = supported.torque, supported.support
         start, end = float(given.knots[0]), float(given.knots[-1])
         count = _FINER * (len(np.unique(given.knots)) - 1)
-        # A little more than the spacing, so that rounding adds no knot: all old knots stay.
+        # A slightly larger spacing, so that rounding adds no knot and all old knots remain.
         knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
         rate = np.ceil(_PER_FINER * count / (end - start))
         run = self._simulated(self.plant, supported, rate, rtol=1e-9, atol=1e-11)
@@ -316,7 +317,7 @@ class _Search:
     def _misses(
         self, times: FloatArray, q: FloatArray
     ) -> tuple[FloatArray, FloatArray, float, float]:
-        """Return what is missed, its derivatives, the largest error and that of the tip, m."""
+        """Return the errors, their derivatives, the largest error and that of the tip, m."""
         along = dynamics_along(self.arm, q, np.zeros_like(q), np.zeros_like(q))
         missed, rows = self.constraint.misses(times, q, along)
         error = float(np.max(np.linalg.norm(missed, axis=1)))
@@ -327,7 +328,7 @@ class _Search:
         self, arm: Arm, torque: CorrectedTorque | SupportedTorque, rate: float, **options: Any
     ) -> Any:
         with warnings.catch_warnings():
-            # The caller reports the last run; trials on the way do not matter.
+            # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)
             return simulate(
                 arm,
@@ -340,7 +341,10 @@ class _Search:
             )
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
-        """Squared response to the free coefficients (p, p), and the gradient of the error (p,)."""
+        """Return the Gram matrix (p, p) of the response to the free coefficients and the gradient.
+
+        The gradient of the squared error has shape (p,).
+        """
         knots = run.torque.knots
         stages = gauss.stage_times(run.times)
         shapes = spline_values(knots, stages.ravel())[:, free_coefficients(knots)]

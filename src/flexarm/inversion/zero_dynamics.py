@@ -1,9 +1,9 @@
-"""Rest with the tip in place, and how the links can move while the tip is held there.
+"""Equilibrium with a given tip position, and the zero dynamics of the links about it.
 
-With the tip given, the links still move: the zero dynamics. For torques at joints and a tip at
-the other end of flexible links it has parts that grow as fast as others decay, so neither forward
-nor backward integration in time is stable; their rates say how long torques must act before the tip
-moves and after it has stopped; (D.10), (D.11).
+With the tip constrained, the links can still move: the zero dynamics. For torques at the joints and
+a tip at the other end of flexible links it has modes that grow as fast as others decay, so neither
+forward nor backward integration in time is stable. Their rates determine how long torques must act
+before the tip moves and after it has stopped; (D.10), (D.11).
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Eigenvalues with a real part below this part of their size are vibrations that neither grow nor
-#: decay for as long as a motion takes: undamped, or lightly damped links. Damping of 0.5 % gives
-#: real parts of 0.003 of the size; bending could begin seconds earlier for them, to no use.
+#: Eigenvalues with a real part below this fraction of their magnitude are vibrations that neither
+#: grow nor decay during a motion: undamped, or lightly damped links. Damping of 0.5 % gives real
+#: parts of 0.003 of the magnitude; they would start the torques seconds earlier, without benefit.
 _NEUTRAL = 0.1
-#: Zeros faster than the fastest vibration by this factor are taken for infinite: those that
-#: rounding has made finite were 20 times as fast at least, on coarse meshes 1e4 times.
+#: Zeros faster than the fastest vibration by this factor count as infinite. Those that rounding
+#: makes finite were at least 20 times as fast, on coarse meshes 1e4 times.
 _INFINITE = 10.0
 _NEWTON_STEPS = 30
 
 
 class RestEnd(NamedTuple):
-    """The state of rest at one end of a motion, with the tip in place.
+    """Equilibrium at one end of a motion, with the tip in place.
 
     Attributes:
         q: (dof,) coordinates; links sag under gravity.
-        torque: (joints,) N m that holds them.
+        torque: (joints,) N m in equilibrium.
         zeros: eigenvalues of the zero dynamics, 1/s, slowest first.
     """
 
@@ -47,12 +47,12 @@ class RestEnd(NamedTuple):
 
     @property
     def growth(self) -> float:
-        """Slowest rate at which a part of the zero dynamics grows, 1/s; infinite if none does."""
+        """Slowest growth rate of the zero dynamics, 1/s; infinite if no mode grows."""
         return float(np.min(self._real[self._real > 0.0], initial=np.inf))
 
     @property
     def decay(self) -> float:
-        """Slowest rate at which a part decays, 1/s; infinite if none does."""
+        """Slowest decay rate of the zero dynamics, 1/s; infinite if no mode decays."""
         return float(np.min(-self._real[self._real < 0.0], initial=np.inf))
 
     @property
@@ -62,10 +62,10 @@ class RestEnd(NamedTuple):
 
 
 def rest_end(constraint: TipConstraint, t: float) -> RestEnd:
-    """Find the state of rest at a time at which the motion rests.
+    """Compute the equilibrium at a time at which the motion is at rest.
 
     Raises:
-        InputError: the arm does not come to rest with its tip there.
+        InputError: if there is no equilibrium with the tip in place.
     """
     from scipy.linalg import eigh, null_space
 
@@ -85,16 +85,16 @@ def rest_end(constraint: TipConstraint, t: float) -> RestEnd:
 def finite_eigenvalues(M: Floats, D: Floats, K: Floats, fastest: float) -> NDArray[np.complex128]:
     """Return the finite s of det(M s^2 + D s + K) = 0, slowest first; M may be singular.
 
-    Where a torque does not reach the tip at once, as through the spring of an elastic joint, M is
-    singular and some s are infinite. Rounding makes them finite, but faster by far than anything in
-    the arm that the matrices describe: that tells them.
+    If a torque does not act on the tip directly, as through the spring of an elastic joint, M is
+    singular and some s are infinite. Rounding makes them finite, but much faster than anything in
+    the arm that the matrices describe, which identifies them.
 
     Args:
         fastest: rad/s, highest frequency of the arm with its joints locked.
     """
     from scipy.linalg import eigvals
 
-    # Time in units of the fastest vibration: then the blocks are of one size.
+    # Scale time by the fastest vibration, so that the blocks have similar magnitudes.
     none, one = np.zeros_like(M), np.eye(len(M))
     stiffness, damping = K / fastest**2, D / fastest
     left = np.block([[none, one], [-stiffness, -damping]])
@@ -105,7 +105,7 @@ def finite_eigenvalues(M: Floats, D: Floats, K: Floats, fastest: float) -> NDArr
 
 
 def _rest(constraint: TipConstraint, t: float, elastic: NDArray[np.intp]) -> Floats:
-    """Newton's method for links in equilibrium and the tip in place."""
+    """Solve for equilibrium of the links with the tip in place by Newton's method."""
     arm, motion = constraint.arm, constraint.motion
     q = arm.rest(motion.joint_angle(t))
     still = np.zeros((1, arm.dof))

@@ -1,1 +1,1 @@
-"""The sampled loop: sensors, controller, actuators."""
+"""Sampled control loop: sensors, controller and actuators."""

@@ -1,4 +1,4 @@
-"""From the torques that a controller asks for to those that act: held, late, cut, lagging."""
+"""Actuators of the sampled loop: hold, delay, saturation and lag of commanded torques."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ import numpy as np
 from flexarm.hardware.hardware import Hardware, Motors
 from flexarm.integrate.base import FloatArray
 
-#: A lag is followed by cubics over this part of its time constant, up to so many time constants:
-#: within 1e-5 and 5e-5 of the change of torque.
+#: A first-order lag is approximated by cubics over this fraction of its time constant, up to this
+#: many time constants, within 1e-5 and 5e-5 of the change of torque.
 _PIECE, _SETTLED = 0.25, 10.0
 
 
 class Acting:
     """Motors between the sample times of a controller.
 
-    Torques as they act: from each time of ``since`` on, from ``initial`` to ``target`` as
-    ``1 - exp(-(t - since) / time_constant)``. Without ``keep`` only the last one is known.
+    From each time in ``since`` on, the applied torque changes from ``initial`` to ``target`` with
+    the factor ``1 - exp(-(t - since) / time_constant)``. Without ``keep`` only the last change is
+    stored.
     """
 
     def __init__(self, hardware: Hardware | None, joints: int, keep: bool = True) -> None:
         given = hardware.motors if hardware is not None else None
-        self.plain = given is None  # every torque acts at once, as it was asked for
+        self.plain = given is None  # the commanded torque acts immediately
         self._motors = given or Motors()
         self._motors.check_joints(joints)
         self._lag = self._motors.time_constant
@@ -37,32 +38,33 @@ class Acting:
 
     @property
     def pieces(self) -> int:
-        """Number of cubics that the torque over any one hold may take."""
+        """Number of cubics for the torque over one hold interval."""
         return 1 if self._lag == 0.0 else round(_SETTLED / _PIECE) + 1
 
     @property
     def target(self) -> FloatArray:
-        """Torque (joints,) that the motors go to now."""
+        """Torque (joints,) that the motors currently approach."""
         return self._target[-1]
 
     def ask(self, t: float, torque: FloatArray) -> None:
-        """Ask at time t for a torque (joints,)."""
+        """Command a torque (joints,) at time t."""
         self._waiting.append((t + self._motors.delay, torque))
 
     def next_change(self, t: float, until: float) -> float:
-        """Time when the torque asked for changes next, at most ``until``."""
+        """Return the time at which the commanded torque changes next, at most ``until``."""
         for due, _ in self._waiting:
             if due > t:
                 return min(due, until)
         return until
 
     def hold(self, t: float, rate: FloatArray | None) -> None:
-        """Take over the torque that is due at time t.
+        """Apply the command that is due at time t.
 
-        ``rate``: of the joints then, (joints,) rad/s; motors that are ``plain`` need none.
+        Args:
+            rate: joint rates (joints,) at that time, rad/s; not needed by ``plain`` motors.
         """
         due = None
-        # A torque that is due a rounding later is due now.
+        # A command that is due later by rounding alone is due now.
         while self._waiting and self._waiting[0][0] <= t * (1.0 + 1e-12):
             due = self._waiting.popleft()[1]
         if due is None and self._since:
@@ -79,7 +81,10 @@ class Acting:
         self._target.append(target)
 
     def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
-        """Torque from t to ``until``: breaks (pieces + 1,) and coefficients (pieces, 4, joints)."""
+        """Return the torque from t to ``until``: breaks (pieces + 1,) and coefficients.
+
+        The coefficients have shape (pieces, 4, joints).
+        """
         start, target = self._now(t), self._target[-1]
         count, lag = self.pieces, self._lag
         coefficients = np.zeros((count, 4, len(target)))
@@ -88,7 +93,7 @@ class Acting:
             return np.array([t, until]), coefficients
         followed = min(until - t, _SETTLED * lag)
         breaks = np.append(t + followed / (count - 1) * np.arange(count), max(until, t + followed))
-        left = (target - start) * np.exp(-(breaks - t) / lag)[:, None]  # to go, at each break
+        left = (target - start) * np.exp(-(breaks - t) / lag)[:, None]  # remaining, at each break
         h = followed / (count - 1)
         rise, slope, slope_after = left[:-1] - left[1:], left[:-1] / lag, left[1:] / lag
         coefficients[:-1, 0] -= left[:-2]
@@ -96,19 +101,19 @@ class Acting:
         coefficients[:-1, 2] = (3.0 * rise / h - 2.0 * slope - slope_after)[:-1] / h
         coefficients[:-1, 3] = (slope + slope_after - 2.0 * rise / h)[:-1] / h**2
         coefficients[-1, 0] -= left[-2]
-        if breaks[-1] == breaks[-2]:  # the last piece has no length: breaks must ascend
+        if breaks[-1] == breaks[-2]:  # breaks must increase, even if the last piece is empty
             breaks[-1] += lag
         return breaks, coefficients
 
     def _now(self, t: float) -> FloatArray:
-        """Torque (joints,) at a time t since the last change."""
+        """Return the torque (joints,) at a time t since the last change."""
         if self._lag == 0.0:
             return self._target[-1]
         left = math.exp(-(t - self._since[-1]) / self._lag)
         return self._target[-1] + (self._initial[-1] - self._target[-1]) * left
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Torque (T, joints) that acts at times (T,)."""
+        """Return the applied torque (T, joints) at times (T,)."""
         since = np.asarray(self._since)
         index = np.clip(np.searchsorted(since, times * (1.0 + 1e-12), side="right") - 1, 0, None)
         target = np.asarray(self._target)[index]

@@ -1,4 +1,4 @@
-"""The loop of sensing, control and acting, tick by tick."""
+"""Closed-loop simulation: sensing, control and actuation at each sample time."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from flexarm.loop.sampled_reference import sampled_reference
 
 
 class ClosedLoop:
-    """Sense, control, hold the torque, advance; again at the next sample time.
+    """Closed-loop run: measure, compute the torque, apply it until the next sample time.
 
     Raises:
-        InputError: controller, hardware and arm do not fit each other.
+        InputError: if controller, hardware and arm do not fit each other.
     """
 
     def __init__(
@@ -49,14 +49,15 @@ class ClosedLoop:
         self.seconds = 0.0  # spent in the controller
 
     def execute(self) -> None:
-        """Simulate to the end.
+        """Simulate to the end of the run.
 
         Raises:
-            SimulationError: the integrator gave up, or the controller returned no finite torque.
+            SimulationError: if the integrator fails, the motion diverges, or the controller
+                raises or does not return finite torques.
         """
         run, ticks = self._run, self._ticks
         self._controller.reset()
-        # A last tick that is left over from rounding alone would hold no time.
+        # Skip a last sample time that lies before the end by rounding alone.
         while ticks.time < run.duration * (1.0 - 1e-12):
             torque = self._update(ticks.time, ticks.measure())
             self.ticks.append(ticks.time)
@@ -92,19 +93,19 @@ class ClosedLoop:
             ) from None
 
     def torque_at(self, times: FloatArray) -> FloatArray:
-        """Return the torque that acts at times (T,): (T, joints)."""
+        """Return the applied torque (T, joints) at times (T,)."""
         return self._ticks.acting.at(times)
 
     def asked_at(self, times: FloatArray) -> FloatArray:
-        """Return the torque that the controller asked for last at times (T,): (T, joints)."""
+        """Return the last torque commanded by the controller (T, joints) at times (T,)."""
         index = np.searchsorted(np.asarray(self.ticks), times * (1.0 + 1e-12), side="right") - 1
         return np.asarray(self.asked)[np.clip(index, 0, None)]
 
     def report(self) -> dict[str, float]:
-        """Return what the controller reports about its run."""
+        """Return the controller's own report on its run."""
         return report_of(self._controller)
 
     def readings(self) -> Mapping[str, FloatArray]:
-        """Return what the hardware's instruments said at each sample time, by name: (ticks, k)."""
+        """Return the readings of the hardware's instruments by name: (ticks, k)."""
         names = self.measured[0] if self.measured else ()
         return {name: np.array([item[name] for item in self.measured]) for name in names}

@@ -1,4 +1,4 @@
-"""Whether a controller and an arm fit each other: asked once, before a run."""
+"""Requirements of a controller on arm, hardware and contacts, checked once before a run."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def misfits(
     where: str = "simulate",
     called: str = "",
 ) -> list[Problem]:
-    """Return what a controller relies on and will not find.
+    """Return the requirements of a controller that are not met, one problem each.
 
     Args:
-        arm: the one that is simulated.
-        contacts: how many surfaces it may touch.
-        where: the call, for messages.
-        called: what the user calls the controller; nothing for its class.
+        arm: the simulated arm.
+        contacts: number of contacts.
+        where: name of the calling function, for messages.
+        called: user's name of the controller; empty for the name of its class.
     """
     needs = needs_of(controller, arm, reference)
     called = called or type(controller).__name__
@@ -53,7 +53,7 @@ def _missing(
     there: tuple[str, ...],
     contacts: int,
 ) -> Problem:
-    """Say where the measurement of a name would come from."""
+    """Return the problem of a missing measurement, with a hint on its source."""
     if name == "contact_force" and not contacts:
         rule = f"be given: {called} measures {name}"
         return Problem(where, "contacts", rule, "missing")

@@ -1,4 +1,4 @@
-"""From one sample time to the next: sense, take a torque, hold it."""
+"""Sample times of a run: measure, command a torque, advance to the next one."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from flexarm.loop.sensors import sensing_of
 
 
 class Ticks:
-    """A run cut into sample times, with the hardware between it and whoever gives the torques.
+    """Run divided into sample times, with the hardware between arm and controller.
 
     Args:
-        sample_time: s. keep: whether the torques that acted are kept for ``acting.at``.
+        sample_time: s.
+        keep: whether the applied torques are stored for ``acting.at``.
 
     Raises:
-        InputError: the hardware does not fit the arm or the sample time.
+        InputError: if the hardware does not fit the arm or the sample time.
     """
 
     def __init__(
@@ -30,7 +31,7 @@ class Ticks:
     ) -> None:
         self.run, self._hardware = run, hardware
         self.sample_time = sample_time
-        self.tick = 0  # number of the sample time that it stands at
+        self.tick = 0  # number of the current sample time
         self._sensing = sensing_of(run, hardware, sample_time)
         self.acting = Acting(hardware, run.arm.joints, keep)
         self._bodies = run.arm.assembly.joint_body
@@ -42,10 +43,10 @@ class Ticks:
         return self.run.system(TorqueHistory(breaks, held, np.zeros(0)))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy or a pickle keeps: readers and system are made anew of the run.
+        """Return the state for copies and pickles; readers and system are created again.
 
-        Nothing in the system outlasts a sample time: torque, loads and touches are written into it
-        before they are read.
+        The system stores nothing from one sample time to the next: torque, loads and contact
+        forces are written before they are read.
         """
         kept = {name: value for name, value in self.__dict__.items() if name != "_system"}
         return kept | {"_sensing": self._sensing.memory()}
@@ -58,18 +59,18 @@ class Ticks:
 
     @property
     def time(self) -> float:
-        """Sample time (s) that it stands at."""
+        """Current sample time (s)."""
         return self.tick * self.sample_time
 
     def measure(self) -> Measurement:
-        """Return what the sensors say; to be asked once at each sample time, in order."""
+        """Return the readings of the sensors; call once at each sample time, in order."""
         return self._sensing.measure(self.tick, self.time, self.run.progress.state, self._system)
 
     def hold(self, torque: FloatArray) -> None:
-        """Ask for a torque (joints,) N m and go on to the next sample time, or to the run's end.
+        """Command a torque (joints,) N m and advance to the next sample time or the run's end.
 
         Raises:
-            SimulationError: the integrator gave up.
+            SimulationError: if the integrator fails.
         """
         self.acting.ask(self.time, torque)
         self.tick += 1
@@ -78,9 +79,9 @@ class Ticks:
             self._advance(until)
 
     def _advance(self, until: float) -> None:
-        """Go on to ``until``, or to where another torque begins to act."""
+        """Advance to ``until``, or to the time at which the applied torque changes."""
         run, acting, now = self.run, self.acting, self.run.progress.time
-        # Plain motors need no rates, and indexing with an array was a sixth of the time of `hold`.
+        # Plain motors need no rates, and this indexing would be a sixth of the time of `hold`.
         rate = None if acting.plain else run.progress.state[1, self._bodies, 0]
         acting.hold(now, rate)
         change = acting.next_change(now, until)

@@ -1,4 +1,4 @@
-"""A reference looked up at the controller's sample times instead of computed at each."""
+"""Reference tabulated at the controller's sample times, to avoid an evaluation at each."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 
-_MOST_TICKS = 1e8  # of a controller in one run; more do not fit into memory
-#: Functions of a reference that are looked up, besides the motion of the joints.
+_MOST_TICKS = 1e8  # limit on the sample times of a run, given by the memory
+#: Methods of a reference that are tabulated, in addition to the motion of the joints.
 _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
 
 
 class SampledReference:
-    """The same reference, evaluated for all sample times in one go.
+    """Reference that is evaluated for all sample times in one call.
 
-    A motion computes a thousand times as fast as it answers a thousand single questions, and
-    controllers ask at every sample. At other times, and for many times at once, it asks the
-    reference itself, as for anything else that this knows.
+    One call of a motion for a thousand times is a thousand times as fast as a thousand calls, and
+    controllers evaluate the reference at every sample time. Other times, and everything that is
+    not tabulated, go to the reference itself.
     """
 
     vectorized = True
@@ -41,7 +41,7 @@ class SampledReference:
             self._tables["joint_acceleration"] = acceleration
 
     def _look_up(self, name: str, t: ArrayLike) -> Any:
-        # What is not one of the ticks to the last bit would get the answer of another time.
+        # Only times that equal a sample time exactly have the tabulated value.
         if isinstance(t, float) or np.ndim(t) == 0:
             k = round(float(t) / self._sample_time)  # type: ignore[arg-type]
             if 0 <= k < len(self._ticks) and k * self._sample_time == t:
@@ -74,7 +74,7 @@ class SampledReference:
         return found
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # asked for by copies and pickles, before there is a reference
+        if name.startswith("_"):  # copies and pickles look these up before `_reference` is set
             raise AttributeError(name)
         if name in _MORE and hasattr(self._reference, name):
             return lambda t: self._look_up(name, t)
@@ -84,7 +84,7 @@ class SampledReference:
 def sampled_reference(
     reference: Reference | None, sample_time: float, duration: float
 ) -> Reference | None:
-    """Look up at sample times what takes many at once; leave any other reference as it is."""
+    """Tabulate a vectorized reference at the sample times; return any other one unchanged."""
     if getattr(reference, "vectorized", False):
         return SampledReference(reference, sample_time, duration)
     return reference

@@ -1,4 +1,4 @@
-"""What sensors find at a sample time: exact values of a run's state, then each instrument's own."""
+"""Sensors of the sampled loop: exact values of the state, and the readings of instruments."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from flexarm.observe import channels_of, contact_forces, contact_values
 if TYPE_CHECKING:
     from flexarm.engine.stepping import Run
 
-#: Value of a signal from the state (2, n, 1 + m), the system and the time.
+#: Function of the state (2, n, 1 + m), the system and the time that returns a signal's value.
 Reader = Callable[[FloatArray, System, float], FloatArray]
-#: Columns of the tip that ``poses`` fills.
+#: Columns of the tip in the results of ``poses``.
 _TIP = {
     "tip": slice(0, 2),
     "tip_angle": slice(2, 3),
@@ -38,20 +38,20 @@ _TIP = {
 
 
 class TipMotion:
-    """Position x, y, angle of the tip and their rates, without computing all channels."""
+    """Position x, y and angle of the tip and their rates, computed without the other channels."""
 
     def __init__(self, arm: Arm) -> None:
         self._kernels = KernelView(arm.assembly.constants)
         self._poses, self._tip = self._kernels.pose_arrays()
 
     def __call__(self, state: FloatArray) -> FloatArray:
-        """Return (6,) m, rad, m/s, rad/s at a state (2, n, 1 + m); overwritten by the next call."""
+        """Return (6,) m, rad, m/s, rad/s at a state (2, n, 1 + m); reused by the next call."""
         self._kernels.call(poses, state, self._poses, self._tip)
         return self._tip
 
 
 class ExactSensing:
-    """Sensors without error: what an arm gives to a controller unless hardware is named."""
+    """Exact sensors, the default if no hardware is given."""
 
     def __init__(self, run: Run) -> None:
         names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
@@ -62,20 +62,20 @@ class ExactSensing:
         self._none = {} if run.arm.gauges else {"strain": np.zeros(0)}
 
     def memory(self) -> tuple[Readings, ...]:
-        """Return what is remembered from one sample time to the next: nothing."""
+        """Return the state of the sensors between sample times, which is empty."""
         return ()
 
     def recall(self, memory: tuple[Readings, ...]) -> None:
-        """Go on where another one stood that had the memory."""
+        """Restore the state of the sensors; exact sensors have none."""
 
     def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
-        """Return the measurement of sample time k, at t (s)."""
+        """Return the measurement at sample time k, at t (s)."""
         values = {name: read(state, system, t) for name, read in self._readers}
         return Measurement(**values, **self._none)
 
 
 class InstrumentSensing:
-    """Sensors as the hardware has them."""
+    """Instruments of the hardware, with their errors."""
 
     def __init__(self, run: Run, hardware: Hardware, tick: float) -> None:
         assert hardware.instruments is not None
@@ -88,16 +88,16 @@ class InstrumentSensing:
         ]
 
     def memory(self) -> tuple[Readings, ...]:
-        """Return what is remembered from one sample time to the next."""
+        """Return the state of the instruments between sample times."""
         return tuple(readings for readings, _ in self._pairs)
 
     def recall(self, memory: tuple[Readings, ...]) -> None:
-        """Go on where another one stood that had the memory."""
+        """Restore the state of the instruments."""
         readers = [read for _, read in self._pairs]
         self._pairs = list(zip(memory, readers, strict=True))
 
     def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
-        """Return the measurement of sample time k, at t (s)."""
+        """Return the measurement at sample time k, at t (s)."""
         values: dict[str, FloatArray] = {}
         for readings, read in self._pairs:
             if readings.wants(k):
@@ -107,9 +107,10 @@ class InstrumentSensing:
 
 
 def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[str, ...]:
-    """Return the names in the measurements of an arm with so many contacts.
+    """Return the names in the measurements of an arm with a number of contacts.
 
-    Without hardware the strain of an arm without gauges is there, but empty, and does not count.
+    Without hardware the measurements of an arm without gauges contain an empty strain, which is
+    not in this list.
     """
     if hardware is not None and hardware.instruments is not None:
         return tuple(label for item in hardware.instruments for label in item.labels)
@@ -120,10 +121,11 @@ def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[
 def sensing_of(
     run: Run, hardware: Hardware | None, tick: float
 ) -> ExactSensing | InstrumentSensing:
-    """Make the sensors of a run whose controller acts every ``tick`` seconds.
+    """Create the sensors of a run whose controller has the sample time ``tick`` (s).
 
     Raises:
-        InputError: an instrument has no place on this arm, or frames between sample times.
+        InputError: if an instrument does not fit the arm or the contacts, or its sample
+            time is not a multiple of ``tick``.
     """
     if hardware is None or hardware.instruments is None:
         return ExactSensing(run)
@@ -146,7 +148,7 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
 
 
 def _channel(arm: Arm, name: str) -> Reader:
-    """Read a channel; those that controllers ask for most without computing all the others."""
+    """Return the reader of a channel; frequent channels are computed without the others."""
     joints = arm.assembly.joint_body
     if name in ("joint_angle", "joint_rate"):
         level = int(name == "joint_rate")
@@ -162,28 +164,28 @@ def _channel(arm: Arm, name: str) -> Reader:
 
 
 def _contact_force(run: Run) -> Reader:
-    """Read the forces (contacts, 2) of contacts on the arm, world axes."""
+    """Return the reader of the contact forces (contacts, 2) on the arm, N, world axes."""
     arm, placed = run.arm, run.loads.placed.contacts
     kernels = KernelView(arm.assembly.constants)
     return lambda state, system, t: contact_forces(arm, placed, state[None], kernels)[0]
 
 
 def _contact_gap(run: Run) -> Reader:
-    """Read the gaps (contacts,) of contacts, m; negative in touch."""
+    """Return the reader of the contact gaps (contacts,), m; negative in contact."""
     arm, placed = run.arm, run.loads.placed.contacts
     kernels = KernelView(arm.assembly.constants)
     return lambda state, system, t: contact_values(arm, placed, state[None], kernels)[0, :, GAP]
 
 
 def _torque(arm: Arm, system: System, t: float) -> FloatArray:
-    """Torque that the motors give until t."""
+    """Return the motor torque just before t."""
     torque = np.zeros(arm.assembly.bodies)
     torque_at(system, t, True, torque)
     return torque[arm.assembly.joint_body]
 
 
 def _point(arm: Arm, sensor: Sensor) -> Reader:
-    """Read the motion of a point; accelerations are those under the torque up to then."""
+    """Return the reader of a point's motion; accelerations use the torque just before t."""
     places = place_loads(
         arm, "Hardware", [Load(sensor.link, station=sensor.station)], what="Sensor"
     )

@@ -1,4 +1,4 @@
-"""Whether the sampled loop of a run is stable, found before it begins."""
+"""Stability of the sampled loop of a run, analysed before the run."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from flexarm.loop_analysis.plant_model import (
 )
 from flexarm.observe import channels_of, contact_forces
 
-#: Growth over the run below which an instability stays unnoticed.
+#: Growth over the run below which an instability is ignored.
 _NOTICED = 10.0
 _OF_CONTACTS = ("contact_force", "contact_gap")
-#: Of the differences, in the units of the coordinates and in N m: of a smooth function their error
-#: is then about 1e-9.
+#: Step of the differences, in the units of the coordinates and in N m; for a smooth function their
+#: error is then about 1e-9.
 _STEP = 1e-5
 
 
@@ -46,18 +46,19 @@ def instability(
     initial: FloatArray,
     duration: float,
 ) -> str:
-    """Say how the sampled loop is unstable at the beginning or the end of a motion, or nothing.
+    """Describe an instability of the sampled loop at the start or end of a motion; empty if none.
 
-    An instability that grows less than tenfold within the run does not count. Not judged are
+    An instability that grows less than tenfold within the run is ignored. Not analysed are
     controllers that do not declare their memory, cannot be copied or fail in the analysis, and
     instruments that read a `Sensor` or a torque.
 
     Args:
-        arm: what the controller believes the plant to be.
-        initial: q (dof,) of the plant at the start. duration: of the run, s.
+        arm: the controller's model of the plant.
+        initial: q (dof,) of the plant at the start.
+        duration: of the run, s.
 
     Raises:
-        MemoryNameError: if the controller's ``memory`` names something that it does not have.
+        MemoryNameError: if the controller's ``memory`` names an attribute that it does not have.
     """
     if memory_of(controller) is None:
         return ""
@@ -68,13 +69,13 @@ def instability(
     bare = [replace(contact, friction=0.0) for contact in contacts]
     for t, when in _times(reference, duration):
         try:
-            with one_warning():  # The run reports its own states.
+            with one_warning():  # the run itself warns of its states
                 growth, frequency, size = _worst(
                     (arm, plant), controller, reference, hardware, bare, initial, t, instruments
                 )
         except MemoryNameError:
             raise
-        except Exception:  # No rest, or a controller that fails there: the run itself reports that.
+        except Exception:  # the run itself reports a missing equilibrium or a failing controller
             continue
         if growth * duration > np.log(_NOTICED):
             return (
@@ -87,7 +88,7 @@ def instability(
 
 
 def _times(reference: Reference | None, duration: float) -> list[tuple[float, str]]:
-    """Return the times (s) of the postures that are looked at."""
+    """Return the times (s) of the postures to analyse, with their description."""
     end = min(float(getattr(reference, "end_time", 0.0) or 0.0), duration)
     if reference is None or end <= 0.0:
         return [(0.0, "at the start")]
@@ -104,7 +105,7 @@ def _worst(
     t: float,
     instruments: list[Instrument],
 ) -> tuple[float, float, float]:
-    """Return growth (1/s), frequency (Hz) and magnitude of the loop's fastest growing pole."""
+    """Return growth (1/s), frequency (Hz) and magnitude of the fastest growing pole."""
     rate, (arm, plant) = sliding(controller, reference, *arms)
     still = HeldReference(reference, t) if reference is not None else None
     presses = bool(contacts) and hasattr(reference, "contact_force")
@@ -112,7 +113,7 @@ def _worst(
     if reference is not None and (presses or t > 0.0):
         angle = np.asarray(reference.joint_angle(t))
     touched = contacts if presses else ()
-    # Straight links under gravity are not at rest: their stiffness is another one.
+    # Straight links under gravity are not in equilibrium: the sagged links have another stiffness.
     bends = presses or any(plant.spec.gravity)
     signals = signals_of(instruments)
 
@@ -120,7 +121,7 @@ def _worst(
         q = equilibrium(one, angle, contacts=touched).q if bends else one.rest(angle)
         free = [name for name in signals if touched or name not in _OF_CONTACTS]
         model = differenced(one, q, free, touched)
-        for name in set(signals) - set(free):  # nothing presses: they read zero
+        for name in set(signals) - set(free):  # without contact these signals are zero
             size = len(contacts) * (2 if name == "contact_force" else 1)
             none = np.zeros((size, 2 * one.dof)), np.zeros((size, one.joints))
             model.signals[name] = Signal(np.zeros(size), *none)
@@ -136,10 +137,10 @@ def _worst(
 def differenced(
     arm: Arm, q: FloatArray, signals: Sequence[Any], contacts: Sequence[Contact]
 ) -> PlantModel:
-    """Return what ``linearize`` computes, by central differences of what a run evaluates anyway.
+    """Linearize by central differences of the functions that a run evaluates anyway.
 
-    The derivatives that are exact to rounding take kernels of complex numbers, which a run does
-    not need: compiling them would double the time that a first run takes on a machine.
+    ``linearize`` computes the same to rounding accuracy, but needs kernels for complex numbers that
+    a run does not use. Compiling them would double the time of the first run on a machine.
 
     Args:
         q: (dof,), where the arm is at rest under some torque.

@@ -1,4 +1,4 @@
-"""Files of results and figures: checked before the work, written whole or not at all."""
+"""Files of results and figures, validated in advance and written completely or not at all."""
 
 from flexarm.output.figures import FIGURE_SUFFIXES, write_figure
 from flexarm.output.formats import FORMATS, read_result, write_result

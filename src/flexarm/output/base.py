@@ -1,4 +1,4 @@
-"""What a file format is."""
+"""Interface of a file format for results."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format of results. The rules that ``write_result`` relies on:
+    """File format of results.
+
+    ``write_result`` requires that:
 
     1. ``encode`` returns the content of the file in parts; it opens no file.
     2. A written number reads back as the same float, to the bit.
     3. Names and units are in the file.
     4. ``read`` returns a dataset equal to the one written, attributes included, and raises
        ``OSError`` if the file is not of this format or damaged. It is None if the format cannot
-       hold all of a result.
+       store a complete result.
     """
 
     name: str

@@ -1,8 +1,8 @@
-"""A table for spreadsheets and MATLAB: one row for each time, one column for each number.
+"""CSV table for spreadsheets and MATLAB: one row per time, one column per number.
 
-The header names every column after its channel, with the unit: ``joint_angle_1 [rad]``,
-``tip_x [m]``, ``strain_1 [1]``, ``joint_force_2_x [N]``. What is not given at those times, such as
-readings of instruments and events, is left to NetCDF.
+The header contains the channel and unit of every column: ``joint_angle_1 [rad]``, ``tip_x [m]``,
+``strain_1 [1]``, ``joint_force_2_x [N]``. Data at other times, such as readings of instruments and
+events, are only in NetCDF files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flexarm.output.base import Format
 if TYPE_CHECKING:
     import xarray as xr
 
-_ROWS_AT_ONCE = 4096  # bounds the memory of the text of long runs
+_ROWS_AT_ONCE = 4096  # limits the memory for the text of long runs
 
 
 def columns(result: xr.Dataset) -> list[str]:
@@ -35,12 +35,12 @@ def columns(result: xr.Dataset) -> list[str]:
 
 
 def _over_time(result: xr.Dataset) -> list[str]:
-    """Names of what has a value at each time; what controllers measured has times of its own."""
+    """Return the names of variables over time; measurements have their own times."""
     return [str(name) for name, item in result.data_vars.items() if item.dims[:1] == ("time",)]
 
 
 def _parts(result: xr.Dataset, variable: xr.DataArray) -> Iterator[tuple[str, str]]:
-    """Yield what tells the columns of a channel apart, and the unit of each."""
+    """Yield the suffix and the unit of each column of a channel."""
     unit = str(variable.attrs.get("units", "1"))
     labels = [_labels(result, str(dimension)) for dimension in variable.dims[1:]]
     for parts in itertools.product(*labels):
@@ -54,7 +54,7 @@ def _parts(result: xr.Dataset, variable: xr.DataArray) -> Iterator[tuple[str, st
 
 
 def _labels(result: xr.Dataset, dimension: str) -> list[object]:
-    """Gauges and stations are counted from 1; joints and links have numbers, the rest names."""
+    """Return the labels of a dimension: its values, or numbers from 1 for gauges and stations."""
     values = result[dimension].values
     counted = dimension in ("gauge", "station")
     return list(range(1, values.size + 1)) if counted else list(values)
@@ -66,7 +66,7 @@ def _encode(result: xr.Dataset) -> Iterator[bytes]:
     table = np.column_stack([times, *blocks])
     yield _lines([columns(result)])
     for start in range(0, len(table), _ROWS_AT_ONCE):
-        # The writer spells a float with the digits that read back as the same float.
+        # The csv module writes floats with digits that read back as the same float.
         yield _lines(table[start : start + _ROWS_AT_ONCE].tolist())
 
 

@@ -1,4 +1,4 @@
-"""Figures to files. Any figure that can save itself will do: Matplotlib stays in ``plot``."""
+"""Files of figures. A protocol stands for the figure, so that Matplotlib stays in ``plot``."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from typing import Any, Protocol
 
 from flexarm.places import AnyPath, check_place, write_whole
 
-#: What a figure's file may end in.
+#: File suffixes of figures.
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 
 class Savable(Protocol):
-    """A Matplotlib figure, or what behaves like one."""
+    """Matplotlib figure or similar object."""
 
     def savefig(self, fname: Any, /, *, format: str) -> None:
         """Write the picture to a file or stream."""
 
 
 def write_figure(figure: Savable, path: AnyPath) -> None:
-    """Write a figure in the format that the suffix of ``path`` names.
+    """Write a figure in the format of the suffix of ``path``.
 
-    The file appears complete or not at all.
+    The file is written completely or not at all.
 
     Raises:
-        InputError: unknown suffix, or a path that cannot be written.
+        InputError: if the suffix is unknown or the path cannot be written.
     """
     place = check_place("write_figure", "path", path, FIGURE_SUFFIXES)
     picture = BytesIO()

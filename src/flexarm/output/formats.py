@@ -1,4 +1,4 @@
-"""The file formats of results, by suffix. To add one: a file beside this, a row in ``FORMATS``."""
+"""File formats of results by suffix; a new format needs a module here and a row in ``FORMATS``."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from flexarm.places import AnyPath, check_place, write_whole
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Every format by the suffix of its files.
+#: All formats by file suffix.
 FORMATS: dict[str, Format] = {form.suffix: form for form in (NETCDF, CSV)}
 
 
 def write_result(result: xr.Dataset, path: AnyPath) -> None:
-    """Write the dataset of ``simulate`` in the format that the suffix of ``path`` names.
+    """Write the dataset of ``simulate`` in the format of the suffix of ``path``.
 
-    The file appears complete or not at all.
+    The file is written completely or not at all.
 
     Raises:
-        InputError: unknown suffix, or a path that cannot be written.
+        InputError: if the suffix is unknown or the path cannot be written.
     """
     result = check_dataset("write_result", "result", result)
     place = check_place("write_result", "path", path, FORMATS)
@@ -34,7 +34,7 @@ def write_result(result: xr.Dataset, path: AnyPath) -> None:
 
 
 def read_result(path: AnyPath) -> xr.Dataset:
-    """Read back a result that ``write_result`` has written, in a format that keeps all of it.
+    """Read a result written by ``write_result``, in a format that stores all of it.
 
     Raises:
         InputError: if the file is missing, damaged, or not a result.

@@ -1,4 +1,4 @@
-"""Linear models to files: MATLAB's and JSON."""
+"""Files of linear models, for MATLAB and as JSON."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.places import AnyPath, check_place, write_text, write_whole
 
 if TYPE_CHECKING:
-    # Not at run time: processes that only draw figures would load the kernels for nothing.
+    # Import for type checks only, because processes that only draw figures do not need the kernels.
     from flexarm.linear import LinearModel
 
-#: What a linear model's file may end in.
+#: File suffixes of linear models.
 MODEL_SUFFIXES = (".mat", ".json")
 
 
 def save_linear(model: LinearModel, path: AnyPath) -> None:
-    """Write a linear model to a ``.mat`` or ``.json`` file, whole or not at all.
+    """Write a linear model to a ``.mat`` or ``.json`` file, completely or not at all.
 
-    Both hold the same names: ``A``, ``B``, ``C``, ``D``, ``mass``, ``damping``, ``stiffness``, the
-    operating point, and the names and units of states, inputs and outputs. In MATLAB
+    Both contain the same names: ``A``, ``B``, ``C``, ``D``, ``mass``, ``damping``, ``stiffness``,
+    the operating point, and the names and units of states, inputs and outputs. In MATLAB
     ``load model.mat; sys = ss(A, B, C, D)``; the names are cell arrays.
 
-    Missing folders are made, as by all that saves.
+    Missing folders are created.
 
     Raises:
-        InputError: no linear model, an unknown suffix, or a path that cannot be written.
+        InputError: if ``model`` is not a linear model, the suffix is unknown, or the path cannot
+            be written.
     """
     from flexarm.linear import LinearModel
 

@@ -1,8 +1,8 @@
-"""NetCDF 4: the whole result, with labels, units, the arm and how it was computed.
+"""NetCDF 4 files: the complete result with labels, units, the arm and the settings of the run.
 
-Files are encoded in memory: HDF5 crashes the process if a disk is full while it writes, and it
-leaves the file open. After the end of the HDF5 content, where readers of NetCDF do not look,
-comes a digest of it. HDF5 notices most damage of its own structures and none of the numbers.
+Files are encoded in memory, because HDF5 crashes the process if a disk is full while it writes,
+and leaves the file open. A digest follows after the end of the HDF5 content, where readers of
+NetCDF do not look. HDF5 detects most damage of its own structures, but none of the numbers.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _AT_ONCE = 1 << 20
 
 
 def encode_netcdf(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:
-    """Yield the content of the NetCDF file of a dataset, its digest last."""
-    # A copy: a view that outlives its buffer, as in an error's traceback, ends in a message.
+    """Yield the content of the NetCDF file of a dataset, followed by its digest."""
+    # Copy the content: a view that outlives its buffer, as in a traceback, prints an error message.
     content = bytes(dataset.to_netcdf(engine="h5netcdf"))
     yield content
     yield _MARK + hashlib.sha256(content).digest()
@@ -37,22 +37,22 @@ def _read(path: AnyPath) -> xr.Dataset:
     _check_digest(path)
     try:
         with h5py.File(path, "r") as file:
-            # h5netcdf begins with this too, and prints a traceback of its own where it fails.
+            # h5netcdf also reads this first, and prints its own traceback if it fails.
             file.attrs.get("_nc3_strict")
         return xr.load_dataset(path, engine="h5netcdf")
     except FileNotFoundError:
         raise
     except Exception as error:
-        # A damaged file raises whatever the line that meets the damage raises: KeyError,
-        # RuntimeError, UnicodeDecodeError, MemoryError and others.
+        # A damaged file may raise anything: KeyError, RuntimeError, UnicodeDecodeError, MemoryError
+        # and others, depending on the damage.
         raise OSError(f"{type(error).__name__}: {error}") from None
 
 
 def _check_digest(path: AnyPath) -> None:
-    """Compare a file with the digest at its end, if it has one: files of other programs do not.
+    """Compare a file with the digest at its end; files of other programs have none.
 
     Raises:
-        OSError: if the file cannot be read or differs from what was written.
+        OSError: if the file cannot be read or its content differs from the digest.
     """
     with open(path, "rb") as stream:
         end = stream.seek(0, 2) - len(_MARK) - _DIGEST_BYTES

@@ -1,10 +1,10 @@
 """Plots of results, modes and linear models: the only package that imports Matplotlib.
 
 ``fa.plot.history(result)`` and the other plots draw into given Matplotlib axes, or into a new
-figure of pyplot, and return the axes. Names that end in ``_figure`` return a whole
-``matplotlib.figure.Figure`` that pyplot does not know, for programs without a screen. Nothing is
-saved; ``figure.savefig(path)`` does. Names are loaded when they are first used, because other
-modules of this package need no Matplotlib.
+figure of pyplot, and return the axes. Functions with names that end in ``_figure`` return a
+``matplotlib.figure.Figure`` that is not registered with pyplot, for programs without a screen. No
+file is written; use ``figure.savefig(path)``. Names are loaded when they are first used, because
+some modules of this package do not need Matplotlib.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flexarm.plot.vibration import modes_figure as modes_figure
     from flexarm.plot.vibration import tracks_figure as tracks_figure
 
-#: Every public plot, and the module that holds it.
+#: Module of each public plot.
 _HOME = {
     "bending_moment": "bodies",
     "bode": "response",

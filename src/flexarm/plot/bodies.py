@@ -1,4 +1,4 @@
-"""The arm itself: its postures, how its links bend, the moments inside them."""
+"""Plots of the arm: postures, deflections of the links, bending moments."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from flexarm.plot.style import BLUE, GREY, INK, RIGID, SKY, VERMILLION, legend_a
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Early postures light, late ones dark.
+#: Colours by time: early postures light, late ones dark.
 AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 _MOST = 200
 _SPAN: dict[str, Any] = {"color": SKY, "alpha": 0.25, "linewidth": 0.0}
@@ -47,9 +47,9 @@ def postures(
 
     Args:
         result: of ``simulate``, ``run_scenario`` or ``read_result``.
-        count: of postures, from the first sample to the last.
-        rigid: True adds the arm without bending at the same joint angles, dashed; a result, such as
-            that of ``arm.rigid()`` with the same torques, adds the arm of that one.
+        count: number of postures, from the first sample to the last.
+        rigid: True adds the rigid counterpart at the same joint angles, dashed; a result, such as
+            that of ``arm.rigid()`` with the same torques, adds the arm of that result.
         magnify: factor on the bending of the links. The path is that of the drawn tip.
         axes: Matplotlib axes to draw into; None for a new figure.
 
@@ -57,9 +57,9 @@ def postures(
         The Matplotlib axes.
 
     Raises:
-        InputError: if the result does not hold the motion of an arm, ``count`` is not a whole
-            number from 2 to 200, ``magnify`` is not from 0 to 10,000, or ``rigid`` is neither a
-            truth value nor a result.
+        InputError: if the result does not contain the motion of an arm, ``count`` is not an
+            integer from 2 to 200, ``magnify`` is not from 0 to 10,000, or ``rigid`` is neither a
+            bool nor a result.
     """
     where = "plot.postures"
     result = check_drawable(where, "result", result)
@@ -89,7 +89,7 @@ def postures(
 
 
 def _draw_arms(panel: Axes, shapes: FloatArray, looks: list[dict[str, Any]], name: str) -> None:
-    """Draw shapes (k, links, stations, 2), and their inner joints as dots; the last is named."""
+    """Draw shapes (k, links, stations, 2) with inner joints as dots; the last one has a label."""
     for k, (links, look) in enumerate(zip(shapes, looks, strict=True)):
         label = name if k == len(shapes) - 1 else "_"
         panel.plot(*links.reshape(-1, 2).T, **{**look, "label": label})
@@ -98,7 +98,7 @@ def _draw_arms(panel: Axes, shapes: FloatArray, looks: list[dict[str, Any]], nam
 
 
 def _name_tip(panel: Axes, words: str, tip: FloatArray, other: FloatArray) -> None:
-    """Write beside a tip, on the side away from where it goes or comes from."""
+    """Label a tip on the side that faces away from ``other``, a tip position nearby in time."""
     right = tip[0] >= other[0]
     near: dict[str, Any] = {"textcoords": "offset points", "ha": "left" if right else "right"}
     place = (float(tip[0]), float(tip[1]))
@@ -116,20 +116,20 @@ def _tip_path(arm: Arm, result: xr.Dataset, magnify: float) -> FloatArray:
 
 
 def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
-    """Draw how far the links bend from their root tangents: the range of the run, and some times.
+    """Draw the deflection of the links from their root tangents: range of the run and some times.
 
     Args:
         result: as in `postures`.
-        count: of times at which the links are drawn, from the first sample to the last.
+        count: number of times at which the links are drawn, from the first sample to the last.
         axes: Matplotlib axes to draw into; None for a new figure.
 
     Returns:
-        The Matplotlib axes. Horizontal: the distance from the base along the arm, m. Of runs with
+        The Matplotlib axes. Horizontal: the distance from the base along the arm, m. For runs with
         more than 4000 samples the range is that of 4000 of them.
 
     Raises:
-        InputError: if the result does not hold the motion of an arm, or ``count`` is not a whole
-            number from 1 to 200.
+        InputError: if the result does not contain the motion of an arm, or ``count`` is not an
+            integer from 1 to 200.
     """
     where = "plot.deflection"
     result = check_drawable(where, "result", result)
@@ -157,17 +157,17 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
 
 
 def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
-    """Draw the envelope of the bending moment along the arm, and where it is largest.
+    """Draw the envelope of the bending moment along the arm, and mark its largest value.
 
     Args:
-        result: of a run with ``stations=11``, for instance, which records section forces.
+        result: of a run with, for example, ``stations=11``, which records section forces.
         axes: Matplotlib axes to draw into; None for a new figure.
 
     Returns:
         The Matplotlib axes. Horizontal: the distance from the base along the arm, m.
 
     Raises:
-        InputError: if the result holds no bending moments.
+        InputError: if the result does not contain bending moments.
     """
     where = "plot.bending_moment"
     result = check_drawable(where, "result", result)
@@ -193,7 +193,7 @@ def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
 def _name_peak(
     panel: Axes, result: xr.Dataset, moment: FloatArray, along: FloatArray, unit: str
 ) -> None:
-    """Mark the largest absolute moment; write its value and its time."""
+    """Mark the largest absolute moment with its value and its time."""
     k, link, station = np.unravel_index(int(np.abs(moment).argmax()), moment.shape)
     value, place = float(moment[k, link, station]), float(along[link, station])
     panel.plot(place, value, "o", color=INK, markersize=4.0, label="_", clip_on=False)
@@ -201,7 +201,7 @@ def _name_peak(
     left = place < along.mean()
     near: dict[str, Any] = {"textcoords": "offset points", "va": "center"}
     near["ha"] = "left" if left else "right"
-    inward = -10 if value > 0.0 else 10  # away from the curve that the peak lies on
+    inward = -10 if value > 0.0 else 10  # away from the envelope that the peak lies on
     panel.annotate(words, (place, value), xytext=(4 if left else -4, inward), **near)
 
 

@@ -1,4 +1,4 @@
-"""Axes to draw into: the caller's, or those of a new figure in the house style."""
+"""Axes for plots: those of the caller, or of a new figure in the package's style."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from flexarm.errors import InputError, Problem, shown
 from flexarm.plot.style import SCREEN_DPI, Sheet, margins, place_labels, styled
 
-#: Several axes, as ``plt.subplots`` returns them.
+#: Array of axes, as returned by ``plt.subplots``.
 AxesArray = NDArray[np.object_]
 Arrange = Callable[[Sheet], Sequence[Axes]]
 
-#: Width of the text of a page, A4 with the usual margins, inches.
+#: Width of the text on an A4 page with the usual margins, inches.
 WIDTH = 6.5
 
 
@@ -26,17 +26,17 @@ def panels(
 ) -> Iterator[list[Axes]]:
     """Yield ``count`` axes: the given ones, or those of a new figure of pyplot.
 
-    A figure of pyplot, so that notebooks and ``plt.show()`` show it. Axes of the caller keep the
-    caller's settings.
+    The figure is registered with pyplot, so that notebooks and ``plt.show()`` display it. Axes of
+    the caller keep the caller's settings.
 
     Args:
-        where: the call, for the message.
+        where: name of the calling function, for messages.
         axes: Matplotlib axes, several as a list or array of any shape; None for a new figure.
         size: width and height of the new figure, inches.
-        arrange: adds the axes to the new figure.
+        arrange: function that adds the axes to the new figure.
 
     Raises:
-        InputError: if ``axes`` are not that many Matplotlib axes.
+        InputError: if ``axes`` is not that number of Matplotlib axes.
     """
     if axes is not None:
         yield checked_axes(where, axes, count)
@@ -57,7 +57,7 @@ def checked_axes(where: str, axes: object, count: int) -> list[Axes]:
     """Return ``count`` Matplotlib axes as a list.
 
     Raises:
-        InputError: if ``axes`` are not that many Matplotlib axes.
+        InputError: if ``axes`` is not that number of Matplotlib axes.
     """
     if isinstance(axes, np.ndarray):
         given = list(axes.ravel())
@@ -71,7 +71,7 @@ def checked_axes(where: str, axes: object, count: int) -> list[Axes]:
 
 
 def rows(count: int, **edges: float) -> Arrange:
-    """Return an arrangement of panels below each other that share the horizontal axis."""
+    """Return an arrangement of panels in one column with a common horizontal axis."""
 
     def arrange(sheet: Sheet) -> list[Axes]:
         made = sheet.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
@@ -82,7 +82,7 @@ def rows(count: int, **edges: float) -> Arrange:
 
 
 def array_of(axes: Sequence[Axes], *shape: int) -> AxesArray:
-    """Return axes as an array of a shape; by default in a row."""
+    """Return axes as an array of the given shape; by default one-dimensional."""
     found = np.empty(len(axes), dtype=object)
     found[:] = axes
     return found.reshape(shape) if shape else found

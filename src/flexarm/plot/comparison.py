@@ -1,4 +1,4 @@
-"""Figure of a comparison: a panel for each number, a line for each controller, a dot a plant."""
+"""Plots of a comparison: a panel for each metric, a line for each controller, a mark per plant."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ if TYPE_CHECKING:
 
     from flexarm.assemble import FloatArray
 
-#: Numbers drawn where they are there: name, title, factor to the unit shown.
+#: Metrics to draw if available: name, title, factor to the displayed unit.
 _PANELS = (
     ("tip_error_rms", "tip error, RMS [mm]", 1e3),
     ("residual_vibration", "residual vibration [mm]", 1e3),
     ("force_error_rms", "force error, RMS [N]", 1.0),
     ("torque_rms", "torque, RMS [N m]", 1.0),
 )
-#: Drawn in place of zeros.
+#: Value drawn instead of zero on the logarithmic axis.
 _LEAST = 1e-9
 _MARKS = "os^Dv<>ph*"
 _WIDTH, _LINE, _EDGES = 8.27, 0.27, 1.0  # inches
 
 
 def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
-    """Draw the numbers of ``flexarm.compare`` or ``run_study``, a row of panels for each reference.
+    """Draw the metrics of ``flexarm.compare`` or ``run_study``, a row of panels per reference.
 
-    A line is a controller, a mark a plant. Runs that stopped early are marked by a cross at the
-    right edge. Numbers that no run has, such as a force without a contact, have no panel.
+    A line is a controller, a mark a plant. A cross at the right edge marks a run that stopped
+    early. Metrics without a finite value, such as a force without contact, have no panel.
 
     Args:
-        table: as these functions return it.
-        axes: Matplotlib axes to draw into, one for each reference and number; None for a new
+        table: as returned by these functions.
+        axes: Matplotlib axes to draw into, one for each reference and metric; None for a new
             figure.
 
     Returns:
-        An array (references, numbers) of Matplotlib axes.
+        An array (references, metrics) of Matplotlib axes.
 
     Raises:
-        InputError: if the table is not one of `compare`, holds no finite number, or ``axes`` are
-            not one for each panel.
+        InputError: if the table is not one of `compare`, has no finite number, or ``axes`` does
+            not have one item for each panel.
     """
     drawing = _Numbers("plot.study", table)
     shape = (len(drawing.references), len(drawing.chosen))
@@ -61,10 +61,10 @@ def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
 
 
 def comparison_figure(table: xr.Dataset) -> Sheet:
-    """Draw the numbers as `study` does, on a figure that pyplot does not know.
+    """Draw the metrics as `study` does, in a figure that is not registered with pyplot.
 
     Raises:
-        InputError: if the table is not one of `compare`, or holds no finite number.
+        InputError: if the table is not one of `compare`, or has no finite number.
     """
     drawing = _Numbers("comparison_figure", table)
     sheet = Sheet(*drawing.size)
@@ -74,7 +74,7 @@ def comparison_figure(table: xr.Dataset) -> Sheet:
 
 
 class _Numbers:
-    """The numbers of a table that are drawn, and their panels."""
+    """Metrics of a table to draw, and their panels."""
 
     def __init__(self, where: str, table: xr.Dataset) -> None:
         table = check_kind(where, "table", table, xr.Dataset, "a table of compare")
@@ -102,7 +102,7 @@ class _Numbers:
         return [sheet.add_subplot(grid[k]) for k in range(count)]
 
     def draw(self, made: Sequence[Axes]) -> None:
-        """Draw every number, and a legend of the plants if there are several."""
+        """Draw every metric, and a legend of the plants if there are several."""
         columns = len(self.chosen)
         for k, axes in enumerate(made):
             reference, (name, title, factor) = (
@@ -124,7 +124,7 @@ class _Numbers:
 
 
 def _scale(axes: Axes, values: FloatArray) -> None:
-    """Make the axis logarithmic, wide enough for the dots, the same for every reference."""
+    """Make the axis logarithmic, wide enough for the marks, and equal for all references."""
     seen = np.maximum(values[np.isfinite(values)], _LEAST)
     low, high = seen.min() / 1.5, seen.max() * 1.5
     axes.set_xscale("log")
@@ -137,7 +137,7 @@ def _scale(axes: Axes, values: FloatArray) -> None:
 
 
 def _draw(axes: Axes, values: xr.DataArray, failure: xr.DataArray) -> None:
-    """Draw one number of every controller (lines) on every plant (marks)."""
+    """Draw one metric of every controller (lines) on every plant (marks)."""
     plants = [str(name) for name in values["plant"].values]
     lines = np.arange(values.sizes["controller"])
     for k, (plant, color) in enumerate(zip(plants, series_colors(len(plants)), strict=True)):

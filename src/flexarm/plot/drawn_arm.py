@@ -1,4 +1,4 @@
-"""The arm of a result, its rigid counterpart, and their shapes over time. No Matplotlib here."""
+"""Arm of a result, its rigid counterpart, and their shapes over time; without Matplotlib."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ FloatArray = NDArray[np.float64]
 
 #: Points drawn along a link.
 STATIONS = 25
-#: Samples of which an envelope is taken: more take seconds.
+#: Limit on the samples of an envelope; more would take seconds.
 _MOST_SAMPLES = 4000
 _MOST_MAGNIFIED = 1e4
 
 
 def check_drawable(where: str, name: str, value: object) -> xr.Dataset:
-    """Return a result whose arm can be drawn.
+    """Validate that the arm of a result can be drawn, and return the result.
 
     Raises:
         InputError: if it is not a result of ``simulate`` with the coordinates of its arm.
@@ -46,7 +46,7 @@ def check_drawable(where: str, name: str, value: object) -> xr.Dataset:
 
 
 def check_magnify(where: str, value: object) -> float:
-    """Return a factor on the bending of links.
+    """Validate and return a factor on the bending of links.
 
     Raises:
         InputError: if it is not a number from 0 to 10,000.
@@ -55,10 +55,10 @@ def check_magnify(where: str, value: object) -> float:
 
 
 def arm_of(where: str, name: str, result: xr.Dataset) -> Arm:
-    """Return the arm that a result was made with, from its attribute ``arm``.
+    """Return the arm of a result, from its attribute ``arm``.
 
     Raises:
-        InputError: if the result has no such attribute, or the text describes no arm.
+        InputError: if the result has no such attribute, or its text does not describe an arm.
     """
     text = result.attrs.get("arm")
     if not isinstance(text, str):
@@ -78,23 +78,23 @@ def _arm(text: str) -> Arm:
 
 
 def scenario_of(result: xr.Dataset) -> Scenario | None:
-    """Return the scenario that a result was made of, or None."""
+    """Return the scenario of a result, or None."""
     text = result.attrs.get("scenario")
     try:
         return scenario_of_text(text, "result") if isinstance(text, str) else None
-    except ModelError:  # of another version: the motion is drawn without its reference
+    except ModelError:  # written by another version: draw the motion without its reference
         return None
 
 
 def rigid_result(where: str, rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | None:
-    """Return the motion of the rigid counterpart that a plot shows, or None.
+    """Return the motion of the rigid counterpart for a plot, or None.
 
     Args:
-        rigid: True for the arm without bending at the joint angles of the result; a result of its
-            own, such as that of ``arm.rigid()`` with the same torques; False for none.
+        rigid: True for the rigid arm at the joint angles of the result; a result of the rigid arm,
+            such as that of ``arm.rigid()`` with the same torques; False for none.
 
     Raises:
-        InputError: if ``rigid`` is none of these.
+        InputError: if ``rigid`` is neither a bool nor a result.
     """
     if isinstance(rigid, bool | np.bool_):
         if not rigid:
@@ -112,7 +112,7 @@ def rigid_result(where: str, rigid: object, arm: Arm, result: xr.Dataset) -> Rig
 
 
 class RigidMotion:
-    """A motion to draw: an arm, times (T,) s and coordinates q (T, dof)."""
+    """Motion to draw: an arm, times (T,) s and coordinates q (T, dof)."""
 
     def __init__(self, arm: Arm, time: FloatArray, q: FloatArray) -> None:
         self.arm, self.time, self.q = arm, time, q
@@ -123,7 +123,7 @@ class RigidMotion:
 
 
 def at_times(time: FloatArray, values: FloatArray, times: FloatArray) -> FloatArray:
-    """Return values (T, ...) at other times (k,), straight between samples."""
+    """Interpolate values (T, ...) linearly at other times (k,)."""
     flat = values.reshape(len(values), -1)
     found = [np.interp(times, time, column) for column in flat.T]
     return np.array(found).T.reshape(len(times), *values.shape[1:])
@@ -132,9 +132,9 @@ def at_times(time: FloatArray, values: FloatArray, times: FloatArray) -> FloatAr
 def shapes_of(
     arm: Arm, q: FloatArray, magnify: float = 1.0, stations: int = STATIONS
 ) -> FloatArray:
-    """Return shapes (k, links, stations, 2) m at coordinates q (k, dof), bending magnified.
+    """Return shapes (k, links, stations, 2) m at coordinates q (k, dof), with magnified bending.
 
-    Magnified bending is that of the linear theory: a link keeps its length.
+    Magnified bending uses the linear theory, in which a link keeps its length.
     """
     if magnify != 1.0:
         linear = Arm(arm.spec.model_copy(update={"theory": "linear"}))

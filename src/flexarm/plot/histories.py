@@ -1,4 +1,4 @@
-"""Channels of results over time, against their rates, and of several results in one plot."""
+"""Plots of channels over time, of channels against their rates, and of several results."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from flexarm.plot.style import GREY, legend_above
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Programs that draw.
+#: Plotting libraries.
 BACKENDS = ("matplotlib", "plotly")
-#: The rate of each channel that has one.
+#: Channel of the rate of each channel that has one.
 RATES = {
     "joint_angle": "joint_rate",
     "link_angle": "link_rate",
@@ -32,7 +32,7 @@ RATES = {
     "tip_angle": "tip_angle_rate",
     "q": "qd",
 }
-#: Lines of the parts of a channel where colours mean results.
+#: Line styles of the parts of a channel if colours distinguish results.
 _DASHES: tuple[Any, ...] = ("-", (0, (4.0, 1.6)), (0, (1.2, 1.2)), (0, (5.0, 1.5, 1.2, 1.5)))
 _ROW, _EDGES = 1.75, 0.85  # inches
 
@@ -48,19 +48,19 @@ def history(
 
     Args:
         result: of ``simulate``, ``run_scenario`` or ``read_result``.
-        channels: name of a channel or a list of names, such as ``"torque"`` or, for one line of it,
-            ``"torque[1]"``, ``"tip[y]"``; joint angles, tip deflections and torques by default.
-            Readings of instruments are channels too: ``"measured_joint_angle"``.
+        channels: name of a channel or a list of names, such as ``"torque"`` or, for one of its
+            lines, ``"torque[1]"``, ``"tip[y]"``; joint angles, tip deflections and torques by
+            default. Readings of instruments are also channels: ``"measured_joint_angle"``.
         axes: Matplotlib axes to draw into, one for each channel; None for a new figure.
-        backend: "matplotlib", or "plotly" for a page in which one zooms; it needs Plotly.
+        backend: "matplotlib", or "plotly" for an interactive page, which requires Plotly.
 
     Returns:
         The Matplotlib axes for the name of a channel, an array of axes for a list; with "plotly" a
         ``plotly.graph_objects.Figure``.
 
     Raises:
-        InputError: if the result has no such channel, ``axes`` are not one for each channel, or
-            Plotly is requested and not installed.
+        InputError: if the result has no such channel, ``axes`` does not have one item for each
+            channel, or Plotly is requested and not installed.
     """
     where = "plot.history"
     result = check_dataset(where, "result", result)
@@ -81,17 +81,17 @@ def compare(
     """Draw the same channels of several results, a colour for each result.
 
     Args:
-        results: datasets by name, or a list of them; the names are in the legend. 20 at most.
-        channels: as in `history`. Parts of a channel differ by their dashes, so that a channel of
-            more than four parts needs one to be named, as in ``"joint_angle[1]"``.
+        results: datasets by name, or a list of them; the names are in the legend. At most 20.
+        channels: as in `history`. Line styles distinguish the parts of a channel, so a channel with
+            more than four parts needs a selection, such as ``"joint_angle[1]"``.
         axes: Matplotlib axes to draw into, one for each channel; None for a new figure.
 
     Returns:
         The Matplotlib axes for the name of a channel, an array of axes for a list.
 
     Raises:
-        InputError: if there is no result, or one that lacks a channel; a channel has more than
-            four parts; ``axes`` are not one for each channel.
+        InputError: if there is no result, a result lacks a channel, a channel has more than four
+            parts, or ``axes`` does not have one item for each channel.
     """
     where = "plot.compare"
     named = named_results(where, results)
@@ -122,7 +122,7 @@ def phase_portrait(
     axes: Any = None,
     backend: str = "matplotlib",
 ) -> Any:
-    """Draw a channel against its rate, from an open dot to a full one.
+    """Draw a channel against its rate, from an open to a filled dot.
 
     Args:
         result: as in `history`.
@@ -160,7 +160,7 @@ def phase_portrait(
         panel.grid(True, axis="both")
         finish(panel, values.labels, lines)
         legend = panel.get_legend()
-        if len(lines) == 1 and legend is not None:  # the marks need no names
+        if len(lines) == 1 and legend is not None:  # the start and end marks need no legend
             legend.remove()
     return panel
 
@@ -174,7 +174,7 @@ def _plotly_requested(where: str, backend: object, axes: object) -> bool:
 
 
 def _panels(where: str, given: object, found: list[Signals], axes: Any, draw: Any) -> Any:
-    """Draw each channel into its panel; return axes, one or several as the channels were given."""
+    """Draw each channel into its panel; return one axes object for a name, an array for a list."""
     size = (WIDTH, _EDGES + _ROW * len(found))
     spacing = 0.3 if len(found) > 1 else 0.0
     with panels(where, axes, len(found), size, rows(len(found), hspace=spacing)) as made:
@@ -186,7 +186,7 @@ def _panels(where: str, given: object, found: list[Signals], axes: Any, draw: An
 
 
 def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
-    unit = max((signals.unit for signals in by_result.values()), key=len)  # kN m before N m
+    unit = max((signals.unit for signals in by_result.values()), key=len)  # prefer kN m to N m
     parts: tuple[str, ...] = ()
     for (name, signals), color in zip(
         by_result.items(), series_colors(len(by_result)), strict=True
@@ -200,7 +200,7 @@ def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
     panel.set(title=signals.title, xlabel="time [s]", ylabel=replace(signals, unit=unit).axis_label)
     panel.locator_params(nbins=6)
     handles, labels = panel.get_legend_handles_labels()
-    if len(parts) > 1:  # the dashes have no colour of their own
+    if len(parts) > 1:  # explain the line styles in grey
         handles += [Line2D([], [], color=GREY, linewidth=1.0, linestyle=d) for d in _DASHES]
         handles, labels = handles[: len(labels) + len(parts)], [*labels, *parts]
     legend_above(panel, handles, labels)

@@ -1,4 +1,4 @@
-"""The same plots as pages in which one zooms, drawn by Plotly."""
+"""Interactive plots of channels as pages, drawn by Plotly."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ROW = 230  # pixels
 
 
 def history_page(found: list[Signals]) -> Any:
-    """Return a Plotly figure of channels over time: panels below each other, one time axis."""
+    """Return a Plotly figure of channels over time: panels in a column with a common time axis."""
     _, subplots = _plotly("plot.history")
     titles = [signals.title for signals in found]
     figure = subplots.make_subplots(len(found), 1, shared_xaxes=True, subplot_titles=titles)
@@ -29,7 +29,7 @@ def history_page(found: list[Signals]) -> Any:
 
 
 def phase_page(values: Signals, rates: Signals) -> Any:
-    """Return a Plotly figure of a channel against its rate; the pointer shows the time."""
+    """Return a Plotly figure of a channel against its rate, with the time in the hover text."""
     objects, _ = _plotly("plot.phase_portrait")
     figure = objects.Figure()
     for (x, label, color), (y, _, _) in zip(_lines(values), _lines(rates), strict=True):

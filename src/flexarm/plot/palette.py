@@ -1,4 +1,4 @@
-"""The colours of this package. No Matplotlib here: pages use them, too."""
+"""Colours of the plots and pages; without Matplotlib, because pages use them too."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ SKY = "#56B4E9"
 ORANGE = "#E69F00"
 INK = "#262626"
 GREY = "#8C8C8C"
-#: Order in which lines of one plot take their colours.
+#: Colours of the lines of one plot, in order.
 SERIES = (BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE)
 
-# Matplotlib's map "viridis" up to 0.9: its end is too pale for a line on white.
+# Matplotlib's colour map "viridis" up to 0.9, because its end is too pale for a line on white.
 _ORDERED = (
     (0x44, 0x01, 0x54),
     (0x48, 0x24, 0x75),
@@ -32,7 +32,7 @@ _ORDERED = (
 
 
 def series_colors(count: int) -> Sequence[str]:
-    """Return colours for lines that are told apart by name if few, by order if many."""
+    """Return distinct colours for few lines, or colours of an ordered map for many."""
     if count <= len(SERIES):
         return SERIES[:count]
     last = len(_ORDERED) - 1
@@ -40,7 +40,7 @@ def series_colors(count: int) -> Sequence[str]:
 
 
 def _between(place: float) -> str:
-    """Return the colour at a place of the map, from 0 to 9."""
+    """Return the colour at a position of the map, from 0 to 9."""
     k = min(int(place), len(_ORDERED) - 2)
     part = place - k
     mixed = (a + part * (b - a) for a, b in zip(_ORDERED[k], _ORDERED[k + 1], strict=True))

@@ -1,4 +1,4 @@
-"""What the paper's figures show: their table, and the data as plain arrays. No Matplotlib here."""
+"""Data of the paper's figures as plain arrays, and the table of figures; without Matplotlib."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-#: Postures in figure 3.
+#: Number of postures in figure 3.
 POSTURES = 10
 _STATIONS = 25
 _CHANNELS = (
@@ -32,7 +32,7 @@ _CHANNELS = (
 
 
 class Panel(NamedTuple):
-    """A time history of the paper: one channel of one link.
+    """Time history in the paper: one channel of one link.
 
     Channels of the link's tip are relative to the tangent at its root.
     """
@@ -45,7 +45,7 @@ class Panel(NamedTuple):
     scale: float  # from SI to the unit of the label
 
 
-#: Frame in which the channels of a link's tip are measured, printed once on a page of many plots.
+#: Reference of the channels of a link's tip, printed once on a page of many plots.
 TIP_FRAME = "relative to root tangent"
 
 #: Figures 5 to 16, in the paper's order.
@@ -69,14 +69,14 @@ def _file_name(panel: Panel) -> str:
     return f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}"
 
 
-#: Figures 5 to 16 by the names of their files.
+#: Figures 5 to 16 by file name.
 HISTORY_NAMES = {_file_name(panel): panel for panel in PANELS}
 #: Names of all the paper's figures.
 FIGURE_NAMES = ("fig03_path", "fig04_torques", *HISTORY_NAMES)
 
 
 class Case(Protocol):
-    """What is drawn: ``flexarm.paper.PaperCase``, which stands above this layer."""
+    """Interface of ``flexarm.paper.PaperCase``, which is in a higher layer."""
 
     duration: float
     arm: Arm
@@ -88,21 +88,21 @@ class Case(Protocol):
 
     @property
     def rigid(self) -> xr.Dataset:
-        """Result of its rigid twin."""
+        """Result of its rigid counterpart."""
 
 
 @dataclass(frozen=True, eq=False)
 class Histories:
-    """One case of the paper.
+    """Data of one case of the paper.
 
-    Plain arrays, so that it can be sent to another process at little cost.
+    The data are plain arrays, so that they can be sent to another process at low cost.
 
     Attributes:
         duration: of the motion, s.
         time: (T,) s.
         runs: model to channel to (T, links), (T, joints) or (T, 2). The models are attributes of
             the case: "flexible", "rigid", "second_order".
-        postures: model to (postures, links, stations, 2) m, evenly spread over the motion;
+        postures: model to (postures, links, stations, 2) m, at evenly spaced times of the motion;
             "flexible" and "rigid".
     """
 
@@ -113,7 +113,7 @@ class Histories:
 
 
 def histories(case: Case, models: Sequence[str] = ("flexible", "rigid")) -> Histories:
-    """Take what the figures show out of the results of a case."""
+    """Extract the data of the figures from the results of a case."""
     return Histories(
         duration=case.duration,
         time=case.flexible["time"].values,

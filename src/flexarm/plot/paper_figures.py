@@ -1,4 +1,4 @@
-"""The figures of the paper, one each, all on a page, and the one that the paper has not."""
+"""Figures of the paper: single ones, all on one page, and a comparison of the two theories."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flexarm.plot.style import Sheet, legend_above, margins, place_labels, style
 Draw = Callable[..., None]
 
 _COLUMN = 4.0  # width of one column of print, inches
-_ABOVE_LEGEND = 19.0  # points between a title and its axes, with a row of legend between them
+_ABOVE_LEGEND = 19.0  # points between a title and its axes, which leaves a row for the legend
 
 
 def _single(draw: Draw, case: Histories, *, figure: int, height: float = 2.6) -> Sheet:
@@ -36,14 +36,14 @@ def _single(draw: Draw, case: Histories, *, figure: int, height: float = 2.6) ->
 
 
 def _finish(sheet: Sheet, axes: Axes, figure: int) -> None:
-    """Set the margins, the number of the figure in its title, and the legend in a row below it."""
+    """Set the margins, add the figure's number to its title, and add the legend below the title."""
     margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.48, hspace=0.14)
     axes.set_title(f"Fig. {figure}   {axes.get_title(loc='left')}", pad=_ABOVE_LEGEND)
     legend_above(axes)
 
 
 def _path(case: Histories) -> Sheet:
-    """Draw figure 3, with an inset: the distance between the tips is too small for the path."""
+    """Draw figure 3, with an inset for the distance between the tips, which is too small in it."""
     sheet = _single(draw_path, case, figure=3, height=4.15)
     with styled():
         inset = sheet.axes[0].inset_axes((0.56, 0.16, 0.4, 0.22))
@@ -52,8 +52,10 @@ def _path(case: Histories) -> Sheet:
 
 
 def _history(panel: Panel, case: Histories) -> Sheet:
-    """Draw one history; below an angle its difference from the rigid arm's, which is a thousandth
-    of it."""
+    """Draw one history; below an angle also its difference from the rigid arm.
+
+    The difference has its own axes, because it is a thousandth of the angle.
+    """
     if panel.channel != "link_angle":
         draw = partial(draw_history, panel=panel, frame=True)
         return _single(draw, case, figure=panel.figure)
@@ -70,9 +72,9 @@ def _history(panel: Panel, case: Histories) -> Sheet:
 
 
 def overview(case: Histories) -> Sheet:
-    """Draw all figures of the paper on one page, A4 across.
+    """Draw all figures of the paper on one page, A4 landscape.
 
-    Rows of angles, deflections and slopes; in each, link 1 and its rate, link 2 and its rate.
+    The rows are angles, deflections and slopes; in each, link 1 and its rate, link 2 and its rate.
     """
     sheet = Sheet(11.69, 8.27)
     with styled():
@@ -87,7 +89,7 @@ def overview(case: Histories) -> Sheet:
         draw_torques(torques, case)
         for axes, panel in zip(histories, PANELS, strict=True):
             draw_history(axes, panel, case)
-        for axes in histories[:-4]:  # the time is the same in all rows
+        for axes in histories[:-4]:  # all rows have the same time axis
             axes.set_xlabel("")
         numbers = (3, 4, *(panel.figure for panel in PANELS))
         for number, axes in zip(numbers, (path, torques, *histories), strict=True):
@@ -112,7 +114,7 @@ def _head(sheet: Sheet, example: Axes, case: Histories) -> None:
 
 
 def theories(case: Histories) -> Sheet:
-    """Draw the two theories and their difference, one below the other."""
+    """Draw the tip deflection in both theories, and their difference below it."""
     sheet = Sheet(_COLUMN, 3.4)
     with styled():
         above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
@@ -126,7 +128,7 @@ def theories(case: Histories) -> Sheet:
     return sheet
 
 
-#: Every figure by the name of its file; "theories" needs the second-order run too.
+#: All figures by file name; "theories" also needs the second-order run.
 FIGURES: dict[str, Callable[[Histories], Sheet]] = {
     "fig03_path": _path,
     "fig04_torques": partial(_single, draw_torques, figure=4),

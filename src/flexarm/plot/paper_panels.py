@@ -1,4 +1,4 @@
-"""Single plots of the paper, drawn into given axes: figures 3 to 16 and the two theories."""
+"""Plots of the paper in given axes: figures 3 to 16 and the comparison of the two theories."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ _END_OF_TORQUES: dict[str, Any] = {
     "linestyle": ":",
     "zorder": 0.5,
 }
-#: Early postures light, late ones dark.
+#: Colours by time: early postures light, late ones dark.
 _AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 
 
 def draw_history(axes: Axes, panel: Panel, case: Histories, frame: bool = False) -> None:
-    """Draw a time history: the flexible arm, and the rigid one dashed.
+    """Draw a time history of the flexible arm, and of the rigid arm as a dashed line.
 
     Args:
-        axes: where to. panel, case: of which link and channel.
-        frame: whether the title says what the channels of the tip are measured from.
+        axes: axes to draw into.
+        panel, case: link and channel, and their data.
+        frame: whether the title states the reference of the tip's channels.
     """
     for model, look in (("flexible", FLEXIBLE), ("rigid", RIGID)):
         axes.plot(case.time, _values(panel, case, model), **look)
@@ -46,14 +47,14 @@ def draw_history(axes: Axes, panel: Panel, case: Histories, frame: bool = False)
 
 
 def draw_from_rigid(axes: Axes, panel: Panel, case: Histories) -> None:
-    """Draw by how much a link's angle differs from that of the rigid arm."""
+    """Draw the difference of a link's angle from that of the rigid arm."""
     difference = _values(panel, case, "flexible") - _values(panel, case, "rigid")
     axes.plot(case.time, 1e3 * difference, color=INK, linewidth=1.0)
     _label_history(axes, "", "difference [mrad]", case)
 
 
 def draw_tip_distance(axes: Axes, case: Histories) -> None:
-    """Draw how far the flexible arm's tip is from the rigid arm's."""
+    """Draw the distance of the flexible arm's tip from the rigid arm's tip."""
     away = case.runs["flexible"]["tip"] - case.runs["rigid"]["tip"]
     axes.plot(case.time, 1e3 * np.linalg.norm(away, axis=1), color=INK, linewidth=1.0)
     _label_history(axes, "Between the tips [mm]", "", case)
@@ -64,7 +65,7 @@ def _values(panel: Panel, case: Histories, model: str) -> FloatArray:
 
 
 def draw_torques(axes: Axes, case: Histories) -> None:
-    """Draw figure 4: the torques of both joints, the same for every model."""
+    """Draw figure 4: the torques of both joints, which are the same in all models."""
     torque = case.runs["flexible"]["torque"]
     axes.plot(case.time, torque[:, 0], color=BLUE, linewidth=1.0, label="joint 1")
     axes.plot(
@@ -114,7 +115,7 @@ def draw_theories(axes: Axes, case: Histories) -> None:
 
 
 def draw_difference(axes: Axes, case: Histories) -> None:
-    """Draw the linear theory's tip deflection of link 1 less the second-order theory's."""
+    """Draw the difference of link 1's tip deflection: linear minus second-order theory."""
     difference = _first_deflection(case, "flexible") - _first_deflection(case, "second_order")
     axes.plot(case.time, difference, color=INK, linewidth=1.0)
     _label_history(axes, "", "difference [mm]", case)

@@ -19,32 +19,32 @@ from flexarm.plot.style import SERIES, Sheet, legend_above, margins, place_label
 _WIDTH, _GAIN, _PHASE, _EDGES = 8.27, 1.7, 1.0, 0.85  # inches
 _MOST = 6
 _POINTS = 1200
-#: Degrees. Phases of undamped models are multiples of 90: a cut between two of them keeps rounding
-#: from throwing a line from one end of the axis to the other.
+#: Largest displayed phase, degrees. Phases of undamped models are multiples of 90, so the wrap
+#: between two of them keeps rounding from moving a line to the other end of the axis.
 _HIGHEST_PHASE = 135.0
-#: Distance from an undamped resonance, as a part of its frequency, at which the line ends.
+#: Distance from an undamped resonance, as a fraction of its frequency, at which the line ends.
 _BESIDE = 1e-4
-#: A vibration with a smaller damping ratio has no finite response at its frequency.
+#: Damping ratio below which a vibration has no finite response at its frequency.
 _UNDAMPED = 1e-9
 
 
 def bode(model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None) -> AxesArray:
-    """Draw gain and phase from every input to every output over frequency, the first six of each.
+    """Draw gain and phase from every input to every output over frequency, at most six of each.
 
-    The lines are interrupted at undamped resonances, where the gain has no bound.
+    The lines are interrupted at undamped resonances, where the gain is unbounded.
 
     Args:
         model: the linear model.
-        omega: (frequencies,) rad/s; from a tenth of the slowest vibration to three times that of
-            the fifth by default.
+        omega: (frequencies,) rad/s; by default from a tenth of the slowest vibration's frequency to
+            three times that of the fifth.
         axes: Matplotlib axes to draw into, gain and phase of each output; None for a new figure.
 
     Returns:
         An array (outputs, 2) of Matplotlib axes: gain and phase.
 
     Raises:
-        InputError: if the model is not a `LinearModel`, ``omega`` not finite numbers, or ``axes``
-            are not two for each output.
+        InputError: if the model is not a `LinearModel`, ``omega`` is not finite numbers, or
+            ``axes`` does not have two items for each output.
     """
     where = "plot.bode"
     drawing = _Responses(where, model, omega)
@@ -55,13 +55,13 @@ def bode(model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None
 
 
 def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet:
-    """Draw gain and phase as `bode` does, on a figure that pyplot does not know.
+    """Draw gain and phase as `bode` does, in a figure that is not registered with pyplot.
 
     Args:
         model, omega: as in `bode`.
 
     Raises:
-        InputError: if the model is not a `LinearModel`, or ``omega`` not finite numbers.
+        InputError: if the model is not a `LinearModel`, or ``omega`` is not finite numbers.
     """
     drawing = _Responses("response_figure", model, omega)
     sheet = Sheet(*drawing.size)
@@ -74,7 +74,7 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
 
 
 class _Responses:
-    """The responses of a model, and how they are drawn: gain above phase for each output."""
+    """Responses of a model and their layout: gain above phase for each output."""
 
     def __init__(self, where: str, model: LinearModel, omega: ArrayLike | None) -> None:
         self.model = check_kind(where, "model", model, LinearModel)
@@ -108,7 +108,7 @@ class _Responses:
             gain.set(ylabel=f"{output}\n[{_gain_unit(self.model, output)}]")
             gain.set_xlim(shown)
             phase.set_xlim(shown)
-            if not (np.abs(self.response[:, row]) > 0.0).any():  # zero, or at a resonance no number
+            if not (np.abs(self.response[:, row]) > 0.0).any():  # zero, or NaN at a resonance
                 gain.set_yticks([])
                 words = "zero: no input moves it here"
                 gain.text(0.5, 0.5, words, ha="center", transform=gain.transAxes)
@@ -125,7 +125,7 @@ def _draw(
     values: NDArray[np.complex128],
     **look: str,
 ) -> None:
-    """Draw one response; no line where it is zero or has no bound."""
+    """Draw one response, without a line where it is zero or unbounded."""
     size = np.abs(values)
     hertz = omega / (2.0 * np.pi)
     size = np.where(size > 0.0, size, np.nan)
@@ -138,20 +138,20 @@ def _draw(
 
 
 def _gain_unit(model: LinearModel, output: str) -> str:
-    """Unit of an output over that of the inputs, each in its own where they differ."""
+    """Return the unit of the gain; without the input's unit if the inputs have several."""
     unit = model.units[output]
     inputs = {model.units[name] for name in model.inputs[:_MOST]}
     return f"{unit} / ({inputs.pop()})" if len(inputs) == 1 else f"{unit} / input"
 
 
 def _range(model: LinearModel) -> NDArray[np.float64]:
-    """Frequencies that resolve every vibration of the range, rad/s."""
+    """Return frequencies that resolve all vibrations in the range, rad/s."""
     slowest_first = np.argsort(np.abs(model.poles.imag))[::2]
     poles = model.poles[slowest_first]
     poles = poles[np.abs(poles.imag) > 1e-2]
     speed = np.abs(poles.imag)
     low, high = (0.1, 100.0) if speed.size == 0 else (0.1 * speed[0], 3.0 * speed[:5][-1])
-    # Peaks lie between the points of a grid: add them, or the points beside where they have no end.
+    # Add the peaks between the grid points, or for undamped ones the points next to the peak.
     undamped = np.abs(poles.real) < _UNDAMPED * np.abs(poles)
     around = speed[undamped, None] * (1.0 + _BESIDE * np.array([-1.0, 0.0, 1.0]))
     own = np.concatenate([speed[~undamped], around.ravel()])

@@ -1,4 +1,4 @@
-"""Which lines of a result a plot shows: channels by name, their parts, units and labels."""
+"""Selection of the lines in a plot: channels by name, their parts, units and labels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-#: Channels that `history` and `animate` show by default.
+#: Default channels of `history` and `animate`.
 USUAL = ("joint_angle", "link_tip_deflection", "torque")
 _READING = "measured_"
 _MOST_RESULTS = 20
@@ -28,11 +28,14 @@ _MOST_RESULTS = 20
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """The lines of one channel.
+    """Lines of one channel.
 
     Attributes:
-        name: of the channel. time: (T,) s. values: (T, k) in ``unit``, the unit of the axis.
-        labels: (k,) of the lines. keys: (k,) what selects each, as in ``tip[y]``.
+        name: of the channel.
+        time: (T,) s.
+        values: (T, k) in ``unit``, the unit of the axis.
+        labels: (k,) of the lines.
+        keys: (k,) selectors of the lines, such as ``y`` in ``tip[y]``.
     """
 
     name: str
@@ -55,16 +58,17 @@ class Signals:
 
 
 def signals_of(where: str, name: str, result: xr.Dataset, channel: object) -> Signals:
-    """Return the lines of a channel: all of ``"tip"``, one of ``"tip[y]"``.
+    """Return the lines of a channel: all for ``"tip"``, one for ``"tip[y]"``.
 
     Args:
-        where: the call, for messages. name: its argument.
-        result: as ``simulate`` returns it; readings of instruments are channels too.
+        where: name of the calling function, for messages.
+        name: name of its argument.
+        result: as returned by ``simulate``; readings of instruments are also channels.
         channel: name of a channel of the result, with a part in brackets to select one line: the
             number of a joint, link or contact, the axis, or the name of a coordinate.
 
     Raises:
-        InputError: if the result has no such channel, or the channel no such part.
+        InputError: if the result has no such channel, or the channel has no such part.
     """
     if not isinstance(channel, str):
         raise InputError(Problem(where, name, "be the name of a channel", shown(channel)))
@@ -117,7 +121,7 @@ def _all(result: xr.Dataset, name: str) -> Signals:
 
 
 def _labels(result: xr.Dataset, dim: str, size: int) -> list[tuple[str, str]]:
-    """Label and key of each entry of a dimension."""
+    """Return label and key of each entry of a dimension."""
     if dim in ("joint", "link", "contact"):
         numbers = result[dim].values if dim in result.coords else range(1, size + 1)
         return [(f"{dim} {number}", str(number)) for number in numbers]
@@ -125,7 +129,7 @@ def _labels(result: xr.Dataset, dim: str, size: int) -> list[tuple[str, str]]:
         return [(f"at {place:.3g} of its length", f"{place:.3g}") for place in result[dim].values]
     if dim in ("axis", "coordinate") and dim in result.coords:
         return [(str(name), str(name)) for name in result[dim].values]
-    stem = "part" if dim.startswith(_READING) else dim  # gauges have names too long for a legend
+    stem = "part" if dim.startswith(_READING) else dim  # the names of gauges are too long
     return [(f"{stem} {number}", str(number)) for number in range(1, size + 1)]
 
 
@@ -133,7 +137,7 @@ def several(where: str, name: str, given: object, result: xr.Dataset) -> list[Si
     """Return the lines of one channel or of a list of channels.
 
     Raises:
-        InputError: if ``given`` is neither, is empty, or names what the result does not have.
+        InputError: if ``given`` is neither, is empty, or contains a channel the result lacks.
     """
     if given is None:
         given = [usual for usual in USUAL if usual in result and result[usual].size]
@@ -146,14 +150,14 @@ def several(where: str, name: str, given: object, result: xr.Dataset) -> list[Si
 
 
 def named_results(where: str, results: object, most: int = _MOST_RESULTS) -> dict[str, xr.Dataset]:
-    """Return results by name, from a mapping or a list; names of a list count from 1.
+    """Return results by name, from a mapping or a list; the names of a list are 1, 2, ....
 
     Raises:
-        InputError: if there is none or more than ``most``, or an item is not a result.
+        InputError: if there are none or more than ``most``, or an item is not a result.
     """
     import xarray as xr
 
-    # A dataset is a mapping, too: of its channels.
+    # A dataset is also a mapping, of its channels.
     if isinstance(results, Mapping) and not isinstance(results, xr.Dataset):
         named = dict(results)
     elif isinstance(results, list | tuple):
@@ -167,7 +171,7 @@ def named_results(where: str, results: object, most: int = _MOST_RESULTS) -> dic
 
 
 def readable_unit(unit: str, values: FloatArray) -> tuple[float, str]:
-    """Return the unit for an axis that spares the reader long numbers, and the factor to it."""
+    """Return the factor to a unit with short numbers on an axis, and that unit."""
     if unit == "m":
         return 1e3, "mm"
     if unit == "1":

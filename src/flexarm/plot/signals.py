@@ -1,4 +1,4 @@
-"""Channels over time, drawn into given axes, and a page of those that matter in any result."""
+"""Plots of channels over time in given axes, and a page with the main channels of a result."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _ENERGIES = {"kinetic_energy": BLUE, "strain_energy": VERMILLION, "gravity_energy": GREEN}
-_MOST_NAMES = 4  # in a legend above a plot of this width
+_MOST_NAMES = 4  # that fit into a legend above a plot of this width
 _WIDTH, _ROW, _EDGES = 8.27, 2.5, 0.85  # inches
 
 
 def signals_figure(result: xr.Dataset) -> Sheet:
     """Draw the main channels of a result of ``simulate`` on one page.
 
-    Tip path, joint angles, tip deflections, joint rates, energies and torques; strains in a row of
-    their own if there are gauges.
+    The page shows tip path, joint angles, tip deflections, joint rates, energies and torques, and
+    the strains if the arm has gauges.
 
     Raises:
         InputError: if the result is not one of `simulate`, or lacks one of these channels.
@@ -87,7 +87,7 @@ def draw_signals(axes: Axes, signals: Signals) -> None:
 
 
 def draw_energies(axes: Axes, result: xr.Dataset) -> None:
-    """Draw the energies over time, and their sum dashed."""
+    """Draw the energies over time, and their sum as a dashed line."""
     time = result["time"].values
     energies = np.stack([result[name].values for name in _ENERGIES])
     scale, unit = readable_unit("J", energies)
@@ -101,7 +101,7 @@ def draw_energies(axes: Axes, result: xr.Dataset) -> None:
 
 
 def draw_tip_path(axes: Axes, result: xr.Dataset) -> None:
-    """Draw the path of the tip in the plane, from an open dot to a full one."""
+    """Draw the path of the tip in the plane, from an open to a filled dot."""
     x, y = result["tip"].values.T
     axes.plot(x, y, color=BLUE, linewidth=1.0)
     mark_ends(axes, x, y)
@@ -112,7 +112,7 @@ def draw_tip_path(axes: Axes, result: xr.Dataset) -> None:
 
 
 def mark_ends(axes: Axes, x: Any, y: Any, named: bool = True) -> None:
-    """Mark the start of a path by an open dot and its end by a full one."""
+    """Mark the start of a path by an open dot and its end by a filled one."""
     look: dict[str, Any] = {"color": INK, "markersize": 4.0, "linestyle": "none", "marker": "o"}
     start, end = ("start", "end") if named else ("_", "_")
     axes.plot(x[0], y[0], **look, markerfacecolor="white", label=start)
@@ -120,7 +120,7 @@ def mark_ends(axes: Axes, x: Any, y: Any, named: bool = True) -> None:
 
 
 def finish(axes: Axes, names: Sequence[str], lines: Sequence[Line2D] | None = None) -> None:
-    """Limit the ticks and add a legend; of many lines the first and the last are named."""
+    """Limit the ticks and add a legend; of many lines only the first and the last have labels."""
     axes.locator_params(nbins=6)
     lines = axes.get_lines() if lines is None else lines
     for line in lines[1:-1] if len(names) > _MOST_NAMES else []:

@@ -1,6 +1,6 @@
-"""How every figure looks: one style, colours that colour-blind readers tell apart.
+"""Style of all figures, with colours that are distinct for colour-blind readers.
 
-The user's own Matplotlib settings stay as they are: a `Sheet` applies the style while it is made,
+The user's own Matplotlib settings do not change: a `Sheet` applies the style while it is created,
 drawn and saved.
 """
 
@@ -26,7 +26,7 @@ from flexarm.plot.palette import SERIES as SERIES
 from flexarm.plot.palette import SKY as SKY
 from flexarm.plot.palette import VERMILLION as VERMILLION
 
-#: The arm with bending links, the rigid arm (dashed, as in the paper), the second-order theory.
+#: Lines of the flexible arm, the rigid arm (dashed, as in the paper) and the second-order theory.
 FLEXIBLE: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "label": "flexible"}
 RIGID: dict[str, Any] = {
     "color": INK,
@@ -36,22 +36,22 @@ RIGID: dict[str, Any] = {
 }
 SECOND_ORDER: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "label": "second order"}
 
-#: Dots per inch of the bitmaps: sharp in print at the width of a column.
+#: Dots per inch of bitmaps, sufficient for print at the width of a column.
 DPI = 200
 #: Dots per inch of windows and notebooks.
 SCREEN_DPI = 110
 
-#: Distances of axis labels from their axes in each medium, to the left and below, inches.
+#: Distances of axis labels from their axes by medium, to the left and below, inches.
 _LABELS = {"print": (0.41, 0.22), "screen": (0.5, 0.26)}
 
 _STYLE: Any = {
-    # Times, as journals set it. It comes with Matplotlib, so figures look alike everywhere, and
-    # goes into a PDF in half the time of the default font, whose tables are far larger.
+    # Times, the usual font of journals. It comes with Matplotlib, so figures look the same on all
+    # machines, and makes a PDF twice as fast as the default font, whose tables are far larger.
     "font.family": ["STIXGeneral"],
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # a given place: finding one costs as much as drawing the lines
+    "axes.titley": 1.0,  # a fixed position, because computing one takes as long as the lines
     "axes.titlepad": 5.0,
     "axes.labelsize": 9.0,
     "axes.labelpad": 3.0,
@@ -84,12 +84,12 @@ _STYLE: Any = {
     "legend.columnspacing": 1.0,
     "lines.solid_capstyle": "round",
     "text.color": INK,
-    "pdf.fonttype": 42,  # whole fonts: journals refuse Matplotlib's own Type 3
+    "pdf.fonttype": 42,  # complete fonts, because journals reject Matplotlib's default Type 3
     "svg.fonttype": "none",
 }
 
 
-#: For slides and videos: a typeface without serifs, which low resolution keeps legible, and larger.
+#: Larger text without serifs for slides and videos, legible at low resolution.
 _SCREEN: Any = {
     **_STYLE,
     "font.family": ["DejaVu Sans"],
@@ -101,7 +101,7 @@ _SCREEN: Any = {
     "legend.fontsize": 9.0,
     "axes.linewidth": 0.8,
 }
-#: The settings of each medium.
+#: Settings by medium.
 MEDIA = {"print": _STYLE, "screen": _SCREEN}
 
 _medium: ContextVar[str] = ContextVar("medium", default="print")
@@ -109,14 +109,14 @@ _medium: ContextVar[str] = ContextVar("medium", default="print")
 
 @contextmanager
 def styled(medium: str | None = None) -> Iterator[None]:
-    """Make and save figures in this package's style; the settings from before return at the end.
+    """Create and save figures in this package's style; the previous settings return at the end.
 
     Args:
-        medium: "print" for papers, "screen" for slides and videos; None for that of the ``with``
-            block around this one, or "print".
+        medium: "print" for papers, "screen" for slides and videos; None for that of the enclosing
+            ``with`` block, or "print".
 
     Raises:
-        InputError: if ``medium`` is none of these.
+        InputError: if ``medium`` is not one of these.
     """
     chosen = _medium.get() if medium is None else check_choice("styled", "medium", medium, MEDIA)
     before = _medium.set(chosen)
@@ -128,9 +128,10 @@ def styled(medium: str | None = None) -> Iterator[None]:
 
 
 class Sheet(Figure):
-    """A figure in the style of this package, on screen and in files.
+    """Figure in the style of this package, on screen and in files.
 
-    Matplotlib reads some settings when a figure is made and others when it is drawn or saved.
+    The style is applied several times, because Matplotlib reads some settings when a figure is
+    created and others when it is drawn or saved.
 
     Args:
         width, height: inches.
@@ -149,12 +150,12 @@ class Sheet(Figure):
             super().draw(renderer)
 
     def savefig(self, fname: Any, *, format: str | None = None, **options: Any) -> None:
-        """See ``Figure.savefig``; the same figure gives the same bytes on every day."""
+        """See ``Figure.savefig``; the output does not depend on the date."""
         if format in ("pdf", "svg"):
             date = {"pdf": "CreationDate", "svg": "Date"}[format]
             options = {"metadata": {date: None}, **options}
         if format == "png":
-            # Line art: the fastest compression costs a few per cent of size.
+            # For line art the fastest compression increases the size by a few per cent.
             options = {"pil_kwargs": {"compress_level": 1}, **options}
         with styled(self._medium):
             super().savefig(fname, format=format, **{"dpi": DPI, **options})
@@ -163,10 +164,10 @@ class Sheet(Figure):
 def margins(
     sheet: Figure, left: float, bottom: float, right: float, top: float, **spacing: float
 ) -> None:
-    """Set the margins around all axes, in inches, whatever the size of the sheet.
+    """Set the margins around all axes, in inches, for a sheet of any size.
 
-    Fixed margins, and not a layout engine: figures of a series line up, and are drawn twice as
-    fast.
+    Margins are fixed instead of computed by a layout engine, so that figures of a series are
+    aligned and drawn twice as fast.
     """
     width, height = sheet.get_size_inches()
     sheet.subplots_adjust(
@@ -179,7 +180,7 @@ def margins(
 
 
 def place_labels(axes: Axes) -> None:
-    """Put the axis labels at fixed distances, so that those of a column of plots line up."""
+    """Put the axis labels at fixed distances, so that they are aligned in a column of plots."""
     width, height = axes.figure.get_size_inches() * axes.get_position().size  # type: ignore[union-attr]
     left, below = _LABELS[_medium.get()]
     axes.yaxis.set_label_coords(-left / width, 0.5)
@@ -189,9 +190,10 @@ def place_labels(axes: Axes) -> None:
 def legend_above(
     axes: Axes, handles: Sequence[Any] | None = None, labels: Sequence[str] | None = None
 ) -> None:
-    """Put the legend in one row above the axes, at the right, where no line can hide it.
+    """Put the legend in one row above the axes, at the right, where it covers no line.
 
-    ``handles`` and ``labels``: of the legend; by default those of all labelled lines.
+    Args:
+        handles, labels: of the legend; by default those of all labelled lines.
     """
     if handles is None or labels is None:
         handles, labels = axes.get_legend_handles_labels()

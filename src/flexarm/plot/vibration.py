@@ -1,4 +1,4 @@
-"""Modes drawn: their shapes in the plane, and their frequencies along a parameter."""
+"""Plots of modes: their shapes in the plane, and their frequencies over a parameter."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _MOST_NAMES = 6
 
 
 def modes(found: Modes, count: int = 6, *, axes: Any = None) -> AxesArray:
-    """Draw the lowest mode shapes, a panel each: the arm at rest dashed, displaced to both sides.
+    """Draw the lowest mode shapes, one per panel: displaced to both sides, arm at rest dashed.
 
     Args:
-        found: as `flexarm.modes` computes them.
-        count: of the modes to draw.
-        axes: Matplotlib axes to draw into, one for each mode drawn; None for a new figure.
+        found: modes from `flexarm.modes`.
+        count: number of modes to draw.
+        axes: Matplotlib axes to draw into, one for each mode; None for a new figure.
 
     Returns:
-        An array of Matplotlib axes, one for each mode: ``count`` or as many as there are.
+        An array of Matplotlib axes, one for each mode: ``count``, or fewer if the arm has fewer.
 
     Raises:
-        InputError: if ``found`` is not a `Modes` object, ``count`` not a whole number from 1 on, or
-            ``axes`` are not one for each mode.
+        InputError: if ``found`` is not a `Modes` object, ``count`` is not a positive integer, or
+            ``axes`` does not have one item for each mode.
     """
     found = check_kind("plot.modes", "found", found, Modes)
     shown = min(check_count("plot.modes", "count", count), found.frequency_hz.size)
@@ -43,14 +43,14 @@ def modes(found: Modes, count: int = 6, *, axes: Any = None) -> AxesArray:
 
 
 def modes_figure(modes: Modes, count: int = 6) -> Sheet:
-    """Draw the lowest mode shapes as `modes` does, on a figure that pyplot does not know.
+    """Draw the lowest mode shapes as `modes` does, in a figure not registered with pyplot.
 
     Args:
-        modes: as `flexarm.modes` computes them.
-        count: of the modes to draw.
+        modes: modes from `flexarm.modes`.
+        count: number of modes to draw.
 
     Raises:
-        InputError: if ``modes`` is not a `Modes` object, or ``count`` not a whole number from 1 on.
+        InputError: if ``modes`` is not a `Modes` object, or ``count`` is not a positive integer.
     """
     found = check_kind("modes_figure", "modes", modes, Modes)
     shown = min(check_count("modes_figure", "count", count), found.frequency_hz.size)
@@ -94,17 +94,17 @@ def _title(modes: Modes, k: int) -> str:
 
 
 def campbell(tracks: ModeTracks, *, axes: Any = None) -> Axes:
-    """Draw frequencies over a spin, a time, or a posture.
+    """Draw frequencies over a spin rate, a time, or a sequence of postures.
 
-    Over a spin it is the Campbell diagram: dashed lines are the spin itself and its multiples,
-    whose crossings are resonances of what turns with the arm.
+    Over the spin rate this is the Campbell diagram: dashed lines are the spin frequency and its
+    multiples, whose intersections are resonances with excitations that rotate with the arm.
 
     Args:
-        tracks: of `flexarm.campbell` or `track_modes`.
+        tracks: from `flexarm.campbell` or `track_modes`.
         axes: Matplotlib axes to draw into; None for a new figure.
 
     Returns:
-        The Matplotlib axes. `tracks_figure` draws the damping ratios, too.
+        The Matplotlib axes. `tracks_figure` also draws the damping ratios.
 
     Raises:
         InputError: if ``tracks`` is not a `ModeTracks` object.
@@ -117,7 +117,7 @@ def campbell(tracks: ModeTracks, *, axes: Any = None) -> Axes:
 
 
 def tracks_figure(tracks: ModeTracks) -> Sheet:
-    """Draw frequencies as `campbell` does, and below them damping ratios if there is damping.
+    """Draw frequencies as `campbell` does, and below them the damping ratios if there is damping.
 
     Raises:
         InputError: if ``tracks`` is not a `ModeTracks` object.
@@ -156,7 +156,7 @@ def _draw_lines(axes: Axes, tracks: ModeTracks, values: np.ndarray, label: str) 
 
 
 def _draw_orders(axes: Axes, tracks: ModeTracks) -> None:
-    """Lines of one, two, ... events in each turn, as far as they are on the plot."""
+    """Draw the lines of one, two, ... cycles per revolution that are within the plot."""
     top = axes.get_ylim()[1]
     turns = tracks.parameter / (2.0 * np.pi)
     for order in (1, 2, 3, 4):

@@ -1,1 +1,1 @@
-"""Scenario and study files to runs."""
+"""Conversion of scenario and study files to runs."""

@@ -1,4 +1,4 @@
-"""The controller that a drive of a file describes: its keys are the arguments of the class."""
+"""Controllers of scenario files; the keys of a drive are the arguments of the class."""
 
 from __future__ import annotations
 
@@ -22,10 +22,12 @@ from flexarm.scenarios.initial_state import Start, feedforward
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """What the keys of a drive refer to.
+    """Objects of the scenario that the keys of a drive refer to.
 
     Attributes:
-        arm: that controllers believe in. motion: of rigid links, or None. start: of the run.
+        arm: the controllers' model of the arm.
+        motion: of the rigid model, or None.
+        start: of the run.
         hardware: of the scenario, or None.
     """
 
@@ -36,10 +38,10 @@ class Around:
 
 
 def controller_of(drive: ControllerDrive, around: Around) -> Controller:
-    """Make the controller that a drive describes.
+    """Create the controller that a drive describes.
 
     Raises:
-        InputError: a value does not fit the arm; problems are named by the keys of the drive.
+        InputError: if a value does not fit the arm; problems have the names of the drive's keys.
     """
     given: dict[str, Any] = {}
     for name in type(drive).model_fields:
@@ -84,7 +86,7 @@ def _estimator(spec: FilterSpec, around: Around) -> dict[str, Any]:
         return {"estimator": ExtendedKalmanFilter(around.arm, instruments, **options)}
 
 
-#: Arguments of a class from the value of a key that is not the argument itself.
+#: Functions that convert the value of a key to arguments, for keys that are not arguments.
 _MADE: dict[str, Callable[[Any, Around], dict[str, Any]]] = {
     "estimator": _estimator,
     "feedforward": _feedforward,

@@ -1,4 +1,4 @@
-"""What a scenario says of loads, contacts and a moving base, as arguments of ``simulate``."""
+"""Loads, contacts and base acceleration of a scenario as arguments of ``simulate``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexarm.surfaces import RoundWall, Surface, SurfaceTable, Wall
 
 
 def loads_of(specs: Sequence[LoadSpec]) -> list[Load]:
-    """Return the loads that a file lists."""
+    """Return the loads of a file."""
     return [_load(spec) for spec in specs]
 
 
@@ -48,7 +48,7 @@ def base_acceleration_of(scenario: Scenario) -> Any:
 
 
 def loads_at_start(scenario: Scenario) -> list[Load]:
-    """Return the scenario's loads as they are at time zero, constant."""
+    """Return the scenario's loads with their constant values at time zero."""
     loads = []
     for load in loads_of(scenario.loads):
         now = 1.0 if load.factor is None else float(_at_start("factor", load.factor, 1)[0])
@@ -66,7 +66,7 @@ def base_acceleration_at_start(scenario: Scenario) -> FloatArray | None:
 
 
 def _at_start(name: str, table: object, columns: int) -> FloatArray:
-    """Values (columns,) of a table at time zero; of a jump there, those that follow."""
+    """Return the values (columns,) of a table at time zero; at a jump, the values after it."""
     times, values = check_table("scenario", name, table, columns)
     row: FloatArray = linear_history(times, values).at(np.zeros(1))[0]
     return row

@@ -1,4 +1,4 @@
-"""Problems of calls, told as problems of the file that asked for them."""
+"""Conversion of problems in calls to problems in the file that caused them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from dataclasses import replace
 from flexarm.errors import InputError
 from flexarm.model.wording import Path, path_of
 
-#: Where a key path stands in its file: ``file:line``.
+#: Function that returns the location ``file:line`` of a key path.
 Where = Callable[[Path], str]
 
 
 @contextmanager
 def told_as(place: Where, key: str, names: dict[str, str] | None = None) -> Iterator[None]:
-    """Name problems by the line and the key path that they come from.
+    """Report problems with their file location and key path.
 
     Args:
-        key: where the values stand that may be refused; nothing where problems say it themselves.
-        names: keys of the file for arguments that are called otherwise.
+        key: key that contains the values; empty if problems name it themselves.
+        names: keys of the file by argument, if the names differ.
     """
     try:
         yield
@@ -34,7 +34,7 @@ def told_as(place: Where, key: str, names: dict[str, str] | None = None) -> Iter
 
 @contextmanager
 def told_inside(key: str) -> Iterator[None]:
-    """Name problems of a part by the key that it has in the whole."""
+    """Prefix the names of problems with the key of the part that they belong to."""
     try:
         yield
     except InputError as error:

@@ -1,4 +1,4 @@
-"""What a file says of instruments and motors, as the objects that ``simulate`` takes."""
+"""Instruments and motors of a scenario as arguments of ``simulate``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a scenario starts: angles, prescribed joints, bent links, and what holds them."""
+"""Initial state of a scenario: joint angles, prescribed joints, deflections, holding torque."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from flexarm.scenarios.environment import base_acceleration_at_start, contacts_o
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """How a scenario starts.
+    """Initial state of a scenario.
 
     Attributes:
         q: (dof,) coordinates.
         prescribed: motions of joints, by number from 1.
-        holding: (joints,) N m that hold the arm there and that the drive is to give too, or None.
+        holding: (joints,) N m in equilibrium, to add to the drive, or None.
     """
 
     q: FloatArray
@@ -37,10 +37,10 @@ class Start:
 
 
 def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None) -> Start:
-    """Find the start of a scenario; along a motion that presses, links start bent by the force.
+    """Return the start of a scenario; a pressed motion starts with links bent by the force.
 
     Raises:
-        EquilibriumError: it is to be an equilibrium, and none was found.
+        EquilibriumError: if an equilibrium is requested and none is found.
     """
     asked = scenario.initial
     angles = np.zeros(arm.joints)
@@ -59,7 +59,7 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
         elif isinstance(spec, HeldJoint):
             own = PrescribedAngle.hold(angles[place])
         else:
-            assert isinstance(motion, Motion)  # refused otherwise when the file was read
+            assert isinstance(motion, Motion)  # checked when the file is read
             own = motion
             angles[place] = motion.joint_angle(0.0)[place]
         prescribed[spec.joint] = own
@@ -70,16 +70,16 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
         return Start(arm.rest(angles), prescribed)
     loads, base = loads_at_start(scenario), base_acceleration_at_start(scenario)
     contacts = contacts_of(scenario)
-    with one_warning():  # the run reports its states, this one included
+    with one_warning():  # the run warns of its states, including this one
         found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
     return Start(found.q, prescribed, found.torque if asked.balance else None)
 
 
 @dataclass(frozen=True, eq=False)
 class _Balanced:
-    """Rigid torques along a motion, and what the flexible arm takes besides to rest at its start.
+    """Rigid torques along a motion, plus a constant for the equilibrium of the flexible arm.
 
-    Sagging links shift weight, and loads are nothing that rigid torques know of.
+    Rigid torques include neither the loads nor the shift of mass by the sag of the links.
     """
 
     vectorized: ClassVar[bool] = True
@@ -96,9 +96,10 @@ class _Balanced:
 
 
 def feedforward(arm: Arm, motion: Motion | None, start: Start) -> Callable[[Any], Any] | None:
-    """Return the torque of the rigid arm along a motion, balanced where the start asks for it.
+    """Return the rigid torque along a motion, corrected for the equilibrium at the start.
 
-    Without a motion only the holding torque is left, or None.
+    The correction applies if the start has a holding torque. Without a motion the result is the
+    holding torque, or None.
     """
     holding = start.holding
     if motion is None:

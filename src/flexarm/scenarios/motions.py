@@ -1,4 +1,4 @@
-"""The motion that a scenario asks for, as the object that Python users make."""
+"""Motion of a scenario as an object of the Python interface."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from flexarm.model.motions import ForceTable, JointMotionSpec, PressedMotionSpec
 from flexarm.motion import Motion, TimingLaw, joint_motion, line_motion, quintic, smoothed
 from flexarm.scenarios.file_errors import told_inside
 
-#: What a scenario may ask for.
+#: Types of motion that a scenario may request.
 Asked = Motion | PressedMotion
 
 
 def motion_of(arm: Arm, scenario: Scenario) -> Asked | None:
-    """Make the motion of a scenario.
+    """Create the motion of a scenario.
 
     Raises:
-        InputError: it leaves the arm's reach, or the bent arm cannot follow; problems are named by
-            the keys of the motion.
+        InputError: if the motion leaves the arm's reach, or the deflected arm cannot follow;
+            problems have the names of the motion's keys.
     """
     asked = scenario.motion
     if isinstance(asked, PressedMotionSpec):
@@ -70,9 +70,9 @@ def _pressed(arm: Arm, asked: PressedMotionSpec, scenario: Scenario) -> PressedM
 
 
 def _over_time(table: ForceTable) -> Callable[[float], float]:
-    """Return the force over time: from each value to the next as a quintic goes, at rest at both.
+    """Return the force over time, with a quintic between two values and zero slope at each.
 
-    The arm bends with the force: where that had a kink, the motion of the joints would jump.
+    The deflection of the arm follows the force: a kink of the force is a jump of the joint rates.
     """
     return partial(_eased, np.array(table.times), np.array(table.values), quintic())
 
@@ -86,10 +86,10 @@ def _eased(times: FloatArray, values: FloatArray, law: TimingLaw, t: float) -> f
 
 
 def _normal(surface: SurfaceSpec | None, path: Motion) -> Any:
-    """Return the normal of a surface: a direction, or of a circle one that follows the path."""
+    """Return the normal of a surface: a direction, or for a circle a function along the path."""
     if isinstance(surface, WallSpec):
         return surface.normal
-    assert isinstance(surface, RoundWallSpec)  # the record lets nothing else through
+    assert isinstance(surface, RoundWallSpec)  # checked when the file is read
     return partial(_away_from, np.array(surface.center), -1.0 if surface.inside else 1.0, path)
 
 

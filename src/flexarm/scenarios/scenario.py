@@ -1,4 +1,4 @@
-"""Run a scenario file: the same calls that a user of the Python interface would make."""
+"""Runs of scenario files, through the same functions as the Python interface."""
 
 from __future__ import annotations
 
@@ -45,12 +45,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A scenario turned into objects, every check done, ready to run.
+    """Validated scenario, converted to objects and ready to run.
 
     Attributes:
-        arm: the arm. motion: what it is asked to do, or None. options: arguments of ``simulate``.
-        text: the scenario as a file, which results keep. events: what it asks to watch for; in
-        the options they are those of ``arm``.
+        arm: the arm.
+        motion: its requested motion, or None.
+        options: arguments of ``simulate``.
+        text: the scenario as a file, which results contain.
+        events: requested events; those in ``options`` are created for ``arm``.
     """
 
     arm: Arm
@@ -60,7 +62,7 @@ class Prepared:
     events: Sequence[EventSpec] = ()
 
     def unstable_loop(self, plant: Arm | None = None) -> str:
-        """Say how the sampled loop around the arm, or a ``plant``, is unstable; or nothing."""
+        """Describe an unstable sampled loop of the arm, or a ``plant``; empty text if stable."""
         options = self.options
         if "controller" not in options:
             return ""
@@ -84,10 +86,13 @@ class Prepared:
         loads: Sequence[Load] = (),
         progress: bool | None = None,
     ) -> xr.Dataset:
-        """Simulate, with another ``arm`` of as many joints (its rigid twin, say) if given.
+        """Simulate the scenario, optionally with changes.
 
-        With ``plant``, what is made for the arm of the scenario acts on that one instead; with
-        ``loads``, these act beside those of the scenario.
+        Args:
+            arm: arm with the same number of joints to use instead, such as the rigid model.
+            plant: arm to simulate, while the controller keeps the scenario's arm as its model.
+            loads: loads in addition to those of the scenario.
+            progress: True or False shows or hides the progress bar.
         """
         options = dict(self.options)
         if plant is not None:
@@ -113,16 +118,17 @@ class Prepared:
 def prepare(
     scenario: Scenario, where: str | Where = "scenario", motion: Asked | None = None
 ) -> Prepared:
-    """Make the arm, the motion and the drive of a scenario.
+    """Create the arm, the motion and the drive of a scenario.
 
     Args:
-        scenario: what to run.
-        where: the file that it comes from, or where in it a key path stands, for messages.
-        motion: the scenario's, where it has been made before.
+        scenario: the scenario to run.
+        where: its file, or a function from key path to location in it, for messages.
+        motion: the scenario's motion, if it already exists.
 
     Raises:
-        InputError: the motion leaves the arm's reach, or the torques do not cover the run.
-        EquilibriumError: the equilibrium to start from was not found.
+        InputError: if the motion leaves the arm's reach, or a part of the scenario does not fit
+            the arm or the run.
+        EquilibriumError: if no equilibrium is found for the start.
     """
     place = where if callable(where) else lambda _: where
     with told_as(place, ""):
@@ -166,10 +172,10 @@ def prepare(
 
 
 def _check_touch(arm: Arm, place: Where, options: dict[str, Any], motion: Asked | None) -> None:
-    """Refuse what contacts would refuse when the run begins.
+    """Raise the errors that contacts cause at the beginning of the run.
 
     Raises:
-        InputError: the start is deep in a surface, or the motion presses away from one.
+        InputError: if the start is deep in a surface, or the motion presses away from one.
     """
     contacts = options["contacts"]
     placed = place_contacts(arm, "scenario", contacts)
@@ -182,10 +188,11 @@ def _check_touch(arm: Arm, place: Where, options: dict[str, Any], motion: Asked 
 
 
 def _check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
-    """Refuse a drive that will not find what it measures.
+    """Raise if the requirements of a drive are not met.
 
     Raises:
-        InputError: so it is, told at the places of the file where it would come from.
+        InputError: if a measurement is missing or the controller is for another number of joints,
+            with the file location of the key to change.
     """
     if "controller" not in options:
         return
@@ -212,8 +219,8 @@ def run_scenario(
     """Simulate a scenario, given as an object or as the path of its file.
 
     Raises:
-        ModelError: the file is wrong; every problem with its line.
-        InputError, SimulationError: as ``simulate``.
+        ModelError: if the file is not valid; it lists every problem with its line.
+        InputError, SimulationError: under the conditions of ``simulate``.
     """
     where: str | Where = "scenario"
     if not isinstance(scenario, Scenario):

@@ -1,4 +1,4 @@
-"""Run a study file: every drive on every plant along every motion."""
+"""Runs of study files: all combinations of drives, plants and motions."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 
 class PreparedStudy:
-    """A study with everything checked and made, ready to run.
+    """Validated study, converted to objects and ready to run.
 
     Args:
-        study: what to run.
-        where: where in its file a key path stands, for messages.
+        study: the study to run.
+        where: function from key path to location in its file, for messages.
 
     Raises:
-        InputError: a motion leaves the arm's reach, a drive does not fit, or ``settling`` leaves
-            nothing after a motion.
+        InputError: if a motion leaves the arm's reach, a drive does not fit, or ``settling``
+            excludes everything after a motion.
     """
 
     def __init__(self, study: Study, where: Where | None = None) -> None:
@@ -46,7 +46,7 @@ class PreparedStudy:
             for name, plant in study.plants.items()
         }
         self._prepared: dict[tuple[str, str], Prepared] = {}
-        made: dict[str, Asked | None] = {}  # one that presses takes seconds to make
+        made: dict[str, Asked | None] = {}  # reused, because pressed motions take seconds to create
         for drive in study.drives:
             for motion in study.motions:
                 place = partial(_place, where, drive, motion) if where else "study"
@@ -59,7 +59,7 @@ class PreparedStudy:
             check_settling("run", study.run.settling, study.run.duration, made)
 
     def run(self, progress: bool | None = None) -> xr.Dataset:
-        """Run it and return the table of ``flexarm.compare``: drives are its controllers."""
+        """Run the study; return the table of ``flexarm.compare`` with drives as controllers."""
         study = self.study
         names = {
             "controller": list(study.drives),
@@ -71,7 +71,7 @@ class PreparedStudy:
         return table
 
     def unstable_loops(self) -> dict[str, str]:
-        """Say how sampled loops are unstable, by "drive on plant along motion"."""
+        """Describe the unstable sampled loops, by "drive on plant along motion"."""
         found = {
             f"{drive} on {plant} along {motion}": prepared.unstable_loop(arm)
             for (drive, motion), prepared in self._prepared.items()
@@ -87,14 +87,14 @@ class PreparedStudy:
 
 
 def run_study(study: Study | str | PathLike[str], *, progress: bool | None = None) -> xr.Dataset:
-    """Compare what a study asks for, given as an object or as the path of its file.
+    """Run a study, given as an object or as the path of its file.
 
     Returns:
         The table of ``flexarm.compare``, with the drives as controllers.
 
     Raises:
-        ModelError: the file is wrong; every problem with its line.
-        InputError: a motion leaves the arm's reach, or a drive does not fit the arm.
+        ModelError: if the file is not valid; it lists every problem with its line.
+        InputError: if a motion leaves the arm's reach, or a drive does not fit the arm.
     """
     where: Where | None = None
     if not isinstance(study, Study):
@@ -104,7 +104,7 @@ def run_study(study: Study | str | PathLike[str], *, progress: bool | None = Non
 
 @contextmanager
 def _told_in_study(drive: str, motion: str) -> Iterator[None]:
-    """Name problems of one scenario by their key paths in the study."""
+    """Report problems of one scenario with their key paths in the study."""
     try:
         yield
     except InputError as error:
@@ -114,5 +114,5 @@ def _told_in_study(drive: str, motion: str) -> Iterator[None]:
 
 
 def _place(where: Where, drive: str, motion: str, path: Path) -> str:
-    """Tell a place of one scenario as a place in the study."""
+    """Convert a location in one scenario to a location in the study."""
     return where(placed(path, drive, motion))

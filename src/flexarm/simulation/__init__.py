@@ -1,1 +1,1 @@
-"""Simulate an arm: the calls, their results, metrics and comparisons."""
+"""Simulation of an arm: ``simulate`` and related functions, results, metrics, comparisons."""

@@ -1,4 +1,4 @@
-"""One table of controllers, plants and references: ``flexarm.compare``."""
+"""Comparison of controllers, plants and references in one table: ``flexarm.compare``."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ from flexarm.simulation.run import simulate
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Times that differ by less than this part of the run are one.
+#: Difference of two times, as a fraction of the run, below which they are equal.
 _ROUNDING = 1e-9
-#: Warning of a run whose filter has failed its test.
+#: Warning of a run whose estimator fails its consistency test.
 INCONSISTENT = (
     "the estimator is inconsistent: its errors are larger than its covariance says. Correct its "
     "arm, or raise torque_noise or the noise of the instruments."
 )
 _DIMS = ("controller", "plant", "reference")
-#: An arm that is simulated; with loads that act on it alone.
+#: Simulated arm, optionally with loads that act only on it.
 ComparedPlant = Arm | tuple[Arm, Sequence[Load]]
 
 
@@ -57,34 +57,34 @@ def compare(
     progress: bool | None = None,
     **options: Any,
 ) -> xr.Dataset:
-    """Run every controller on every plant along every reference, and return numbers of each run.
+    """Simulate all combinations of controllers, plants and references; return their metrics.
 
     Args:
-        arm: what the controllers believe the arm to be.
+        arm: the controllers' model of the arm.
         controllers: by name; the same objects serve all runs, reset before each.
         duration: of every run, s.
         references: motions by name.
-        plants: arms that are really simulated, by name; None for the arm itself, as "nominal". A
-            pair ``(arm, loads)`` is an arm with loads that act on it alone, beside those of the
-            option ``loads``; no controller knows any of them.
+        plants: simulated arms by name; None for the arm itself, as "nominal". A pair
+            ``(arm, loads)`` is an arm with loads that act only on it, in addition to those of the
+            option ``loads``; no controller includes any of them in its model.
         hardware: of every run, with the same seed: the noise is the same in all.
-        settling: s after the end of a motion that the numbers of the time after it leave out;
-            shorter than the run.
+        settling: time (s) after the end of a motion to exclude from the metrics of the time after
+            it; shorter than the run.
         progress: True or False shows or hides the bar.
         options: further arguments of ``flexarm.simulate``, the same for all runs.
 
     Returns:
         Dataset (controller, plant, reference) of ``flexarm.simulation.metrics.METRICS``, and
-        ``failure``: why a run stopped early, or empty. Numbers of a run that stopped are NaN.
-        ``warning``: what a run warns of (`simulate`, and an inconsistent estimator), or empty.
+        ``failure``: why a run stopped early, or empty. The metrics of such a run are NaN.
+        ``warning``: warnings of a run (as in `simulate`, or an inconsistent estimator), or empty.
 
     Raises:
-        InputError: no controllers or references, a plant that is neither an arm nor an arm with
-            loads, a settling that leaves nothing, or what ``simulate`` refuses.
+        InputError: if there are no controllers or references, a plant is neither an arm nor an arm
+            with loads, ``settling`` excludes everything, or ``simulate`` raises for the first run.
 
     Warns:
-        UnstableLoopWarning: the sampled loop of a run is unstable, as in ``simulate``; ``warning``
-            says which.
+        UnstableLoopWarning: if the sampled loop of a run is unstable, as in ``simulate``;
+            ``warning`` contains the text.
     """
     where = "compare"
     arm = check_kind(where, "arm", arm, Arm)
@@ -108,7 +108,7 @@ def compare(
     def one(controller: str, plant: str, reference: str) -> tuple[xr.Dataset, Reference]:
         simulated, own = loaded[plant]
         run: dict[str, Any] = {"plant": simulated, "reference": references[reference]}
-        # What is no list goes on as it is, for simulate to refuse.
+        # Pass loads that are not a list unchanged, so that simulate raises its own error.
         both = own and isinstance(everywhere, list | tuple)
         run |= {"loads": [*everywhere, *own] if both else everywhere}
         run |= {"hardware": hardware, "progress": False, **options}
@@ -128,12 +128,13 @@ def _is_word(name: object) -> bool:
 def check_settling(
     where: str, settling: object, duration: float, references: Mapping[str, Any]
 ) -> None:
-    """Refuse what is no time, or one that leaves nothing of a run of ``duration`` (s) to judge.
+    """Raise if a settling time is not a time or leaves nothing of a run of ``duration`` (s).
 
-    A motion that ends with the run or after it is accepted: what is judged after it stays empty.
+    A motion that ends with the run or after it is accepted: its metrics after the motion are NaN.
 
     Raises:
-        InputError: so it is.
+        InputError: if ``settling`` is negative, not less than the duration, or not less than the
+            time between the end of a motion and the end of the run.
     """
     left_out = float(check_array(where, "settling", settling, ()))
     if not 0.0 <= left_out < duration:
@@ -151,7 +152,7 @@ def check_settling(
 
 
 def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load]]:
-    """Return a plant as its arm and the loads that act on it alone."""
+    """Return a plant as its arm and the loads that act only on it."""
     match plant:
         case Arm():
             return plant, ()
@@ -169,11 +170,11 @@ def comparison(
     settling: float,
     progress: bool | None,
 ) -> xr.Dataset:
-    """Make the table of ``compare`` from a function that runs one combination of names.
+    """Create the table of ``compare`` from a function that simulates one combination.
 
     Args:
         names: of controllers, plants and references.
-        run: from one name of each to the result and the reference to judge it by.
+        run: function of one name of each that returns the result and its reference.
     """
     import xarray as xr
 
@@ -196,13 +197,14 @@ def comparison(
                     result, reference = run(*chosen)
             except (SimulationError, InputError) as error:
                 unstable[index] = _unstable(getattr(error, "result", None))
-                # What is wrong with the first run is wrong with all; with a later one, only there.
+                # An invalid argument of the first run is invalid in all runs, a later one only in
+                # its own run.
                 if isinstance(error, InputError) and done == 0:
                     raise
                 failures[index] = str(error)
                 continue
             unstable[index] = _unstable(result)
-            if result.attrs["ended_by"] != DURATION:  # its numbers would flatter it
+            if result.attrs["ended_by"] != DURATION:  # metrics of a shorter run are not comparable
                 failures[index] = f"ended by the event {result.attrs['ended_by']!r}"
                 continue
             told = [unstable[index], result.attrs["warning"]]
@@ -221,17 +223,17 @@ def comparison(
 
 
 def inconsistent(result: xr.Dataset) -> bool:
-    """Tell whether the filter of a run has failed its test."""
+    """Return whether the estimator of a run fails its consistency test."""
     return bool(result.attrs.get("estimator_consistent", 1) == 0)
 
 
 def _unstable(result: xr.Dataset | None) -> str:
-    """Return how the loop of a run is unstable, or nothing."""
+    """Return the text on the unstable loop of a run, or empty text."""
     return "" if result is None else str(result.attrs.get("unstable_loop", ""))
 
 
 def _warn(names: Mapping[str, Sequence[str]], unstable: Any) -> None:
-    """Warn once of all runs whose loop is unstable."""
+    """Issue one warning for all runs whose loop is unstable."""
     runs = [tuple(index) for index in np.argwhere(unstable != "").tolist()]
     called = [
         " on ".join(repr(names[dim][k]) for dim, k in zip(_DIMS[:2], index[:2], strict=True))

@@ -1,4 +1,4 @@
-"""Runs that a function of time ends by an exception keep what was computed until then."""
+"""Results of runs that end by an exception of a user function."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ P = ParamSpec("P")
 
 
 def computed_until_failure(simulate: Callable[P, xr.Dataset]) -> Callable[P, xr.Dataset]:
-    """Give the failure of a function of time the record of the run up to that time.
+    """Attach the result up to the failure to the exception of a function of time.
 
-    Functions of time are followed before a run begins. Where one fails, the run is computed again
-    up to the time at which it last answered.
+    Functions of time are approximated before a run begins. If one fails, the run is repeated up
+    to the last time at which it returned a value.
     """
 
     @wraps(simulate)
@@ -39,7 +39,7 @@ def computed_until_failure(simulate: Callable[P, xr.Dataset]) -> Callable[P, xr.
 
 
 def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None:
-    """Attach the result of a shorter run; a run that ends even earlier raises its own error."""
+    """Attach the result of a shorter run; if that fails even earlier, raise its own error."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LargeDeflectionWarning)
         try:

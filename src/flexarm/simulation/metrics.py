@@ -1,4 +1,4 @@
-"""How well a run did what its reference asked for, in a few numbers."""
+"""Performance metrics of closed-loop runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Metric(NamedTuple):
-    """One number of a run."""
+    """One metric of a run: name, unit and meaning."""
 
     name: str
     unit: str
@@ -45,7 +45,7 @@ METRICS = (
 
 
 def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArray:
-    """Return where the tip is asked to be, (T, 2) m: of the rigid arm along the reference."""
+    """Return the reference position of the tip (T, 2) m, that of the rigid model by default."""
     tip = getattr(reference, "tip", None)
     if tip is not None:
         return np.asarray(tip(times))
@@ -57,15 +57,16 @@ def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArr
 def metrics_of(
     result: xr.Dataset, arm: Arm, reference: Reference, settling: float = 0.0
 ) -> dict[str, float]:
-    """Return ``METRICS`` of a closed-loop result; NaN where the run or the reference has none.
+    """Return ``METRICS`` of a closed-loop result; NaN if the run or the reference lacks the data.
 
     Args:
-        arm: whose rigid twin the reference is for.
+        arm: arm whose rigid model the reference is for.
         reference: with ``end_time`` (s), as motions have it, or moving to the end of the run.
-        settling: s after the end of the motion that the numbers of the time after it leave out.
+        settling: time (s) after the end of the motion to exclude from the metrics of the time
+            after it.
 
-    The first four are relative to the tip of the rigid arm along the reference; an arm that sags
-    under gravity misses it by its sag.
+    The first four are relative to the tip of the rigid model along the reference, so they include
+    the sag under gravity.
     """
     times = result["time"].values
     start = float(getattr(reference, "start_time", 0.0))
@@ -103,7 +104,7 @@ def metrics_of(
 def _joint_angles(reference: Reference, times: FloatArray, joints: int) -> FloatArray:
     """Return the joint angles (T, joints) of a reference at times (T,), rad."""
     if isinstance(reference, Motion) and times.size:
-        # One call for all times is up to a thousand times as fast as one for each.
+        # One call for all times is up to a thousand times as fast as one call per time.
         return np.asarray(reference.joint_angle(times))
     angles = [np.asarray(reference.joint_angle(float(t))) for t in times]
     return np.array(angles).reshape(-1, joints)
@@ -112,7 +113,7 @@ def _joint_angles(reference: Reference, times: FloatArray, joints: int) -> Float
 def _force_error(
     result: xr.Dataset, reference: Reference, times: FloatArray, moving: NDArray[np.bool_]
 ) -> FloatArray | None:
-    """Force across the surface less what a reference that presses asks for, while it moves, N."""
+    """Return the error of the normal contact force during the motion, N; None without one."""
     asked, normal = getattr(reference, "contact_force", None), getattr(reference, "normal", None)
     if asked is None or normal is None or "contact_force" not in result:
         return None

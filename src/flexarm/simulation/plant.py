@@ -1,4 +1,4 @@
-"""An arm that is stepped from outside: torques in, readings out, one sample time at a time."""
+"""Simulation of an arm one sample time at a time, for your own control loop."""
 
 from __future__ import annotations
 
@@ -38,36 +38,36 @@ from flexarm.observe import contact_forces
 
 
 class Plant:
-    """An arm behind its hardware, for programs that have a loop of their own.
+    """Arm with its hardware, simulated step by step, for your own control loop.
 
-    It stands at a sample time, in the beginning at zero: at rest, links straight, all joint angles
-    zero. ``step`` holds a torque until the next sample time and returns what the sensors say there.
-    The loop of ``flexarm.simulate`` is made of the same parts, and its digits are the same. Nothing
-    is recorded. A copy (``copy.deepcopy``, ``pickle``) stands where the plant stood and goes on by
-    itself; a pickle takes no load or base that is a function without a name.
+    The plant starts at time zero, at rest, with straight links and all joint angles zero. ``step``
+    applies a torque until the next sample time and returns the readings of the sensors there. The
+    loop of ``flexarm.simulate`` uses the same code, so the results agree to the last digit. Nothing
+    is recorded. A copy (``copy.deepcopy``, ``pickle``) continues independently from the current
+    state; a pickle cannot contain a load or base acceleration that is a lambda function.
 
     Args:
-        arm: the arm that is simulated.
+        arm: the simulated arm.
         sample_time: s from one step to the next.
-        hardware: instruments and motors in between; None for exact sensors of joint angles, rates
-            and strain, and motors that give what they are asked for.
-        tip_force, loads, base_acceleration, contacts: what acts from outside, see
-            ``flexarm.simulate``.
-        breaks: times (s) at which loads or a base that are functions of time jump or bend.
-        integrator, step, rtol, atol: how closely it is followed, see ``flexarm.simulate``.
-        duration: s, the latest that it may be stepped to; None for ever, which loads or a base that
-            are functions of time do not allow: they are looked at beforehand.
+        hardware: instruments and motors; None for exact sensors of joint angles, rates and strain,
+            and motors that apply the commanded torque exactly.
+        tip_force, loads, base_acceleration, contacts: external actions, see ``flexarm.simulate``.
+        breaks: times (s) at which loads or a base acceleration that are functions of time jump or
+            have a kink.
+        integrator, step, rtol, atol: method and accuracy, see ``flexarm.simulate``.
+        duration: s, latest time of a step; None for no limit. Required if loads or the base
+            acceleration are functions of time, which are evaluated in advance.
         specialized: True compiles the hot loop for the sizes of this arm: several seconds, once per
             size and machine, then a third faster.
-        warn: whether ``step`` warns of links that bend too far; ``warning`` says it in any case.
+        warn: whether ``step`` warns of large deflections; ``warning`` has the text in any case.
 
     Attributes:
         arm, sample_time: as given.
-        measurement: what the sensors said at the sample time that it stands at.
-        warning: which link has bent too far for the linear theory since the reset, or nothing.
+        measurement: readings of the sensors at the current sample time.
+        warning: link that has exceeded the linear theory since the reset, or empty text.
 
     Raises:
-        InputError: an argument has the wrong shape, is not finite, or contradicts another.
+        InputError: if an argument has the wrong shape, is not finite, or contradicts another.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Plant:
         self.reset()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy or a pickle keeps: what only looks at the arm is made anew of it."""
+        """Return the state for copies and pickles; helpers of the arm are created again."""
         return {k: v for k, v in self.__dict__.items() if k not in ("_bending", "_tip")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -135,16 +135,16 @@ class Plant:
         initial_rate: ArrayLike | None = None,
         seed: int | None = None,
     ) -> Measurement:
-        """Go back to time zero and return what the sensors say there.
+        """Return to time zero and return the readings of the sensors there.
 
         Args:
             initial: q (dof,), by default straight links and all joint angles zero.
             initial_rate: qd (dof,), zero by default.
-            seed: of the instruments' noise, in place of the hardware's.
+            seed: of the instruments' noise, instead of the hardware's seed.
 
         Raises:
-            InputError: an argument has the wrong shape or is not finite, or it starts deep inside a
-                surface.
+            InputError: if an argument has the wrong shape or is not finite, or the initial state
+                is deep inside a surface.
         """
         arm, hardware = self.arm, self._hardware
         straight = np.zeros(arm.joints)
@@ -154,7 +154,7 @@ class Plant:
         if hardware is not None and seed is not None:
             hardware = replace(hardware, seed=seed)
         run = self._new_run(state)
-        run.loads_of = None  # A plant repeats no run, and a user's function cannot be pickled.
+        run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
             refuse_deep_start("Plant.reset", arm, state, run.loads.placed.contacts)
         self._ticks = Ticks(run, self.sample_time, hardware, keep=False)
@@ -164,22 +164,23 @@ class Plant:
         return self.measurement
 
     def step(self, torque: ArrayLike) -> Measurement:
-        """Hold a torque (joints,) N m for one sample time and return what the sensors say then.
+        """Apply a torque (joints,) N m for one sample time and return the readings after it.
 
         Raises:
-            InputError: the torque has the wrong shape or is not finite, the plant's duration is
-                over, or it starts deep inside a surface; nothing has moved.
-            SimulationError: the arm could not be followed to the next sample time; ``.state`` is
-                the last good one. Only ``reset`` is left to do.
+            InputError: if the torque has the wrong shape or is not finite, the step exceeds the
+                plant's duration, or the initial state is deep inside a surface; the state does
+                not change.
+            SimulationError: if the integration fails before the next sample time; ``.state`` is
+                the last valid one. Call ``reset`` before the next step.
 
         Warns:
-            LargeDeflectionWarning: a link has bent too far for the theory of the arm; once after
-                each reset.
+            LargeDeflectionWarning: if a link exceeds the linear beam theory; once after each
+                reset.
         """
         ticks = self._ticks
         asked = check_array("Plant.step", "torque", torque, (self.arm.joints,))
         self._check_time((ticks.tick + 1) * self.sample_time)
-        if ticks.tick == 0:  # not where it is made: a reset may take it out of a wall first
+        if ticks.tick == 0:  # not in __init__, because a reset may first move the arm
             start, contacts = ticks.run.progress.state, ticks.run.loads.placed.contacts
             refuse_deep_start("Plant.step", self.arm, start, contacts)
         try:
@@ -199,14 +200,14 @@ class Plant:
         if self._stopped_at is not None:
             stopped = f"one that stopped at t = {self._stopped_at:.6g} s"
             raise InputError(Problem(where, "the plant", "be reset first", stopped))
-        # Sample times may add up to the duration and a rounding.
+        # The sum of the sample times may exceed the duration by rounding.
         if until > self._duration * (1.0 + 1e-12):
             rule = f"stay within the plant's duration of {self._duration:.6g} s"
             raise InputError(Problem(where, "the next sample time", rule, f"{until:.6g} s"))
 
     @property
     def time(self) -> float:
-        """Sample time that it stands at, s; after a failure the time reached."""
+        """Current sample time, s; after a failure the time reached."""
         return self._ticks.time if self._stopped_at is None else self._stopped_at
 
     @property
@@ -239,7 +240,7 @@ class Plant:
 
 
 def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration | None) -> None:
-    """Refuse what would have to be looked at for ever."""
+    """Raise if a plant without duration has functions of time, which need an end."""
     loads = check_list_of("Plant", "loads", loads, Load)
     factors = [load.factor for load in loads]
     if callable(base_acceleration) or any(callable(factor) for factor in factors):

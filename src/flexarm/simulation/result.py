@@ -1,4 +1,4 @@
-"""The labelled result of a run."""
+"""Labelled dataset of a run."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ if TYPE_CHECKING:
 
 
 class _Labels(NamedTuple):
-    """Dimensions, coordinates and attributes of a result, with data that take no memory."""
+    """Dimensions, coordinates and attributes of a result, with placeholder data."""
 
     times: FloatArray
     shapes: dict[str, tuple[int, ...]]
     dataset: xr.Dataset
 
 
-#: Labels of each arm's last result: the next one often has the same.
+#: Labels of each arm's last result, because the next one often has the same.
 _labels_of: WeakKeyDictionary[Arm, _Labels] = WeakKeyDictionary()
 _texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
 
 
 @cache
 def package_version() -> str:
-    """Return the version of this package, which is looked up once: that takes a millisecond."""
+    """Return the version of this package, cached because the look-up takes a millisecond."""
     return version("flexarm")
 
 
 def arm_text(arm: Arm) -> str:
-    """Return the text of an arm's file, written once for each arm."""
+    """Return the text of an arm's file, cached for each arm."""
     text = _texts.get(arm)
     if text is None:
         text = _texts[arm] = file_text(arm.spec)
@@ -55,16 +55,17 @@ def make_result(
     forces: dict[str, FloatArray],
     attributes: dict[str, Any],
 ) -> xr.Dataset:
-    """Label the samples of a run.
+    """Create the labelled dataset of the samples of a run.
 
     Args:
-        times: (samples,) s. states: (samples, 2, n, 1 + m). forces: channels of joint torques
-            and reactions.
-        attributes: plain numbers and strings, so that every file format can keep them.
+        times: (samples,) s.
+        states: (samples, 2, n, 1 + m).
+        forces: channels of joint torques and reactions.
+        attributes: plain numbers and strings, which every file format can store.
     """
     values = channels_of(arm, states)
     values |= forces
-    if "bending_moment" in values:  # the coordinate `position` is an array that users may change
+    if "bending_moment" in values:  # not cached, because users may change `position`
         dataset = _labelled(arm, times, values)
     else:
         labels = _labels_of.get(arm)
@@ -82,7 +83,7 @@ def make_result(
 
 def _new_labels(arm: Arm, times: FloatArray, shapes: dict[str, tuple[int, ...]]) -> _Labels:
     times = times.copy()
-    times.setflags(write=False)  # results share the index of the time
+    times.setflags(write=False)  # results share the time index
     nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
     return _Labels(times, shapes, _labelled(arm, times, nothing))
 
@@ -106,10 +107,10 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
 
 
 def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
-    """Add what a closed loop tells beside the arm's own motion.
+    """Add the data of a closed loop to the result.
 
-    ``torque_command`` (time, joint), and with hardware for each reading ``measured_NAME`` over
-    ``tick``, the number of the sample time, with the coordinate ``tick_time`` (s).
+    These are ``torque_command`` (time, joint) and, with hardware, ``measured_NAME`` for each
+    reading over ``tick``, the number of the sample time, with the coordinate ``tick_time`` (s).
     """
     dataset.attrs["controller_calls"] = len(loop.ticks)
     dataset.attrs["controller_seconds"] = loop.seconds
@@ -125,7 +126,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     for name, values in loop.readings().items():
         reading = f"measured_{name}"
         meaning = {"long_name": f"{name} as measured"}
-        # Most readings are rows of numbers; a contact's force has an axis more.
+        # Most readings are rows of numbers; a contact force has one more axis.
         parts = [f"{reading}_part", f"{reading}_axis"][: values.ndim - 1]
         dataset[reading] = (("tick", *parts), values[: len(times)], meaning)
     return dataset.assign_coords(tick_time=ticks)
@@ -161,7 +162,7 @@ def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
 
 
 def _stations(arm: Arm, count: int) -> dict[str, Any]:
-    """Where section forces are: as a fraction of each link, to select by, and in metres."""
+    """Return the coordinates of section forces: fraction of the link, and position in metres."""
     fraction = np.linspace(0.0, 1.0, count)
     position = arm.lengths[:, None] * fraction
     meaning = "place on the link, as a fraction of its length"

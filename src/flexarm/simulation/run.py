@@ -1,4 +1,4 @@
-"""Simulate an arm: the call behind ``flexarm.simulate``."""
+"""Simulation of an arm over a given duration: ``flexarm.simulate``."""
 
 from __future__ import annotations
 
@@ -103,54 +103,56 @@ def simulate(
     specialized: bool | None = None,
     progress: bool | None = None,
 ) -> xr.Dataset:
-    """Simulate an arm and return its motion, labelled.
+    """Simulate an arm and return its motion as a labelled dataset.
 
     Args:
-        arm: the arm; with ``plant`` given, what the controller believes it to be.
+        arm: the arm; with ``plant`` given, the controller's model of the arm.
         duration: s, positive.
         torque: joint torques, zero by default. An array (samples, joints) at ``rate``, N m, from
-            time zero, its last row held to the end of the run; or a function of time that returns
-            (joints,), followed closely enough to be exact to the run's tolerance, except for
-            features shorter than ``1 / rate`` that ``breaks`` does not name.
-        controller: called at its sample time, the torque held between (see
+            time zero, with the last row constant to the end of the run; or a function of time that
+            returns (joints,). A function is approximated within the run's tolerance, except for
+            features shorter than ``1 / rate`` that ``breaks`` does not contain.
+        controller: evaluated at its sample time, with the torque constant in between (see
             ``flexarm.Controller``); instead of ``torque``.
         reference: motion for the controller; the arm starts at its beginning.
-        plant: the arm that is really simulated, where it differs from ``arm``.
+        plant: simulated arm, if it differs from ``arm``.
         hardware: instruments and motors between controller and arm; None for exact sensors of joint
-            angles, rates and strain, and motors that give what they are asked for.
-        prescribed: joints, by number from 1, that follow a given motion exactly; the result's
-            torque is what that takes. Not together with a controller.
+            angles, rates and strain, and motors that apply the commanded torque exactly.
+        prescribed: joints, by number from 1, that follow a prescribed motion exactly; ``torque`` of
+            the result is the torque that this requires. Cannot be combined with a controller.
         initial: q (dof,), by default straight links at the start of the reference, or of
-            ``torque`` where that comes from a motion, else all angles zero.
+            ``torque`` if that is computed from a motion, else all angles zero.
         initial_rate: qd (dof,), zero by default.
         tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
-        loads: forces and moments anywhere on the simulated arm; no controller knows of them.
-        base_acceleration: (ax, ay) of the base joint, m/s^2, a function of time that gives it, or a
-            table ``(times, values)``; positions stay relative to the base.
-        events: what to locate on the way (``Event``, ``joint_event``, ``tip_event``); looked for
-            between samples, so that ``rate`` decides what is too brief to be seen. A terminal one
-            ends the run, with the event as the last sample.
-        contacts: surfaces that points of the arm may touch; they stand still relative to the base.
+        loads: forces and moments anywhere on the simulated arm; no controller includes them in its
+            model.
+        base_acceleration: (ax, ay) of the base joint, m/s^2, a function of time that returns it, or
+            a table ``(times, values)``; positions stay relative to the base.
+        events: events to locate during the run (``Event``, ``joint_event``, ``tip_event``). The
+            search compares samples, so two crossings within ``1 / rate`` may be missed. A terminal
+            event ends the run and is its last sample.
+        contacts: surfaces for contact with points of the arm, fixed relative to the base.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz; the last one may lie before the end of the run.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
             force, shear force and bending moment; 0 for none.
         step: fixed step, or first step of a method with step control, s; an integrator object has
-            its own. Too long a step for "rk4" gives "auto" another method, and a warning. A
-            fixed-step method without one halves its step until the tip differs by
-            at most 1e-4 of the reach from the motion at twice the step.
+            its own. If the step is too long for "rk4", "auto" uses another method and warns. A
+            fixed-step method without a step halves it until the tip differs by at most 1e-4 of
+            the reach from the motion at twice the step.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
-            fixed step only how closely functions of time are followed. At the defaults a run in
-            which joints meet their stops is made again at 1e-5 of them.
+            fixed step only the tolerance for functions of time. With the default values, a run in
+            which joints meet their stops is repeated with tolerances smaller by 1e-5.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
-        breaks: times (s) at which a function of time given here (torque, factor of a load, base
-            acceleration, prescribed motion) jumps or bends, besides ``breaks`` of its own: for
-            those shorter than the attribute ``shortest_feature``. They part the cubic of ``torque``
-            samples, which is straight from the sample before to the one after.
+        breaks: times (s) at which a function of time (torque, factor of a load, base acceleration,
+            prescribed motion) jumps or has a kink, in addition to its own ``breaks``. Needed for
+            features shorter than the attribute ``shortest_feature``. They also split the cubic of
+            ``torque`` samples, which is linear between the samples before and after a break.
         specialized: True compiles the hot loop for the sizes of this arm (several seconds, once per
             size and machine; a third faster); None does so in the middle of a long run.
-        progress: True or False shows or hides the bar that long runs get on a terminal.
+        progress: True or False shows or hides the progress bar of long runs; None shows it on a
+            terminal.
 
     Returns:
         Dataset over ``time`` with the channels of ``flexarm.engine.channels``; with ``events``
@@ -159,17 +161,18 @@ def simulate(
         "failure" or the name of the event that ended the run.
 
     Raises:
-        InputError: an argument has the wrong shape, is not finite, or contradicts another; a start
-            deep inside a surface, or a reference that presses away from one.
-        SimulationError: the run stopped early, or a function of time raised an exception;
-            ``.time`` says when, ``.result`` holds what was computed until then.
+        InputError: if an argument has the wrong shape, is not finite, or contradicts another, the
+            initial state is deep inside a surface, or a reference presses away from one.
+        SimulationError: if the run stops early, or a function of time raises an exception;
+            ``.time`` is the time, ``.result`` the result up to then.
 
     Warns:
-        LargeDeflectionWarning: a link has bent too far for the theory of the arm.
-        AccuracyWarning: impacts on joint stops have amplified errors to 1 % of the reach. Runs with
-            a controller, or other tolerances, are not checked; see the attribute ``impact_steps``.
-        UnstableLoopWarning: the sampled loop is unstable where the motion begins or ends, by a
-            factor of ten or more within the run.
+        LargeDeflectionWarning: if a link exceeds the linear beam theory.
+        AccuracyWarning: if impacts on joint stops amplify errors to 1 % of the reach. Runs with a
+            controller, or with other tolerances, are not checked; see the attribute
+            ``impact_steps``.
+        UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
+            with growth by a factor of ten or more within the run.
     """
     where = "simulate"
     _check_objects(where, arm, plant, controller, hardware)
@@ -201,7 +204,7 @@ def simulate(
         stations = check_stations(where, stations)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
     log = event_log(where, simulated, events)
-    # The last sample may lie a rounding beyond the end, where nothing would ever fill it.
+    # The last sample may exceed the end by rounding, and would then never be computed.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     with Meter("simulating", progress) as meter:
         run = new_run(
@@ -266,7 +269,7 @@ def _open_loop(run: Run, history_of: Callable[[float], TorqueHistory]) -> xr.Dat
     try:
         run_through_impacts(run, history_of)
     except SimulationError as error:
-        if run.history is None:  # a function of time failed before anything was computed
+        if run.history is None:  # a function of time failed before the run began
             raise
         failure = error
     assert run.history is not None
@@ -282,7 +285,7 @@ def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
     try:
         loop.execute()
     except SimulationError as error:
-        if unstable:  # the reason of whatever stopped the run
+        if unstable:  # the instability is the cause of every later failure
             error.hint = f"{unstable[0].upper()}{unstable[1:]}"
         if loop.ticks:
             result = _result(run, loop, started, str(error), unstable)
@@ -331,7 +334,7 @@ def _result(
     forces |= section_channels(inside) | contact_channels(
         run.arm, run.loads.placed.contacts, run.samples[:count]
     )
-    if isinstance(drive, ClosedLoop) and log is None:  # with a log it follows after the events
+    if isinstance(drive, ClosedLoop) and log is None:  # otherwise add_loop appends it
         forces["torque_command"] = drive.asked_at(times)
     result = make_result(run.arm, times, run.samples[:count], forces, attributes)
     return result if log is None else result.assign(event_variables(run.arm, log))
@@ -344,7 +347,7 @@ def _check_objects(
     controller: object | None,
     hardware: object | None,
 ) -> None:
-    """Refuse what is no arm or no controller before anything is asked of it."""
+    """Validate arm, plant, hardware and controller before their attributes are used."""
     check_kind(where, "arm", arm, Arm)
     if plant is not None:
         check_kind(where, "plant", plant, Arm)

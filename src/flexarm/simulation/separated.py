@@ -1,4 +1,4 @@
-"""Simulate by the paper's separation: rigid motion, and linear deviations about it."""
+"""Simulation by the paper's separation: rigid motion and linear deviations from it."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 METHODS = ("dynamic", "quasi_static")
-#: Two runs, one of half the step, must agree to this part of the largest deviation. Linearising
-#: costs more than that where deflections are worth speaking of.
+#: Two runs, one with half the step, must agree to this fraction of the largest deviation. The
+#: linearization error exceeds it if deflections are significant.
 RTOL = 1e-2
-#: Steps are halved until two runs agree, this often at most.
+#: Maximum number of times that the steps are halved.
 _HALVINGS = 12
 
 
@@ -67,24 +67,24 @@ def simulate_separated(
         duration: s from time zero; by default to the end of the motion.
         method: "dynamic": linear time-varying deviations. "quasi_static": links bent by the
             forces of inertia and gravity at each instant, joints on the motion.
-        joints: "free", or "locked" on the motion.
-        added_torque: function of time: (joints,) N m beside the rigid torque.
+        joints: "free", or "locked" to the motion.
+        added_torque: function of time: (joints,) N m in addition to the rigid torque.
         initial_deviation, initial_deviation_rate: (dof,) from the reference at time zero; zero by
             default.
-        breaks: times (s) at which ``added_torque`` jumps or bends, as in ``simulate``.
+        breaks: times (s) at which ``added_torque`` jumps or has a kink, as in ``simulate``.
         rate: samples recorded per second, Hz.
-        rtol: steps are halved until two runs agree to this part of the largest deviation.
+        rtol: steps are halved until two runs agree to this fraction of the largest deviation.
 
     Returns:
-        Dataset as ``simulate`` gives it, without the reactions of joints. ``torque`` is that of
-        the motors: with locked joints, what the motion of the bent arm takes to first order.
+        Dataset as returned by ``simulate``, without the joint reactions. ``torque`` is the motor
+        torque; with locked joints, that of the deflected arm to first order.
 
     Raises:
-        InputError: an argument has the wrong shape or value.
-        SimulationError: the deviations cannot be followed to ``rtol``.
+        InputError: if an argument has the wrong shape or value.
+        SimulationError: if the deviations do not converge to ``rtol``.
 
     Warns:
-        LargeDeflectionWarning: a link has bent too far for the linear theory.
+        LargeDeflectionWarning: if a link exceeds the linear beam theory.
 
     Theory page "separation", (D.5) to (D.7).
     """
@@ -113,7 +113,7 @@ def simulate_separated(
     added = None
     if added_torque is not None:
         check_function(where, "added_torque", added_torque)
-        # It is recorded besides: as closely as ``simulate`` does by default.
+        # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         share, name = min(allowed, CLOSE) * TORQUE_SHARE, "added_torque"
         added = function_torque(
             added_torque, until, arm.joints, share, breaks, name, where, 1.0 / frequency
@@ -187,7 +187,7 @@ def _converged(
     for _ in range(_HALVINGS):
         longest *= 0.5
         fine = run(longest)
-        # Between the coarser edges: there its polynomials err more than at them.
+        # Compare between the coarser edges, where its polynomials have larger errors.
         times = 0.5 * (coarse.edges[:-1] + coarse.edges[1:])
         (dq, _), (other, _) = fine.at(times), coarse.at(times)
         if np.max(np.abs(dq - other)) <= rtol * np.max(np.abs(dq)):
@@ -200,7 +200,7 @@ def _converged(
 def _quasi_static(
     model: Separation, times: FloatArray, until: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Deflection by inertia alone, and its rate from splines between the motion's breaks."""
+    """Return the quasi-static deflection, and its rate from splines between the breaks."""
     from scipy.interpolate import CubicSpline
 
     _, _, K, r = SmoothMatrices(model).at(times)
@@ -215,7 +215,7 @@ def _quasi_static(
 
 
 def _taken(sampled: Separation, dq: FloatArray, dqd: FloatArray) -> FloatArray:
-    """Torque (T, joints) that locked joints take beside the rigid one, to first order; (D.8)."""
+    """Return the added torque (T, joints) of locked joints to first order; (D.8)."""
     arm, kept = sampled.arm, sampled.kept
     free = linearize_along(arm, sampled.motion, times=sampled.time).deviation
     own = sampled.deviation

@@ -1,4 +1,4 @@
-"""Environments for Gymnasium: a flexible arm as a task for a learning agent.
+"""Gymnasium environments in which a learning agent controls a flexible arm.
 
 Importing this module registers ``flexarm/Reach-v0``, ``flexarm/TrackPath-v0`` and
 ``flexarm/TrackForce-v0``. Needs the extra ``gym``.
@@ -19,7 +19,7 @@ from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
 
 __all__ = ["ENVIRONMENTS", "ArmEnv", "ReachEnv", "TrackForceEnv", "TrackPathEnv", "laboratory_arm"]
 
-#: Every environment by the name that ``gymnasium.make`` knows it by.
+#: All environments by the names registered with Gymnasium.
 ENVIRONMENTS: dict[str, type[ArmEnv]] = {
     "flexarm/Reach-v0": ReachEnv,
     "flexarm/TrackPath-v0": TrackPathEnv,
@@ -27,5 +27,5 @@ ENVIRONMENTS: dict[str, type[ArmEnv]] = {
 }
 
 for _name, _kind in ENVIRONMENTS.items():
-    # Episodes end themselves, after seconds and not after steps: no limit of steps here.
+    # Episodes have their own limit in seconds, so no limit in steps is registered.
     gymnasium.register(_name, entry_point=f"{_kind.__module__}:{_kind.__name__}")

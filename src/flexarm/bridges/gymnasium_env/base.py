@@ -1,4 +1,4 @@
-"""What all environments of an arm have in common: one step is one sample time."""
+"""Base class of the environments: one step is one sample time of the arm."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from flexarm.hardware.measurement import Measurement
 from flexarm.model import Gauge, Joint, Link, ModalDamping
 from flexarm.simulation.plant import Plant
 
-#: The arm itself, or a function that draws one for each episode.
+#: An arm, or a function that draws one for each episode.
 PlantSource = Arm | Callable[[np.random.Generator], Arm]
-#: What full torque costs of the largest reward.
+#: Reward penalty of full torque, as a fraction of the largest reward.
 _EFFORT = 0.002
 
 
 @cache
 def laboratory_arm() -> Arm:
-    """Return the arm that environments have by default: two light links, gauged at their roots."""
+    """Return the default arm of the environments: two light links with gauges at their roots."""
     rod: dict[str, Any] = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
     rod |= {"damping": ModalDamping(ratio=0.01), "gauges": [Gauge(station=0.05, distance=0.005)]}
     links = [Link(length=1.4142, elements=2, **rod), Link(length=1.0, elements=1, **rod)]
@@ -48,50 +48,53 @@ def laboratory_arm() -> Arm:
 
 
 class ArmEnv(gymnasium.Env[Vector, Vector]):
-    """An arm whose motors an agent drives, one sample time a step.
+    """Environment in which an agent commands the motors of an arm at each sample time.
 
-    The action (joints,) is in [-1, 1], the part of ``torque_limit`` that each motor is asked for
-    until the next step; beyond it is cut. The observation is what the instruments read, then what
-    the task adds: ``observation_names`` says what each component is, with its unit. The reward of a
-    step is ``1 / (1 + distance / scale)``, with the distance of the true tip from where the task
-    wants it, less 0.002 times the mean square of the action: always positive, so that an agent
-    never gains by ending an episode. A task may add to what counts as missed, and says so.
+    The action (joints,) is in [-1, 1]: the fraction of ``torque_limit`` to command to each motor
+    until the next step; larger values are clipped. The observation contains the readings of the
+    instruments, followed by the values of the task: ``observation_names`` lists all components
+    with their units. The reward of a step is ``1 / (1 + distance / scale)``, with the distance of
+    the exact tip from the task's target, minus 0.002 times the mean square of the action. It is
+    always positive, so that an agent never gains by ending an episode. A task may add other errors
+    to the distance, as its own documentation describes.
 
-    An episode is *terminated*, with reward zero, where the arm cannot be followed any further or a
-    link bends too far for the linear theory; ``info["reason"]`` says which. It is *truncated* after
+    An episode is *terminated*, with reward zero, if the simulation fails or a link exceeds the
+    linear beam theory; ``info["reason"]`` contains the reason. It is *truncated* after
     ``duration``.
 
-    ``info`` holds ``time`` (s), ``tip`` (2,) m, ``distance`` (m), ``torque`` (joints,) N m as asked
-    for, ``is_success`` and ``reason``.
+    ``info`` contains ``time`` (s), ``tip`` (2,) m, ``distance`` (m), the commanded ``torque``
+    (joints,) N m, ``is_success`` and ``reason``.
 
     Args:
-        arm: the arm as planned with; None for ``laboratory_arm()``.
-        plant: the arm that is simulated, where it differs from ``arm``; or a function that draws
-            one for each episode from the random generator that it is given.
-        sample_time: s. duration: of an episode, s.
+        arm: the nominal arm; None for ``laboratory_arm()``.
+        plant: simulated arm, if it differs from ``arm``; or a function of a random generator that
+            returns one for each episode.
+        sample_time: s.
+        duration: of an episode, s.
         torque_limit: N m, one number or one for each joint; None for that of the hardware's motors,
             or ``laboratory_torque`` of the laboratory arm.
-        hardware: instruments and motors; its seed is replaced by one of the episode's own. Without
-            instruments: exact joint angles, rates, strain, tip and its velocity.
+        hardware: instruments and motors; each episode replaces its seed. Without instruments:
+            exact joint angles, rates, strain, tip and its velocity.
         render_mode: "rgb_array" or None.
 
     Attributes:
         arm, torque_limit: as given, the latter (joints,).
-        plant: the ``flexarm.Plant`` that is stepped; it knows the truth that an agent does not see.
-        ticks: steps of a whole episode.
+        plant: the ``flexarm.Plant`` of the simulation, with the exact state, which is hidden from
+            the agent.
+        ticks: number of steps of a complete episode.
 
     Raises:
-        InputError: an argument cannot be used.
+        InputError: if an argument is not valid.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
-    #: Distance (m, as a part of the reach) at which the reward is a half.
+    #: Distance at which the reward is a half, as a fraction of the reach.
     scale: ClassVar[float]
-    #: Names of what ``reset(options=...)`` understands.
+    #: Names of the options of ``reset``.
     option_names: ClassVar[tuple[str, ...]]
     #: Largest torques (N m) of the motors of the laboratory arm.
     laboratory_torque: ClassVar[tuple[float, float]] = (10.0, 3.0)
-    #: Signals that exact instruments measure beside the joints, strain and tip.
+    #: Signals of the exact instruments in addition to the joints, strain and tip.
     extra_signals: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
@@ -130,45 +133,45 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         self._picture: Picture | None = None
         self._tick, self._begun = 0, False
 
-    # What a task says -----------------------------------------------------------------------------
+    # Interface of a task -------------------------------------------------------------------------
 
     @abstractmethod
     def task_parts(self) -> Sequence[Part]:
-        """Say what the task adds to the observation."""
+        """Return the task's components of the observation."""
 
     @abstractmethod
     def begin(self, options: dict[str, Any]) -> FloatArray:
-        """Draw a task with ``np_random``; return the joint angles (joints,) to start from, rad."""
+        """Draw a task with ``np_random``; return the initial joint angles (joints,), rad."""
 
     @abstractmethod
     def task_values(self, tick: int) -> FloatArray:
-        """Return what the task adds to the observation at a sample time."""
+        """Return the task's values of the observation at a sample time."""
 
     @abstractmethod
     def target(self, tick: int) -> FloatArray:
-        """Return where the tip is wanted (2,) at a sample time, m."""
+        """Return the target position of the tip (2,) at a sample time, m."""
 
     def contacts(self) -> Sequence[Contact]:
-        """Return what the arm may touch in this episode: nothing, unless a task says so."""
+        """Return the contacts of this episode; none by default."""
         return ()
 
     def miss(self, info: dict[str, Any]) -> float:
-        """Say how much is missed, one for half of the largest reward: the distance by its scale."""
+        """Return the scaled error, 1 for half of the largest reward; by default of the distance."""
         return float(info["distance"]) / (self.scale * reach_of(self.arm))
 
     @abstractmethod
     def succeeded(self, tick: int, distance: float) -> bool:
-        """Say whether the task is done at a sample time, the tip ``distance`` m away."""
+        """Return whether the task is done at a sample time, with the tip ``distance`` m away."""
 
     def scene(self) -> Scene:
-        """Return what a picture shows beside the arm."""
+        """Return the objects to draw in addition to the arm."""
         return Scene(self.target(self._tick))
 
-    # What Gymnasium asks for ----------------------------------------------------------------------
+    # Interface of Gymnasium ----------------------------------------------------------------------
 
     @property
     def observation_names(self) -> list[str]:
-        """What each component of the observation is, with its unit: ``tip[x] (m)``."""
+        """Names of the observation's components with their units, such as ``tip[x] (m)``."""
         return self._observation.names
 
     def reset(
@@ -177,7 +180,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """Begin an episode; see ``gymnasium.Env.reset``.
 
         Raises:
-            InputError: the task does not know an option, or cannot use it.
+            InputError: if an option is unknown to the task or not valid.
         """
         super().reset(seed=seed)
         where = f"{type(self).__name__}.reset"
@@ -196,11 +199,11 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         return self._seen(measurement), info
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
-        """Ask the motors for torques until the next sample time; see ``gymnasium.Env.step``.
+        """Apply torques until the next sample time; see ``gymnasium.Env.step``.
 
         Raises:
-            InputError: the action is not finite or has the wrong shape.
-            gymnasium.error.ResetNeeded: ``reset`` was never called.
+            InputError: if the action is not finite or has the wrong shape.
+            gymnasium.error.ResetNeeded: if ``reset`` has not been called.
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before step().")
@@ -230,13 +233,13 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         return self._picture.draw(self.plant.arm.shape(self.plant.q, 20), self.scene())
 
     def close(self) -> None:
-        """Let go of the picture."""
+        """Release the picture."""
         self._picture = None
 
     # ----------------------------------------------------------------------------------------------
 
     def _made(self, arm: object, sample_time: float) -> Plant:
-        """Make the plant of an arm that has as many joints and gauges as the one planned with."""
+        """Create the plant of an arm with the nominal arm's numbers of joints and gauges."""
         where, known = type(self).__name__, self.arm
         arm = check_kind(where, "plant", arm, Arm)
         if (arm.joints, len(arm.gauges)) != (known.joints, len(known.gauges)):
@@ -265,7 +268,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 def _check_objects(
     where: str, arm: object, plant: object, hardware: object, render_mode: object
 ) -> None:
-    """Raise InputError with every argument that is of another class."""
+    """Raise InputError for all arguments with the wrong type."""
     rules = {
         "arm": ("be an Arm", arm, isinstance(arm, Arm)),
         "plant": (
@@ -286,7 +289,7 @@ def _check_objects(
 
 
 def _default_limit(where: str, laboratory: ArrayLike | None, motors: Motors | None) -> ArrayLike:
-    """Return the torque limit of the motors, or of the laboratory arm's, N m."""
+    """Return the torque limit of the motors, or that of the laboratory arm, N m."""
     if motors is not None and np.all(np.isfinite(motors.torque_limit)):
         return motors.torque_limit
     if laboratory is not None:
@@ -296,7 +299,7 @@ def _default_limit(where: str, laboratory: ArrayLike | None, motors: Motors | No
 
 
 def _checked_limit(where: str, arm: Arm, given: ArrayLike) -> FloatArray:
-    """Return the torques (joints,) that an action of one asks for."""
+    """Return the torques (joints,) N m of an action of 1, after validation."""
     each = [given] * arm.joints if isinstance(given, int | float) else given
     limit = check_array(where, "torque_limit", each, (arm.joints,))
     if not np.all(limit > 0.0):

@@ -1,4 +1,4 @@
-"""What an agent sees, as one vector: readings of instruments, then what the task adds."""
+"""Observation vector of an environment: readings of instruments and values of the task."""
 
 from __future__ import annotations
 
@@ -16,21 +16,24 @@ from flexarm.hardware.measurement import Measurement
 FloatArray = NDArray[np.float64]
 Vector = NDArray[np.float32]
 
-#: Bounds that a working arm stays far within; what goes beyond is cut: rad/s, and 1e-3.
+#: Bounds far above the values of a working arm, for clipping: rad/s, and strain in 1e-3.
 _MOST_RATE, _MOST_STRAIN = 50.0, 10.0
-#: Largest force of a contact that is seen, N.
+#: Largest contact force in an observation, N.
 MOST_FORCE = 100.0
-#: A bent arm of the linear theory reaches a little farther than a straight one.
+#: Limit on the ratio of tip distance to reach, which exceeds 1 for a bent arm in the linear theory.
 _STRETCH = 1.2
 
 
 @dataclass(frozen=True)
 class Part:
-    """Some components of the vector.
+    """Group of components of the observation vector.
 
     Attributes:
-        name: of all of them. unit: of all of them. size: how many.
-        bound: largest value, either way. axes: whether they are x and y, not counted from 1.
+        name: common name of the components.
+        unit: common unit of the components.
+        size: number of components.
+        bound: largest magnitude.
+        axes: whether the components are x and y, instead of numbers from 1.
     """
 
     name: str
@@ -41,21 +44,22 @@ class Part:
 
     @property
     def names(self) -> list[str]:
-        """Name and unit of each component, as linear models name their signals."""
+        """Names of the components with units, in the form of the signals of linear models."""
         ends = ("x", "y") if self.axes else range(1, self.size + 1)
         return [f"{self.name}[{end}] ({self.unit})" for end in ends]
 
 
 class Observation:
-    """Layout of the vector, and its making.
+    """Layout of the observation vector, and conversion of measurements to it.
 
-    Joint angles are seen as cosine and sine: an angle and the same angle a turn on are one posture.
-    Strains are seen in thousandths, so that no component is tiny beside the others.
+    A joint angle appears as cosine and sine, because angles that differ by a full turn are the same
+    posture. Strains are in units of 1e-3, so that the components have similar magnitudes.
 
     Args:
-        arm: whose lengths bound positions.
-        instruments: what is measured. example: a measurement of theirs.
-        task: what the task adds.
+        arm: arm whose lengths limit positions.
+        instruments: instruments of the measurements.
+        example: a measurement of these instruments.
+        task: components of the task.
     """
 
     def __init__(
@@ -92,11 +96,11 @@ class Observation:
 
     @property
     def names(self) -> list[str]:
-        """Name of each component, with its unit: ``tip[x] (m)``."""
+        """Names of the components with units, such as ``tip[x] (m)``."""
         return [name for part in self.parts for name in part.names]
 
     def vector(self, measurement: Measurement, task: FloatArray) -> Vector:
-        """Return what the agent sees, within the bounds of the space."""
+        """Return the observation, clipped to the bounds of the space."""
         values = []
         for label, value in measurement.items():
             signal = self._signals[label]
@@ -105,12 +109,12 @@ class Observation:
             else:
                 values.append(1e3 * value if signal == "strain" else value.ravel())
         seen = np.concatenate([*values, task])
-        # Rounding to single precision must not carry a value over its bound.
+        # Clip after the conversion, because rounding to single precision may exceed a bound.
         return np.clip(seen.astype(np.float32), self.space.low, self.space.high)
 
 
 def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:
-    """Return instruments without error, of all that an agent may want to know; and of ``extra``."""
+    """Return exact instruments of the joints, strain, tip and the signals ``extra``."""
     strain = ["strain"] if arm.gauges else []
     signals = ["joint_angle", "joint_rate", *strain, "tip", "tip_velocity", *extra]
     return [Instrument(signal) for signal in signals]
@@ -122,7 +126,7 @@ def reach_of(arm: Arm) -> float:
 
 
 def _named(item: Instrument) -> list[tuple[str, object]]:
-    """Names in the measurement with the signal of each; a rate is one like any other."""
+    """Return the names of an instrument in measurements, each with its signal."""
     rate = {"joint_angle": "joint_rate", "tip": "tip_velocity"}
     signals = [item.signal, rate.get(str(item.signal), "")]
     return list(zip(item.labels, signals, strict=False))

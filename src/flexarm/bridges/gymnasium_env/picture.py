@@ -1,4 +1,4 @@
-"""A picture of the arm and its task, as an array of pixels."""
+"""Picture of the arm and its task as an array of pixels."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _LINK, _JOINT, _TARGET, _PATH = "#0072B2", "#262626", "#D55E00", "#8C8C8C"
 
 @dataclass(frozen=True)
 class Scene:
-    """What there is beside the arm.
+    """Objects of a picture in addition to the arm.
 
     Attributes:
-        target: (2,) m, where the tip is wanted now.
-        path: (points, 2) m, where it is wanted at other times.
+        target: (2,) m, current target of the tip.
+        path: (points, 2) m, targets at other times.
     """
 
     target: FloatArray
@@ -30,7 +30,7 @@ class Scene:
 
 
 class Picture:
-    """A square around the base, drawn again and again.
+    """Square picture around the base, reused for all frames.
 
     Args:
         reach: m, length of the straight arm.
@@ -39,7 +39,7 @@ class Picture:
     def __init__(self, reach: float) -> None:
         size = _PIXELS / _DPI
         figure = Figure(figsize=(size, size), dpi=_DPI)
-        self._canvas: Any = FigureCanvasAgg(figure)  # Matplotlib does not say its types
+        self._canvas: Any = FigureCanvasAgg(figure)  # Matplotlib has no complete type hints
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         half = 1.1 * reach

@@ -1,4 +1,4 @@
-"""Bring the tip to a point and hold it there."""
+"""Environment with the task to move the tip to a point and keep it there."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ from flexarm.bridges.gymnasium_env.base import ArmEnv
 from flexarm.bridges.gymnasium_env.observation import FloatArray, Part, reach_of
 from flexarm.errors import check_array
 
-#: Joints start anywhere within this (rad) where no stops are nearer.
+#: Largest initial joint angle (rad), unless a stop is closer.
 _RANGE = 2.5
-#: The goal is the tip of a straight arm whose joints have turned by at most this (rad).
+#: Largest joint angle (rad) between the start and the posture whose tip is the goal.
 _TURN = 0.6
-#: Held is a goal with the tip this near (m, as a part of the reach) and as slow (1/s of it).
+#: Success: largest distance (fraction of the reach) and speed (reaches per second) of the tip.
 _NEAR, _SLOW = 0.01, 0.05
 
 
 class ReachEnv(ArmEnv):
-    """Bring the tip to a random goal, and hold it there without vibration.
+    """Move the tip to a random goal, and keep it there without vibration.
 
-    The goal is where the tip would be with straight links and each joint turned by up to 0.6 rad
+    The goal is the tip of the arm with straight links after turning each joint by up to 0.6 rad
     from a random posture, which is the start. The task adds to the observation: ``goal`` (2,) m.
-    A half of the largest reward is had at a twentieth of the reach from the goal. ``is_success``:
-    the tip is within a hundredth of the reach of it, and slower than a twentieth of it a second.
+    The reward is half of its maximum at a distance of a twentieth of the reach. ``is_success``: the
+    tip is within a hundredth of the reach of the goal, and slower than a twentieth of the reach
+    per second.
 
-    ``reset(options={"start": ..., "goal": ...})`` takes joint angles (joints,) rad in place of
-    random ones. ``info`` also holds ``goal_joint_angle`` (joints,) rad: what an inverse kinematics
-    would find. Everything else is told by ``ArmEnv``.
+    ``reset(options={"start": ..., "goal": ...})`` accepts joint angles (joints,) rad instead of
+    random ones. ``info`` also contains ``goal_joint_angle`` (joints,) rad, the solution of the
+    inverse kinematics. See ``ArmEnv`` for everything else.
     """
 
     scale: ClassVar[float] = 0.05
@@ -72,7 +73,7 @@ class ReachEnv(ArmEnv):
 
 
 def joint_range(env: ArmEnv) -> tuple[FloatArray, FloatArray]:
-    """Return the joint angles (joints,) rad from which and up to which episodes start."""
+    """Return the bounds (joints,) of initial joint angles, rad."""
     lower = np.full(env.arm.joints, -_RANGE)
     upper = -lower
     for k, number in enumerate(env.arm.joint_numbers):

@@ -1,4 +1,4 @@
-"""Slide along a wall and press on it with a force that changes."""
+"""Environment with the task to slide along a wall with a prescribed, changing contact force."""
 
 from __future__ import annotations
 
@@ -19,68 +19,69 @@ from flexarm.motion import line_motion
 from flexarm.motion.lines import LineMotion
 from flexarm.surfaces import Wall
 
-#: When the tip is to begin to slide, and for how long it does, s.
+#: Start time and duration of the sliding motion, s.
 _TOUCHDOWN, _SLIDE = 0.5, 2.0
-#: How far it slides, as a part of the reach: 0.3 m with the arm that is there.
+#: Length of the sliding motion, as a fraction of the reach: 0.3 m with the default arm.
 _LENGTH = 0.125
-#: The tip starts this far (m) before the wall.
+#: Initial distance (m) of the tip from the wall.
 _GAP = 0.005
-#: A wall faces the base, turned by at most this (rad): its base is on the free side then.
+#: Largest angle (rad) of a wall's normal to the base direction: the base is then on its free side.
 _TURN = np.pi / 6.0
-#: How far from the base a line may be (parts of the reach): a stretched arm cannot give way.
+#: Bounds of a line's distance from the base (fractions of the reach); a straight arm is too stiff.
 _NEAREST, _FARTHEST = 0.5, 0.85
-#: Joint rates (rad/s) that a line may take, and the part of the torque limits that the largest
-#: force may take at rest: more would bend the links too far.
+#: Largest joint rates (rad/s) along a line, and largest static torque of the maximum force as a
+#: fraction of the torque limits; more would bend the links too far.
 _FASTEST, _SHARE = 1.0, 0.4
 _TRIES = 500
-#: The reward is halved by a fifth of the mean force; more than a hundred times that counts as that.
+#: Force error (fraction of the mean force) that halves the reward, and limit on the scaled error.
 _FORCE_SCALE, _MOST_MISS = 0.2, 100.0
-#: Done is a line that the tip has come to the end of and is this near to (part of the reach).
+#: Success: largest distance from the end of the line, as a fraction of the reach.
 _NEAR = 0.01
 
 
 class TrackForceEnv(ArmEnv):
-    """Slide the tip along a random wall, pressing on it with a force that changes.
+    """Slide the tip along a random wall and press on it with a changing force.
 
-    The arm starts at rest, its tip at least 5 mm before the wall. The force asked for is
-    ``force[0] - force[1] cos(2 pi t / period)`` from the first moment on. From 0.5 s to 2.5 s a
-    point moves along the wall by an eighth of the reach (0.3 m), from rest to rest. The wall stands
-    in a random place and faces the base, turned by up to 30 degrees. Only the tip touches it.
+    The arm starts at rest, with its tip at least 5 mm before the wall. The reference force is
+    ``force[0] - force[1] cos(2 pi t / period)`` from the start. From 0.5 s to 2.5 s a point moves
+    along the wall by an eighth of the reach (0.3 m), from rest to rest. The wall has a random
+    position and faces the base, turned by up to 30 degrees. Only the tip has contact with it.
 
     The task adds to the observation: ``wanted_tip`` (2,) m and ``wanted_velocity`` (2,) m/s of the
-    point now, ``line_end`` (2,) m, ``time_left`` (1,) s until the point is there, ``wall_normal``
-    (2,) away from the wall, ``wanted_force`` (1,) N and ``wanted_force_rate`` (1,) N/s. Among the
-    exact instruments there is one of the ``contact_force`` on the arm, (2,) N in world axes; in an
-    observation each component ends at 100 N.
+    point, ``line_end`` (2,) m, ``time_left`` (1,) s until the end of the line, ``wall_normal``
+    (2,) away from the wall, ``wanted_force`` (1,) N and ``wanted_force_rate`` (1,) N/s. The exact
+    instruments include the ``contact_force`` on the arm, (2,) N in world axes; each component of
+    an observation is clipped to 100 N.
 
     The reward of a step is ``1 / (1 + distance / (0.02 reach) + force_error / (0.2 force[0]))``,
-    less the effort: the force counts no more than a hundred. ``is_success``: the line is over, the
-    tip is within a hundredth of the reach of its end, and the force within a fifth of its mean of
-    what is asked for.
+    minus the torque penalty; the force term is at most 100. ``is_success``: the line has ended, the
+    tip is within a hundredth of the reach of its end, and the force error is below a fifth of the
+    mean force.
 
     ``reset(options={"start": ..., "end": ..., "stiffness": ..., "friction": ..., "place": ...})``
-    takes the two ends of the line on the wall, world points (2,) m, together; each of the others
-    fixes what is random otherwise. ``info`` also holds ``force``, with which the tip presses, and
-    ``force_error``, N. ``motion`` is the ``line_motion`` along the wall, ``normal`` the wall's.
-    Everything else is told by ``ArmEnv``.
+    accepts both ends of the line on the wall, world points (2,) m, together; each of the other
+    options replaces a random value. ``info`` also contains ``force``, the contact force of the tip,
+    and ``force_error``, N. ``motion`` is the ``line_motion`` along the wall, ``normal`` the wall's.
+    See ``ArmEnv`` for everything else.
 
     Args:
         arm, plant: see ``ArmEnv``.
-        force: mean and amplitude of the force asked for, N. period: of its change, s.
-        stiffness: of the wall, N/m; or the two ends of what is drawn for each episode, evenly in
-            its logarithm.
-        friction: coefficient; or the two ends of what is drawn for each episode.
+        force: mean and amplitude of the reference force, N.
+        period: of its change, s.
+        stiffness: of the wall, N/m; or the bounds of a random value for each episode, with a
+            log-uniform distribution.
+        friction: coefficient; or the bounds of a random value for each episode.
         damping, exponent: of the wall, see ``flexarm.Contact``.
-        place: m, by how much at most the wall is nearer or farther than the task says.
+        place: m, largest random offset of the wall from its nominal position along the normal.
         others: further arguments of ``ArmEnv``.
 
     Raises:
-        InputError: an argument cannot be used.
+        InputError: if an argument is not valid.
     """
 
     scale: ClassVar[float] = 0.02
     option_names: ClassVar[tuple[str, ...]] = ("start", "end", "stiffness", "friction", "place")
-    #: Pressing takes more than moving.
+    #: Larger than in the other tasks, because pressing requires more torque than moving.
     laboratory_torque: ClassVar[tuple[float, float]] = (20.0, 12.0)
     extra_signals: ClassVar[tuple[str, ...]] = ("contact_force",)
     motion: LineMotion
@@ -110,7 +111,7 @@ class TrackForceEnv(ArmEnv):
         super().__init__(arm, plant, **others)
 
     def contacts(self) -> Sequence[Contact]:
-        """See ``ArmEnv``; before the first episode the wall stands out of reach."""
+        """See ``ArmEnv``; before the first episode the wall is out of reach."""
         if self._wall is None:
             away = Wall((3.0 * reach_of(self.arm), 0.0), (-1.0, 0.0))
             return [self._touching(away, self.stiffness[0], self.friction[0])]
@@ -161,7 +162,7 @@ class TrackForceEnv(ArmEnv):
         surface = Wall(self.motion.start + drawn["place"] * self.normal, self.normal)
         self._wall = self._touching(surface, drawn["stiffness"], drawn["friction"])
         self._wanted = self._table()
-        # Before the wall as it is: one that is nearer than said is not started in.
+        # Start before the actual wall, which may be closer than its nominal position.
         before = (_GAP + max(drawn["place"], 0.0)) * self.normal
         return self._along(self.motion.start + before, self.motion.end + before).joint_angle(0.0)
 
@@ -169,7 +170,7 @@ class TrackForceEnv(ArmEnv):
         return line_motion(self.arm, start, end, _SLIDE, start_time=_TOUCHDOWN)
 
     def _facing(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Return the normal (2,) of a line that looks to the base."""
+        """Return the normal (2,) of a line that points towards the base."""
         way = (end - start) / max(float(np.hypot(*(end - start))), 1e-300)
         normal = np.array([-way[1], way[0]])
         return -normal if normal @ (self._base() - start) < 0.0 else normal
@@ -179,7 +180,7 @@ class TrackForceEnv(ArmEnv):
         return base
 
     def _draw(self) -> None:
-        """Draw a line on a wall along which the arm can press."""
+        """Draw a random line on a wall along which the arm can press."""
         rng, length, base = self.np_random, _LENGTH * reach_of(self.arm), self._base()
         for _ in range(_TRIES):
             start = self.arm.tip(self.arm.rest(rng.uniform(*joint_range(self))))[:2]
@@ -199,7 +200,7 @@ class TrackForceEnv(ArmEnv):
         raise InputError(Problem("TrackForceEnv.reset", "the arm", rule, value, hint))
 
     def _manageable(self) -> bool:
-        """Whether joints can move along the line, and press there without much of their torque."""
+        """Return whether the line is within reach and the limits on joint rates and torques."""
         times = _TOUCHDOWN + np.linspace(0.0, _SLIDE, 9)
         away = np.hypot(*(self.motion.tip(times) - self._base()).T) / reach_of(self.arm)
         if away.min() < _NEAREST or away.max() > _FARTHEST:
@@ -217,7 +218,7 @@ class TrackForceEnv(ArmEnv):
         return True
 
     def _table(self) -> FloatArray:
-        """Return what the task asks for at every sample time, as it is observed."""
+        """Return the task's values of the observation at every sample time."""
         motion, times = self.motion, np.arange(self.ticks + 1) * self.plant.sample_time
         along = motion.law(np.clip((times - _TOUCHDOWN) / _SLIDE, 0.0, 1.0))
         way, (mean, amplitude) = motion.end - motion.start, self.force
@@ -235,7 +236,7 @@ class TrackForceEnv(ArmEnv):
         )
         return table
 
-    # What an agent sees, and what it earns --------------------------------------------------------
+    # Observation and reward ----------------------------------------------------------------------
 
     def task_values(self, tick: int) -> FloatArray:
         """See ``ArmEnv``."""
@@ -247,7 +248,7 @@ class TrackForceEnv(ArmEnv):
         return self.task_values(tick)[:2]
 
     def pressing(self) -> float:
-        """Return the force (N) with which the tip presses on the wall now."""
+        """Return the current normal force (N) of the tip on the wall."""
         return float(self.plant.contact_force[0] @ self.normal)
 
     def _force_error(self, tick: int) -> float:
@@ -274,7 +275,7 @@ class TrackForceEnv(ArmEnv):
 
 
 def _checked_force(given: ArrayLike) -> FloatArray:
-    """Return mean and amplitude (2,) of a force that always presses, N."""
+    """Return mean and amplitude (2,) of a force that is never tensile, N."""
     where = "TrackForceEnv"
     force = check_array(where, "force", given, (2,))
     if not (force[0] > 0.0 and 0.0 <= force[1] <= force[0] and force.sum() <= MOST_FORCE):
@@ -284,13 +285,13 @@ def _checked_force(given: ArrayLike) -> FloatArray:
 
 
 def _checked_number(name: str, given: ArrayLike, positive: bool = False) -> float:
-    """Return a number that is not negative; with ``positive``, not zero."""
+    """Return a non-negative number, or with ``positive`` a positive one, after validation."""
     number = float(check_array("TrackForceEnv", name, given, ()))
     return float(_checked_range(name, number, positive)[0])
 
 
 def _checked_range(name: str, given: ArrayLike, positive: bool = False) -> FloatArray:
-    """Return the ends (2,) of what is drawn; of a number, twice that."""
+    """Return the bounds (2,) of a random value; both are equal for a single number."""
     where = "TrackForceEnv"
     single = np.ndim(given) == 0
     ends = check_array(where, name, [given, given] if single else given, (2,))

@@ -1,4 +1,4 @@
-"""Follow a straight line with the tip."""
+"""Environment with the task to follow a straight line with the tip."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from flexarm.errors import InputError, Problem
 from flexarm.motion import line_motion
 from flexarm.motion.lines import LineMotion
 
-#: Length of a line (as a part of the reach) and mean speed along it (1/s of the reach).
+#: Bounds of a line's length (fraction of the reach) and of the mean speed (reaches per second).
 _LENGTH, _SPEED = (0.15, 0.4), (0.2, 0.4)
-#: Joint rates (rad/s) beyond which a line passes too near a singular posture for these motors.
+#: Largest joint rates (rad/s); a line with larger ones is too close to a singular posture.
 _FASTEST = 3.0
 _TRIES = 200
-#: Done is a line that the tip has come to the end of and is this near to (part of the reach).
+#: Success: largest distance from the end of the line, as a fraction of the reach.
 _NEAR = 0.01
 
 
 class TrackPathEnv(ArmEnv):
-    """Follow a point that moves along a random line, and rest at its end.
+    """Follow a point that moves along a random line, and come to rest at its end.
 
-    The line begins at a random posture, goes 0.15 to 0.4 of the reach in a random direction, at a
-    mean speed of 0.2 to 0.4 reaches a second, from rest to rest. The task adds to the observation:
-    ``wanted_tip`` (2,) m and ``wanted_velocity`` (2,) m/s of the point now, ``line_end`` (2,) m,
-    and ``time_left`` (1,) s until it is there. A half of the largest reward is had at a fiftieth of
-    the reach from the point. ``is_success``: the line is over and the tip is within a hundredth of
-    the reach of its end.
+    The line begins at a random posture and has a length of 0.15 to 0.4 of the reach, a random
+    direction, and a mean speed of 0.2 to 0.4 reaches per second, from rest to rest. The task adds
+    to the observation: ``wanted_tip`` (2,) m and ``wanted_velocity`` (2,) m/s of the point,
+    ``line_end`` (2,) m, and ``time_left`` (1,) s until the end. The reward is half of its maximum
+    at a distance of a fiftieth of the reach from the point. ``is_success``: the line has ended and
+    the tip is within a hundredth of the reach of its end.
 
-    ``reset(options={"start": ..., "end": ..., "duration": ...})`` takes world points (2,) m, and s,
-    all three together. ``motion`` is the ``line_motion`` that the point follows. Everything else is
-    told by ``ArmEnv``.
+    ``reset(options={"start": ..., "end": ..., "duration": ...})`` accepts world points (2,) m, and
+    s, all three together. ``motion`` is the ``line_motion`` of the point. See ``ArmEnv`` for
+    everything else.
     """
 
     scale: ClassVar[float] = 0.02
@@ -77,7 +77,7 @@ class TrackPathEnv(ArmEnv):
         return motion.joint_angle(0.0)
 
     def _drawn(self) -> LineMotion:
-        """Draw a line that the arm can follow at its speed."""
+        """Draw a random line that the arm can follow at its speed."""
         rng, reach = self.np_random, reach_of(self.arm)
         for _ in range(_TRIES):
             start = self.arm.tip(self.arm.rest(rng.uniform(*joint_range(self))))[:2]

@@ -1,1 +1,1 @@
-"""The equations of an arm in CasADi and JAX: the kernels' source over the scalars of both."""
+"""Equations of motion in CasADi and JAX, from the source of the kernels."""

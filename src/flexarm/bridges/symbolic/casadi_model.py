@@ -1,4 +1,4 @@
-"""The equations of an arm as functions of CasADi."""
+"""Equations of motion of an arm as CasADi functions."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class CasadiModel:
-    """Equations of one arm as ``casadi.Function``s of named inputs and outputs.
+    """Equations of one arm as ``casadi.Function`` objects with named inputs and outputs.
 
-    Every function ends with the input ``parameters``, of size 0 if the model has none. Inputs that
-    a call by name leaves out are NaN, but for ``tip_force``, which is zero. World axes; SI units.
+    Every function ends with the input ``parameters``, of size 0 if the model has none. In a call
+    by name, missing inputs are NaN, except ``tip_force``, which is zero. World axes; SI units.
 
     ==============  ======================  =====================================================
     input           size                    meaning
@@ -52,8 +52,8 @@ class CasadiModel:
         tip: (q, parameters) -> tip (3,): x, y (m), angle (rad).
         tip_velocity: (q, qd, parameters) -> tip_velocity (3,), the rates of ``tip``.
         strain: (q, parameters) -> strain (gauges,).
-        joint_reactions: (q, qd, qdd, tip_force, parameters) -> reactions (links, 3): what the joint
-            at its root gives to each link, Fx, Fy (N), Mz (N m).
+        joint_reactions: (q, qd, qdd, tip_force, parameters) -> reactions (links, 3): force and
+            moment on each link from the joint at its root, Fx, Fy (N), Mz (N m).
     """
 
     arm: Arm
@@ -74,23 +74,23 @@ class CasadiModel:
 def to_casadi(
     arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()
 ) -> CasadiModel:
-    """Write the equations of an arm as functions of CasADi.
+    """Convert the equations of an arm to CasADi functions.
 
-    The kernels' own source runs over CasADi's scalars: the functions equal the arm's methods to
-    rounding, with every option of joints and links. Contacts are not part of them.
+    The functions result from the source of the kernels, evaluated over CasADi scalars. They equal
+    the arm's methods to rounding, for every option of joints and links. Contacts are not included.
 
     Args:
         arm: the arm.
         parameters: paths of numbers that become inputs: ``payload.mass``,
-            ``joints[1].friction.coulomb``, ``links[0].flexural_rigidity``. Any number of joints,
-            payload, gravity, gauges and damping; of links those that multiply rigidity, mass or
-            length as a whole, which keeps the form of the modes.
-        prescribed: numbers of joints that follow given accelerations: entries of ``torque`` in
-            ``forward_dynamics`` that are rad/s^2.
+            ``joints[1].friction.coulomb``, ``links[0].flexural_rigidity``. All numbers of joints,
+            payload, gravity, gauges and damping are possible; of links, those that scale rigidity,
+            mass or length as a whole, which keeps the mode shapes.
+        prescribed: numbers of joints with prescribed accelerations: in ``forward_dynamics`` their
+            entries of ``torque`` are in rad/s^2.
 
     Raises:
         InputError: if CasADi is not installed, a path is not that of a number, a number changes the
-            form of the modes, or a joint of ``prescribed`` does not turn.
+            mode shapes, or a joint of ``prescribed`` is fixed.
     """
     try:
         import casadi
@@ -101,7 +101,7 @@ def to_casadi(
 
 
 class _Writer:
-    """Makes the functions of one arm; ``casadi`` is the module."""
+    """Construction of the functions of one arm; ``casadi`` is the module."""
 
     def __init__(self, casadi: Any, parametric: ParametricArm) -> None:
         self.casadi, self.parametric = casadi, parametric
@@ -127,10 +127,10 @@ class _Writer:
     def function(
         self, calls: KernelCalls, name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> Any:
-        """Return a ``casadi.Function``; several outputs are the numbers of one vector."""
+        """Return a ``casadi.Function``; several outputs are the entries of one vector."""
         values = getattr(calls, name)(*(self.entries[one] for one in inputs))
         names = [*inputs, "parameters"]
-        # CasADi takes zero for an input that a call leaves out: silently a wrong state.
+        # By default CasADi uses zero for a missing input, which is silently a wrong state.
         default = [0.0 if one == "tip_force" else math.nan for one in names]
         return self.casadi.Function(
             name,
@@ -151,7 +151,7 @@ class _Writer:
 
 
 _STATE, _MOTION = ("q", "qd"), ("q", "qd", "qdd")
-#: Inputs, but for the parameters, and outputs of each function.
+#: Inputs without the parameters, and outputs, of each function.
 _FUNCTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "forward_dynamics": ((*_STATE, "torque", "tip_force"), ("qdd",)),
     "residual": ((*_MOTION, "torque", "tip_force"), ("residual",)),

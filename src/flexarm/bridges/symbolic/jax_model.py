@@ -1,4 +1,4 @@
-"""The equations of an arm as functions of JAX."""
+"""Equations of motion of an arm as JAX functions."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 class JaxModel:
     """Equations of one arm as functions of JAX arrays, compiled by XLA at their first call.
 
-    ``jit``, ``vmap``, ``grad``, ``jvp`` and the rest of JAX's transformations apply. Numbers are
-    computed in the floating-point type of the arguments: float32 but where
-    ``jax.config.update("jax_enable_x64", True)`` allows float64. World axes; SI units.
+    ``jit``, ``vmap``, ``grad``, ``jvp`` and the other transformations of JAX apply. The results
+    have the floating-point type of the arguments: float32, or float64 after
+    ``jax.config.update("jax_enable_x64", True)``. World axes; SI units.
 
-    Arguments that methods share:
+    Common arguments of the methods:
 
     ==============  =============  =============================================================
     argument        shape          meaning
@@ -43,7 +43,7 @@ class JaxModel:
         nominal: their values in the arm.
 
     Raises:
-        InputError: by every method, if an argument does not have its shape.
+        InputError: in every method, if an argument does not have its shape.
     """
 
     def __init__(self, parametric: ParametricArm) -> None:
@@ -91,7 +91,7 @@ class JaxModel:
         tip_force: ArrayLike | None = None,
         parameters: ArrayLike | None = None,
     ) -> Array:
-        """Return the generalised force (dof,) that a motion takes, M qdd + bias."""
+        """Return the generalised force (dof,) for given accelerations, M qdd + bias."""
         given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
         return self._call("inverse_dynamics", given, parameters)
 
@@ -129,12 +129,12 @@ class JaxModel:
         tip_force: ArrayLike | None = None,
         parameters: ArrayLike | None = None,
     ) -> Array:
-        """Return what the joint at its root gives to each link: (links, 3), Fx, Fy N, Mz N m."""
+        """Return force and moment on each link at its root: (links, 3), Fx, Fy N, Mz N m."""
         given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
         return self._call("joint_reactions", given, parameters)
 
     def _call(self, name: str, given: dict[str, Any], parameters: Any) -> Any:
-        """Check the arguments of a method and evaluate it in their common type."""
+        """Validate the arguments of a method and evaluate it in their common type."""
         import jax.numpy as jnp
 
         given["parameters"] = self.nominal if parameters is None else parameters
@@ -143,7 +143,7 @@ class JaxModel:
             for argument, value in given.items()
             if not (value is None and argument == "tip_force")
         }
-        # Numbers that NumPy keeps in float64 take the type of the state.
+        # Arguments of NumPy in float64 are converted to the type of the state.
         dtype = jnp.promote_types(arrays["q"].dtype, jnp.float32)
         return self._run(name, {key: array.astype(dtype) for key, array in arrays.items()})
 
@@ -162,7 +162,7 @@ class JaxModel:
         return array
 
     def _trace(self, name: str, arrays: dict[str, Any]) -> Any:
-        """Run a kernel over the scalars of traced arrays."""
+        """Evaluate a kernel over the scalars of traced arrays."""
         import jax.numpy as jnp
 
         scalars = {
@@ -177,17 +177,17 @@ class JaxModel:
 
 
 def to_jax(arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()) -> JaxModel:
-    """Write the equations of an arm as functions of JAX.
+    """Convert the equations of an arm to JAX functions.
 
-    The kernels' own source runs over JAX's traced scalars: the functions equal the arm's methods to
-    rounding, with every option of joints and links. Contacts are not part of them. On a GPU they
-    run many arms at once, by ``vmap``.
+    The functions result from the source of the kernels, evaluated over JAX's traced scalars. They
+    equal the arm's methods to rounding, for every option of joints and links. Contacts are not
+    included. On a GPU, ``vmap`` evaluates many arms at once.
 
     Args:
         arm, parameters, prescribed: as in ``to_casadi``.
 
     Raises:
-        InputError: if JAX is not installed, or as ``to_casadi``.
+        InputError: if JAX is not installed, or under the conditions of ``to_casadi``.
     """
     try:
         import jax  # noqa: F401

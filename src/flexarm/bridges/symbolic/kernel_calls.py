@@ -1,7 +1,8 @@
-"""The kernels as plain Python functions over arrays of objects; their layout is known here alone.
+"""Kernels as plain Python functions over arrays of objects.
 
+No other module of the package depends on the layout of the kernels' arrays.
 Arguments and results are arrays of objects in the coordinates of the arm: q, qd, qdd (dof,),
-torque (joints,), tip_force (3,). Entries are `Scalar`s or numbers.
+torque (joints,), tip_force (3,). Entries are `Scalar` objects or numbers.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from flexarm.loads import place_loads, tip_load
 
 @cache
 def _plain(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    # The kernels' tanh is made for complex numbers. Differentiated at 0 by rules, it gives 0.
+    # The tanh of the kernels is for complex numbers; automatic differentiation gives slope 0 at 0.
     return undecorated(kernel, {tanh: np.tanh})
 
 
@@ -42,14 +43,14 @@ Force = Objects | None
 
 
 class KernelCalls:
-    """Kernels of one arm over objects.
+    """Kernels of one arm, evaluated over objects.
 
     Args:
         arm: the arm.
         constants: its constants as arrays of objects.
         gauge_bodies, gauge_rows: bodies (gauges,) and strain per modal coordinate (gauges, m).
-        free: (n,) numbers in place of the constants' in ``forward_dynamics``: 0 for a joint with
-            a prescribed acceleration.
+        free: (n,) values that replace those of the constants in ``forward_dynamics``: 0 for a
+            joint with a prescribed acceleration.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class KernelCalls:
     def forward_dynamics(
         self, q: Objects, qd: Objects, torque: Objects, tip_force: Force = None
     ) -> Objects:
-        """Return qdd (dof,); the torque of a prescribed joint is its acceleration."""
+        """Return qdd (dof,); the entry of a prescribed joint in ``torque`` is its acceleration."""
         constants = self.constants._replace(body=self.constants.body.copy())
         constants.free[:] = self.free
         work, drive = self._work(), self.arm.padded_torque(torque)
@@ -97,7 +98,7 @@ class KernelCalls:
     def joint_reactions(
         self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force = None
     ) -> Objects:
-        """Return what each link's joint gives to it: (links, 3), Fx, Fy, Mz in world axes."""
+        """Return force and moment on each link at its root: (links, 3), Fx, Fy, Mz, world axes."""
         work = self._newton_euler(q, qd, qdd, tip_force)
         world = np.zeros((len(work.wrench), 3), dtype=object)
         cosine, sine = 1.0, 0.0
@@ -170,7 +171,7 @@ class KernelCalls:
         where = "KernelCalls"
         placed = place_loads(self.arm, where, tip_load(self.arm, where, np.ones(3)))
         i, own = placed.body, self.constants
-        # The shapes at the tip may depend on parameters.
+        # Use the object constants, because the shapes at the tip may depend on parameters.
         return placed._replace(
             lever=own.length[i],
             rows=own.P[i],

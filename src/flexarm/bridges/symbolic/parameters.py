@@ -1,13 +1,13 @@
-"""Constants of an arm as functions of parameters, which are given by their paths in its file.
+"""Constants of an arm as functions of parameters, which are identified by paths in its file.
 
-Numbers of joints, payload, gravity, gauges and damping enter the constants by formulas: those of
-`assemble`, run over symbols. Numbers of a link enter through its modes. Where a number multiplies
-the link's rigidity, mass or length as a whole, the modes keep their form and the constants follow
-powers of the factor; theory page "separation", (D.15). Any other number of a link changes the form
-of the modes, for which there is no formula, and is refused.
+Numbers of joints, payload, gravity, gauges and damping enter the constants through the formulas of
+`assemble`, which are evaluated over symbols. Numbers of a link enter through its modes. If a number
+scales the link's rigidity, mass or length as a whole, the mode shapes do not change, and the
+constants are proportional to powers of the scale factor; theory page "separation", (D.15). Any
+other number of a link changes the mode shapes, for which there is no formula, and is rejected.
 
-Whether the formulas hold is not deduced from names: each parameter is multiplied by four, and the
-constants by formula are compared with those of an arm with that number.
+Each formula is verified numerically: the parameter is multiplied by four, and the constants from
+the formula are compared with those of an arm with the changed number.
 """
 
 from __future__ import annotations
@@ -29,23 +29,24 @@ from flexarm.model import ArmSpec, Link
 from flexarm.model.paths import number_at, number_paths, with_number
 from flexarm.stations import place_gauges
 
-#: Relative difference between formula and arm that is rounding. Both start from the same numbers,
-#: and a factor of four is exact in binary; sections compute with it, and round.
+#: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a
+#: factor of four is exact in binary, but the computation of sections rounds.
 _ROUNDING = 1e-9
 _MOST_LISTED = 12
 
 
 class ParametricArm:
-    """An arm whose constants follow parameters.
+    """Arm whose constants are functions of parameters.
 
     Args:
-        where: the call, for messages.
+        where: name of the calling function, for messages.
         arm: the arm.
         paths: of the parameters.
         prescribed: numbers of the joints with prescribed accelerations.
 
     Attributes:
-        paths: as given. nominal: (k,) values of the parameters in the arm.
+        paths: as given.
+        nominal: (k,) values of the parameters in the arm.
 
     Raises:
         InputError: if a path is not that of a number, is repeated, or has no exact formula; or
@@ -72,7 +73,7 @@ class ParametricArm:
         self._free = _free(where, arm, prescribed)
 
     def at(self, values: Sequence[Any]) -> KernelCalls:
-        """Return the kernels for values of the parameters, `Scalar`s or numbers."""
+        """Return the kernels for values of the parameters, `Scalar` objects or numbers."""
         given = dict(zip(self.paths, values, strict=True))
         constants, rows = _constants(self.arm, given)
         bodies = place_gauges(self.arm, self.arm.gauges)[1]
@@ -101,7 +102,7 @@ def _gauge_rows(arm: Arm, spec: ArmSpec, scales: list[dict[str, Any]]) -> Object
     rows = place_gauges(arm, at_unit_distance)[0].astype(object)
     distances = [gauge.distance for link in spec.links for gauge in link.gauges]
     for row, distance, (i, _, _) in zip(rows, distances, arm.gauges, strict=True):
-        # Shapes become smaller as the mass that they are normalised with grows: as at the tip.
+        # Mode shapes are mass-normalised, so they scale with the mass as the shapes at the tip do.
         mass = scales[i].get("mass", 1.0)
         row[:] = _scaled(row * distance, mass, POWERS["mass"]["P"])
     return rows
@@ -123,19 +124,19 @@ def _scales(link: Link, changed: Link) -> dict[str, Any]:
 
 
 def _scaled(value: Any, factor: Any, power: Any) -> Any:
-    """Multiply a number or an array by a power of a factor; by one power each if several."""
+    """Multiply a number or an array by a power of a factor; a tuple has one power per entry."""
     if isinstance(power, tuple):
         return [number * factor**one for number, one in zip(value, power, strict=True)]
     return value * factor**power
 
 
 def _is_exact(arm: Arm, path: str) -> bool:
-    """Compare the constants by formula with those of an arm with another value."""
+    """Return whether the constants by formula equal those of an arm with another value."""
     value = number_at("", "", arm.spec, path)
     for other in (4.0 * value, 0.25 * value) if value else (0.25, -0.25):
         try:
             changed = Arm(with_number(arm.spec, path, other))
-        except InputError:  # a rule limits the number on one side
+        except InputError:  # the model limits this number on one side
             continue
         constants, rows = _constants(arm, {path: other})
         places = arm.assembly.coordinates, changed.assembly.coordinates
@@ -151,7 +152,7 @@ def _agree(found: FloatArray, wanted: FloatArray) -> bool:
     if found.shape != wanted.shape:
         return False
     difference = np.abs(found - wanted)
-    # Entries of a column have one unit, and may be the rounding of larger ones.
+    # Scale by the column, which has one unit, because small entries may be rounding of larger ones.
     scale = np.abs(wanted)
     if wanted.ndim > 1:
         scale = scale.max(axis=tuple(range(wanted.ndim - 1)), initial=0.0)
@@ -175,7 +176,7 @@ def _not_exact(where: str, name: str, arm: Arm, path: str) -> InputError:
 
 
 def _free(where: str, arm: Arm, prescribed: Sequence[int]) -> FloatArray:
-    """Return which joints forces move, (n,) by bodies: 1, or 0 for prescribed and fixed ones."""
+    """Return which joints are free, (n,) by bodies: 1, or 0 if prescribed or fixed."""
     free = arm.assembly.constants.free.copy()
     numbers = check_list_of(where, "prescribed", prescribed, int)
     for k, joint in enumerate(numbers):

@@ -1,4 +1,4 @@
-"""Scalars of another library that NumPy and the kernels' source calculate with."""
+"""Scalars of CasADi and JAX for use in NumPy arrays and the source of the kernels."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from flexarm.errors import InputError, Problem
 
-#: Arrays of objects: `Scalar`s and numbers.
+#: Array of objects: `Scalar` objects and numbers.
 Objects = NDArray[Any]
 
 
 def _of_numbers(method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Leave an operation with an array to NumPy, which applies it to each entry."""
+    """Delegate operations with arrays to NumPy, which applies them to each entry."""
 
     def operation(self: Any, other: Any) -> Any:
         return NotImplemented if isinstance(other, np.ndarray) else method(self, other)
@@ -24,13 +24,14 @@ def _of_numbers(method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
 
 
 class Scalar:
-    """A scalar of CasADi or JAX in an array of objects.
+    """Scalar of CasADi or JAX as an entry of an array of objects.
 
-    NumPy takes the library's own scalars for arrays. Sums with 0 and products with 0 and 1, which
-    padded modes cause by the hundred, are left out.
+    The wrapper is necessary because NumPy treats the libraries' own scalars as arrays. Sums with 0
+    and products with 0 and 1, which are frequent in padded modes, are simplified.
 
     Args:
-        value: the scalar. library: module with its functions, ``casadi`` or ``jax.numpy``.
+        value: the scalar.
+        library: module with its functions, ``casadi`` or ``jax.numpy``.
     """
 
     __slots__ = ("library", "value")
@@ -80,7 +81,7 @@ class Scalar:
             return 1.0
         return self if exponent == 1.0 else self._new(self.value**exponent)
 
-    # NumPy calls these for its functions of an object.
+    # NumPy calls these methods when its functions are applied to an object.
     def sin(self) -> Scalar:
         """Sine."""
         return self._new(self.library.sin(self.value))
@@ -107,7 +108,7 @@ def _is(other: Any, number: float) -> bool:
 
 
 def plain(number: Any) -> Any:
-    """Return the library's own scalar, or a number as it is."""
+    """Return the library's own scalar; return a number unchanged."""
     return number.value if isinstance(number, Scalar) else number
 
 

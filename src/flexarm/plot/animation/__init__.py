@@ -1,4 +1,4 @@
-"""Animations of results: the arm to scale, and histories beside it with a cursor at the time."""
+"""Animations of results: the arm to scale, and time histories with a cursor at the current time."""
 
 from __future__ import annotations
 
@@ -38,11 +38,12 @@ _MOST_FRAMES, _MOST_RESULTS, _MOST_HISTORIES = 20_000, 4, 6
 
 
 class Animation:
-    """An animation of one or several results, of `animate`; notebooks show it as a player.
+    """Animation of one or several results, from `animate`; notebooks display it as a player.
 
     Attributes:
-        scenes: what is drawn, one for each result.
-        fps: frames per second. speed: seconds of the run per second of the animation.
+        scenes: drawn scenes, one for each result.
+        fps: frames per second.
+        speed: seconds of the run per second of the animation.
         width: of pictures, pixels.
     """
 
@@ -54,7 +55,7 @@ class Animation:
         return f"<flexarm.Animation: {frames} frames, {frames / self.fps:.3g} s>"
 
     def html(self) -> str:
-        """Return a page that plays the animation without a network."""
+        """Return an HTML page that plays the animation without a network."""
         return page(self.scenes, self.fps, self.speed, self.scenes[0].title or "flexarm")
 
     def _repr_html_(self) -> str:
@@ -63,16 +64,16 @@ class Animation:
         return inline(self.html(), height)
 
     def pictures(self) -> Iterator[Picture]:
-        """Yield the frames, (height, width, 4) RGBA from 0 to 255; each is overwritten next."""
+        """Yield the frames, (height, width, 4) RGBA from 0 to 255, in one array that is reused."""
         from flexarm.plot.animation.frames import Stage
 
         return Stage(self.scenes, self.width).pictures()
 
     def save(self, path: AnyPath) -> None:
-        """Write the animation to an .mp4, .gif or .html file, whole or not at all.
+        """Write the animation to an .mp4, .gif or .html file, completely or not at all.
 
         Raises:
-            InputError: if the file cannot be written, or an .mp4 without an ffmpeg.
+            InputError: if the file cannot be written, or is an .mp4 and ffmpeg is not installed.
         """
         place = check_animation_place("Animation.save", "path", path)
         suffix = place.suffix.lower()
@@ -104,36 +105,37 @@ def animate(
     fps: float = 30.0,
     width: int = 1120,
 ) -> Animation:
-    """Show how an arm moves, as a video, a GIF, or a page that plays.
+    """Create an animation of an arm's motion as a video, a GIF, or an HTML page.
 
     Args:
         results: a result of ``simulate``, ``run_scenario`` or ``read_result``; or up to four, by
             name or as a list, side by side.
-        path: of an .mp4, .gif or .html file to write; None for none. An .mp4 needs ffmpeg, which
-            ``pip install 'flexarm[animation]'`` brings along.
-        channels: drawn over time beside the arm, as in ``plot.history``; six at most, ``[]`` for
-            none.
-        magnify: factor on the bending of the links. Joint angles stay as they are; path, tip and
-            view are those of the drawn arm.
-        rigid: True adds the arm without bending at the same joint angles, dashed; a result, such as
-            that of ``arm.rigid()`` with the same torques, adds the arm of that one.
-        reference: motion whose path the tip was to follow. By default that of the scenario, for
-            results of one.
-        contacts: whose surfaces are drawn. By default those of the scenario, for results of one.
+        path: of an .mp4, .gif or .html file to write; None for none. An .mp4 requires ffmpeg, which
+            ``pip install 'flexarm[animation]'`` includes.
+        channels: channels to draw over time beside the arm, as in ``plot.history``; at most six,
+            ``[]`` for none.
+        magnify: factor on the bending of the links. Joint angles do not change; path, tip and view
+            are those of the drawn arm.
+        rigid: True adds the rigid counterpart at the same joint angles, dashed; a result, such as
+            that of ``arm.rigid()`` with the same torques, adds the arm of that result.
+        reference: motion that contains the reference path of the tip. By default that of the
+            scenario, for results of a scenario.
+        contacts: contacts whose surfaces to draw. By default those of the scenario, for results of
+            a scenario.
         trace: whether to draw the path of the tip.
-        torque: whether to draw the torques of the joints as arrows; the longest is the largest
-            torque of the run.
+        torque: whether to draw the joint torques as arrows; the longest is the largest torque of
+            the run.
         speed: seconds of the run per second of the animation: 0.1 is slow motion.
-        fps: frames per second. A GIF has those that its format allows: 50, 33.3, 25, 20, ...
+        fps: frames per second. For a GIF the nearest rate of its format: 50, 33.3, 25, 20, ...
         width: of the pictures of a video or GIF, pixels.
 
     Returns:
-        An `Animation`, with ``save(path)``, ``html()`` and ``pictures()``; a notebook shows it as a
-        player.
+        An `Animation`, with ``save(path)``, ``html()`` and ``pictures()``; a notebook displays it
+        as a player.
 
     Raises:
-        InputError: an argument has the wrong kind or is out of its range, the file cannot be
-            written, or an .mp4 is requested without an ffmpeg.
+        InputError: if an argument has the wrong type or is out of range, the file cannot be
+            written, or an .mp4 is requested and ffmpeg is not installed.
     """
     named = _named(results)
     place = None if path is None else check_animation_place(_WHERE, "path", path)
@@ -185,7 +187,7 @@ def animate(
 
 
 def _named(results: object) -> dict[str, xr.Dataset]:
-    """Return the results by title; a single one has none."""
+    """Return the results by title, which is empty for a single result."""
     if isinstance(results, Mapping | list | tuple) and not hasattr(results, "data_vars"):
         named = named_results(_WHERE, results, _MOST_RESULTS)
     else:
@@ -194,14 +196,14 @@ def _named(results: object) -> dict[str, xr.Dataset]:
 
 
 def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndarray:
-    """Return the times of the frames since the start, to the end of the longest run, s."""
+    """Return the times of the frames since the start, up to the end of the longest run, s."""
     spans = [float(np.ptp(result["time"].values)) for result in named.values()]
     frames = max(spans) / speed * fps
     if frames > _MOST_FRAMES:
         rule = f"give at most {_MOST_FRAMES} frames"
         hint = "Give a larger speed or a smaller fps."
         raise InputError(Problem(_WHERE, "results", rule, f"{frames:.0f} frames", hint))
-    # The last frame is the end of the run, whatever the rate.
+    # The last frame is always the end of the run.
     times = np.arange(int(frames * (1.0 + 1e-12)) + 1) * (speed / fps)
     return times if times[-1] > max(spans) - 1e-9 * speed / fps else np.append(times, max(spans))
 
@@ -211,21 +213,21 @@ def _empty(channels: object) -> bool:
 
 
 def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, list[Contact]]:
-    """Return motion and contacts of the scenario that a result was made of, if it was."""
+    """Return motion and contacts of a result's scenario, if it has one."""
     scenario = scenario_of(result)
     if scenario is None or len(scenario.arm.links) != arm.links:
         return None, []
     try:
         return motion_of(arm, scenario), contacts_of(scenario)
-    except FlexarmError:  # a plant that differs from the arm of the scenario
+    except FlexarmError:  # the plant differs from the arm of the scenario
         return None, contacts_of(scenario)
 
 
 def _fitting(reference: Any, arm: Arm) -> Any:
-    """Return a reference that has as many joints as the arm, or says where the tip should be.
+    """Return a reference with the arm's number of joints or with its own tip path.
 
     Raises:
-        InputError: if it has other joints.
+        InputError: if it has a different number of joints.
     """
     if getattr(reference, "tip", None) is None:
         angles = np.asarray(reference.joint_angle(0.0))

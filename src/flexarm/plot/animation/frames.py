@@ -1,4 +1,4 @@
-"""Frames of an animation as pictures: drawn once, and then only what moves."""
+"""Frames of an animation as pictures, with a static background that is drawn once."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from flexarm.plot.style import (
 Picture = NDArray[np.uint8]
 
 DPI = 100
-#: Points: links without a depth, and the least for links that are thin to scale.
+#: Width of links without a depth, and minimum width of links to scale, points.
 _LINK = 3.2
 _LEFT, _BOTTOM, _TOP, _RIGHT = 0.75, 0.5, 0.62, 0.2  # inches
 _GAP = 0.85
 
 
 class Stage:
-    """The picture that frames are drawn on.
+    """Picture with a static background and artists that change with the frame.
 
     Args:
-        scenes: side by side, with as many frames each and as many histories each.
+        scenes: side by side, with equal numbers of frames and of histories.
         width: of the picture, pixels.
     """
 
     def __init__(self, scenes: Sequence[Scene], width: int) -> None:
         with styled("screen"):
             self._sheet, arms, panels = _arrange(scenes, width / DPI)
-            self._canvas = cast(Any, FigureCanvasAgg(self._sheet))  # its methods have no types
+            self._canvas = cast(Any, FigureCanvasAgg(self._sheet))  # its methods are untyped
             self._moving: list[tuple[Axes, _Moving]] = []
             view = _common_view(scenes)
             for scene, arm, own in zip(scenes, arms, panels, strict=True):
@@ -65,7 +65,7 @@ class Stage:
         self.size = self._canvas.get_width_height()
 
     def pictures(self) -> Iterator[Picture]:
-        """Yield the frames, (height, width, 4) RGBA; each is overwritten by the next."""
+        """Yield the frames, (height, width, 4) RGBA, in one array that is reused."""
         frames = len(self._moving[0][1].times)
         for k in range(frames):
             self._canvas.restore_region(self._still)
@@ -76,7 +76,7 @@ class Stage:
 
 
 def _arrange(scenes: Sequence[Scene], width: float) -> tuple[Sheet, list[Axes], list[list[Axes]]]:
-    """Make the axes: histories beside one arm, below several."""
+    """Create the axes, with histories beside a single arm or below several arms."""
     count = len(scenes[0].histories)
     if len(scenes) == 1:
         share = 0.56 if count else 1.0
@@ -112,7 +112,7 @@ def _placed(sheet: Sheet, left: float, bottom: float, width: float, height: floa
 def _column(
     sheet: Sheet, count: int, left: float, bottom: float, width: float, height: float
 ) -> list[Axes]:
-    """Add axes below each other, from the top, with room for a title above each."""
+    """Add axes in a column, from the top, with room for a title above each."""
     gap = 0.5
     each = (height - (count - 1) * gap) / max(count, 1)
     places = [bottom + (count - 1 - k) * (each + gap) for k in range(count)]
@@ -120,7 +120,7 @@ def _column(
 
 
 def _common_view(scenes: Sequence[Scene]) -> tuple[float, float, float, float]:
-    """Return a square that holds the views of all scenes: arms side by side have one scale."""
+    """Return a square that contains the views of all scenes, so that all arms have one scale."""
     views = np.array([scene.view for scene in scenes])
     low, high = views[:, [0, 2]].min(axis=0), views[:, [1, 3]].max(axis=0)
     half, middle = 0.5 * float((high - low).max()), 0.5 * (low + high)
@@ -135,7 +135,7 @@ class _Moving:
     times: Any
 
     def at(self, frame: int) -> Iterator[Line2D | Any]:
-        """Yield the artists, changed to a frame."""
+        """Yield the artists after setting them to a frame."""
         raise NotImplementedError
 
 
@@ -214,7 +214,7 @@ class _Arm(_Moving):
 
 
 class _Cursor(_Moving):
-    """A line at the time of the frame, and a dot on each line of a history."""
+    """Line at the current time, and a dot on each line of a history."""
 
     def __init__(self, axes: Axes, times: Any, signals: Any) -> None:
         self.times, self.signals = times, signals
@@ -234,7 +234,7 @@ class _Cursor(_Moving):
 
 
 def _line(axes: Axes, **look: Any) -> Line2D:
-    """Add a line without points that is drawn frame by frame."""
+    """Add an empty line that is drawn in every frame."""
     (line,) = axes.plot([], [], animated=True, **{"label": "_", **look})
     return line
 

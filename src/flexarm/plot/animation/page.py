@@ -1,4 +1,4 @@
-"""A page that plays scenes without a network: the data as JSON, and a script that draws them."""
+"""HTML page that plays scenes without a network, from JSON data and a script."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexarm.plot.animation.scene import Scene
 from flexarm.plot.drawn_arm import FloatArray
 from flexarm.plot.palette import series_colors
 
-#: Digits of lengths: 1e-4 of the width of the view, a tenth of a pixel.
+#: Resolution of lengths: 1e-4 of the width of the view, a tenth of a pixel.
 _PARTS = 1e4
 
 
@@ -24,7 +24,8 @@ def page(scenes: Sequence[Scene], fps: float, speed: float, title: str) -> str:
     """Return the text of an HTML page that plays scenes side by side.
 
     Args:
-        fps: frames per second of the player. speed: seconds of the run per second of the player.
+        fps: frames per second of the player.
+        speed: seconds of the run per second of the player.
     """
     head = f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
     head += '</title><meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -33,9 +34,9 @@ def page(scenes: Sequence[Scene], fps: float, speed: float, title: str) -> str:
 
 
 def fragment(scenes: Sequence[Scene], fps: float, speed: float) -> str:
-    """Return the player as a part of a page, whose style sheet is ``player.css``."""
+    """Return the player as a fragment of a page, whose style sheet is ``player.css``."""
     data = {"fps": fps, "speed": speed, "scenes": [_data(scene) for scene in scenes]}
-    # A title may contain "</script>": JSON allows to write its characters as numbers.
+    # A title may contain "</script>", so write "<" as an escape sequence.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         '<div class="flexarm-player"></div>'
@@ -45,7 +46,7 @@ def fragment(scenes: Sequence[Scene], fps: float, speed: float) -> str:
 
 
 def inline(text: str, height: int) -> str:
-    """Return a page inside a frame, whose styles and script do not meet those of a notebook."""
+    """Return a page in an iframe, which isolates its styles and script from a notebook."""
     look = f"width:100%;height:{height}px;border:0"
     return f'<iframe srcdoc="{escape(text, quote=True)}" style="{look}"></iframe>'
 
@@ -89,10 +90,10 @@ def _data(scene: Scene) -> dict[str, Any]:
 
 
 def _plain(values: FloatArray | None, digits: int) -> Any:
-    """Return nested lists of rounded numbers, None in place of those that are not finite."""
+    """Return nested lists of rounded numbers, with None instead of numbers that are not finite."""
     if values is None:
         return None
-    rounded = np.round(values, digits) + 0.0  # no minus before a zero
+    rounded = np.round(values, digits) + 0.0  # the sum converts -0.0 to 0.0
     if np.isfinite(rounded).all():
         return rounded.tolist()
     found = rounded.astype(object)
@@ -101,7 +102,7 @@ def _plain(values: FloatArray | None, digits: int) -> Any:
 
 
 def _significant(values: FloatArray) -> list[float | None]:
-    """Return numbers with an error of 1e-5 of the largest."""
+    """Return numbers rounded to 1e-5 of the largest."""
     largest = float(np.nanmax(np.abs(values[np.isfinite(values)]), initial=0.0))
     digits = 5 - math.floor(math.log10(largest)) if largest > 0.0 else 0
     found: list[float | None] = _plain(values, min(max(digits, -300), 300))

@@ -1,4 +1,4 @@
-"""What an animation shows of one result, frame by frame, as plain arrays. No Matplotlib here."""
+"""Data of an animation of one result, frame by frame, as plain arrays; without Matplotlib."""
 
 from __future__ import annotations
 
@@ -18,36 +18,37 @@ from flexarm.simulation.metrics import tip_reference
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Points along a link: enough for a smooth curve on a screen.
+#: Points along a link, enough for a smooth curve on a screen.
 STATIONS = 17
-#: Points of a history or a path: more than a screen has columns.
+#: Points of a history or a path, enough for the columns of a screen.
 _MOST_POINTS = 900
-#: Part of the view that is left free around the motion.
+#: Free margin around the motion, as a fraction of the view.
 _MARGIN = 0.1
-#: Largest sweep of a torque's arrow, rad, and its radius as a part of the width of the view.
+#: Largest sweep of a torque's arrow, rad, and its radius as a fraction of the width of the view.
 _SWEEP, _RADIUS = 1.6 * np.pi, 0.055
-#: Torques below this part of the largest have no arrow.
+#: Fraction of the largest torque below which a torque has no arrow.
 _NO_ARROW = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One arm in motion; F frames, lengths in m, world axes.
+    """Motion of one arm in F frames; lengths in m, world axes.
 
     Attributes:
-        title: above the arm, or nothing.
+        title: above the arm, or empty.
         times: (F,) of the run, s.
         links: (F, links, stations, 2) as drawn, with magnified bending.
-        depths: (links,) of the links in the plane, zero where the model does not give it.
-        bends: (links,) whether a link bends.
-        joints: (F, turning joints, 2). payload: whether the arm carries one.
-        arrows: (F, turning joints, points, 2) of torques, NaN where there is none; or None.
+        depths: (links,) depths of the links in the plane, zero if the model has none.
+        bends: (links,) whether a link is flexible.
+        joints: (F, movable joints, 2).
+        payload: whether the arm carries one.
+        arrows: (F, movable joints, points, 2) of torques, NaN without an arrow; or None.
         ghost: (F, links, stations, 2) of the rigid counterpart, or None.
         path: (P, 2) of the drawn tip, at times (P,) ``path_times``; or None.
-        reference: (R, 2) of the path requested, and (F, 2) where the tip should be; or None.
-        solids: surfaces that the arm may touch.
+        reference: (R, 2) of the reference path, and (F, 2) reference position of the tip; or None.
+        solids: surfaces of the contacts.
         histories: beside the arm.
-        view: (4,) smallest and largest x, smallest and largest y of all that moves.
+        view: (4,) smallest and largest x, smallest and largest y of everything that moves.
     """
 
     title: str
@@ -69,7 +70,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Wishes:
-    """What of a motion to show; see `animate`."""
+    """Options of the drawing; see `animate`."""
 
     magnify: float
     trace: bool
@@ -87,7 +88,7 @@ def scene_of(
     contacts: Sequence[Contact],
     histories: Sequence[Signals],
 ) -> Scene:
-    """Make the scene of a result at times (F,) s, which may exceed those of the result."""
+    """Create the scene of a result at times (F,) s, which may exceed those of the result."""
     time = result["time"].values
     now = np.clip(times, time[0], time[-1])
     links = shapes_of(arm, at_times(time, result["q"].values, now), wishes.magnify, STATIONS)
@@ -109,7 +110,7 @@ def scene_of(
     if wishes.torque and "torque" in result and joints.shape[1]:
         torque = at_times(time, result["torque"].values, now)
         scale = float(np.abs(result["torque"].values).max(initial=0.0))
-        # The arrow starts at the link, so that its direction is seen in any posture.
+        # The arrow starts at the link, so that its direction is clear in any posture.
         first = links[:, [seat.link for seat in arm.assembly.seats], 1] - joints
         if scale > 0.0:
             radius = _RADIUS * float(view[1] - view[0])
@@ -145,7 +146,7 @@ def _view(points: FloatArray) -> FloatArray:
 
 
 def _thinned(shapes: FloatArray) -> FloatArray:
-    """Keep root and tip of straight links."""
+    """Keep only root and tip of straight links."""
     ends: FloatArray = shapes[:, :, [0, -1]]
     return ends
 
@@ -154,14 +155,16 @@ def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: fl
     """Return arcs with a head, (F, joints, points, 2): counter-clockwise for positive torques.
 
     Args:
-        centers: (F, joints, 2). start: (F, joints) rad. part: (F, joints) of the largest torque.
+        centers: (F, joints, 2).
+        start: (F, joints) rad.
+        part: (F, joints) torques as fractions of the largest one.
     """
     sweep = _SWEEP * part
     fraction = np.linspace(0.0, 1.0, 25)
     angle = start[..., None] + sweep[..., None] * fraction
     arc = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     end, sign = angle[..., -1], np.sign(sweep)
-    head = np.minimum(0.5, np.abs(sweep))  # of the arc, rad: shorter than a short arrow
+    head = np.minimum(0.5, np.abs(sweep))  # angle of the head, rad, at most that of the arc
 
     def barb(side: float) -> FloatArray:
         back = end - sign * head
@@ -177,9 +180,9 @@ def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: fl
 
 
 def _thin(signals: Signals) -> Signals:
-    """Return a history of at most as many points as a screen shows, peaks included.
+    """Return a history with about as many points as a screen shows, including all peaks.
 
-    Of each interval the first sample, the smallest and the largest value of every line are kept.
+    For each interval the first sample and the extreme values of every line are kept.
     """
     count = len(signals.time)
     if count <= 3 * _MOST_POINTS:

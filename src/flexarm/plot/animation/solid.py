@@ -1,4 +1,4 @@
-"""Surfaces as pictures show them: their course, and a band of the solid behind it."""
+"""Surfaces in animations: their outline, and a band of the solid behind it."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from flexarm.plot.drawn_arm import FloatArray
 from flexarm.surfaces import RoundWall, Surface, SurfaceTable, Wall
 
-#: Thickness of the band as a part of the width of the view.
+#: Thickness of the band, as a fraction of the width of the view.
 _BAND = 0.03
 _POINTS = 181
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A surface: its course (k, 2) m, and the far side (k, 2) of a band of the solid behind it."""
+    """Surface: its outline (k, 2) m, and the far side (k, 2) of a band of the solid behind it."""
 
     course: FloatArray
     behind: FloatArray
 
 
 def solid_of(surface: Surface, view: FloatArray) -> Solid:
-    """Return what shows a surface in a view: left, right, bottom, top, m."""
+    """Return the outline and band of a surface in a view: left, right, bottom, top, m."""
     width = float(view[1] - view[0])
     middle = np.array([view[0] + view[1], view[2] + view[3]]) / 2.0
     if isinstance(surface, SurfaceTable):
@@ -50,7 +50,7 @@ def _line(surface: Wall, middle: FloatArray, width: float) -> tuple[FloatArray, 
 
 
 def _course(surface: SurfaceTable, width: float) -> FloatArray:
-    """Points (k, 2) of a tabulated curve; an open one goes straight on beyond its ends."""
+    """Return points (k, 2) of a tabulated curve; an open one continues straight beyond its ends."""
     table = surface.pieces
     beyond = 0.0 if surface.closed else 2.0 * width
     first, last = table[1, 0], table[-1, 0]

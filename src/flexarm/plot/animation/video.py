@@ -1,4 +1,4 @@
-"""Frames to the bytes of an MP4 or a GIF."""
+"""Encoding of frames as MP4 or GIF."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from flexarm.plot.palette import GREY, INK, SERIES
 if TYPE_CHECKING:
     from flexarm.plot.animation.frames import Picture
 
-#: What the file of an animation may end in.
+#: File suffixes of animations.
 SUFFIXES = (".mp4", ".gif", ".html")
 _HINT = (
     "Install one with: pip install 'flexarm[animation]', which brings its own ffmpeg; "
     "or write a .gif or an .html file, which need none."
 )
-#: The colours of lines, exactly; the rest of the palette is for their edges.
+#: Exact colours of the lines; the rest of the palette is for their antialiased edges.
 _HOUSE = [int(color[k : k + 2], 16) for color in (*SERIES, INK, GREY) for k in (1, 3, 5)]
 
 
 def find_ffmpeg(where: str, name: str = "path") -> str:
-    """Return the path of ffmpeg: that of the package ``imageio-ffmpeg``, or of the system.
+    """Return the path of ffmpeg, from the package ``imageio-ffmpeg`` or from the system.
 
     Raises:
-        InputError: if there is none.
+        InputError: if ffmpeg is not installed.
     """
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
         return str(get_ffmpeg_exe())
-    except (ImportError, RuntimeError, OSError):  # not installed, or without a program for this CPU
+    except (ImportError, RuntimeError, OSError):  # not installed, or not available for this CPU
         found = shutil.which("ffmpeg")
     if found is None:
         rule = "end in .gif or .html where no ffmpeg is installed"
@@ -49,10 +49,10 @@ def find_ffmpeg(where: str, name: str = "path") -> str:
 
 
 def check_animation_place(where: str, name: str, path: AnyPath) -> Path:
-    """Return the path of an animation's file if it can be written there.
+    """Return the path of an animation's file after checking that it can be written.
 
     Raises:
-        InputError: as `check_place`; an .mp4 where there is no ffmpeg.
+        InputError: under the conditions of `check_place`, or for an .mp4 without ffmpeg.
     """
     place = check_place(where, name, path, SUFFIXES)
     if place.suffix.lower() == ".mp4":
@@ -63,18 +63,19 @@ def check_animation_place(where: str, name: str, path: AnyPath) -> Path:
 def mp4(
     pictures: Iterable[Picture], size: tuple[int, int], fps: float, ffmpeg: str
 ) -> Iterator[bytes]:
-    """Yield an MP4 (H.264, for every browser and player) in parts.
+    """Yield the parts of an MP4 file (H.264, which all browsers and players support).
 
     Args:
-        pictures: frames (height, width, 4) RGBA. size: width and height, both even.
-        ffmpeg: path of the program, of `find_ffmpeg`.
+        pictures: frames (height, width, 4) RGBA.
+        size: width and height, both even.
+        ffmpeg: path of the program, from `find_ffmpeg`.
 
     Raises:
         InputError: if ffmpeg fails.
     """
     width, height = size
     with tempfile.TemporaryDirectory(prefix="flexarm-") as folder:
-        video = Path(folder) / "video.mp4"  # its index is moved to the front: no pipe will do
+        video = Path(folder) / "video.mp4"  # a file, because its index has to move to the front
         command = [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgba"]
         command += ["-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-an"]
         command += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"]
@@ -89,7 +90,7 @@ def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
     """Feed frames to ffmpeg.
 
     Raises:
-        InputError: if it does not start, or reports an error.
+        InputError: if ffmpeg does not start, or reports an error.
     """
     try:
         with tempfile.TemporaryFile() as words:
@@ -99,7 +100,7 @@ def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
                 for picture in pictures:
                     program.stdin.write(picture.data)
             except BrokenPipeError:
-                pass  # it has stopped, and its words say why
+                pass  # ffmpeg has stopped, and its error output contains the reason
             except BaseException:
                 program.kill()
                 raise
@@ -121,12 +122,12 @@ def _failed(ffmpeg: str, reason: str) -> InputError:
 
 
 def gif_delay(fps: float) -> int:
-    """Return the delay between frames of a GIF in units of 10 ms; players ignore less than 2."""
+    """Return the delay between frames of a GIF in units of 10 ms, at least the 2 players accept."""
     return max(2, round(100.0 / fps))
 
 
 def gif(pictures: Iterable[Picture], fps: float) -> bytes:
-    """Return a GIF that repeats; one palette for all frames, so that nothing flickers."""
+    """Return a GIF that repeats, with one palette for all frames to avoid flicker."""
     from io import BytesIO
 
     from PIL import Image
