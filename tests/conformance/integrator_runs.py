@@ -143,3 +143,23 @@ def reference(arm: fa.Arm, state: np.ndarray, until: float = 1.0):
         slope, (0.0, until), state.ravel(), "DOP853", rtol=3e-14, atol=1e-15, dense_output=True
     )
     return lambda t: state_array(arm, *run.sol(t).reshape(2, n))
+
+
+def bang_bang():
+    """A rigid link under a torque that jumps: piecewise parabolas, exact for every method here."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
+    edges = np.array([0.0, 0.1234, 0.5, 0.50001, 0.87, 1.0])
+    torque = np.array([1.0, -2.0, 5.0, 0.0, -3.0])
+    coefficients = np.zeros((5, 4, 1))
+    coefficients[:, 0, 0] = torque
+    return arm, edges, torque, coefficients
+
+
+def parabolas(edges, acceleration, t):
+    """Angle and rate of a body started at rest."""
+    angle = rate = 0.0
+    for a, b, value in zip(edges[:-1], edges[1:], acceleration, strict=True):
+        span = np.clip(t, a, b) - a
+        angle += rate * span + value * span**2 / 2
+        rate += value * span
+    return angle, rate

@@ -10,10 +10,12 @@ from integrator_runs import (
     PROBLEMS,
     SMOOTH,
     advance,
+    bang_bang,
     double_pendulum,
     equal_steps,
     flexible_arm,
     make_system,
+    parabolas,
     reference,
     start,
     tolerance,
@@ -197,26 +199,6 @@ def test_samples_between_steps_are_of_third_order_at_least(name):
 
 
 # Rules 3 and 4: stops --------------------------------------------------------------------------
-
-
-def bang_bang():
-    """A rigid link under a torque that jumps: piecewise parabolas, exact for every method here."""
-    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
-    edges = np.array([0.0, 0.1234, 0.5, 0.50001, 0.87, 1.0])
-    torque = np.array([1.0, -2.0, 5.0, 0.0, -3.0])
-    coefficients = np.zeros((5, 4, 1))
-    coefficients[:, 0, 0] = torque
-    return arm, edges, torque, coefficients
-
-
-def parabolas(edges, acceleration, t):
-    """Angle and rate of a body started at rest."""
-    angle = rate = 0.0
-    for a, b, value in zip(edges[:-1], edges[1:], acceleration, strict=True):
-        span = np.clip(t, a, b) - a
-        angle += rate * span + value * span**2 / 2
-        rate += value * span
-    return angle, rate
 
 
 @every
