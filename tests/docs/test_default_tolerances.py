@@ -112,6 +112,7 @@ def test_tutorials(
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     scope: dict[str, Any] = {"__name__": "__main__"}
     page = [b for b in blocks(str(path.relative_to(ROOT))) if b.language in RUNNING]
+    page = [block for block in page if not block.option("requires")]  # runs of other programs
     keeps_the_promise(errors, lambda: [run(block, scope) for block in page])
 
 
