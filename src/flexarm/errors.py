@@ -1,9 +1,10 @@
 """Exceptions and warnings of all layers, and the common format of a problem.
 
 Wrong input raises an `InputError` with all its problems, each in the form *where: name must rule,
-but is value*. A run that fails numerically raises a `SimulationError`, which contains the results
-up to that time. A state beyond the validity of its theory gives a `LargeDeflectionWarning`; a run
-with an unstable sampled loop gives an `UnstableLoopWarning`.
+got value* or, if the value does not explain the problem, *where: name statement*. A run that fails
+numerically raises a `SimulationError`, which contains the results up to that time. A state beyond
+the validity of its theory gives a `LargeDeflectionWarning`; a run with an unstable sampled loop
+gives an `UnstableLoopWarning`.
 """
 
 from __future__ import annotations
@@ -81,19 +82,21 @@ class Problem:
     Attributes:
         where: location: a file with its line, or the call (`Link`, `simulate`).
         name: argument, or key path in a file.
-        rule: condition on it, continuing the word "must".
-        value: the actual value, formatted by `shown`.
+        rule: condition on it, continuing the word "must"; without a value, a statement about it
+            that starts with a verb: "is missing", "cannot be combined with step".
+        value: the actual value, formatted by `shown`, or empty.
         hint: a full sentence that helps to correct it, or empty.
     """
 
     where: str
     name: str
     rule: str
-    value: str
+    value: str = ""
     hint: str = ""
 
     def __str__(self) -> str:
-        text = f"{self.where}: {self.name} must {self.rule}, but is {self.value}."
+        text = f"must {self.rule}, got {self.value}" if self.value else self.rule
+        text = f"{self.where}: {self.name} {text}."
         return printable(f"{text} {self.hint}" if self.hint else text)
 
 
@@ -212,7 +215,7 @@ def check_array(
         raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value))) from None
     if isinstance(value, np.ma.MaskedArray):
         hint = "Fill or remove the masked elements first."
-        raise InputError(Problem(where, name, "not be a masked array", shown(value), hint))
+        raise InputError(Problem(where, name, "is a masked array", hint=hint))
     if raw.dtype.kind not in "iuf":
         raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value)))
     if raw.ndim != len(shape) or any(
@@ -242,8 +245,8 @@ def check_result(where: str, result: NDArray[np.float64], *given: object) -> NDA
     largest = max(float(np.abs(array).max(initial=0.0)) for array in arrays)
     hint = f"The largest number given is {largest:.3g}."
     if largest < 1e50:
-        hint += " If that is not too much, a joint feels no inertia in this posture."
-    raise InputError(Problem(where, "the result", "be finite", "infinite or undefined", hint))
+        hint += " If that is reasonable, the mass matrix is singular in this posture."
+    raise InputError(Problem(where, "the result", "is not finite", hint=hint))
 
 
 def _described(shape: tuple[int, ...]) -> str:

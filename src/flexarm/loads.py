@@ -69,11 +69,11 @@ class Load:
         if self.spread is not None:
             start, end = check_array("Load", "spread", self.spread, (2,))
             if not 0.0 <= start < end:
-                rule = "be a start and an end beyond it, from the link's root"
+                rule = "be two increasing distances from the root of the link"
                 problems.append(Problem("Load", "spread", rule, shown(self.spread)))
             if self.station is not None or self.moment != 0.0:
-                rule = "be left out of a load that has a station or a moment"
-                problems.append(Problem("Load", "spread", rule, shown(self.spread)))
+                rule = "cannot be combined with a station or a moment"
+                problems.append(Problem("Load", "spread", rule))
         if self.station is not None:
             check_nonnegative("Load", "station", self.station)
         if problems:
@@ -109,7 +109,7 @@ def check_table(where: str, name: str, table: object, columns: int) -> tuple[Flo
     shape = (times.size,) if columns == 1 else (times.size, columns)
     values = check_array(where, f"{name}[1]", table[1], shape)  # type: ignore[index]
     if times.size == 0:
-        raise InputError(Problem(where, f"{name}[0]", "hold at least one time", "empty"))
+        raise InputError(Problem(where, f"{name}[0]", "is empty"))
     fault = order_fault(times.tolist())
     if fault is not None:
         k, rule = fault

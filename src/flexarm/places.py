@@ -44,7 +44,7 @@ def check_folder(where: str, name: str, path: AnyPath) -> Path:
     folder = Path(path)
     reason = _unwritable(folder)
     if reason:
-        raise InputError(Problem(where, name, "be a folder to write in", shown(str(path)), reason))
+        raise InputError(Problem(where, name, "be a writable folder", shown(str(path)), reason))
     return folder
 
 
@@ -57,9 +57,9 @@ def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
     try:
         replace_file(path, parts)
     except OSError as error:
-        reason = f"not: {error.strerror or error}"
+        rule = f"could not be written: {error.strerror or error}"
         hint = "The older file is unchanged." if os.path.lexists(path) else ""
-        raise InputError(Problem(str(path), "the file", "be writable", reason, hint)) from None
+        raise InputError(Problem(str(path), "the file", rule, hint=hint)) from None
 
 
 def write_text(text: str, path: AnyPath) -> None:
@@ -84,18 +84,16 @@ def _place_problem(where: str, name: str, place: Path) -> Problem | None:
     value = shown(str(place))
     try:
         if place.is_dir():
-            return Problem(where, name, "name a file", f"the folder {value}")
+            return Problem(where, name, "be a file", f"the folder {value}")
         if place.exists() and not place.is_file():
-            return Problem(where, name, "name an ordinary file", value)
+            return Problem(where, name, "be an ordinary file", value)
         if place.exists() and not os.access(place, os.W_OK):
-            return Problem(
-                where, name, "name a writable file", f"{value}, which is write-protected"
-            )
+            return Problem(where, name, f"{value} is write-protected")
         reason = _unwritable(Path(os.path.realpath(place)).parent)
     except (OSError, ValueError) as error:  # ValueError: a null character
-        told = getattr(error, "strerror", None) or str(error)
-        return Problem(where, name, "be a path", value, f"{told}.".capitalize())
-    rule = "lie in a folder that can be written in"
+        reason = getattr(error, "strerror", None) or str(error)
+        return Problem(where, name, "be a path", value, f"{reason}.".capitalize())
+    rule = "be in a writable folder"
     return Problem(where, name, rule, value, reason) if reason else None
 
 

@@ -173,5 +173,5 @@ def citation(result: xr.Dataset | Cited) -> str:
     entries["flexarm"] = _ENTRIES["flexarm"] % made_by
     unknown = [key for key in keys if key not in entries]
     if unknown:
-        raise InputError(Problem("citation", "result", "cite known methods", shown(unknown)))
+        raise InputError(Problem("citation", "result", f"cites unknown methods: {shown(unknown)}"))
     return "\n\n".join(entries[key] for key in keys)

@@ -102,7 +102,7 @@ def place_gauges(
             with np.errstate(over="ignore"):
                 rows[k, : curvature.size] = -distance * curvature
             if not np.isfinite(rows[k]).all():
-                rule = "be small enough to compute strains with"
+                rule = "be small enough that strains are floating-point numbers"
                 raise InputError(Problem("Arm", "gauges.distance", rule, shown(distance)))
     return rows, bodies
 

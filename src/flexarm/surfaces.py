@@ -120,21 +120,20 @@ class SurfaceTable:
         if self.closed and len(points) and np.linalg.norm(points[0] - points[-1]) <= near:
             points = points[:-1]
         if len(points) < 3:
-            raise InputError(Problem(where, "x", "hold three points or more", shown(self.x)))
+            raise InputError(Problem(where, "x", "have at least three points", shown(self.x)))
         if self.closed:
             points = np.concatenate([points, points[:1]])
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if np.any(lengths <= near):
             k = int(np.argmin(lengths)) + 1
-            rule = "differ from the point before"
+            rule = "differ from the previous point"
             raise InputError(Problem(where, f"the point [{k}]", rule, shown(points[k].tolist())))
         if self.closed and abs(_area(points)) <= near * float(lengths.sum()):
             raise InputError(Problem(where, "x", "enclose an area with y", shown(self.x)))
         crossing = _crossing(points) if self.closed else None
         if crossing is not None:
-            rule = "go round with y without crossing itself"
-            found = f"crossed after the points [{crossing[0]}] and [{crossing[1]}]"
-            raise InputError(Problem(where, "x", rule, found))
+            rule = f"and y cross themselves after the points [{crossing[0]}] and [{crossing[1]}]"
+            raise InputError(Problem(where, "x", rule))
         ends = "periodic" if self.closed else "natural"
         spline = CubicSpline(np.append(0.0, np.cumsum(lengths)), points, bc_type=ends)
         object.__setattr__(self, "pieces", _cut(spline, self.closed))

@@ -336,7 +336,7 @@ def test_side_by_side_they_are_what_they_are_alone(name):
         ({"duration": 0.0}, "duration must be at least sample_time"),
         ({"torque_limit": [1.0, -1.0]}, "torque_limit must be greater than 0"),
         ({"torque_limit": [1.0, 1.0, 1.0]}, "torque_limit"),
-        ({"arm": laboratory_arm()}, "torque_limit must be given with an arm"),
+        ({"arm": laboratory_arm()}, "torque_limit is required with an arm"),
         ({"hardware": "encoder"}, "hardware must be a Hardware object"),
         ({"render_mode": "human"}, "render_mode must be 'rgb_array' or None"),
     ],

@@ -224,7 +224,7 @@ def test_wrong_arguments(arguments, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"start": (1.5, 0.5)}, "must come both or neither"),
+        ({"start": (1.5, 0.5)}, "need both 'start' and 'end', or neither"),
         ({"start": (1.5, 0.5), "end": (1.5, 0.5, 0.0)}, "end must be"),
         ({"start": (1.5, 0.5), "end": (4.0, 0.5)}, "out of reach|reach"),
         ({"stiffness": -1.0}, "stiffness must be greater than 0"),

@@ -140,14 +140,14 @@ def test_check_says_what_is_in_a_study(path):
         (
             "settling: 0.05",
             "settling: 0.6",
-            "run.settling must be less than the duration of 0.6 s, but is 0.6",
+            "run.settling must be less than the duration of 0.6 s, got 0.6",
         ),
         (
             "settling: 0.05",
             "settling: 0.3",
             (
                 "study.yaml:23: run.settling must be less than the 0.2 s that the run goes on "
-                "after 'there' has ended, but is 0.3"
+                "after 'there' has ended, got 0.3"
             ),
         ),
         ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have one value"),
@@ -169,14 +169,14 @@ def test_check_says_what_is_in_a_study(path):
             "",
             (
                 "study.yaml:22: hardware.instruments must have an instrument for joint_rate, which "
-                "joint_pd reads, but is for joint_angle."
+                "joint_pd reads, got for joint_angle."
             ),
         ),
         (
             "kind: joint_pd",
             "kind: strain_feedback\n    strain: 1",
             (
-                "study.yaml:2: arm must have the 2 gauges that strain_feedback reads, but is "
+                "study.yaml:2: arm must have the 2 gauges that strain_feedback reads, got "
                 "an arm with 0."
             ),
         ),

@@ -89,7 +89,7 @@ def test_a_full_disk_gives_an_error_and_leaves_the_older_file(what, good, tmp_pa
     assert status == 2
     told = [line for line in printed.splitlines() if not line.startswith("flexarm: ")]
     reason = "not: File too large. The older file is unchanged."
-    assert told == [f"{path}: the file must be writable, but is {reason}"]
+    assert told == [f"{path}: the file must be writable, got {reason}"]
     assert path.read_bytes() == older
     assert sorted(tmp_path.iterdir()) == sorted([good, path])
 
@@ -116,7 +116,7 @@ def test_a_full_disk_leaves_the_older_file_of_a_separation(tmp_path):
     ended = run(path, "full", code=SAVE_NPZ)
     assert ended.returncode == 1
     reason = "not: File too large. The older file is unchanged."
-    assert ended.stderr.strip() == f"{path}: the file must be writable, but is {reason}"
+    assert ended.stderr.strip() == f"{path}: the file must be writable, got {reason}"
     assert path.read_bytes() == older
     assert list(tmp_path.iterdir()) == [path]
 
@@ -312,7 +312,7 @@ def test_the_content_of_a_file_that_is_not_an_arm_is_not_printed(content, tmp_pa
     assert outcome.exit_code == 2
     assert "secret" not in outcome.output
     assert outcome.stderr == (
-        f"{path}:2: arm must name an arm file, but is 'other', which has no key `flexarm`.\n"
+        f"{path}:2: arm names 'other', which is not an arm file: it has no key `flexarm`.\n"
     )
 
 

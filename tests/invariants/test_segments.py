@@ -218,7 +218,7 @@ def test_counts_and_the_rigid_twin():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"segments": 3, "elements": 8}, "segments must divide elements, which is 8, but is 3."),
+        ({"segments": 3, "elements": 8}, "segments must be a divisor of elements (8), got 3."),
         ({"segments": 0}, "segments must be"),
         ({"segments": 2, "elements": 4, "modes": 5}, "twice the number of elements of a segment"),
         (

@@ -226,7 +226,7 @@ def test_runs_that_an_event_ends_are_not_judged(arm, motion):
 
 
 def test_what_is_given_by_name_is_not_given_twice(arm, motion):
-    with pytest.raises(fa.InputError, match="plant must be left out"):
+    with pytest.raises(fa.InputError, match="plant is not an argument of compare"):
         fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, plant=arm)
 
 

@@ -259,7 +259,7 @@ def test_a_contact_too_soft_for_the_blow_stops_and_says_so(stiffness, radius, sp
 
 def test_a_method_that_looks_back_is_refused():
     contact = fa.Contact(CEILING, 1e4)
-    with pytest.raises(fa.InputError, match="where there are contacts, but is 'cowell_4'"):
+    with pytest.raises(fa.InputError, match="for an arm with contacts, got 'cowell_4'"):
         fa.simulate(rod(), 0.1, contacts=[contact], integrator="cowell_4")
 
 

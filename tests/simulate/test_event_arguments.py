@@ -25,24 +25,30 @@ def first(t, q, qd):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda a: fa.Event(3), "Event: function must be a function of t, q and qd, but is 3."),
-        (lambda a: fa.Event(first, ""), "Event: name must be text, but is ''."),
-        (lambda a: fa.Event(first, 3), "Event: name must be text, but is 3."),
-        (lambda a: fa.Event(first, "failure"), "name must not be a word for other ends of a run"),
-        (lambda a: fa.Event(first, direction=2), "direction must be -1, 0 or 1, but is 2."),
-        (lambda a: fa.Event(first, direction=True), "direction must be -1, 0 or 1, but is True."),
-        (lambda a: fa.Event(first, terminal=1), "terminal must be a bool, but is 1."),
-        (lambda a: fa.joint_event(a, 3, 0.1), "joint must be the number of a joint that turns: 1"),
+        (lambda a: fa.Event(3), "Event: function must be a function of t, q and qd, got 3."),
+        (lambda a: fa.Event(first, ""), "Event: name must be text, got ''."),
+        (lambda a: fa.Event(first, 3), "Event: name must be text, got 3."),
+        (
+            lambda a: fa.Event(first, "failure"),
+            "name must differ from the names of other ends of a run",
+        ),
+        (lambda a: fa.Event(first, direction=2), "direction must be -1, 0 or 1, got 2."),
+        (lambda a: fa.Event(first, direction=True), "direction must be -1, 0 or 1, got True."),
+        (lambda a: fa.Event(first, terminal=1), "terminal must be a bool, got 1."),
+        (
+            lambda a: fa.joint_event(a, 3, 0.1),
+            "joint must be the number of a joint that is not fixed: 1",
+        ),
         (lambda a: fa.joint_event(a, 1, np.nan), "joint_event: angle must be finite"),
         (lambda a: fa.joint_event(a, 1, "top"), "angle must be a number, 'lower' or 'upper'"),
         (lambda a: fa.joint_event(a, 1, "upper"), "be a number where joint 1 has no limits"),
         (lambda a: fa.tip_event(a, (1.0,), (0, 1)), "tip_event: point must be numbers of shape"),
-        (lambda a: fa.tip_event(a, (1.0, 0), (0, 0)), "normal must point somewhere"),
+        (lambda a: fa.tip_event(a, (1.0, 0), (0, 0)), "normal must have a length greater than 0"),
         (lambda a: fa.simulate(a, 0.1, events=first), "events must be a list of Event objects"),
         (lambda a: fa.simulate(a, 0.1, events=[first]), "events must be a list of Event objects"),
         (
             lambda a: fa.simulate(a, 0.1, events=[fa.Event(first, "event_2"), fa.Event(first)]),
-            r"events\[1\] must have a name of its own, but is 'event_2'",
+            r"events\[1\] must have a name of its own, got 'event_2'",
         ),
         (
             lambda a: fa.simulate(a, 0.1, plant=a.rigid(), events=[fa.joint_event(a, 1, 0.0)]),
@@ -82,8 +88,8 @@ def bad(kind):
     ("kind", "reason"),
     [
         ("raises", "the event 'bad' failed with ZeroDivisionError: division by zero"),
-        ("nan", "event 'bad': its value must be finite, but is nan"),
-        ("text", "event 'bad': its value must be a number, but is 'x'"),
+        ("nan", "event 'bad': its value must be finite, got nan"),
+        ("text", "event 'bad': its value must be a number, got 'x'"),
     ],
 )
 @pytest.mark.parametrize("loop", ["open", "closed"])

@@ -331,5 +331,5 @@ def test_no_force_in_the_run_has_no_force_error(sliding):
 
 def test_a_force_that_nobody_measures_is_told(sliding):
     arm, reference = sliding
-    with pytest.raises(fa.InputError, match="contacts must be given: HybridForce measures"):
+    with pytest.raises(fa.InputError, match="contacts are missing: HybridForce measures"):
         fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=reference)

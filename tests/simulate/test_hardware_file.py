@@ -84,14 +84,14 @@ def test_signals_of_files_are_those_of_python():
     [
         ("signal: strain", "signal: strian", "scenario.yaml:18: hardware.instruments[1].signal"),
         ("noise: 2e-6", "noise: -1", "hardware.instruments[1].noise must be at least 0"),
-        ("name: camera", "link: 1", "link must be left out where the signal is tip"),
-        ("link: 2,", "", "link must be given for the acceleration of a point"),
+        ("name: camera", "link: 1", "link is not supported for the signal tip"),
+        ("link: 2,", "", "link is required for the signal acceleration"),
         ("link: 2,", "link: 3,", "link must be the number of a link, 1 to 2"),
         ("station: 0.3", "station: 0.7", "station must be at most 0.6"),
         ("name: camera", "name: strain", "name must be different from the names of the other"),
         ("[3, 1]", "[3, 1, 2]", "torque_limit must have one value for each of the 2 joints"),
         ("[3, 1]", "-2", "torque_limit must be greater than 0"),
-        ("delay: 0.0005", "current_limit: 2", "torque_constant must be given with a limit"),
+        ("delay: 0.0005", "current_limit: 2", "torque_constant is required with current_limit"),
         ("sample_time: 0.02,", "sample_time: 0.003,", "multiple of the controller's sample time"),
         ("seed: 3", "seed: -3", "hardware.seed must be at least 0"),
     ],
@@ -108,5 +108,5 @@ def test_problems_are_told_with_their_place(tmp_path, old, new, words):
 def test_hardware_without_a_controller_is_refused(tmp_path):
     drive = ARM.splitlines()[-2]
     text = (ARM + HARDWARE).replace(drive, "drive: {kind: rigid_inverse_dynamics}")
-    with pytest.raises(fa.InputError, match="hardware must be left out where drive is no contr"):
+    with pytest.raises(fa.InputError, match="hardware requires a controller as drive"):
         fa.run_scenario(written(tmp_path, text))

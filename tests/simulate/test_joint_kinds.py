@@ -171,12 +171,15 @@ def test_motions_know_the_shape_of_rigidly_joined_links():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"fixed": True, "stiffness": 2.0}, "stiffness must be left out of a joint that is fixed"),
-        ({"fixed": True, "rotor_inertia": 1e-4}, "rotor_inertia must be left out of a joint"),
-        ({"gear_ratio": 50.0}, "gear_ratio must be left out of a joint without rotor_inertia"),
+        ({"fixed": True, "stiffness": 2.0}, "stiffness is not supported for a fixed joint"),
+        (
+            {"fixed": True, "rotor_inertia": 1e-4},
+            "rotor_inertia is not supported for a fixed joint",
+        ),
+        ({"gear_ratio": 50.0}, "gear_ratio requires rotor_inertia"),
         (
             {"rotor_inertia": 1e-4, "stiffness": 10.0, "rest_angle": 0.1},
-            "rest_angle must be 0 where the spring lies between motor and link",
+            "rest_angle must be 0 for an elastic joint",
         ),
         ({"gear_ratio": -1.0, "rotor_inertia": 1e-4}, "gear_ratio must be greater than 0"),
     ],
@@ -188,10 +191,12 @@ def test_contradictions_are_refused(fields, message):
 
 def test_what_is_asked_of_arms_without_motors():
     arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)], joints=[fa.Joint(fixed=True)])
-    with pytest.raises(fa.InputError, match="arm must have a joint that turns"):
+    with pytest.raises(fa.InputError, match="arm must have a joint that is not fixed"):
         fa.joint_motion(arm, [], [], 1.0)
     hold = fa.PrescribedAngle(lambda t: 0.0, lambda t: 0.0, lambda t: 0.0)
-    with pytest.raises(fa.InputError, match="prescribed must name joints that turn: there is none"):
+    with pytest.raises(
+        fa.InputError, match="prescribed must name joints that are not fixed: there is none"
+    ):
         fa.simulate(arm, 0.1, prescribed={1: hold})
 
 

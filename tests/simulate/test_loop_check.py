@@ -282,8 +282,8 @@ def test_the_analysis_ends_no_run(fault):
 @pytest.mark.parametrize(
     ("memory", "message"),
     [
-        (("integrall",), "memory must name attributes of the controller, but is 'integrall'"),
-        (("name",), "memory must name numbers and arrays, which 'name' is not"),
+        (("integrall",), "memory must name attributes of the controller, got 'integrall'"),
+        (("name",), "memory must name numbers and arrays; 'name' is neither"),
         ("integral", "memory must be a tuple of names"),
     ],
 )

@@ -168,13 +168,13 @@ LACKING = {
         PRESSED.replace(PRESSED[PRESSED.index("contacts") : PRESSED.index("run:")], "").replace(
             "friction: 0.2", "normal: [-1, 0]"
         ),
-        "contacts must be given: hybrid_force measures contact_force, but is missing",
+        "contacts are missing: hybrid_force measures contact_force",
     ),
     "an instrument of the force": (
         PRESSED + "hardware: {instruments: [{signal: joint_angle, rate_cutoff: 80}]}\n",
         (
             "hardware.instruments must have an instrument for contact_force, which hybrid_force "
-            "reads, but is for joint_angle, joint_rate"
+            "reads, got for joint_angle, joint_rate"
         ),
     ),
     "rates": (
@@ -187,7 +187,7 @@ LACKING = {
             "drive: {kind: strain_feedback, proportional: 1, derivative: 1, strain: 1}\n"
             "run: {duration: 0.1}\n"
         ),
-        "arm must have the 2 gauges that strain_feedback reads, but is an arm with 0",
+        "arm must have the 2 gauges that strain_feedback reads, got an arm with 0",
     ),
     "gauges of LQG": (
         (
@@ -195,7 +195,7 @@ LACKING = {
             "drive: {kind: lqg, measured: {joint_angle: 0.0001, tip: 0.001}}\n"
             "run: {duration: 0.1}\n"
         ),
-        "hardware.instruments must have an instrument for tip, which lqg reads, but is missing",
+        "hardware.instruments has no instrument for tip, which lqg reads",
     ),
     "instruments of the filter": (
         (
@@ -203,7 +203,7 @@ LACKING = {
             "drive: {kind: estimator, inner: {kind: joint_pd, proportional: 1, derivative: 1}}\n"
             "run: {duration: 0.1}\n"
         ),
-        "drive.estimator.instruments must be given where the hardware has none",
+        "drive.estimator.instruments are required, because the hardware has none",
     ),
     "a known parameter": (
         (

@@ -181,10 +181,10 @@ def test_memory_does_not_grow(arm):
         ({"duration": -1.0}, "duration must be greater than 0"),
         ({"tip_force": [1.0]}, "tip_force"),
         ({"loads": [fa.Load(3)]}, "link"),
-        ({"base_acceleration": lambda t: [0, 0]}, "duration must be given with loads or a base"),
-        ({"loads": [fa.Load(1, factor=np.sin)]}, "duration must be given with loads or a base"),
+        ({"base_acceleration": lambda t: [0, 0]}, "duration is required with loads or a base"),
+        ({"loads": [fa.Load(1, factor=np.sin)]}, "duration is required with loads or a base"),
         ({"loads": [fa.Load(3)]}, r"^Plant: Load\.link must be the number of a link, 1 to 2"),
-        ({"loads": [fa.Load(True)]}, r"^Plant: Load\.link .* but is True"),
+        ({"loads": [fa.Load(True)]}, r"^Plant: Load\.link .* got True"),
         ({"contacts": [fa.Contact(WALL, 1e4, link=3)]}, r"^Plant: Contact\.link must be the num"),
         ({"contacts": [WALL]}, "^Plant: contacts must be a list of Contact objects"),
         ({"integrator": "euler"}, "^Plant: integrator"),
@@ -236,7 +236,7 @@ def test_a_run_away_stops_with_its_state_and_waits_for_a_reset(arm):
     np.testing.assert_array_equal(caught.value.state[0], plant.q)
     assert np.all(np.isfinite(plant.q))
     assert plant.time == caught.value.time
-    with pytest.raises(fa.InputError, match="the plant must be reset first, but is one that sto"):
+    with pytest.raises(fa.InputError, match="the plant must be reset first, got one that sto"):
         plant.step([0.0, 0.0])
     plant.reset()
     plant.step([0.0, 0.0])

@@ -111,7 +111,7 @@ def test_a_moving_joint_in_segments():
 @pytest.mark.parametrize("joint", [0, 3, "elbow"])
 def test_no_such_joint(joint):
     with pytest.raises(
-        fa.InputError, match="simulate: prescribed must name joints that turn: 1, 2, but is"
+        fa.InputError, match="simulate: prescribed must name joints that are not fixed: 1, 2, got"
     ):
         fa.simulate(two_links(), 0.1, prescribed={joint: swing(1.0, 1.0)})
 
@@ -120,7 +120,7 @@ def test_not_beside_a_controller():
     arm = two_links()
     motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, 1.0], 0.1)
     controller = fa.JointPD([1.0, 1.0], [1.0, 1.0], 1e-3)
-    with pytest.raises(fa.InputError, match="prescribed must not be combined with a controller"):
+    with pytest.raises(fa.InputError, match="prescribed cannot be combined with a controller"):
         fa.simulate(
             arm, 0.1, controller=controller, reference=motion, prescribed={1: swing(1.0, 1.0)}
         )

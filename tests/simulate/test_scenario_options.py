@@ -257,7 +257,7 @@ def test_fixed_and_elastic_joints_start_in_equilibrium_too(tmp_path):
         ),
         (
             "drive:\n  kind: torque\n  rate: 100\n  values: [[0, 0], [1, 1]]\n",
-            r"run\.yaml:14: drive\.values must hold at least 40 samples",
+            r"run\.yaml:14: drive\.values must have at least 40 samples",
         ),
     ],
 )

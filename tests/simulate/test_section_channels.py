@@ -136,7 +136,7 @@ def test_wrong_numbers_of_stations_are_refused_before_the_run(stations):
     with pytest.raises(fa.InputError) as told:
         fa.simulate(two_links(), 1e9, rate=1e-3, stations=stations)
     assert str(told.value).startswith(
-        "simulate: stations must be a whole number from 2 (root and tip) to 1000, but is"
+        "simulate: stations must be a whole number from 2 (root and tip) to 1000, got"
     )
 
 

@@ -95,8 +95,8 @@ def broken(**attributes):
         (
             {"step": 0.01, "integrator": RungeKutta4(step=1e-3)},
             (
-                r"step must be left out where the integrator is an object, which has its own, but "
-                r"is 0\.01\. Give it there: RungeKutta4\(step=0\.01\)"
+                r"step cannot be combined with an integrator object\. "
+                r"Use integrator=RungeKutta4\(step=0\.01\)"
             ),
         ),
         ({"integrator": ["rk4"]}, "integrator must be one of"),
@@ -106,13 +106,13 @@ def broken(**attributes):
         (
             {"rate": 1e12},
             (
-                r"rate must be at most 1e\+08 for a duration of 0.1, but is 1000000000000\. That "
-                r"makes 1e\+11 samples; 1e\+07 are the most that is kept\."
+                r"rate must be at most 1e\+08 for a duration of 0.1, got 1000000000000\. That "
+                r"is 1e\+11 samples; at most 1e\+07 are stored\."
             ),
         ),
         ({"plant": "arm"}, "plant must be an Arm"),
         ({"torque": np.zeros((5, 3))}, "torque must be numbers of shape"),
-        ({"torque": np.zeros((5, 1))}, "torque must hold at least"),
+        ({"torque": np.zeros((5, 1))}, "torque must have at least"),
         ({"torque": np.zeros((200, 1)), "torque_interpolation": "spline"}, "torque_interpolation"),
         ({"tip_force": [1.0]}, "tip_force must be"),
         ({"breaks": "x"}, "breaks must be numbers"),
@@ -125,7 +125,7 @@ def test_nonsense_is_refused_in_one_form(arguments, message):
 
 
 def test_no_arm_is_refused():
-    with pytest.raises(fa.InputError, match="arm must be an Arm, but is nothing"):
+    with pytest.raises(fa.InputError, match="arm must be an Arm, got nothing"):
         fa.simulate(None, 0.1)
 
 

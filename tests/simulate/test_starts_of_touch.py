@@ -28,7 +28,7 @@ def test_a_deep_start_is_told_with_depth_force_and_energy(exponent):
     depth, force = 0.05, 20.0 * WEIGHT
     energy = force * depth / (exponent + 1.0)  # the integral of the force from 0 to the depth
     message = (
-        rf"^simulate: initial must not be deep inside the surface of contact 2, but is 0\.05 m "
+        rf"^simulate: initial must start outside the surface of contact 2, got 0\.05 m "
         rf"deep, where it pushes with {force:.3g} N and stores {energy:.3g} J\. That is 20 times "
     )
     away = fa.Contact(fa.Wall((0.0, -5.0), (0.0, 1.0)), 1e4)
@@ -55,9 +55,9 @@ def test_a_wall_that_faces_the_wrong_way_is_a_deep_start():
 
 def test_a_plant_refuses_a_deep_start_but_may_be_made_in_a_wall():
     plant = fa.Plant(rod(), contacts=[fa.Contact(fa.Wall((0.0, 0.1), (0.0, 1.0)), 1e4)])
-    with pytest.raises(fa.InputError, match=r"^Plant\.step: initial must not be deep inside"):
+    with pytest.raises(fa.InputError, match=r"^Plant\.step: initial must start outside"):
         plant.step([0.0])
-    with pytest.raises(fa.InputError, match=r"^Plant\.reset: initial must not be deep inside"):
+    with pytest.raises(fa.InputError, match=r"^Plant\.reset: initial must start outside"):
         plant.reset([0.05])
     plant.reset([0.2])
     plant.step([0.0])
@@ -99,7 +99,7 @@ def test_a_motion_that_presses_the_wrong_way_is_refused(arm, surface, normal):
     fa.simulate(arm, 0.01, reference=right, initial=right.initial, **hold)
     wrong = fa.pressed_motion(arm, line, 5.0, -np.array(normal))
     message = (
-        r"^simulate: reference\.normal must point away from the surface of contact 2, but is "
+        r"^simulate: reference\.normal must point away from the surface of contact 2, got "
         r"\(0, -?1\) at t = 0 s, into it"
     )
     with pytest.raises(fa.InputError, match=message):
@@ -118,5 +118,5 @@ def test_a_start_at_the_centre_of_a_circle_is_refused():
     """All of the circle is as near: there is no way out."""
     link = fa.Link(length=1.0, mass_per_length=1.0, flexible=False)
     contact = fa.Contact(fa.RoundWall((1.0, 0.0), 0.05), 1e4)
-    with pytest.raises(fa.InputError, match="initial must not be at the centre of the surface"):
+    with pytest.raises(fa.InputError, match="initial lies at the centre of the surface"):
         fa.simulate(fa.Arm(links=[link]), 0.1, initial=[0.0], contacts=[contact])

@@ -96,14 +96,14 @@ class TestFactors:
     @pytest.mark.parametrize(
         ("factor", "message"),
         [
-            (3.0, r"factor must be a function of time or a table \(times, values\), but is 3"),
+            (3.0, r"factor must be a function of time or a table \(times, values\), got 3"),
             ((1.0, 2.0), "factor must be a function of time or a table"),
             ((["a"], [1.0]), r"factor\[0\] must be numbers"),
             (([0, 1], [1.0]), r"factor\[1\] must be numbers of shape \(2,\)"),
             (([0, 1], [[1.0], [2.0]]), r"factor\[1\] must be numbers of shape \(2,\)"),
-            (([], []), r"factor\[0\] must hold at least one time"),
-            (([0, 2, 1], [1, 1, 1]), r"factor\[0\]\[2\] must be at least 2, the time before it"),
-            (([0, 1, 1, 1], [1, 1, 1, 1]), r"factor\[0\]\[3\] must be given twice at most, but is"),
+            (([], []), r"factor\[0\] is empty"),
+            (([0, 2, 1], [1, 1, 1]), r"factor\[0\]\[2\] must be at least 2, the previous time"),
+            (([0, 1, 1, 1], [1, 1, 1, 1]), r"factor\[0\]\[3\] must occur at most twice, got"),
             (([0, np.nan], [1, 1]), r"factor\[0\]\[1\] must be finite"),
         ],
     )
@@ -186,7 +186,7 @@ class TestAngles:
             (([0, 1], [1.0]), r"angles must be numbers of shape \(2,\)"),
             (([0], [1.0]), "times must be two or more"),
             (([0, 1, 1], [1.0, 2.0, 2.0]), "each greater than the one before"),
-            (([0, 1], [1.0, 2.0], "loose"), "ends must be one of 'rest', 'free', but is 'loose'"),
+            (([0, 1], [1.0, 2.0], "loose"), "ends must be one of 'rest', 'free', got 'loose'"),
         ],
     )
     def test_nonsense_is_refused(self, arguments, message):

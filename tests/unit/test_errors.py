@@ -18,15 +18,15 @@ from flexarm.errors import (
 
 def test_problem_reads_as_a_sentence():
     problem = Problem("arm.yaml:5", "length", "be greater than 0", "-1")
-    assert str(problem) == "arm.yaml:5: length must be greater than 0, but is -1."
+    assert str(problem) == "arm.yaml:5: length must be greater than 0, got -1."
     with_hint = Problem("Link", "theory", "be one of 'a', 'b'", "'c'", "Did you mean 'b'?")
-    assert str(with_hint).endswith("but is 'c'. Did you mean 'b'?")
+    assert str(with_hint).endswith("got 'c'. Did you mean 'b'?")
 
 
 def test_input_error_tells_one_line_a_problem_up_to_fifty():
     problems = [Problem("f", f"x[{i}]", "be finite", "nan") for i in range(52)]
     assert str(InputError(*problems[:2])) == (
-        "f: x[0] must be finite, but is nan.\nf: x[1] must be finite, but is nan."
+        "f: x[0] must be finite, got nan.\nf: x[1] must be finite, got nan."
     )
     error = InputError(*problems)
     assert len(error.problems) == 52
@@ -81,16 +81,16 @@ def test_check_array_returns_a_float_copy():
 @pytest.mark.parametrize(
     ("value", "shape", "message"),
     [
-        ([1, 2], (3,), "f: x must be numbers of shape (3,), but is numbers of shape (2,)."),
-        ([1, 2], (-1, 3), "f: x must be numbers of shape (any, 3), but is numbers of shape (2,)."),
-        ([1, np.nan], (2,), "f: x[1] must be finite, but is nan."),
-        ([[1, 2], [-np.inf, 0]], (2, 2), "f: x[1, 0] must be finite, but is -inf."),
-        (np.inf, (), "f: x must be finite, but is inf."),
-        (True, (), "f: x must be a number, but is True."),
-        ("1", (), "f: x must be a number, but is '1'."),
-        (None, (2,), "f: x must be numbers of shape (2,), but is nothing."),
-        ([1j], (1,), "f: x must be numbers of shape (1,), but is [1j]."),
-        ([[1], [2, 3]], (2, 2), "f: x must be numbers of shape (2, 2), but is [[1], [2, 3]]."),
+        ([1, 2], (3,), "f: x must be numbers of shape (3,), got numbers of shape (2,)."),
+        ([1, 2], (-1, 3), "f: x must be numbers of shape (any, 3), got numbers of shape (2,)."),
+        ([1, np.nan], (2,), "f: x[1] must be finite, got nan."),
+        ([[1, 2], [-np.inf, 0]], (2, 2), "f: x[1, 0] must be finite, got -inf."),
+        (np.inf, (), "f: x must be finite, got inf."),
+        (True, (), "f: x must be a number, got True."),
+        ("1", (), "f: x must be a number, got '1'."),
+        (None, (2,), "f: x must be numbers of shape (2,), got nothing."),
+        ([1j], (1,), "f: x must be numbers of shape (1,), got [1j]."),
+        ([[1], [2, 3]], (2, 2), "f: x must be numbers of shape (2, 2), got [[1], [2, 3]]."),
     ],
 )
 def test_check_array_refuses_the_rest(value, shape, message):

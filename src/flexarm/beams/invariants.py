@@ -298,14 +298,16 @@ def _in_range(where: str, table: BeamTable) -> Iterator[None]:
             yield
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         if isinstance(error, np.linalg.LinAlgError) and not _is_extreme(table):
-            rule, value = "be positive definite", f"not: {error}".rstrip(".")
+            rule = f"is not positive definite: {error}".rstrip(".")
             hint = "Rigidity or mass may vary by too many orders of magnitude along the link."
-            raise InputError(Problem(where, "the stiffness", rule, value, hint)) from None
+            raise InputError(Problem(where, "the stiffness", rule, hint=hint)) from None
         length, mass = table.x[-1], table.mass_per_length.max()
-        value = f"of length {length:.3g} m with at most {mass:.3g} kg/m"
-        rule = "have dimensions whose powers and products are floating-point numbers"
+        rule = (
+            f"of length {length:.3g} m with at most {mass:.3g} kg/m is beyond the range of "
+            "floating-point numbers"
+        )
         hint = "Check the units; all values are in SI."
-        raise InputError(Problem(where, "the link", rule, value, hint)) from None
+        raise InputError(Problem(where, "the link", rule, hint=hint)) from None
 
 
 def _is_extreme(table: BeamTable) -> bool:
@@ -383,9 +385,9 @@ def _check_count(where: str, name: str, value: object, largest: int | None) -> N
     """Raise InputError unless `value` is a whole number from 1 to `largest`."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or value < 1 or (largest is not None and value > largest):  # type: ignore[operator]
-        rule = "be a whole number of at least 1"
+        rule = "be a whole number, at least 1"
         hint = ""
         if largest is not None:
             rule = f"be a whole number from 1 to {largest}"
-            hint = "There are two shapes per element; add elements or leave `modes` out."
+            hint = "Each element has two shapes; add elements or omit `modes`."
         raise InputError(Problem(where, name, rule, shown(value), hint))

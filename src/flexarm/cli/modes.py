@@ -78,8 +78,8 @@ def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
         joints = options.joints or "locked"
         return joints, f" with the joints {joints}" if arm.joints else ", no joint turns"
     if options.joints is not None:
-        rule = "be left out where --proportional or --derivative holds the joints"
-        raise InputError(Problem(_WHERE, "--joints", rule, options.joints))
+        rule = "cannot be combined with --proportional or --derivative"
+        raise InputError(Problem(_WHERE, "--joints", rule))
     stiff = joint_numbers(_WHERE, "--proportional", arm, options.proportional, "N m/rad")
     damping = joint_numbers(_WHERE, "--derivative", arm, options.derivative, "N m s/rad")
     return list(zip(stiff, damping, strict=True)), " with the joints held by gains"
@@ -88,11 +88,11 @@ def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
 def _check_together(options: ModesOptions) -> None:
     turns = bool(options.spin) or options.campbell_to is not None
     if options.sag and turns:
-        raise InputError(Problem(_WHERE, "--sag", "be left out where the arm spins", "given"))
+        raise InputError(Problem(_WHERE, "--sag", "is not supported with a rotating arm"))
     if options.to is not None and turns:
-        raise InputError(Problem(_WHERE, "--to", "be left out where the arm spins", "given"))
+        raise InputError(Problem(_WHERE, "--to", "is not supported with a rotating arm"))
     if options.campbell_to is not None and options.campbell_to <= options.spin:
-        rule = f"be above --spin, {options.spin:g}"
+        rule = f"be greater than --spin, {options.spin:g}"
         raise InputError(Problem(_WHERE, "--campbell", rule, f"{options.campbell_to:g}"))
 
 

@@ -21,10 +21,10 @@ def joint_numbers(where: str, option: str, arm: Arm, text: str | None, unit: str
     except ValueError:
         values = []
     if not arm.joints:
-        rule = "be left out: no joint of this arm turns"
-        raise InputError(Problem(where, option, rule, shown(text)))
+        rule = "is not supported for an arm whose joints are all fixed"
+        raise InputError(Problem(where, option, rule))
     if len(values) != arm.joints or not all(math.isfinite(value) for value in values):
-        rule = f"be {arm.joints} numbers with commas between, one for each joint ({unit})"
+        rule = f"be {arm.joints} numbers separated by commas, one for each joint ({unit})"
         raise InputError(Problem(where, option, rule, shown(text)))
     return values
 

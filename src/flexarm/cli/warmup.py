@@ -21,9 +21,9 @@ def compile_everything() -> None:
     Raises:
         InputError: if the machine code cannot be stored.
     """
-    rule = "be writable, by this user alone"
     if CACHE_DIRECTORY is None:
-        raise InputError(Problem("flexarm warmup", "the cache folder", rule, "missing"))
+        rule = "cannot be created as a private folder of this user"
+        raise InputError(Problem("flexarm warmup", "the cache folder", rule))
     screen = console()
     started = time.perf_counter()
     compiled = 0.0
@@ -37,7 +37,8 @@ def compile_everything() -> None:
         for done in as_completed(waiting):
             seconds, failure = done.result()
             if failure:
-                raise InputError(Problem("flexarm warmup", str(CACHE_DIRECTORY), rule, failure))
+                rule = f"is not writable: {failure}"
+                raise InputError(Problem("flexarm warmup", str(CACHE_DIRECTORY), rule))
             compiled += seconds
             bar.update(task, advance=1, description=f"compiled: {waiting[done]}")
     took = time.perf_counter() - started

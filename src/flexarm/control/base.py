@@ -132,7 +132,7 @@ def check_reference(where: str, reference: object) -> None:
     if kind in _KNOWN:
         return
     missing = [name for name in _REFERENCE if not callable(getattr(reference, name, None))]
-    hint = "line_motion and joint_motion make references."
+    hint = "Create one with line_motion or joint_motion."
     if isinstance(reference, type):
         given = f"the class {reference.__name__}"
         raise InputError(Problem(where, "reference", "be a reference", given, hint))
@@ -163,12 +163,12 @@ def report_of(controller: object) -> dict[str, float]:
 def controller_problem(where: str, name: str, value: object) -> Problem | None:
     """Return the reason why a value is not a controller, or None if it is one."""
     if isinstance(value, type):
-        hint = f"Make one: {value.__name__}(...)."
+        hint = f"Create an object: {value.__name__}(...)."
         rule = "be a controller"
         return Problem(where, name, rule, f"the class {value.__name__}", hint)
     for method in ("reset", "update"):
         if not callable(getattr(value, method, None)):
             return Problem(where, name, f"have the method {method}", shown(value))
     if not hasattr(value, "sample_time"):
-        return Problem(where, name, "have a sample_time, s", shown(value))
+        return Problem(where, name, "have a sample_time", shown(value))
     return None

@@ -67,7 +67,7 @@ class Gains:
         except InputError as error:
             problems = error.problems
             if "finite" not in problems[0].rule:
-                rule = f"be one number, or one for each {what}: {count}"
+                rule = f"be one number, or {count} numbers, one for each {what}"
                 problems = (Problem(self._where, name, rule, shown(value)),)
             self._problems += problems
             return np.zeros(count)
@@ -89,7 +89,7 @@ class Gains:
         except InputError:
             pair = np.zeros(0)
         if pair.shape != (2,) or not pair[0] <= pair[1]:
-            self.refuse(name, "be two numbers, the lower one first", value)
+            self.refuse(name, "be two numbers in increasing order", value)
             return -np.inf, np.inf
         return float(pair[0]), float(pair[1])
 
@@ -101,7 +101,7 @@ class Gains:
         """Add a problem for each name that is not among the choices."""
         for item in given:
             if not isinstance(item, str) or item not in choices:
-                rule, hint = f"be names out of {', '.join(choices)}", nearest(item, choices)
+                rule, hint = f"be names from {', '.join(choices)}", nearest(item, choices)
                 self._problems.append(Problem(self._where, name, rule, shown(item), hint))
 
     def controller(self, name: str, value: object) -> None:
@@ -128,7 +128,7 @@ def check_gains(where: str, name: str, value: ArrayLike) -> FloatArray:
     """
     gains = check_each(where, name, value)
     if np.any(gains < 0.0):
-        raise InputError(Problem(where, name, "hold finite gains >= 0", shown(value)))
+        raise InputError(Problem(where, name, "be finite gains, at least 0", shown(value)))
     return gains
 
 
@@ -153,7 +153,12 @@ def check_joints(where: str, joints: int, **given: FloatArray) -> None:
         InputError: if the length of a list differs from ``joints``.
     """
     problems = [
-        Problem(where, name, f"be one number, or one for each of {joints} joints", f"{v.size} long")
+        Problem(
+            where,
+            name,
+            f"be one number, or one for each of the {joints} joints",
+            f"{v.size} numbers",
+        )
         for name, v in given.items()
         if v.ndim and v.size != joints
     ]

@@ -58,10 +58,10 @@ def wishes_of(
         integral = {integral: INTEGRATED.get(integral, np.nan)}
     checked = check_names(where, "integral", integral, tuple(INTEGRATED), arm)
     if len(checked) > 1:
-        raise InputError(Problem(where, "integral", "name one output", shown(integral)))
+        raise InputError(Problem(where, "integral", "name a single output", shown(integral)))
     seen = check_names(where, "measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
-        raise InputError(Problem(where, "measured", "hold the tip to integrate it", shown(seen)))
+        raise InputError(Problem(where, "measured", "must contain the tip to integrate it"))
     return Wishes(
         check_names(where, "acceptable", acceptable, _ACCEPTABLE, arm),
         torque,

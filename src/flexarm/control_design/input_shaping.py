@@ -74,7 +74,7 @@ def shaped(
         return _by_modes(where, motion, arm, method, modes, joints, damping_ratio, tolerance)
     given = np.atleast_1d(check_each(where, "frequency_hz", frequency_hz))
     if given.size == 0 or np.any(given <= 0.0):
-        raise InputError(Problem(where, "frequency_hz", "be above 0", shown(frequency_hz)))
+        raise InputError(Problem(where, "frequency_hz", "be greater than 0", shown(frequency_hz)))
     ratios = _ratios(where, 0.0 if damping_ratio is None else damping_ratio, len(given))
     for hertz, ratio in zip(given, ratios, strict=True):
         rates = np.full(6, 2.0 * np.pi * hertz * np.sqrt(1.0 - ratio**2))
@@ -126,11 +126,10 @@ def _check(
     if not 0.0 < float(check_array(where, "tolerance", tolerance, ())) < 1.0:
         problems.append(Problem(where, "tolerance", "be between 0 and 1", shown(tolerance)))
     if arm is not None and arm.joints != motion.joints:
-        rule = f"have the motion's {motion.joints} joint(s)"
-        problems.append(Problem(where, "arm", rule, f"one of {arm.joints} joint(s)"))
+        rule = f"have the number of joints of the motion, {motion.joints}"
+        problems.append(Problem(where, "arm", rule, f"{arm.joints}"))
     elif arm is None and frequency_hz is None:
-        rule = "be given, or frequency_hz in its place"
-        problems.append(Problem(where, "arm", rule, "nothing"))
+        problems.append(Problem(where, "arm", "is required without frequency_hz"))
     if problems:
         raise InputError(*problems)
 
@@ -144,10 +143,10 @@ def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp
         numbers = np.array(listed if all(map(is_count, listed)) else [], dtype=np.intp)
     most = arm.dof - arm.joints
     if numbers.size == 0:
-        rule = "be a number of modes, or their numbers counted from 1"
+        rule = "be a count of modes, or a list of their numbers, from 1"
         raise InputError(Problem(where, "modes", rule, shown(modes)))
     if numbers.min() < 1 or numbers.max() > most or len(set(numbers.tolist())) < numbers.size:
-        rule = f"be different ones of the arm's {most} modes of bending"
+        rule = f"be different numbers from 1 to {most}, the bending modes of the arm"
         raise InputError(Problem(where, "modes", rule, shown(modes)))
     chosen: NDArray[np.intp] = numbers - 1
     return chosen
@@ -156,9 +155,9 @@ def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp
 def _ratios(where: str, given: ArrayLike, count: int) -> FloatArray:
     ratios = check_each(where, "damping_ratio", given)
     if np.any((ratios < 0.0) | (ratios >= 1.0)):
-        rule = "be at least 0 and below 1"
+        rule = "be at least 0 and less than 1"
         raise InputError(Problem(where, "damping_ratio", rule, shown(given)))
     if ratios.ndim and ratios.size != count:
         rule = f"be one number, or one for each of the {count} modes"
-        raise InputError(Problem(where, "damping_ratio", rule, f"{ratios.size} long"))
+        raise InputError(Problem(where, "damping_ratio", rule, f"{ratios.size} numbers"))
     return np.broadcast_to(ratios, (count,))

@@ -164,8 +164,8 @@ def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_tim
     B, C = B_all[:, :m], rows_of(model, tuple(wishes.measured))
     Z = sample_time * rows_of(model, tuple(wishes.integrated))
     if len(Z) > m:
-        rule = f"integrate no more outputs than the arm has joints, {m}"
-        raise InputError(Problem(where, "integral", rule, f"{len(Z)}"))
+        rule = f"name at most as many numbers as the arm has joints, {m}"
+        raise InputError(Problem(where, "integral", rule, str(len(Z))))
     scale = sizes_of(where, "acceptable", model, wishes.acceptable)
     wanted = rows_of(model, tuple(wishes.acceptable)) / scale[:, None]
     windup = sizes_of(where, "integral", model, wishes.integrated)
@@ -317,19 +317,19 @@ def _check_stable(where: str, argument: str, loop: FloatArray) -> None:
 def _unsolvable(where: str, argument: str) -> Problem:
     rules = {
         "acceptable": (
-            "weigh every motion that does not decay by itself",
+            "gives no weight to an undamped mode, so the cost does not detect it",
             (
-                "Name joint_angle; or tip, of two joints in a posture that is not straight; and "
-                "no integral that the joints cannot move there."
+                "Add joint_angle, or the tip of two joints in a posture that is not straight; and "
+                "name no integral that the joints cannot control there."
             ),
         ),
         "measured": (
-            "tell every motion that does not decay by itself",
+            "does not detect an undamped mode",
             "Measure joint_angle.",
         ),
     }
     rule, hint = rules[argument]
-    return Problem(where, argument, rule, "too little", hint)
+    return Problem(where, argument, rule, hint=hint)
 
 
 def check_names(
@@ -350,8 +350,7 @@ def check_names(
             *(Problem(where, argument, rule, shown(n), nearest(n, allowed)) for n in wrong)
         )
     if "strain" in given and not arm.gauges:
-        rule = "leave out the strain of an arm without gauges"
-        raise InputError(Problem(where, argument, rule, "'strain'"))
+        raise InputError(Problem(where, argument, "has strain, but the arm has no gauges"))
     return given
 
 

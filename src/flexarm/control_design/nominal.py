@@ -184,8 +184,10 @@ class RecordedRun:
             raise InputError(Problem(where, "nominal", rule, shown(run))) from None
         shapes = self._q.shape, self._torque.shape
         if shapes != ((self._time.size, arm.dof), (self._time.size, arm.joints)):
-            rule = f"be a run of this arm, of {arm.dof} coordinates and {arm.joints} joints"
-            raise InputError(Problem(where, "nominal", rule, f"one of {self._q.shape[1]}"))
+            rule = f"be a run of an arm with {arm.dof} coordinates and {arm.joints} joints"
+            raise InputError(
+                Problem(where, "nominal", rule, f"one with {self._q.shape[1]} coordinates")
+            )
 
     def reset(self) -> None:
         """Return to the start of the run."""

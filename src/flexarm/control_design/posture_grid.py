@@ -45,7 +45,7 @@ class PostureGrid:
             angles = posture[k : k + 1] if axis is None else axis
             found = check_array(where, f"schedule[{k}]", angles, (-1,))
             if found.size == 0 or np.any(np.diff(found) <= 0.0):
-                rule = "hold rising angles, at least one"
+                rule = "be increasing angles, at least one"
                 raise InputError(Problem(where, f"schedule[{k}]", rule, shown(axis)))
             values.append(found.tolist())
         self.postures = np.array(list(product(*values)))

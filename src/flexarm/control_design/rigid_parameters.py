@@ -137,11 +137,11 @@ def _directions(where: str, rigid: Arm, names: Sequence[str]) -> list[FloatArray
     problems = []
     for i, name in enumerate(names):
         if not isinstance(name, str) or name not in known:
-            rule = f"be names out of {', '.join(known)}"
+            rule = f"be names from {', '.join(known)}"
             hint = nearest(name, known)
             problems.append(Problem(where, "parameters", rule, shown(name), hint))
         elif name in names[:i]:
-            problems.append(Problem(where, "parameters", "name each once", shown(name)))
+            problems.append(Problem(where, "parameters", f"repeats {name!r}"))
     if problems:
         raise InputError(*problems)
     return [_direction(rigid, name) for name in names]

@@ -76,7 +76,7 @@ class Adaptive(Controller):
         self.damping = gains.each("damping", damping, arm.joints)
         count = len(self.parameters)
         if not count:
-            gains.refuse("parameters", "name one at least", parameters)
+            gains.refuse("parameters", "name at least one", parameters)
         self.adaptation = gains.each("adaptation", adaptation, count, what="parameter")
         self.leakage = gains.one("leakage", leakage)
         self.dead_zone = gains.one("dead_zone", dead_zone)

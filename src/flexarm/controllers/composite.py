@@ -100,10 +100,12 @@ class Composite(LQG):
         where = "Composite"
         for unknown in ("integral", "preview", "nominal"):
             if options.get(unknown) is not None and options[unknown] is not False:
-                problem = Problem(where, unknown, "be left out", "given", f"`LQG` has `{unknown}`.")
+                problem = Problem(
+                    where, unknown, "is not supported", hint=f"`LQG` has `{unknown}`."
+                )
                 raise InputError(problem)
         if check_kind(where, "arm", arm, Arm).dof == arm.joints:
-            raise InputError(Problem(where, "arm", "have links that bend", "rigid"))
+            raise InputError(Problem(where, "arm", "is rigid"))
         self.bandwidth = scales(where, "bandwidth", bandwidth, arm.joints)
         self.damping_ratio = scales(where, "damping_ratio", damping_ratio, arm.joints)
         if acceptable is None:

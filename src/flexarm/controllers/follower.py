@@ -58,5 +58,5 @@ def check_feedforward(where: str, value: object) -> None:
         InputError: if it is neither callable nor None.
     """
     if value is not None and not callable(value):
-        rule = "be a function of time that gives torques, or None"
+        rule = "be a function of time that returns torques, or None"
         raise InputError(Problem(where, "feedforward", rule, shown(value)))

@@ -79,7 +79,7 @@ class JointPID(JointFollower):
             check_joints(where, arm.joints, **gains, **limits)
             self._weight = SaggingArm(arm) if sag else RigidModel(arm)
         elif sag:
-            raise InputError(Problem(where, "arm", "be given with sag", "nothing"))
+            raise InputError(Problem(where, "arm", "is required with sag"))
         self._sum: FloatArray | float = 0.0
 
     def reset(self) -> None:

@@ -318,8 +318,8 @@ class LQG(Controller):
         where = f"{type(self).__name__}.loop_poles"
         arm = self.arm if plant is None else check_kind(where, "plant", plant, Arm)
         if arm.joints != self.arm.joints:
-            rule = f"have the {self.arm.joints} joints of the arm"
-            raise InputError(Problem(where, "plant", rule, f"one of {arm.joints} joint(s)"))
+            rule = f"have the number of joints of the arm, {self.arm.joints}"
+            raise InputError(Problem(where, "plant", rule, str(arm.joints)))
         at = check_array(
             where, "posture", self.posture if posture is None else posture, (self.arm.joints,)
         )

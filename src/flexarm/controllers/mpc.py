@@ -77,7 +77,7 @@ class MPC(LQG):
     def _prepare(self, where: str) -> None:
         joints = self.arm.joints
         if self.torque_limit is None:
-            raise InputError(Problem(where, "torque_limit", "be given", "nothing"))
+            raise InputError(Problem(where, "torque_limit", "is missing"))
         self._most = self.torque_limit
         self._rate_step = (
             None

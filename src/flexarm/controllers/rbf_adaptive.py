@@ -155,8 +155,8 @@ def _counts(gains: Gains, centres: int | Sequence[int], joints: int) -> tuple[in
     counts: list[Any] = list(centres) if isinstance(centres, list | tuple) else [centres] * joints
     whole = all(map(is_count, counts))
     if not whole or len(counts) != joints or math.prod(counts) > _MOST_CENTRES:
-        rule = f"be one whole number, or one for each joint: {joints}, at least 1, "
-        gains.refuse("centres", rule + f"{_MOST_CENTRES} Gaussians in all at most", centres)
+        rule = f"be one whole number or {joints} of them, at least 1, with a product of at most "
+        gains.refuse("centres", rule + f"{_MOST_CENTRES}", centres)
         return (1,) * joints
     return tuple(int(k) for k in counts)
 

@@ -44,7 +44,7 @@ class SlidingVariable:
         link = arm.joint_numbers[joint] - 1
         own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
         if not own:
-            rule = f"be 0 at joint {link + 1}, whose link has no gauge beside its neutral axis"
+            rule = f"be 0 at joint {link + 1}: its link has no gauge off the neutral axis"
             gains.refuse("strain_gain", rule, float(self.strain_gain[joint]))
             return
         self._gauge[joint] = min(own)[1]

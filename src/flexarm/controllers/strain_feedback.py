@@ -123,7 +123,7 @@ def _at_joints(gains: FloatArray, name: str, of_gauges: FloatArray, joints: int)
     rule = f"be a matrix ({joints}, {gauges}): one row for each joint, one column for each gauge"
     if gauges == joints:
         rule += ", or one number for each"
-    shape = "one number" if gains.ndim == 0 else f"of shape {gains.shape}"
+    shape = "one number" if gains.ndim == 0 else f"shape {gains.shape}"
     raise InputError(Problem("StrainFeedback", name, rule, shape))
 
 

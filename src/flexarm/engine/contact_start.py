@@ -46,20 +46,20 @@ def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts)
     seen = contact_values(arm, placed, state[None])[0]
     for k, (law, values) in enumerate(zip(placed.law, seen, strict=True), start=1):
         if not np.isfinite(values[GAP]):  # at the centre of a circle the nearest point is undefined
-            rule = f"not be at the centre of the surface of contact {k}"
-            raise InputError(Problem(where, "initial", rule, "there", "Start outside of it."))
+            rule = f"lies at the centre of the surface of contact {k}"
+            raise InputError(Problem(where, "initial", rule, hint="Start outside the surface."))
         depth = max(-float(values[GAP]), 0.0)
         force = float(law[STIFFNESS]) * depth ** float(law[EXPONENT])
         if depth > _DEEP * float(arm.lengths.sum()) and force > _UNHELD * weight:
-            rule = f"not be deep inside the surface of contact {k}"
+            rule = f"start outside the surface of contact {k}"
             value = (
                 f"{depth:.3g} m deep, where it pushes with {force:.3g} N and stores "
                 f"{values[ENERGY]:.3g} J"
             )
             hint = (
-                f"That is {force / weight:.0f} times the arm's weight. Start outside of it, or "
-                "pressed at rest (equilibrium, pressed_motion); a wall's normal points away from "
-                "what is solid."
+                f"That is {force / weight:.0f} times the arm's weight. Start outside, or "
+                "pressed at rest (equilibrium, pressed_motion). The normal of a wall points out of "
+                "the solid."
             )
             raise InputError(Problem(where, "initial", rule, value, hint))
 
@@ -97,7 +97,7 @@ def refuse_pressing_outward(
         first = int(np.argmax(inward))
         rule = f"point away from the surface of contact {touching[near[first]] + 1}"
         value = f"({few(normals[first])}) at t = {times[first]:g} s, into it"
-        hint = "With the normal the other way round pressed_motion presses on it."
+        hint = "Reverse the normal of pressed_motion."
         raise InputError(Problem(where, "reference.normal", rule, value, hint))
 
 

@@ -57,7 +57,7 @@ class Event:
         if self.name is not None and not (isinstance(self.name, str) and self.name):
             problems.append(Problem("Event", "name", "be text", shown(self.name)))
         elif self.name in (DURATION, FAILURE):
-            rule = "not be a word for other ends of a run"
+            rule = "differ from the names of other ends of a run"
             problems.append(Problem("Event", "name", rule, shown(self.name)))
         if type(self.direction) is not int or self.direction not in (-1, 0, 1):
             problems.append(Problem("Event", "direction", "be -1, 0 or 1", shown(self.direction)))
@@ -91,7 +91,8 @@ def joint_event(
     where = "joint_event"
     numbers = check_kind(where, "arm", arm, Arm).joint_numbers.tolist()
     if not is_count(joint) or joint not in numbers:
-        rule = f"be the number of a joint that turns: {', '.join(map(str, numbers)) or 'none does'}"
+        known = ", ".join(map(str, numbers)) or "there is none"
+        rule = f"be the number of a joint that is not fixed: {known}"
         raise InputError(Problem(where, "joint", rule, shown(joint)))
     if isinstance(angle, str):
         limits = arm.spec.joints[joint - 1].limits
@@ -100,7 +101,7 @@ def joint_event(
             raise InputError(Problem(where, "angle", rule, shown(angle)))
         if limits is None:
             hint = "Give the joint limits, or the angle itself."
-            rule = f"be a number where joint {joint} has no limits"
+            rule = f"be a number, because joint {joint} has no limits"
             raise InputError(Problem(where, "angle", rule, shown(angle), hint))
         value = limits.lower if angle == "lower" else limits.upper
     else:
@@ -135,7 +136,9 @@ def tip_event(
     across = check_array(where, "normal", normal, (2,))
     length = float(np.hypot(*across))
     if length == 0.0:
-        raise InputError(Problem(where, "normal", "point somewhere", shown(across.tolist())))
+        raise InputError(
+            Problem(where, "normal", "have a length greater than 0", shown(across.tolist()))
+        )
     return Event(_TipDistance(arm, place, across / length), name, direction, terminal)
 
 
@@ -260,13 +263,13 @@ def event_log(where: str, arm: Arm, events: Sequence[Event]) -> EventLog | None:
     problems = []
     for k, event in enumerate(events):
         if names[k] in names[:k]:
-            rule = "have a name of its own"
-            problems.append(Problem(where, f"events[{k}]", rule, shown(names[k])))
+            rule = f"repeats the name {names[k]!r}"
+            problems.append(Problem(where, f"events[{k}]", rule))
         made_for = getattr(event.function, "arm", arm)
         if made_for is not arm and getattr(made_for, "spec", arm.spec) != arm.spec:
-            hint = "With a plant the events are those of the plant."
-            rule = "be made for the arm that is simulated"
-            problems.append(Problem(where, f"events[{k}]", rule, "made for another", hint))
+            hint = "With a plant, create the events for the plant."
+            rule = "was created for another arm"
+            problems.append(Problem(where, f"events[{k}]", rule, hint=hint))
     if problems:
         raise InputError(*problems)
     return EventLog(list(events), names) if events else None

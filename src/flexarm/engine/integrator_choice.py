@@ -60,13 +60,13 @@ def check_integrator(
         hint = f"It was removed; use {REMOVED[str(asked)]!r}." if gone else ""
         raise InputError(Problem(where, "integrator", f"be one of {names}", shown(asked), hint))
     if step is not None and not isinstance(asked, str):
-        rule = "be left out where the integrator is an object, which has its own"
-        hint = f"Give it there: {type(asked).__name__}(step={shown(step)})."
-        raise InputError(Problem(where, "step", rule, shown(step), hint))
+        rule = "cannot be combined with an integrator object"
+        hint = f"Use integrator={type(asked).__name__}(step={shown(step)})."
+        raise InputError(Problem(where, "step", rule, hint=hint))
     kind = INTEGRATORS.get(asked) if isinstance(asked, str) else asked
     if touching and kind is not None and not kind.follows_contacts:
         followers = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_contacts]
-        rule = f"be one of 'auto', {', '.join(followers)} where there are contacts"
+        rule = f"be one of 'auto', {', '.join(followers)} for an arm with contacts"
         raise InputError(Problem(where, "integrator", rule, shown(kind.name)))
 
 

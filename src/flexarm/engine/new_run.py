@@ -109,8 +109,8 @@ def initial_state(
     given = check_array(where, "initial", q, (-1,))
     if given.size != arm.dof:
         hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
-        rule = f"hold the arm's {arm.dof} coordinates"
-        raise InputError(Problem(where, "initial", rule, f"of shape {given.shape}", hint))
+        rule = f"have shape ({arm.dof},), the coordinates of the arm"
+        raise InputError(Problem(where, "initial", rule, f"shape {given.shape}", hint))
     rates = np.zeros(arm.dof) if qd is None else qd
     return arm.padded(
         np.stack(

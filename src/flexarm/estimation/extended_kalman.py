@@ -215,7 +215,7 @@ class ExtendedKalmanFilter:
             self._begin(measurement)
         if not all(np.isfinite(part.x).all() and np.isfinite(part.P).all() for part in self._parts):
             hint = "Correct the arm, the readings or the torques, and call reset."
-            raise InputError(Problem(where, "the estimate", "be finite", "infinite", hint))
+            raise InputError(Problem(where, "the estimate", "is not finite", hint=hint))
         # The innovation test needs the weights of the prediction, which the update changes.
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
@@ -275,8 +275,8 @@ class ExtendedKalmanFilter:
             name = f"readings[{item.label!r}]"
             given = check_numbers(where, name, given_by_name.get(item.label, ()))
             if given.ndim == 0 or len(given) != len(held):
-                rule = f"hold {item.label!r} with one row for each of the {len(held)} torques"
-                raise InputError(Problem(where, "readings", rule, f"of shape {given.shape}"))
+                rule = f"have one row for each of the {len(held)} torques"
+                raise InputError(Problem(where, name, rule, f"shape {given.shape}"))
             arrays[item.label] = check_array(where, name, given, (-1,) * given.ndim)
         self.reset()
         kept = []

@@ -82,20 +82,21 @@ class PredictedReadings:
         problems = []
         for item in instruments:
             if not (isinstance(item.signal, Sensor) or item.signal in _SIGNALS):
-                rule = "read a Sensor or one of " + ", ".join(map(repr, _SIGNALS))
+                rule = "measure a Sensor or one of " + ", ".join(map(repr, _SIGNALS))
                 problems.append(Problem(where, "instruments", rule, shown(item.signal)))
             elif item.signal == "strain" and not self._arm.gauges:
-                rule = "leave out the strain of an arm without gauges"
-                problems.append(Problem(where, "instruments", rule, "'strain'"))
+                rule = "contain strain, but the arm has no gauges"
+                problems.append(Problem(where, "instruments", rule))
             if item.delay or item.sample_time is not None:
-                rule = "be without delay and sample_time of their own"
-                problems.append(Problem(where, "instruments", rule, shown(item.label)))
+                rule = f"{item.label!r} has a delay or a sample_time, which is not supported"
+                problems.append(Problem(where, "instrument", rule))
             if not (item.noise or item.resolution):
-                rule = "have noise or resolution, by which they are weighted"
-                problems.append(Problem(where, "instruments", rule, shown(item.label)))
+                rule = f"{item.label!r} has no noise and no resolution"
+                hint = "They define its weight."
+                problems.append(Problem(where, "instrument", rule, hint=hint))
         if "joint_angle" not in [item.signal for item in instruments]:
-            rule = "hold one that reads 'joint_angle', where estimates begin"
-            problems.append(Problem(where, "instruments", rule, ", ".join(self._labels)))
+            rule = "do not measure 'joint_angle', where the estimate starts"
+            problems.append(Problem(where, "instruments", rule))
         if problems:
             raise InputError(*problems)
 
@@ -108,14 +109,14 @@ class PredictedReadings:
         given = [measurement.get(name) for name in self._labels]
         missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
         if missing:
-            raise InputError(Problem(where, "measurement", f"have {missing[0]!r}", "without it"))
+            raise InputError(Problem(where, "measurement", f"has no {missing[0]!r}"))
         pairs = zip(self._labels, given, strict=True)
         readings = np.concatenate([check_numbers(where, *pair).ravel() for pair in pairs])
         if readings.size != self.size:
             rule = f"have {self.size} readings of {', '.join(self._labels)}"
-            raise InputError(Problem(where, "measurement", rule, f"of {readings.size}"))
+            raise InputError(Problem(where, "measurement", rule, str(readings.size)))
         if not np.all(np.abs(readings) < LARGEST):
-            rule = f"hold finite readings below {LARGEST:g}"
+            rule = f"be finite readings below {LARGEST:g}"
             raise InputError(Problem(where, "measurement", rule, few(readings)))
         return readings
 

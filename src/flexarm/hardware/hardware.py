@@ -94,7 +94,7 @@ class Motors:
             count = np.size(value) if np.ndim(value) else joints
             if count != joints:
                 rule = f"be one number, or one for each of the {joints} joints"
-                problems.append(Problem("Motors", name, rule, f"{count} long"))
+                problems.append(Problem("Motors", name, rule, f"{count} numbers"))
         if problems:
             raise InputError(*problems)
 
@@ -157,4 +157,4 @@ class Hardware:
 
 
 def _missing(name: str, why: str) -> Problem:
-    return Problem("Motors", name, f"be given with {why}", "nothing")
+    return Problem("Motors", name, f"is required with {why}")

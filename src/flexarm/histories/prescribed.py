@@ -72,7 +72,7 @@ class PrescribedAngle:
         values = check_array(where, "angles", angles, (knots.size,))
         check_choice(where, "ends", ends, ENDS)
         if knots.size < 2 or np.any(np.diff(knots) <= 0.0):
-            rule = "be two or more, each greater than the one before"
+            rule = "be at least two, in increasing order"
             raise InputError(Problem(where, "times", rule, shown(knots.tolist())))
         spline = CubicSpline(knots, values, bc_type=ENDS[ends])
         angle, rate, acceleration = (_SplinePart(spline, k, ends == "rest") for k in range(3))
@@ -99,7 +99,7 @@ class _SplinePart:
         first, last = self.spline.x[0], self.spline.x[-1]
         margin = 1e-9 * (last - first)
         if not self.rests and (np.min(times) < first - margin or np.max(times) > last + margin):
-            rule = "reach from 0 to the end of the run where ends is 'free'"
+            rule = "cover the run from 0 to its end with ends='free'"
             value = f"from {first:.9g} to {last:.9g}"
             raise InputError(Problem("PrescribedAngle.table", "times", rule, value))
         values = self.spline(np.clip(times, first, last), self.order)
@@ -137,7 +137,9 @@ def prescribe(
     for joint, motion in prescribed.items():
         numbers = arm.joint_numbers.tolist()
         if not is_count(joint) or joint not in numbers:
-            rule = f"name joints that turn: {', '.join(map(str, numbers)) or 'there is none'}"
+            rule = (
+                f"name joints that are not fixed: {', '.join(map(str, numbers)) or 'there is none'}"
+            )
             raise InputError(Problem("simulate", "prescribed", rule, shown(joint)))
         index = numbers.index(joint)
         own = _of_joint(motion, index, f"prescribed[{joint}]")
@@ -172,7 +174,7 @@ def _of_joint(motion: PrescribedAngle | Motion, index: int, name: str) -> Prescr
     if isinstance(motion, PrescribedAngle):
         return motion
     if not isinstance(motion, Motion):
-        hint = "fa.PrescribedAngle.hold(angle) locks a joint at an angle."
+        hint = "Use fa.PrescribedAngle.hold(angle) to lock a joint."
         rule = "be a PrescribedAngle or a motion"
         raise InputError(Problem("simulate", name, rule, shown(motion), hint))
 

@@ -117,8 +117,8 @@ def sampled_torque(
     samples = check_array(where, "torque", values, (-1, joints))
     needed = int(np.floor(duration * rate * (1 + 1e-12) + 1e-9))
     if len(samples) < max(needed, 1):
-        rule = f"hold at least {max(needed, 1)} samples (duration times rate)"
-        raise InputError(Problem(where, "torque", rule, f"{len(samples)} samples"))
+        rule = f"have at least {max(needed, 1)} samples (duration times rate)"
+        raise InputError(Problem(where, "torque", rule, str(len(samples))))
     if interpolation == "hold" or len(samples) == 1:
         breaks = np.arange(len(samples) + 1) / rate
         coefficients = np.zeros((len(samples), 4, joints))
@@ -307,9 +307,9 @@ class _Follower:
             kept.append((starts[done], coefficients[done]))
             a, b = starts[~done], ends[~done]
             if a.size > _MOST_PIECES:
-                rule = "be a function of time that is smooth but for a few jumps"
-                value = f"still not followed at steps of {(b - a).min():.2g} s"
-                hint = "It must give one answer at one time: pass noise as samples at a rate."
+                rule = "be a function of time that is smooth except for a few jumps"
+                value = f"errors above the tolerance with steps of {(b - a).min():.2g} s"
+                hint = "It must be deterministic: give noise as samples at a rate."
                 raise InputError(Problem(self._where, self._name, rule, value, hint))
             middle = 0.5 * (a + b)
             starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])

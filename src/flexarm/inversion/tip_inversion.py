@@ -175,17 +175,17 @@ def tip_inversion(
     motion = check_motion(where, motion, arm)
     wanted = check_positive(where, "reduction", reduction)
     if arm.dof == arm.joints:
-        hint = "Its torques are fa.rigid_torque(arm, motion)."
-        raise InputError(Problem(where, "arm", "have a link that bends", "rigid", hint))
+        hint = "Use fa.rigid_torque(arm, motion)."
+        raise InputError(Problem(where, "arm", "is rigid", hint=hint))
     constraint = TipConstraint(arm, motion)
     constraint.check()
     first, last = rest_end(constraint, motion.start_time), rest_end(constraint, motion.end_time)
     before = _span(where, "pre_actuation", pre_actuation, first.growth, motion.duration)
     after = _span(where, "post_actuation", post_actuation, last.decay, motion.duration)
     if motion.start_time < before:
-        rule = f"start at {before:.6g} s or later: the torques begin that long before it"
-        hint = "Give start_time where the motion is made, or a shorter pre_actuation."
-        problem = Problem(where, "motion", rule, f"starts at {motion.start_time:.6g} s", hint)
+        rule = f"start at {before:.6g} s or later, after the pre-actuation"
+        hint = "Set start_time of the motion, or a shorter pre_actuation."
+        problem = Problem(where, "motion", rule, f"{motion.start_time:.6g} s", hint)
         raise InputError(problem)
     start, end = motion.start_time - before, motion.end_time + after
     support = joint_support(arm, motion, (first, last), start, end)

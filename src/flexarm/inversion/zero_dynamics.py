@@ -118,5 +118,5 @@ def _rest(constraint: TipConstraint, t: float, elastic: NDArray[np.intp]) -> Flo
         q = q + step
         if np.max(np.abs(step)) < 1e-11 * (1.0 + np.max(np.abs(q))):
             return q
-    rule = "start and end where the arm can rest with its tip in place"
-    raise InputError(Problem("tip_inversion", "motion", rule, f"not at t = {t:.6g} s"))
+    rule = f"has no equilibrium with the tip in place at t = {t:.6g} s"
+    raise InputError(Problem("tip_inversion", "motion", rule))

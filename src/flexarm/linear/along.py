@@ -260,7 +260,9 @@ def linearize_along(
     if joints == "locked":
         kept = np.setdiff1d(kept, arm.joint_index)
     if kept.size == 0:
-        raise InputError(Problem(where, "arm", "have coordinates that can deviate", "rigid"))
+        raise InputError(
+            Problem(where, "arm", "is rigid and its joints are locked: it has no deviations")
+        )
     none = np.zeros(0)
     empty = Separation(arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5))
     return empty.at(times)

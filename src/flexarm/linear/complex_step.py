@@ -47,7 +47,7 @@ def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
     if isinstance(method, str) and method in REMOVED:
         hint = f"It was removed; use {REMOVED[method]!r}."
     elif kind is not None:
-        hint = "Its step depends on states before, or is found by iterating: neither is followed."
+        hint = "Methods with several previous states or iterations are not supported."
     raise InputError(Problem(where, "method", rule, shown(method), hint))
 
 

@@ -156,7 +156,7 @@ class _Search:
         self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
         factor = next((load.factor for load in loads if load.factor is not None), None)
         if factor is not None:
-            rule = "be constant in time for an equilibrium"
+            rule = "be constant in time"
             value = "a function" if callable(factor) else "a table"
             raise InputError(Problem("equilibrium", "Load.factor", rule, value))
         # Raise if a load or a contact is not on the arm.

@@ -62,7 +62,7 @@ def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
         listed = as_list(joints)
         each = listed or []
         if listed is None or len(each) != arm.joints:
-            rule = f"be one of 'locked', 'free', or one of them or gains for each of {arm.joints}"
+            rule = f"be 'locked', 'free', or a list of these or of gains for each of {arm.joints}"
             raise InputError(Problem(where, "joints", rule + " joints", shown(joints)))
     for place, item in zip(index, each, strict=True):
         if isinstance(item, str):

@@ -85,8 +85,8 @@ def linearize(
     place_contacts(arm, _WHERE, contacts)
     wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, _count(q, contacts))
     if q is None and base_acceleration is not None:
-        rule = "be left out where the equilibrium is asked for: the base rests there"
-        raise InputError(Problem(_WHERE, "base_acceleration", rule, "given"))
+        rule = "is not supported with an equilibrium: give q"
+        raise InputError(Problem(_WHERE, "base_acceleration", rule))
     acting = acting_loads(arm, _WHERE, tip_force, loads)
     # Validate here, so that errors name this function.
     place_outside(arm, _WHERE, acting, None, contacts)
@@ -130,8 +130,8 @@ def _operating_point(
     if q is None:
         q = equilibrium(arm, torque=torque, loads=loads, contacts=contacts)
     elif isinstance(q, Equilibrium) and (loads or contacts or torque is not None):
-        rule = "be left out where an equilibrium with its own is given"
-        raise InputError(Problem(_WHERE, "torque, loads and contacts", rule, "given"))
+        rule = "cannot be combined with an equilibrium, which contains its own"
+        raise InputError(Problem(_WHERE, "torque, loads and contacts", rule))
     rates = np.zeros(arm.dof) if qd is None else check_array(_WHERE, "qd", qd, (arm.dof,))
     if isinstance(q, Equilibrium):
         return _Point(q.q, rates, q.torque.copy(), list(q.loads), q.contacts)

@@ -145,7 +145,7 @@ def modes(
     rate = float(check_array(_WHERE, "spin", spin, ()))
     place, acting, contacts = _place(arm, joint_angles, q, acting)
     if rate != 0.0 and (acting or contacts):
-        raise InputError(Problem(_WHERE, "loads", "be left out where the arm spins", "given"))
+        raise InputError(Problem(_WHERE, "loads", "cannot be combined with spin"))
     if rate != 0.0 and q is None:
         place = steady_shape(arm, place, rate)
     found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, acting, contacts))
@@ -161,12 +161,12 @@ def _place(
 ) -> tuple[FloatArray, list[Load], Sequence[Contact]]:
     """Return q, the loads and the contacts of the operating point."""
     if q is not None and joint_angles is not None:
-        raise InputError(Problem(_WHERE, "joint_angles", "be left out where q is given", "given"))
+        raise InputError(Problem(_WHERE, "joint_angles", "cannot be combined with q"))
     given = joint_angles if isinstance(joint_angles, Equilibrium) else q
     if isinstance(given, Equilibrium):
         if loads:
-            rule = "be left out where an equilibrium with its own is given"
-            raise InputError(Problem(_WHERE, "loads", rule, "given"))
+            rule = "cannot be combined with an equilibrium, which contains its own"
+            raise InputError(Problem(_WHERE, "loads", rule))
         return given.q, list(given.loads), given.contacts
     if given is not None:
         return check_array(_WHERE, "q", given, (arm.dof,)), loads, ()
@@ -226,6 +226,6 @@ def _check_mass(M: FloatArray) -> None:
     try:
         cholesky(M)
     except np.linalg.LinAlgError:
-        hint = "Links bend further than the second-order theory allows: cut them into segments."
-        rule = "leave the mass matrix positive definite"
-        raise InputError(Problem(_WHERE, "the state", rule, "too far bent", hint)) from None
+        hint = "Divide the links into segments."
+        rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
+        raise InputError(Problem(_WHERE, "the state", rule, hint=hint)) from None

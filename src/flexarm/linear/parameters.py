@@ -111,10 +111,9 @@ def _scale(arm: Arm, by: ArmConstants, piece: Piece, name: str) -> None:
 
 def _check_length(arm: Arm, where: str, piece: Piece, parameter: str) -> None:
     if np.any(piece.shapes.rotary) or np.any(piece.shapes.shear_parameter):
-        rule = f"not be {parameter}"
-        value = "of a link with rotary inertia or shear"
-        hint = "Its shapes change their form with its length; rotary_inertia=False leaves them."
-        raise InputError(Problem(where, "parameters", rule, value, hint))
+        rule = f"{parameter} is not supported for a link with rotary inertia or shear"
+        hint = "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
+        raise InputError(Problem(where, "parameter", rule, hint=hint))
 
 
 def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:

@@ -214,7 +214,7 @@ def _unit_normal(
     outward = check_array(where, name, value, (2,))
     length = float(np.hypot(*outward))
     if not length > 0.0:
-        raise InputError(Problem(where, name, "have a direction", shown(value)))
+        raise InputError(Problem(where, name, "have a length greater than 0", shown(value)))
     return np.asarray(outward / length)
 
 
@@ -266,5 +266,5 @@ class _Search:
             step, before = -way @ missed, missed
             angle = angle + step
         hint = "The arm bends too far under the force, or its tip is at the edge of its reach."
-        value = f"{np.hypot(*missed):.3g} m off at t = {t:g} s"
-        raise InputError(Problem("pressed_motion", "the bent arm", "reach the path", value, hint))
+        rule = f"misses the path by {np.hypot(*missed):.3g} m at t = {t:g} s"
+        raise InputError(Problem("pressed_motion", "the bent arm", rule, hint=hint))

@@ -189,7 +189,7 @@ def quasi_static_reference(
     arm = check_kind(where, "arm", arm, Arm)
     motion = check_motion(where, motion, arm)
     if arm.dof == arm.joints:
-        raise InputError(Problem(where, "arm", "have a link that bends", "rigid"))
+        raise InputError(Problem(where, "arm", "is rigid"))
     constraint = TipConstraint(arm, motion)
     constraint.check()
     if smoothing is None:

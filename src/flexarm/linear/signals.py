@@ -15,6 +15,7 @@ from flexarm.loads import SAME_PLACE, Load
 
 KINDS = ("position", "velocity", "acceleration")
 _AXES = ("x", "y")
+_NAME_HINT = "Give a Sensor or a Load its own name."
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Sensor:
             rule = "be one of 'world', 'link'"
             problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
         elif self.frame == "link" and self.kind != "acceleration":
-            rule = "be 'world' but for accelerations"
+            rule = "be 'world', except for accelerations"
             problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
         if not is_count(self.link):
             rule = "be the number of a link, 1 or more"
@@ -145,14 +146,14 @@ def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
             item if isinstance(item, tuple) and len(item) == 2 else (f"load[{loads}]", item)
         )
         if not isinstance(load, Load):
-            rule = "hold names, Load objects and pairs of a name and a Load"
+            rule = "be names, Load objects, or pairs of a name and a Load"
             raise InputError(Problem("linearize", "inputs", rule, shown(item)))
         unit = "N/m" if load.spread is not None else "N" if np.any(load.force) else "N m"
         if load.factor is None and np.any(load.value):
             # The numbers of the load give its direction; the input scales them.
             found.append(Input(str(name), f"x {unit}", load=load))
         else:
-            rule = "have a direction, and no function of time, where it is an input"
+            rule = "have a direction and no factor to be an input"
             raise InputError(Problem("linearize", f"inputs {name!r}", rule, shown(load.value)))
     _check_names("inputs", [item.name for item in found])
     return found
@@ -203,12 +204,12 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
             rule = "be a Sensor or one of " + ", ".join(map(repr, CHANNEL_OUTPUTS))
             raise InputError(Problem("linearize", "outputs", rule, shown(item)))
         if item == "strain" and not arm.gauges:
-            rule = "leave out the strain of an arm without gauges"
-            raise InputError(Problem("linearize", "outputs", rule, shown(item)))
+            rule = "contain strain, but the arm has no gauges"
+            raise InputError(Problem("linearize", "outputs", rule))
         by, unit = CHANNEL_OUTPUTS[item]
         if by == "contact" and not contacts:
-            rule = "leave out the contact channels of an arm without contacts"
-            raise InputError(Problem("linearize", "outputs", rule, shown(item)))
+            rule = f"contain {item}, but there are no contacts"
+            raise InputError(Problem("linearize", "outputs", rule))
         if item == "contact_force":
             forces = (f"{item}[{n},{axis}]" for n in range(1, contacts + 1) for axis in _AXES)
             found.append(Output(tuple(forces), unit, channel=item))
@@ -252,11 +253,11 @@ def _listed(wanted: object) -> list[object]:
 def _check_names(which: str, names: list[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        rule = "have different names; give a Sensor or a Load a name of its own"
-        raise InputError(Problem("linearize", which, rule, ", ".join(twice)))
+        rule = "have different names"
+        raise InputError(Problem("linearize", which, rule, ", ".join(twice), _NAME_HINT))
     dotted = next((name for name in names if "." in name), None)
     if dotted is not None:
-        rule = "have names without dots, which python-control takes apart"
+        rule = "have names without dots, which python-control splits"
         raise InputError(Problem("linearize", which, rule, shown(dotted)))
 
 

@@ -113,9 +113,9 @@ class LinearModel:
         try:
             import control
         except ImportError:
-            hint = "pip install 'flexarm[control]' brings it."
+            hint = "Install it with: pip install 'flexarm[control]'."
             problem = Problem(
-                "LinearModel.to_control", "python-control", "be installed", "not", hint
+                "LinearModel.to_control", "python-control", "is not installed", hint=hint
             )
             raise InputError(problem) from None
         return control.StateSpace(

@@ -164,7 +164,7 @@ def _follow(
     named: tuple[str, str],
 ) -> ModeTracks:
     if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
-        raise InputError(Problem(where, named[0], "ascend, one at least", shown(parameter)))
+        raise InputError(Problem(where, named[0], "be increasing, at least one", shown(parameter)))
     bent: list[FloatArray] = []
 
     def solved(at: float) -> Modes:
@@ -176,7 +176,7 @@ def _follow(
     first = solved(float(parameter[0]))
     vibrating = np.flatnonzero(first.frequency_hz > 0.0)
     if vibrating.size == 0:
-        raise InputError(Problem(where, "arm", "have a mode that vibrates", "without one"))
+        raise InputError(Problem(where, "arm", "has no mode of vibration"))
     chosen = vibrating[:count]
     lines = _Lines(arm, first.complex_shapes[chosen])
     rows = [_row(first, chosen, np.ones(chosen.size))]

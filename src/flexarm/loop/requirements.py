@@ -30,14 +30,16 @@ def misfits(
     needs = needs_of(controller, arm, reference)
     called = called or type(controller).__name__
     if needs.joints not in (None, arm.joints):
-        rule = f"be for an arm with {arm.joints} joint{'s' * (arm.joints != 1)}"
-        return [Problem(where, "controller", rule, f"for one with {needs.joints}")]
+        rule = (
+            f"is for {needs.joints} joint{'s' * (needs.joints != 1)}, but the arm has {arm.joints}"
+        )
+        return [Problem(where, "controller", rule)]
     there = measured_names(arm, hardware, contacts)
     problems = []
     count = len(arm.gauges)
     if "strain" in needs.measured and needs.gauges not in (None, count):
         rule = f"have the {needs.gauges} gauge{'s' * (needs.gauges != 1)} that {called} reads"
-        problems.append(Problem(where, "arm", rule, f"an arm with {count}"))
+        problems.append(Problem(where, "arm", rule, str(count)))
     for name in needs.measured:
         if name not in there and not (name == "strain" and problems):
             problems.append(_missing(where, called, name, arm, hardware, there, contacts))
@@ -55,14 +57,13 @@ def _missing(
 ) -> Problem:
     """Return the problem of a missing measurement, with a hint on its source."""
     if name == "contact_force" and not contacts:
-        rule = f"be given: {called} measures {name}"
-        return Problem(where, "contacts", rule, "missing")
+        return Problem(where, "contacts", f"are missing: {called} measures {name}")
     if name == "strain" and not arm.gauges:
-        return Problem(where, "arm", f"have gauges: {called} reads {name}", "an arm with 0")
+        return Problem(where, "arm", f"has no gauges, but {called} reads {name}")
     hint = nearest(name, there)
     if name == "joint_rate" and "joint_angle" in there:
-        hint = "An instrument of joint_angle with a rate_cutoff tells it, too."
-    rule = f"have an instrument for {name}, which {called} reads"
-    exact = hardware is None or hardware.instruments is None
-    value = "missing" if exact else f"for {', '.join(there) or 'nothing'}"
-    return Problem(where, "hardware", rule, value, hint)
+        hint = "An instrument of joint_angle with a rate_cutoff also measures it."
+    rule = f"has no instrument for {name}, which {called} reads"
+    if hardware is not None and hardware.instruments is not None:
+        rule += f"; it measures {', '.join(there) or 'nothing'}"
+    return Problem(where, "hardware", rule, hint=hint)

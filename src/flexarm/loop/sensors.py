@@ -138,12 +138,12 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
         return _point(run.arm, signal)
     if signal in ("contact_force", "contact_gap"):
         if not run.loads.placed.contacts.body.size:
-            rule = f"measure a {signal} only where there are contacts"
-            raise InputError(Problem("Hardware", "instruments", rule, "without them"))
+            rule = f"measure {signal}, but there are no contacts"
+            raise InputError(Problem("Hardware", "instruments", rule))
         return _contact_force(run) if signal == "contact_force" else _contact_gap(run)
     if signal == "strain" and not run.arm.gauges:
-        rule = "leave out the strain of an arm without gauges"
-        raise InputError(Problem("Hardware", "instruments", rule, "'strain'"))
+        rule = "measure strain, but the arm has no gauges"
+        raise InputError(Problem("Hardware", "instruments", rule))
     return _channel(run.arm, signal)
 
 

@@ -173,7 +173,7 @@ class _Memory:
             if value is None:  # an unused attribute has no state
                 continue
             if np.asarray(value).dtype.kind not in "iuf":
-                rule = f"name numbers and arrays, which {path!r} is not"
+                rule = f"name numbers and arrays; {path!r} is neither"
                 raise MemoryNameError(_problem(controller, rule, shown(value)))
             self._places.append((owner, name, np.shape(value)))
 

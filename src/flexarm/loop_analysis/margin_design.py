@@ -43,7 +43,7 @@ def for_margin(
         raise InputError(Problem(where, "disk_margin", rule, shown(disk_margin)))
     for name in ("rigidity_uncertainty", "recovery"):
         if name in options:
-            raise InputError(Problem(where, name, "be left out: it is searched for", "given"))
+            raise InputError(Problem(where, name, "cannot be given: the design searches for it"))
     arms = [check_kind(where, "arm", arm, Arm), *named_arms(where, plants).values()]
     make: Any = kind
     best, found = -1.0, (0.0, 0.0)
@@ -58,10 +58,8 @@ def for_margin(
         f"Best with rigidity_uncertainty={found[0]:g} and recovery={found[1]:g}. Accept larger "
         "deviations or less torque, or add gauges."
     )
-    rule = "be within reach of the design"
-    raise InputError(
-        Problem(where, "disk_margin", rule, f"{wanted:g}, and the best found is {best:.3g}", hint)
-    )
+    rule = f"of {wanted:g} cannot be reached: the best found is {best:.3g}"
+    raise InputError(Problem(where, "disk_margin", rule, hint=hint))
 
 
 def _least(

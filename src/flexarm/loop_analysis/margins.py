@@ -164,8 +164,8 @@ def loop_margins(
                 loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
             bent += kept
             if len(loop.plant.A) > 1:
-                rule = "have no instruments with a sample_time of their own"
-                raise InputError(Problem(_WHERE, "hardware", rule, "one with such"))
+                rule = "has instruments with their own sample_time, which is not supported"
+                raise InputError(Problem(_WHERE, "hardware", rule))
             growth[i, k] = loop.poles()[0].real
             margins = _margins_of(loop, bool(growth[i, k] < _MARGINAL))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
@@ -197,12 +197,12 @@ def _plants(
     if problem is not None:
         raise InputError(problem)
     if memory_of(controller) is None:
-        rule = "declare its memory, the names of what it keeps between samples"
-        raise InputError(Problem(_WHERE, "controller", rule, type(controller).__name__))
+        rule = "does not declare its memory, the attributes that it keeps between samples"
+        raise InputError(Problem(_WHERE, "controller", rule))
     own = getattr(controller, "arm", None)
     if plants is None and not isinstance(own, Arm):
-        rule = "be given with a controller that has no arm of its own"
-        raise InputError(Problem(_WHERE, "plants", rule, "nothing"))
+        rule = "are required with a controller that has no arm"
+        raise InputError(Problem(_WHERE, "plants", rule))
     named = named_arms(_WHERE, own if plants is None else plants)
     joints = [arm.joints for arm in named.values()]
     if len(set(joints)) > 1:
@@ -215,7 +215,7 @@ def _plants(
         needs = needs_of(controller, arm, None)
         if "strain" in needs.measured and needs.gauges not in (None, len(arm.gauges)):
             rule = f"have the {needs.gauges} gauges that {type(controller).__name__} reads"
-            raise InputError(Problem(_WHERE, "plants", rule, f"{name} with {len(arm.gauges)}"))
+            raise InputError(Problem(_WHERE, "plants", rule, f"{len(arm.gauges)} in {name}"))
     return named
 
 
@@ -231,7 +231,7 @@ def named_arms(where: str, plants: object) -> dict[str, Arm]:
         listed = [plants] if isinstance(plants, Arm) else as_list(plants) or []
         named = {str(k): arm for k, arm in enumerate(listed, start=1)}
     if not named or not all(isinstance(arm, Arm) for arm in named.values()):
-        rule = "be an Arm, or several, listed or by name"
+        rule = "be an Arm, or a list or mapping of arms"
         raise InputError(Problem(where, "plants", rule, shown(plants)))
     return named
 
@@ -244,7 +244,7 @@ def _places(
         given = getattr(reference, "start_time", 0.0) if postures is None else postures
         times = np.atleast_1d(check_each(_WHERE, "postures", given))
         if not times.size:
-            raise InputError(Problem(_WHERE, "postures", "hold one time at least", "empty"))
+            raise InputError(Problem(_WHERE, "postures", "are empty"))
         return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
     if postures is None:
         designs = getattr(controller, "designs", ())
@@ -254,7 +254,7 @@ def _places(
     angles = angles[None] if angles.ndim == 1 else angles
     checked = check_array(_WHERE, "postures", angles, (-1, arm.joints))
     if not len(checked):
-        raise InputError(Problem(_WHERE, "postures", "hold one posture at least", "empty"))
+        raise InputError(Problem(_WHERE, "postures", "are empty"))
     return [(0.0, posture) for posture in checked]
 
 

@@ -73,9 +73,10 @@ def sampled_plant(
     size = int(starts[-1])
     period = math.lcm(*(ticks_of(item.instrument, sample_time)[0] for item in readings))
     if size > _MOST_STATES or period > _MOST_SAMPLES:
-        rule = f"repeat within {_MOST_SAMPLES} samples and have up to {_MOST_STATES} states"
-        value = f"of {period} samples and {size} states with these frames and delays"
-        raise InputError(Problem("loop analysis", "the sampled plant", rule, value))
+        rule = f"repeat within {_MOST_SAMPLES} samples and have at most {_MOST_STATES} states"
+        value = f"{period} samples and {size} states"
+        hint = "Use sample times with a smaller common multiple, or shorter delays."
+        raise InputError(Problem("loop analysis", "the sampled plant", rule, value, hint))
     # Entry j selects the torque requested j samples ago. That of the current sample is the input.
     asked = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
     step, push = np.zeros((size, size)), np.zeros((size, m))

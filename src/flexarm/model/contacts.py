@@ -61,14 +61,14 @@ class SurfaceTableSpec(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         x, y = length_of(given.raw("x")), length_of(given.raw("y"))
         if x is not None and x < 3:
-            yield Fault(("x",), "hold three points or more", f"{x} long")
+            yield Fault(("x",), "have at least three points", str(x))
         elif x is not None and y is not None and x != y:
-            yield Fault(("y",), f"have a value for each of the {x} points", f"{y} long")
+            yield Fault(("y",), f"have length {x}, one value for each point", str(y))
         elif given.has("x", "y"):
             points = list(zip(given.x, given.y, strict=True))
             for k in range(1, len(points)):
                 if points[k] == points[k - 1]:
-                    rule = "differ from the one before, in x or in y"
+                    rule = "differ from the previous point in x or y"
                     yield Fault(("x", k), rule, shown(points[k][0]))
                     return
 

@@ -28,7 +28,7 @@ class ModalDamping(Record):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.has("ratio") and given.ratio == ():
-            yield Fault(("ratio",), "hold a number for at least the lowest mode", "empty")
+            yield Fault(("ratio",), "is empty: give the ratio of at least the lowest mode")
 
     def ratios(self, modes: int) -> tuple[float, ...]:
         """Return the ratios of the given number of modes, from the lowest."""

@@ -30,7 +30,9 @@ class _Event(Record):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.has("name") and given.name in (DURATION, FAILURE):
-            yield Fault(("name",), "not be a word for other ends of a run", shown(given.name))
+            yield Fault(
+                ("name",), "differ from the names of other ends of a run", shown(given.name)
+            )
 
 
 class JointEvent(_Event):
@@ -47,10 +49,9 @@ class JointEvent(_Event):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         yield from super()._faults(given)
         if given.absent("angle") and given.absent("stop"):
-            yield Fault(("angle",), "be given where there is no stop", "missing")
+            yield Fault(("angle",), "is required without stop")
         elif not given.absent("angle") and not given.absent("stop"):
-            rule = "be left out where there is a stop"
-            yield Fault(("angle",), rule, shown(given.raw("angle")))
+            yield Fault(("angle",), "cannot be combined with stop")
 
 
 class TipEvent(_Event):
@@ -64,7 +65,7 @@ class TipEvent(_Event):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         yield from super()._faults(given)
         if given.has("normal") and not any(given.normal):
-            yield Fault(("normal",), "point somewhere", shown(list(given.normal)))
+            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
 
 
 EventSpec = Annotated[JointEvent | TipEvent, Field(discriminator="kind")]
@@ -82,15 +83,15 @@ def event_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
     for i, event in enumerate(given.events):
         name = event.name or f"event_{i + 1}"
         if name in names:
-            rule = f"be another name than that of events[{names.index(name)}]"
-            yield Fault(("events", i, "name"), rule, shown(name))
+            rule = f"repeats {name!r}, the name of events[{names.index(name)}]"
+            yield Fault(("events", i, "name"), rule)
         names.append(name)
         if event.kind != "joint_angle":
             continue
         if given.has("arm") and event.joint not in turning:
-            known = ", ".join(map(str, turning)) or "none does"
-            rule = f"be the number of a joint that turns: {known}"
+            known = ", ".join(map(str, turning)) or "there is none"
+            rule = f"be the number of a joint that is not fixed: {known}"
             yield Fault(("events", i, "joint"), rule, shown(event.joint))
         elif event.stop and given.has("arm") and given.arm.joints[event.joint - 1].limits is None:
-            rule = f"be left out where joint {event.joint} has no limits"
-            yield Fault(("events", i, "stop"), rule, shown(event.stop))
+            rule = f"is not supported: joint {event.joint} has no limits"
+            yield Fault(("events", i, "stop"), rule)

@@ -134,10 +134,10 @@ def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
     if own or not others:
         return
     names = {Scenario: ("scenario", "run"), Study: ("study", "compare")}
-    wanted, (told, command) = names[kind][0], names[_OTHERS[kind]]
-    hint = f"`flexarm {command}` runs it; in Python, run_{told}."
+    wanted, (other, command) = names[kind][0], names[_OTHERS[kind]]
+    hint = f"Run it with `flexarm {command}`, or with run_{other} in Python."
     place = document.where((min(others),))
-    raise ModelError(Problem(place, "the file", f"be a {wanted}", f"a {told}", hint))
+    raise ModelError(Problem(place, "the file", f"is a {other}, not a {wanted}", hint=hint))
 
 
 _OTHERS: dict[type[Record], type[Record]] = {Scenario: Study, Study: Scenario}
@@ -196,8 +196,10 @@ def _whole(text: str, file: AnyPath) -> Document:
     """Return the content of a text that is kept in another file, and names none itself."""
     document = _parsed(FilePath(file), text)
     if isinstance(document.value.get("arm"), str):
-        value = shown(document.value["arm"])
-        raise ModelError(Problem(str(file), "arm", "describe the arm itself", value))
+        rule = (
+            f"refers to another file, {shown(document.value['arm'])}; it must describe the arm here"
+        )
+        raise ModelError(Problem(str(file), "arm", rule))
     return document
 
 
@@ -233,7 +235,7 @@ def _holder_of_arm(
     problems += document.problems
     problems += _head_problems(document, kind)
     if "arm" not in document.value:
-        problems.append(Problem(document.where(()), "arm", "be given", "missing"))
+        problems.append(Problem(document.where(()), "arm", "is missing"))
         return None
     named = document.value["arm"]
     if not isinstance(named, str):
@@ -242,15 +244,15 @@ def _holder_of_arm(
     came_from = (*came_from, _real(document.file))
     other = document.file.parent / named
     if _real(other) in came_from:
-        problems.append(Problem(here, "arm", "lead to an arm", "a circle of files"))
+        problems.append(Problem(here, "arm", "refers to itself through a circle of files"))
         return None
     try:
         text = _text(other)
         if not _ARM_FILE.search(text):
             # The author of a scenario may have fewer rights than this process: do not quote the
             # content of files that were not written for flexarm.
-            value = f"{shown(named)}, which has no key `flexarm`"
-            problems.append(Problem(here, "arm", "name an arm file", value))
+            rule = f"names {shown(named)}, which is not an arm file: it has no key `flexarm`"
+            problems.append(Problem(here, "arm", rule))
             return None
         return _holder_of_arm(_parsed(other, text), problems, came_from)
     except ModelError as error:
@@ -268,14 +270,14 @@ def _head_problems(document: Document, kind: type[Record] | None) -> list[Proble
         kind = Study if "drives" in document.value else Scenario
     keys = ("flexarm", *kind.model_fields)
     problems = [
-        Problem(document.where((key,)), key, "be a known key", "unknown", suggestion(key, keys))
+        Problem(document.where((key,)), key, "is not a known key", hint=suggestion(key, keys))
         for key in document.value
         if key not in keys
     ]
     where = document.where(("flexarm",))
     if "flexarm" not in document.value:
-        hint = f"Begin the file with `flexarm: {FILE_VERSION}`, the version of its format."
-        return [Problem(where, "flexarm", "be given", "missing", hint), *problems]
+        hint = f"Start the file with `flexarm: {FILE_VERSION}`, the version of its format."
+        return [Problem(where, "flexarm", "is missing", hint=hint), *problems]
     version = document.value["flexarm"]
     if version != FILE_VERSION or not isinstance(version, int) or isinstance(version, bool):
         newer = isinstance(version, int) and version > FILE_VERSION
@@ -315,21 +317,23 @@ def _text(file: FilePath) -> str:
     try:
         raw = read_bytes(file, _MOST_BYTES + 1)
     except FileNotFoundError:
-        raise ModelError(Problem(str(file), "the file", "exist", "missing", _near(file))) from None
+        raise ModelError(
+            Problem(str(file), "the file", "does not exist", hint=_near(file))
+        ) from None
     except IsADirectoryError:
-        raise ModelError(Problem(str(file), "the file", "be a file", "a directory")) from None
+        raise ModelError(Problem(str(file), "the file", "is a directory")) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or str(error)
-        raise ModelError(Problem(str(file), "the file", "be readable", f"not: {reason}")) from None
+        raise ModelError(Problem(str(file), "the file", f"cannot be read: {reason}")) from None
     if len(raw) > _MOST_BYTES:
-        rule = f"be at most {_MOST_BYTES // 10**6} MB long"
-        raise ModelError(Problem(str(file), "the file", rule, "longer"))
+        rule = f"is larger than {_MOST_BYTES // 10**6} MB"
+        raise ModelError(Problem(str(file), "the file", rule))
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         where = f"{file}:{line}"
-        raise ModelError(Problem(where, "the file", "be text in UTF-8", "something else")) from None
+        raise ModelError(Problem(where, "the file", "is not text in UTF-8")) from None
 
 
 def _parsed(file: FilePath, text: str) -> Document:
@@ -377,5 +381,5 @@ def _write(file: FilePath, text: str) -> None:
         FilePath(os.path.realpath(file)).parent.mkdir(parents=True, exist_ok=True)
         replace_file(file, [text.encode()])
     except (OSError, ValueError) as error:  # ValueError: a null character or surrogate in the path
-        reason = f"not: {getattr(error, 'strerror', None) or error}"
-        raise ModelError(Problem(str(file), "the file", "be writable", reason)) from None
+        rule = f"could not be written: {getattr(error, 'strerror', None) or error}"
+        raise ModelError(Problem(str(file), "the file", rule)) from None

@@ -93,13 +93,13 @@ class InstrumentSpec(Record):
             return
         point = given.signal in POINT_SIGNALS
         if point and given.absent("link"):
-            yield Fault(("link",), f"be given for the {given.signal} of a point", "missing")
+            yield Fault(("link",), f"is required for the signal {given.signal}")
         for name in () if point else ("link", "station"):
             if not given.absent(name):
-                rule = f"be left out where the signal is {given.signal}"
-                yield Fault((name,), rule, shown(given.raw(name)))
+                rule = f"is not supported for the signal {given.signal}"
+                yield Fault((name,), rule)
         if given.has("frame") and given.frame == "link" and given.signal != "acceleration":
-            yield Fault(("frame",), "be world but for accelerations", "link")
+            yield Fault(("frame",), "be world, except for accelerations", "link")
 
 
 class MotorsSpec(Record):
@@ -125,10 +125,10 @@ class MotorsSpec(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         voltage = not given.absent("voltage_limit")
         if (voltage or not given.absent("current_limit")) and given.absent("torque_constant"):
-            rule = "be given with a limit of current or voltage"
-            yield Fault(("torque_constant",), rule, "missing")
+            rule = "is required with current_limit or voltage_limit"
+            yield Fault(("torque_constant",), rule)
         if voltage and given.absent("resistance"):
-            yield Fault(("resistance",), "be given with a limit of voltage", "missing")
+            yield Fault(("resistance",), "is required with voltage_limit")
 
 
 class HardwareSpec(Record):
@@ -146,8 +146,8 @@ class HardwareSpec(Record):
         for k, item in enumerate(given.instruments if given.has("instruments") else ()):
             for name in names_of(item):
                 if name in seen:
-                    rule = "be different from the names of the other instruments"
-                    yield Fault(("instruments", k, "name"), rule, shown(name))
+                    rule = f"repeats {name!r}, the name of another instrument"
+                    yield Fault(("instruments", k, "name"), rule)
                 seen.add(name)
 
 
@@ -168,11 +168,9 @@ def hardware_faults(given: Given) -> Iterator[Fault]:
     for k, item in enumerate(given.hardware.instruments or ()):
         place = ("hardware", "instruments", k)
         if item.signal == "strain" and not gauges:
-            rule = "be another on an arm without gauges"
-            yield Fault((*place, "signal"), rule, shown(item.signal))
+            yield Fault((*place, "signal"), "is strain, but the arm has no gauges")
         if item.signal.startswith("contact_") and given.has("contacts") and not given.contacts:
-            rule = "be another where there are no contacts"
-            yield Fault((*place, "signal"), rule, shown(item.signal))
+            yield Fault((*place, "signal"), f"is {item.signal}, but there are no contacts")
         if item.link is not None and item.link > len(links):
             rule = f"be the number of a link, 1 to {len(links)}"
             yield Fault((*place, "link"), rule, shown(item.link))

@@ -40,7 +40,7 @@ class Friction(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         static = given.static if given.has("coulomb", "static") else None
         if static is not None and static < given.coulomb:
-            rule = f"be at least coulomb, which is {given.coulomb:.9g}"
+            rule = f"be at least coulomb ({given.coulomb:.9g})"
             yield Fault(("static",), rule, shown(static))
 
 
@@ -61,7 +61,7 @@ class JointLimits(Record):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.has("lower", "upper") and given.upper <= given.lower:
-            rule = f"be greater than lower, which is {given.lower:.9g}"
+            rule = f"be greater than lower ({given.lower:.9g})"
             yield Fault(("upper",), rule, shown(given.upper))
 
 
@@ -128,18 +128,17 @@ class Joint(Record):
         if given.has("fixed") and given.fixed:
             for name in _TURNING:
                 if given.has(name) and given.raw(name):
-                    value = shown(given.raw(name))
-                    yield Fault((name,), "be left out of a joint that is fixed", value)
+                    yield Fault((name,), "is not supported for a fixed joint")
             return
         springs = given.has("stiffness", "rotor_inertia", "rest_angle")
         if springs and given.stiffness and given.rotor_inertia and given.rest_angle:
-            hint = "The spring of an elastic joint, one with rotor_inertia, is free at angle 0."
-            rule = "be 0 where the spring lies between motor and link"
+            hint = "The spring of a joint with rotor_inertia connects motor and link."
+            rule = "be 0 for an elastic joint"
             yield Fault(("rest_angle",), rule, shown(given.rest_angle), hint)
         geared = given.has("gear_ratio", "rotor_inertia") and given.gear_ratio != 1.0
         if geared and not given.rotor_inertia:
-            rule = "be left out of a joint without rotor_inertia"
-            yield Fault(("gear_ratio",), rule, shown(given.gear_ratio), _TORQUE_HINT)
+            rule = "requires rotor_inertia"
+            yield Fault(("gear_ratio",), rule, hint=_TORQUE_HINT)
 
 
 def _along_x(value: Any) -> Any:

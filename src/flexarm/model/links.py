@@ -32,8 +32,8 @@ _WAYS = (
 def _affordable(elements: int) -> int:
     if elements > MOST_ELEMENTS:
         hint = (
-            "The modal basis of a link is dense: more elements cost more memory and rounding than "
-            "they add accuracy."
+            "The modal basis of a link is dense: more elements increase memory and rounding errors "
+            "and do not improve the accuracy."
         )
         raise refuse(f"be at most {MOST_ELEMENTS}", elements, hint)
     return elements
@@ -205,28 +205,28 @@ def _description_faults(given: Given) -> Iterator[Fault]:
     table = ["table"] if not given.absent("table") else []
     ways = [names for names in (table, shape, constants) if names]
     if not ways:
-        yield Fault(("mass_per_length",), "be given", "missing", _WAYS)
+        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
     for names in ways[1:]:
         for name in names:
-            rule = f"be left out of a link that has {' and '.join(ways[0])}"
-            yield Fault((name,), rule, shown(given.raw(name)), _WAYS)
+            rule = f"cannot be combined with {' and '.join(ways[0])}"
+            yield Fault((name,), rule, hint=_WAYS)
     if len(ways) == 1 and len(shape) == 1:
         other = "section" if shape == ["material"] else "material"
-        yield Fault((other,), f"be given together with {shape[0]}", "missing")
+        yield Fault((other,), f"is required with {shape[0]}")
     if ways == [constants] and given.absent("mass_per_length"):
-        yield Fault(("mass_per_length",), "be given", "missing", _WAYS)
+        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
 
 
 def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
     """Yield the faults of a flexible link without stiffness or mass."""
     if not given.has("flexible") or not given.flexible:
         return
-    hint = "Only a rigid link (flexible: false) does without."
+    hint = "Only a rigid link (flexible: false) does not need it."
     constants = all(given.absent(name) for name in ("material", "section", "table"))
     if constants and not given.absent("mass_per_length") and given.absent("flexural_rigidity"):
-        yield Fault(("flexural_rigidity",), "be given", "missing", hint)
+        yield Fault(("flexural_rigidity",), "is missing", hint=hint)
     if given.has("table") and given.table.flexural_rigidity is None:
-        yield Fault(("table", "flexural_rigidity"), "be given", "missing", hint)
+        yield Fault(("table", "flexural_rigidity"), "is missing", hint=hint)
     hint = "Only a rigid link (flexible: false) may be massless."
     if given.has("mass_per_length") and given.mass_per_length == 0:
         yield Fault(("mass_per_length",), "be greater than 0", "0", hint)
@@ -240,10 +240,10 @@ def _segment_damping_faults(damping: Damping) -> Iterator[Fault]:
     if damping.kind == "rayleigh" and damping.mass_coefficient == 0:
         return
     hint = (
-        "Ratios and mass_coefficient are about modes of the whole link, which its segments do not "
-        "have; stiffness_coefficient alone (Kelvin-Voigt) damps any cut of a link alike."
+        "Ratios and mass_coefficient refer to modes of the whole link, which its segments do not "
+        "have. Use stiffness_coefficient alone (Kelvin-Voigt)."
     )
-    rule = "be rayleigh without mass_coefficient on a link in segments"
+    rule = "be rayleigh without mass_coefficient on a link with segments"
     yield Fault(("damping",), rule, damping.kind, hint)
 
 
@@ -261,12 +261,12 @@ def _shear_faults(given: Given) -> Iterator[Fault]:
     else:
         return
     if given.element == "euler_bernoulli" and value is not None:
-        hint = "To let the link shear, set element: timoshenko."
-        yield Fault(path, "be left out of an Euler-Bernoulli link", shown(value), hint)
+        hint = "For shear deformation use element: timoshenko."
+        yield Fault(path, "is not supported for an Euler-Bernoulli link", hint=hint)
     flexible = given.has("flexible") and given.flexible
     if given.element == "timoshenko" and value is None and needed and flexible:
-        hint = "It is k G A, which material and section would give too."
-        yield Fault(path, "be given", "missing", hint)
+        hint = "It is k G A; material and section also define it."
+        yield Fault(path, "is missing", hint=hint)
 
 
 def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
@@ -276,24 +276,22 @@ def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
     if (given.has("table") and not in_table) or (
         constants and given.absent("rotary_inertia_per_length")
     ):
-        rule = "be left out or false where nothing gives it"
-        yield Fault(("rotary_inertia",), rule, "true", "Give rotary_inertia_per_length.")
+        rule = "requires rotary_inertia_per_length"
+        yield Fault(("rotary_inertia",), rule)
 
 
 def _table_end_faults(length: float, end: float) -> Iterator[Fault]:
     """Yield a fault if a table does not end at the tip."""
     if not math.isclose(end, length, rel_tol=1e-9):  # above rounding, below any intended difference
         rule = f"end at {length:.9g}, the length of the link"
-        yield Fault(("table", "x"), rule, shown(end), "A table reaches from the root to the tip.")
+        yield Fault(("table", "x"), rule, shown(end), "A table covers the link from root to tip.")
 
 
 def _mesh_faults(given: Given) -> Iterator[Fault]:
     """Yield a fault if segments do not divide the mesh, or have fewer modes than requested."""
     if given.elements % given.segments:
-        rule = f"divide elements, which is {given.elements}"
-        yield Fault(
-            ("segments",), rule, shown(given.segments), "Each segment is a mesh of its own."
-        )
+        rule = f"be a divisor of elements ({given.elements})"
+        yield Fault(("segments",), rule, shown(given.segments), "Each segment has its own mesh.")
         return
     most = 2 * (given.elements // given.segments)
     modes = given.modes if given.has("modes") else None
@@ -304,5 +302,5 @@ def _mesh_faults(given: Given) -> Iterator[Fault]:
     ratio = given.damping.ratio if given.has("damping") and given.damping.kind == "modal" else ()
     kept = modes or most
     if isinstance(ratio, tuple) and len(ratio) > kept:
-        rule = f"be at most {kept} long, the number of modes of the link"
-        yield Fault(("damping", "ratio"), rule, f"{len(ratio)} long")
+        rule = f"have length at most {kept}, the number of modes of the link"
+        yield Fault(("damping", "ratio"), rule, str(len(ratio)))

@@ -42,17 +42,16 @@ class LoadSpec(Record):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.absent("force") and given.absent("moment"):
-            yield Fault(("force",), "be given where there is no moment", "missing")
+            yield Fault(("force",), "is required without a moment")
         if given.absent("spread"):
             return
         for name in ("station", "moment"):
             if not given.absent(name):
-                rule = "be left out of a load that is spread"
-                yield Fault((name,), rule, shown(given.raw(name)))
+                yield Fault((name,), "cannot be combined with spread")
         if given.absent("force") and not given.absent("moment"):
-            yield Fault(("force",), "be given where it is spread", "missing")
+            yield Fault(("force",), "is required with spread")
         if given.has("spread") and not 0.0 <= given.spread[0] < given.spread[1]:
-            rule = "be a start and an end beyond it, from the link's root"
+            rule = "be two increasing distances from the root of the link"
             yield Fault(("spread",), rule, shown(list(given.spread)))
 
 

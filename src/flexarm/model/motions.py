@@ -64,16 +64,14 @@ class ForceTable(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         times, values = length_of(given.raw("times")), length_of(given.raw("values"))
         if times == 0:
-            yield Fault(("times",), "hold at least one time", "empty")
+            yield Fault(("times",), "is empty")
         elif times is not None and values is not None and values != times:
-            yield Fault(
-                ("values",), f"have a value for each of the {times} times", f"{values} long"
-            )
+            yield Fault(("values",), f"have length {times}, one value for each time", str(values))
         if not given.has("times"):
             return
         for k in range(1, len(given.times)):
             if given.times[k] <= given.times[k - 1]:
-                rule = f"be greater than {given.times[k - 1]:.9g}, the time before it"
+                rule = f"be greater than {given.times[k - 1]:.9g}, the previous time"
                 yield Fault(("times", k), rule, shown(given.times[k]))
                 return
 
@@ -124,21 +122,21 @@ def motion_faults(given: Given) -> Iterator[Fault]:
         return
     kind = look(drive, "kind")
     if kind == "rigid_inverse_dynamics":
-        yield Fault(("drive", "kind"), "be another along a motion that presses", shown(kind))
+        yield Fault(("drive", "kind"), f"{kind} is not supported with a pressed motion")
     place: tuple[str, ...] = ("drive",)
     while drive is not None:
         if look(drive, "feedforward") == "rigid_inverse_dynamics":
-            rule = "be none along a motion that presses"
-            yield Fault((*place, "feedforward"), rule, shown("rigid_inverse_dynamics"))
+            rule = "rigid_inverse_dynamics is not supported with a pressed motion"
+            yield Fault((*place, "feedforward"), rule)
         drive, place = look(drive, "inner"), (*place, "inner")
     for k, joint in enumerate(given.prescribed if given.has("prescribed") else ()):
         if joint.kind == "motion":
-            rule = "be another along a motion that presses"
-            yield Fault(("prescribed", k, "kind"), rule, shown(joint.kind))
+            rule = "motion is not supported with a pressed motion"
+            yield Fault(("prescribed", k, "kind"), rule)
     if look(motion, "normal") is None and given.has("contacts"):
         if not given.contacts:
-            yield Fault(("motion", "normal"), "be given where there are no contacts", "missing")
+            yield Fault(("motion", "normal"), "is required without contacts")
             return
         if given.contacts[0].surface.kind not in ("wall", "round"):
-            rule = "be given where the first contact is no wall and no circle"
-            yield Fault(("motion", "normal"), rule, "missing")
+            rule = "is required if the first contact is neither a wall nor round"
+            yield Fault(("motion", "normal"), rule)

@@ -48,13 +48,13 @@ class TabulatedJoint(_PrescribedJoint):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         times, angles = length_of(given.raw("times")), length_of(given.raw("angles"))
         if times is not None and times < 2:
-            yield Fault(("times",), "hold at least two times", f"{times} long")
+            yield Fault(("times",), "have at least two values", str(times))
         elif times is not None and angles is not None and angles != times:
-            yield Fault(("angles",), f"have one for each of the {times} times", f"{angles} long")
+            yield Fault(("angles",), f"have length {times}, one value for each time", str(angles))
         if given.has("times"):
             for k in range(1, len(given.times)):
                 if given.times[k] <= given.times[k - 1]:
-                    rule = f"be greater than {given.times[k - 1]:.9g}, the time before it"
+                    rule = f"be greater than {given.times[k - 1]:.9g}, the previous time"
                     yield Fault(("times", k), rule, shown(given.times[k]))
                     break
 
@@ -74,20 +74,19 @@ def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
         return
     kind = look(given.raw("drive"), "kind")
     if isinstance(kind, str) and kind in CONTROLLED:
-        yield Fault(("prescribed",), f"be left out where drive is {kind}", "given")
-    told: dict[int, int] = {}
+        yield Fault(("prescribed",), f"cannot be combined with drive {kind}")
+    seen: dict[int, int] = {}
     for i, joint in enumerate(given.prescribed):
         place = ("prescribed", i, "joint")
         if turning and joint.joint not in turning:
-            rule = f"be the number of a joint that turns: {', '.join(map(str, turning))}"
+            rule = f"be the number of a joint that is not fixed: {', '.join(map(str, turning))}"
             yield Fault(place, rule, shown(joint.joint))
-        if joint.joint in told:
-            first = told[joint.joint]
-            rule = f"be another joint than that of prescribed[{first}]"
-            yield Fault(place, rule, shown(joint.joint))
-        told.setdefault(joint.joint, i)
+        if joint.joint in seen:
+            rule = f"repeats joint {joint.joint}, which is in prescribed[{seen[joint.joint]}]"
+            yield Fault(place, rule)
+        seen.setdefault(joint.joint, i)
         if joint.kind == "motion" and given.absent("motion"):
-            yield Fault(("motion",), f"be given where prescribed[{i}] follows it", "missing")
+            yield Fault(("motion",), f"is required for prescribed[{i}]")
         if joint.kind == "table" and joint.ends == "free" and given.has("run"):
             yield from _coverage_faults(i, joint.times, given.run.duration)
 
@@ -95,7 +94,7 @@ def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
 def _coverage_faults(i: int, times: tuple[float, ...], duration: float) -> Iterator[Fault]:
     margin = 1e-9 * (times[-1] - times[0])
     if times[0] > margin or times[-1] < duration - margin:
-        rule = f"reach from 0 to {duration:.9g}, the end of the run, where ends is free"
-        value = f"from {times[0]:.9g} to {times[-1]:.9g}"
-        hint = "With ends: rest the joint rests before and after."
+        rule = f"cover the run from 0 to {duration:.9g} with ends: free"
+        value = f"{times[0]:.9g} to {times[-1]:.9g}"
+        hint = "With ends: rest the joint rests before and after the table."
         yield Fault(("prescribed", i, "times"), rule, value, hint)

@@ -77,10 +77,10 @@ class Names(dict[str, T]):
 
 def _named(value: Any) -> Any:
     if not isinstance(value, dict) or not value:
-        raise refuse("be a mapping of names, one at least", value)
+        raise refuse("be a mapping with at least one name", value)
     wrong = next((name for name in value if not isinstance(name, str)), None)
     if wrong is not None:
-        raise refuse("have words for names", wrong, "Put the name into quotes.")
+        raise refuse("have text as names", wrong, "Put the name in quotes.")
     unprintable = next((name for name in value if printable(name) != name), None)
     if unprintable is not None:
         raise refuse("have printable names", unprintable)

@@ -31,7 +31,7 @@ def sample_fault(duration: float, rate: float) -> Fault | None:
     if samples <= MOST_SAMPLES:
         return None
     rule = f"be at most {MOST_SAMPLES / duration:.6g} for a duration of {duration:.6g}"
-    hint = f"That makes {samples:.3g} samples; {MOST_SAMPLES:.0e} are the most that is kept."
+    hint = f"That is {samples:.3g} samples; at most {MOST_SAMPLES:.0e} are stored."
     return Fault(("rate",), rule, shown(rate), hint)
 
 
@@ -60,9 +60,9 @@ class InitialState(Record):
         if not given.has("equilibrium"):
             return
         if given.equilibrium and not given.absent("joint_rate"):
-            yield Fault(("joint_rate",), "be left out of an equilibrium", "given")
+            yield Fault(("joint_rate",), "cannot be combined with equilibrium")
         if given.has("balance") and given.balance and not given.equilibrium:
-            yield Fault(("equilibrium",), "be true where balance is", "false")
+            yield Fault(("equilibrium",), "must be true with balance")
 
 
 class RunSettings(Record):
@@ -127,17 +127,16 @@ class Scenario(Record):
         kind = look(given.raw("drive"), "kind")
         kind = kind if isinstance(kind, str) else None
         if kind in _FOLLOWING and given.absent("motion"):
-            yield Fault(("motion",), f"be given where drive is {kind}", "missing")
+            yield Fault(("motion",), f"is required for drive {kind}")
         turning = _turning(given.raw("arm"))
         joints = len(turning)
         for path, values in _values_per_joint(given):
             length = length_of(values)
             if joints and length not in (None, joints):
-                rule = f"have one value for each of the {joints} joints"
-                yield Fault(path, rule, f"{length} long")
+                rule = f"have length {joints}, one value for each joint"
+                yield Fault(path, rule, str(length))
         if given.has("hardware") and kind not in CONTROLLED:
-            rule = "be left out where drive is no controller"
-            yield Fault(("hardware",), rule, "given")
+            yield Fault(("hardware",), "requires a controller as drive")
         yield from hardware_faults(given)
         yield from load_faults(given)
         yield from contact_faults(given)
@@ -145,8 +144,8 @@ class Scenario(Record):
         yield from prescribed_faults(given, turning)
         yield from event_faults(given, turning)
         if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
-            rule = "be false where the drive balances the weight by itself"
-            yield Fault(("initial", "balance"), rule, "true")
+            rule = "cannot be combined with a drive that compensates gravity"
+            yield Fault(("initial", "balance"), rule)
 
 
 _FOLLOWING = ("rigid_inverse_dynamics", *CONTROLLED)

@@ -242,24 +242,24 @@ class SectionTable(Record):
         )
         for name in filter(given.has, columns):
             if len(getattr(given, name)) != points:
-                value = f"{len(getattr(given, name))} long"
-                yield Fault((name,), f"have a value for each of the {points} points of x", value)
+                rule = f"have length {points}, one value for each point of x"
+                yield Fault((name,), rule, str(len(getattr(given, name))))
 
 
 def _points_faults(x: tuple[float, ...]) -> Iterator[Fault]:
     """Yield the faults of the points of a table."""
     if len(x) < 2:
-        yield Fault(("x",), "hold at least two points, the root and the tip", f"{len(x)} long")
+        yield Fault(("x",), "have at least two points, the root and the tip", str(len(x)))
         return
     if x[0] != 0:
         yield Fault(("x", 0), "be 0", shown(x[0]), "A table starts at the root of the link.")
     for i, (left, right) in enumerate(pairwise(x)):
         if right <= left:
-            yield Fault(("x", i + 1), f"be greater than the point before it ({left})", shown(right))
+            yield Fault(("x", i + 1), f"be greater than the previous point ({left})", shown(right))
 
 
 def _wall_fits(thickness: float, name: str, outer: float) -> Iterator[Fault]:
     """Yield a fault if walls of this thickness leave no hollow inside an outer dimension."""
     if thickness >= outer / 2:
         rule = f"be less than {outer / 2:g}, half of {name}"
-        yield Fault(("thickness",), rule, shown(thickness), "The wall leaves no room inside.")
+        yield Fault(("thickness",), rule, shown(thickness), "The wall fills the section.")

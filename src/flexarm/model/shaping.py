@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, Listed, OneOrMany, Pair, Positive, finite, plain
 from flexarm.model.wording import Fault
@@ -72,8 +71,7 @@ class ShapingSpec(Record):
             return
         for name, usual in (("modes", 1), ("joints", "locked")):
             if given.has(name) and getattr(given, name) != usual:
-                rule = "be left out where frequencies are given"
-                yield Fault((name,), rule, shown(given.raw(name)))
+                yield Fault((name,), "cannot be combined with frequency_hz")
 
 
 class SmoothingSpec(Record):

@@ -62,11 +62,9 @@ class ArmSpec(Record):
         # Compare the lengths of the raw values, because single links and joints may be invalid.
         links, joints = length_of(given.raw("links")), length_of(given.raw("joints"))
         if links is not None and not 1 <= links <= MOST_LINKS:
-            yield Fault(("links",), f"be 1 to {MOST_LINKS} links", f"{links} links")
+            yield Fault(("links",), f"have 1 to {MOST_LINKS} entries", str(links))
         if links and joints and joints != links:
-            yield Fault(
-                ("joints",), f"be one joint for each of the {links} links", f"{joints} long"
-            )
+            yield Fault(("joints",), f"have length {links}, one joint for each link", str(joints))
         if links and links == joints and given.has("links", "joints", "payload"):
             yield from _inertia_faults(given.links, given.joints, given.payload)
 
@@ -91,8 +89,12 @@ def _inertia_faults(
         if geared or any(turned[i:end] + attached[i:end] + heavy[i:] + carried[i:]):
             continue
         if end < len(joints):
-            hint = "Give the link or something it carries mass, or its joint a hub_inertia."
-            yield Fault(("links", i), "have inertia or carry mass", "massless", hint)
+            hint = (
+                "Give mass to the link or to bodies that it carries, or hub_inertia to its joint."
+            )
+            yield Fault(("links", i), "has no inertia and carries no mass", hint=hint)
         else:
-            hint = "Give the last link mass, its joint a hub_inertia, or the arm a payload."
-            yield Fault(("payload", "mass"), "be greater than 0 beyond a massless link", "0", hint)
+            hint = "Give mass to the last link, hub_inertia to its joint, or a payload to the arm."
+            yield Fault(
+                ("payload", "mass"), "be greater than 0 at the tip of a massless link", "0", hint
+            )

@@ -166,8 +166,8 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
         except InputError as error:
             for problem in error.problems:
                 path = ("plants", name, problem.name)
-                told = shown(getattr(plant, problem.name))
-                yield Fault(path, problem.rule, told, problem.hint)
+                given = shown(getattr(plant, problem.name)) if problem.value else ""
+                yield Fault(path, problem.rule, given, problem.hint)
         for fault in off_the_arm(given.arm, plant.loads):
             yield Fault(("plants", name, *fault.path), fault.rule, fault.value, fault.hint)
 

@@ -21,7 +21,7 @@ def order_fault(times: Sequence[float]) -> tuple[int, str] | None:
         if times[k] < times[k - 1]:
             return k, f"be at least {times[k - 1]:.9g}, the time before it"
         if k > 1 and times[k] == times[k - 2]:
-            return k, "be given twice at most"
+            return k, "occur at most twice"
     return None
 
 
@@ -50,9 +50,9 @@ class AccelerationTable(Record):
 def _table_faults(given: Given) -> Iterator[Fault]:
     times, values = length_of(given.raw("times")), length_of(given.raw("values"))
     if times == 0:
-        yield Fault(("times",), "hold at least one time", "empty")
+        yield Fault(("times",), "is empty")
     elif times is not None and values is not None and values != times:
-        yield Fault(("values",), f"have a value for each of the {times} times", f"{values} long")
+        yield Fault(("values",), f"have length {times}, one value for each time", str(values))
     fault = order_fault(given.times) if given.has("times") else None
     if fault is not None:
         k, rule = fault

@@ -36,12 +36,12 @@ def varied_spec(
     if payload_mass is not None:
         payload_mass = _each(problems, "payload_mass", payload_mass, (None,), zero=True)[0]
         if payload != 1.0:
-            rule = "be left out where payload_factor is given"
-            problems.append(Problem(_WHERE, "payload_mass", rule, shown(payload_mass)))
+            rule = "cannot be combined with payload_factor"
+            problems.append(Problem(_WHERE, "payload_mass", rule))
     elif payload != 1.0 and spec.payload.mass == 0.0:
-        rule = "be left out of an arm without payload"
-        hint = "Give payload_mass, in kg."
-        problems.append(Problem(_WHERE, "payload_factor", rule, shown(payload_factor), hint))
+        rule = "is not supported for an arm without payload"
+        hint = "Give payload_mass in kg."
+        problems.append(Problem(_WHERE, "payload_factor", rule, hint=hint))
     rubbing = _friction(problems, friction, spec.joints)
     if problems:
         raise InputError(*problems)
@@ -85,7 +85,7 @@ def _friction(
         return [None if joint.fixed else friction for joint in joints]
     listed: list[Any] = list(friction) if isinstance(friction, Sequence) else [0]
     if len(listed) != len(joints) or not all(isinstance(f, Friction | None) for f in listed):
-        rule = "be a Friction, or a list of one or None for each joint"
+        rule = "be a Friction, or a list with a Friction or None for each joint"
         problems.append(Problem(_WHERE, "friction", rule, shown(friction)))
         return [None] * len(joints)
     return listed

@@ -39,11 +39,11 @@ _SYNONYMS = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One problem at `path` inside a record: the value must `rule`, but is `value`."""
+    """One problem at `path` inside a record, with the texts of a `Problem`."""
 
     path: Path
     rule: str
-    value: str
+    value: str = ""
     hint: str = ""
 
     def problem(self, where: str, name: str = "") -> Problem:
@@ -123,9 +123,9 @@ def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
     if details["type"] == "fault":
         return Fault(path, context["rule"], context["value"], context["hint"])
     if details["type"] in ("extra_forbidden", "invalid_key"):
-        return Fault(path, "be a known key", "unknown", suggestion(str(path[-1]), known))
+        return Fault(path, "is not a known key", hint=suggestion(str(path[-1]), known))
     if details["type"] == "missing":
-        return Fault(path, "be given", "missing")
+        return Fault(path, "is missing")
     if details["type"].startswith("union_tag"):
         return _wrong_kind(path, value, context)
     fault = Fault(path, _rule(details["type"], context) or details["msg"], shown(value))
@@ -162,7 +162,7 @@ def _rule(kind: str, context: dict[str, Any]) -> str:
 def _wrong_kind(path: Path, value: Any, context: dict[str, Any]) -> Fault:
     """Return the fault of a tagged union; without a tag list the tag is missing."""
     if "tag" not in context:
-        return Fault((*path, "kind"), "be given", "missing")
+        return Fault((*path, "kind"), "is missing")
     choices = _choices(context["expected_tags"])
     kind = value["kind"] if isinstance(value, dict) else context["tag"]
     hint = nearest(context["tag"], choices)

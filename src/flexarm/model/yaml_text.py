@@ -157,7 +157,7 @@ def parse(file: FilePath, text: str) -> Document:
     try:
         root = _composed(text)
         if root is None:
-            raise ModelError(Problem(str(file), "the file", "hold a mapping", "empty"))
+            raise ModelError(Problem(str(file), "the file", "is empty"))
         entries = _EntriesByNode()
         reader = _Reader(file, entries)
         value = reader.value(root, ())
@@ -165,11 +165,10 @@ def parse(file: FilePath, text: str) -> Document:
         raise ModelError(_syntax_problem(file, error)) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        value = f"broken by the character {error.character:#x}"
-        raise ModelError(Problem(f"{file}:{line}", "the file", "be text", value)) from None
+        rule = f"contains the character {error.character:#x}, which YAML does not allow"
+        raise ModelError(Problem(f"{file}:{line}", "the file", rule)) from None
     except RecursionError:
-        rule = "be nested a few levels deep"
-        raise ModelError(Problem(str(file), "the file", rule, "nested too deeply")) from None
+        raise ModelError(Problem(str(file), "the file", "is nested too deeply")) from None
     return Document(file, value, reader.problems, root, entries)
 
 
@@ -191,9 +190,9 @@ def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
     """Convert PyYAML's syntax error to a problem."""
     mark = error.problem_mark or error.context_mark
     where = f"{file}:{mark.line + 1}" if mark else str(file)
-    value = f"broken: {error.problem or error.context}"
-    hint = "Indent with spaces." if "'\\t'" in value else ""
-    return Problem(where, "the file", "be YAML", value, hint)
+    rule = f"is not valid YAML: {error.problem or error.context}"
+    hint = "Indent with spaces." if "'\\t'" in rule else ""
+    return Problem(where, "the file", rule, hint=hint)
 
 
 class _Reader:
@@ -213,7 +212,7 @@ class _Reader:
     def _sized(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
         """Return the value, and the number of values in it with its aliases expanded."""
         if id(node) in self._open:
-            self._report(node, path, "not contain itself", "an alias of what it is in")
+            self._report(node, path, "is an alias of a value that contains it")
             return None, 1
         if id(node) not in self._done:
             self._open.add(id(node))
@@ -221,14 +220,14 @@ class _Reader:
             self._open.remove(id(node))
         value, size = self._done[id(node)]
         if size > _MOST_VALUES:
-            rule = f"hold at most {_MOST_VALUES} values once its aliases are written out"
-            raise ModelError(Problem(str(self._file), "the file", rule, "larger"))
+            rule = f"has more than {_MOST_VALUES} values with its aliases expanded"
+            raise ModelError(Problem(str(self._file), "the file", rule))
         return value, size
 
     def _build(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
         if node.tag not in _TAGS:
             tag = node.tag.removeprefix(_TAG)
-            self._report(node, path, "be plain YAML", f"tagged {shown(tag)}")
+            self._report(node, path, f"has the tag {shown(tag)}; tags are not supported")
         if isinstance(node, yaml.SequenceNode):
             values, size = [], 1
             for i, item in enumerate(node.value):
@@ -256,10 +255,10 @@ class _Reader:
         for key, _ in node.value:
             line = key.start_mark.line + 1
             if not isinstance(key, yaml.ScalarNode):
-                self._report(key, path, "have words for keys", "one with a list or mapping as key")
+                self._report(key, path, "has a list or a mapping as a key")
             elif key.value in lines:
-                value = f"given again (first in line {lines[key.value]})"
-                self._report(key, (*path, key.value), "be given once", value)
+                rule = f"is a duplicate key, first given in line {lines[key.value]}"
+                self._report(key, (*path, key.value), rule)
             else:
                 lines[key.value] = line
 
@@ -276,9 +275,9 @@ class _Reader:
             case _:
                 return text
 
-    def _report(self, node: yaml.Node, path: Path, rule: str, value: str) -> None:
+    def _report(self, node: yaml.Node, path: Path, rule: str) -> None:
         where = f"{self._file}:{node.start_mark.line + 1}"
-        self.problems.append(Problem(where, path_text(path) or "the file", rule, value))
+        self.problems.append(Problem(where, path_text(path) or "the file", rule))
 
 
 def _whole(text: str) -> int | float:

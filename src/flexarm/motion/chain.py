@@ -63,8 +63,7 @@ def rigid_chain(where: str, arm: Arm) -> RigidChain:
         InputError: if no joint turns, or two joints that turn are at the same position.
     """
     if check_arm(where, arm).joints == 0:
-        rule = "have a joint that turns"
-        raise InputError(Problem(where, "arm", rule, "one whose joints are all fixed"))
+        raise InputError(Problem(where, "arm", "has no joint that is not fixed"))
     turning = [seat.link for seat in arm.assembly.seats]
     base, before = _walk(arm, 0, turning[0])
     lengths, offset = [], []
@@ -72,9 +71,8 @@ def rigid_chain(where: str, arm: Arm) -> RigidChain:
         bar, turned = _walk(arm, first, end)
         length, direction = float(np.hypot(*bar)), float(np.arctan2(bar[1], bar[0]))
         if length <= 1e-12 * float(np.sum(arm.lengths)):
-            rule = "keep its joints apart"
-            value = f"one whose fixed links close a loop after joint {first + 1}"
-            raise InputError(Problem(where, "arm", rule, value))
+            rule = f"has two joints at one place: its fixed links return to joint {first + 1}"
+            raise InputError(Problem(where, "arm", rule))
         lengths.append(length)
         offset.append(before + direction)
         before = turned - direction

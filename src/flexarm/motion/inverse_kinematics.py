@@ -68,7 +68,7 @@ def inverse_kinematics(
     """
     lengths = check_array(where, "lengths", lengths, (-1,))
     if len(lengths) == 0 or np.min(lengths) <= 0.0:
-        raise InputError(Problem(where, "lengths", "be positive", shown(lengths.tolist())))
+        raise InputError(Problem(where, "lengths", "be greater than 0", shown(lengths.tolist())))
     point = check_array(where, "point", point, (2,))
     check_elbow(where, elbow)
     check_reach(where, "point", lengths, point)
@@ -91,14 +91,14 @@ def check_reach(where: str, name: str, lengths: Floats, point: Floats) -> None:
     value = f"({point[0]:.6g}, {point[1]:.6g}), {distance:.6g} m from it"
     if len(lengths) == 1 and abs(distance - outer) > slack:
         rule = f"lie on the circle of radius {outer:.6g} m about the base"
-        hint = "The tip of a one-link arm cannot leave that circle."
+        hint = "The tip of a one-link arm stays on that circle."
         raise InputError(Problem(where, name, rule, value, hint))
     if distance > outer + slack:
         rule = f"lie within the reach of {outer:.6g} m from the base"
-        raise InputError(Problem(where, name, rule, value, "Even the straight arm is too short."))
+        raise InputError(Problem(where, name, rule, value, "The straight arm is too short."))
     if distance < inner - slack:
         rule = f"lie at least {inner:.6g} m from the base"
-        hint = "One link is longer than all the others together, so the folded arm leaves a hole."
+        hint = "One link is longer than all the others together."
         raise InputError(Problem(where, name, rule, value, hint))
 
 
@@ -188,9 +188,9 @@ def damped_least_squares(lengths: Floats, point: Floats, posture: Floats) -> tup
 def _from_posture(where: str, lengths: Floats, point: Floats, posture: ArrayLike) -> Floats:
     seed = check_array(where, "posture", posture, (len(lengths),))
     if len(lengths) < 3:
-        rule = "be left out for an arm of one or two links"
-        hint = "Its postures are known in closed form: choose with elbow='up' or 'down'."
-        raise InputError(Problem(where, "posture", rule, shown(seed.tolist()), hint))
+        rule = "is not supported for an arm of one or two links"
+        hint = "Choose the posture with elbow='up' or 'down'."
+        raise InputError(Problem(where, "posture", rule, hint=hint))
     if _on_boundary(lengths, point):
         # The only posture is straight or folded, and the search would converge slowly to it.
         return _wrapped(built_posture(lengths, point, "up"))

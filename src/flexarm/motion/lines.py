@@ -105,9 +105,9 @@ def line_motion(
     end = check_array(where, "end", end, (2,)) - chain.base
     check_elbow(where, elbow)
     if len(lengths) == 1:
-        rule = "have at least two links to follow a line"
-        hint = "The tip of one link moves on a circle: use joint_motion."
-        raise InputError(Problem(where, "arm", rule, "an arm of one link", hint))
+        rule = "has one link, which cannot follow a line"
+        hint = "Its tip moves on a circle: use joint_motion."
+        raise InputError(Problem(where, "arm", rule, hint=hint))
     check_reach(where, "start", lengths, start)
     check_reach(where, "end", lengths, end)
     _check_margins(where, lengths, start, end)
@@ -129,8 +129,8 @@ def _check_margins(where: str, lengths: Floats, start: Floats, end: Floats) -> N
     for name, point in (("start", start), ("end", end)):  # the farthest point of a line is an end
         distance = float(np.hypot(*point))
         if distance > outer - margin:
-            rule = f"be less than {outer - margin:.9g} m from the base, short of full stretch"
-            hint = "At full stretch the joints cannot follow a line, not even from rest."
+            rule = f"be less than {outer - margin:.9g} m from the base"
+            hint = "The straight arm cannot follow a line."
             raise InputError(Problem(where, name, rule, _place(point, distance), hint))
     # Without a hole, three links or more can pass the base; only their posture may be singular.
     if inner == 0.0 and len(lengths) > 2:
@@ -141,11 +141,11 @@ def _check_margins(where: str, lengths: Floats, start: Floats, end: Floats) -> N
         return
     if inner == 0.0:
         rule = f"stay at least {margin:.3g} m away from the base"
-        hint = "There the arm is folded and its first joint would have to turn at once."
+        hint = "There the arm is folded, and its first joint would have to jump."
     else:
-        rule = f"stay more than {inner + margin:.9g} m from the base, outside the hole"
-        hint = "In the hole no posture exists, and at its rim the folded arm cannot follow."
-    value = f"at its nearest {_place(nearest, distance)}"
+        rule = f"stay more than {inner + margin:.9g} m from the base"
+        hint = "Closer points cannot be reached, and the folded arm cannot follow a line."
+    value = f"a nearest point of {_place(nearest, distance)}"
     raise InputError(Problem(where, "line from start to end", rule, value, hint))
 
 

@@ -227,11 +227,11 @@ def check_motion(where: str, motion: object, arm: Arm | None = None) -> Motion:
         InputError: if it is not a `Motion`, or is for another number of joints.
     """
     if not isinstance(motion, Motion):
-        hint = "fa.line_motion and fa.joint_motion make motions."
+        hint = "Create one with fa.line_motion or fa.joint_motion."
         raise InputError(Problem(where, "motion", "be a motion", shown(motion), hint))
     if arm is not None and motion.joints != arm.joints:
-        rule = f"have the arm's {arm.joints} joint(s)"
-        raise InputError(Problem(where, "motion", rule, f"a motion of {motion.joints} joint(s)"))
+        rule = f"have the number of joints of the arm, {arm.joints}"
+        raise InputError(Problem(where, "motion", rule, str(motion.joints)))
     return motion
 
 

@@ -69,9 +69,11 @@ class TipConstraint:
         values = np.linalg.svd(jacobians, compute_uv=False)[:, -1]
         k = int(np.argmin(values))
         if values[k] < _SMALLEST * np.sum(chain.lengths):
-            rule = "avoid postures in which the joints cannot move the tip in every direction"
-            value = f"in one at t = {times[k]:.6g} s: joint angles {np.round(angles[k], 4)} rad"
-            raise InputError(Problem("tip_inversion", "motion", rule, value))
+            rule = (
+                f"is singular at t = {times[k]:.6g} s: with the joint angles "
+                f"{np.round(angles[k], 4)} rad the joints cannot move the tip in every direction"
+            )
+            raise InputError(Problem("tip_inversion", "motion", rule))
 
     def misses(self, t: Floats, q: Floats, along: DynamicsAlong) -> tuple[Floats, Floats]:
         """Return the residuals (T, n), m, and their derivatives by q, (T, n, dof)."""

@@ -44,19 +44,19 @@ def read_result(path: AnyPath) -> xr.Dataset:
     form = FORMATS.get(suffix)
     if form is None or form.read is None:
         readable = " or ".join(name for name, known in FORMATS.items() if known.read)
-        rule = f"be a {readable} file, which holds all of a result"
+        rule = f"be a {readable} file, which contains the whole result"
         raise InputError(Problem("read_result", "path", rule, shown(str(path))))
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise OSError("it is not an ordinary file")
         result = form.read(path)
     except FileNotFoundError:
-        raise InputError(Problem(str(path), "the file", "exist", "missing")) from None
+        raise InputError(Problem(str(path), "the file", "does not exist")) from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        reason = f"not: {getattr(error, 'strerror', None) or error}"
-        rule = f"be an intact {form.name} file"
-        raise InputError(Problem(str(path), "the file", rule, reason)) from None
+        reason = getattr(error, "strerror", None) or error
+        rule = f"is not an intact {form.name} file: {reason}"
+        raise InputError(Problem(str(path), "the file", rule)) from None
     if "flexarm_version" not in result.attrs:
-        rule = "be a result that flexarm has written"
-        raise InputError(Problem(str(path), "the file", rule, f"some other {form.name} file"))
+        rule = f"is a {form.name} file that was not written by flexarm"
+        raise InputError(Problem(str(path), "the file", rule))
     return result

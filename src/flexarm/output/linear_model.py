@@ -35,7 +35,7 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
     from flexarm.linear import LinearModel
 
     if not isinstance(model, LinearModel):
-        hint = "fa.linearize makes one."
+        hint = "fa.linearize returns one."
         rule = "be a LinearModel"
         raise InputError(Problem("save_linear", "model", rule, shown(model), hint))
     place = check_place("save_linear", "path", path, MODEL_SUFFIXES)

@@ -172,8 +172,8 @@ def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
     where = "plot.bending_moment"
     result = check_drawable(where, "result", result)
     if "bending_moment" not in result:
-        hint = "Simulate with stations=11, for instance, to record it."
-        raise InputError(Problem(where, "result", "hold 'bending_moment'", "without it", hint))
+        hint = "Simulate with stations=11, for example, to record it."
+        raise InputError(Problem(where, "result", "has no 'bending_moment'", hint=hint))
     arm = arm_of(where, "result", result)
     moment = result["bending_moment"].values
     scale, unit = readable_unit("N m", moment)

@@ -81,13 +81,12 @@ class _Numbers:
         needed = ("controller", "plant", "reference", "failure", *(name for name, *_ in _PANELS))
         missing = [name for name in needed if name not in table.variables]
         if missing:
-            value = f"without {missing[0]!r}"
+            value = f"a dataset without {missing[0]!r}"
             raise InputError(Problem(where, "table", "be a table of compare", value))
         self.table = table
         self.chosen = [panel for panel in _PANELS if np.isfinite(table[panel[0]].values).any()]
         if not self.chosen:
-            rule = "hold the numbers of one run at least"
-            raise InputError(Problem(where, "table", rule, "of runs that stopped"))
+            raise InputError(Problem(where, "table", "contains only runs that failed"))
         self.names = [str(name) for name in table["controller"].values]
         self.references = table["reference"].values
         height = _EDGES + (_LINE * len(self.names) + 0.75) * len(self.references)

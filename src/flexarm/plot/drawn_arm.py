@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm.arguments import check_dataset, check_kind, check_nonnegative
 from flexarm.arm import Arm
-from flexarm.errors import InputError, ModelError, Problem, shown
+from flexarm.errors import InputError, ModelError, Problem
 from flexarm.model import Scenario, arm_spec_of_text, scenario_of_text
 
 if TYPE_CHECKING:
@@ -37,11 +37,11 @@ def check_drawable(where: str, name: str, value: object) -> xr.Dataset:
         raise InputError(Problem(where, name, rule, "a dataset without the coordinates of an arm"))
     arm = arm_of(where, name, result)
     if result["q"].shape[1:] != (arm.dof,):
-        rule = f"hold the {arm.dof} coordinates of its arm"
-        value = f"a dataset with q of shape {result['q'].shape}"
+        rule = f"have the {arm.dof} coordinates of its arm"
+        value = f"q of shape {result['q'].shape}"
         raise InputError(Problem(where, name, rule, value))
     if not np.isfinite(result["q"].values).all():
-        raise InputError(Problem(where, name, "hold finite coordinates", "one with others"))
+        raise InputError(Problem(where, name, "contains NaN or infinite coordinates"))
     return result
 
 
@@ -62,14 +62,13 @@ def arm_of(where: str, name: str, result: xr.Dataset) -> Arm:
     """
     text = result.attrs.get("arm")
     if not isinstance(text, str):
-        rule = "carry its arm in the attribute 'arm'"
-        raise InputError(Problem(where, name, rule, shown(text)))
+        rule = "has no attribute 'arm' with the text of its arm"
+        raise InputError(Problem(where, name, rule))
     try:
         return _arm(text)
     except ModelError as error:
-        value = f"not: {error.problems[0]}"
-        rule = "carry the file of its arm in the attribute 'arm'"
-        raise InputError(Problem(where, name, rule, value)) from None
+        rule = f"has an invalid attribute 'arm': {str(error.problems[0]).rstrip('.')}"
+        raise InputError(Problem(where, name, rule)) from None
 
 
 @lru_cache(maxsize=8)

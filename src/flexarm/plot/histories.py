@@ -100,12 +100,12 @@ def compare(
     }
     first = next(iter(by_result.values()))
     if any(len(found) != len(first) for found in by_result.values()):
-        rule = "be given where the results have different ones"
-        raise InputError(Problem(where, "channels", rule, shown(channels)))
+        rule = "are required, because the results have different ones"
+        raise InputError(Problem(where, "channels", rule))
     for signals in first:
         if max(len(found[first.index(signals)].keys) for found in by_result.values()) > 4:
             hint = f"Name one, such as '{signals.name}[{signals.keys[0]}]'."
-            rule = "have at most four parts each"
+            rule = "have at most four components each"
             raise InputError(Problem(where, "channels", rule, shown(signals.name), hint))
 
     def draw(panel: Axes, signals: Signals) -> None:
@@ -169,7 +169,7 @@ def _plotly_requested(where: str, backend: object, axes: object) -> bool:
     if check_choice(where, "backend", backend, BACKENDS) == "matplotlib":
         return False
     if axes is not None:
-        raise InputError(Problem(where, "axes", "be left out with backend='plotly'", "given"))
+        raise InputError(Problem(where, "axes", "cannot be combined with backend='plotly'"))
     return True
 
 

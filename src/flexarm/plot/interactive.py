@@ -63,6 +63,6 @@ def _plotly(where: str) -> tuple[Any, Any]:
         from plotly import graph_objects, subplots
     except ImportError:
         hint = "Install it with: pip install 'flexarm[plots]'."
-        rule = "be 'matplotlib' where Plotly is not installed"
-        raise InputError(Problem(where, "backend", rule, "'plotly'", hint)) from None
+        rule = "'plotly' is not installed"
+        raise InputError(Problem(where, "backend", rule, hint=hint)) from None
     return graph_objects, subplots

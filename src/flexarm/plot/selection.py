@@ -86,8 +86,8 @@ def signals_of(where: str, name: str, result: xr.Dataset, channel: object) -> Si
     wanted = "".join(part.rstrip("]").split())
     if wanted not in found.keys:
         keys = ", ".join(f"{plain}[{key}]" for key in found.keys[:4])
-        hint = f"Its parts are {keys}{', ...' if len(found.keys) > 4 else ''}."
-        rule = "name a part of its channel"
+        hint = f"Its components are {keys}{', ...' if len(found.keys) > 4 else ''}."
+        rule = "be a component of its channel"
         raise InputError(Problem(where, name, rule, shown(channel), hint))
     k = found.keys.index(wanted)
     values = found.values[:, k : k + 1]

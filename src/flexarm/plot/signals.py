@@ -67,7 +67,7 @@ def _check(result: xr.Dataset) -> None:
     needed = ("tip", "joint_angle", "link_tip_deflection", "joint_rate", *_ENERGIES, "torque")
     missing = [name for name in needed if name not in result]
     if missing:
-        value = f"without {missing[0]!r}"
+        value = f"a dataset without {missing[0]!r}"
         raise InputError(Problem("signals_figure", "result", "be a result of simulate", value))
 
 

@@ -78,8 +78,8 @@ def _estimator(spec: FilterSpec, around: Around) -> dict[str, Any]:
     else:
         instruments = list((around.hardware and around.hardware.instruments) or ())
     if not instruments:
-        rule = "be given where the hardware has none"
-        raise InputError(Problem("drive", "estimator.instruments", rule, "missing"))
+        rule = "are required, because the hardware has none"
+        raise InputError(Problem("drive", "estimator.instruments", rule))
     names = ("torque_noise", "payload_deviation", "payload_drift", "rate_deviation")
     options = {name: getattr(spec, name) for name in (*names, "energy_deviation")}
     with told_inside("estimator"):

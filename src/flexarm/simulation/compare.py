@@ -92,13 +92,11 @@ def compare(
     given = {"controllers": controllers, "plants": plants, "references": references}
     for name in ("plant", "reference", "controller", "progress", "torque"):
         if name in options:
-            rule = (
-                f"be left out: compare takes {name}s by name" if name != "torque" else "be left out"
-            )
-            raise InputError(Problem(where, name, rule, "given"))
+            hint = f"Use {name}s={{'name': ...}}." if name != "torque" else ""
+            raise InputError(Problem(where, name, "is not an argument of compare", hint=hint))
     for name, items in given.items():
         if not isinstance(items, Mapping) or not items or not all(map(_is_word, items)):
-            rule = "be a dictionary by name, with one entry at least"
+            rule = "be a dictionary by name with at least one entry"
             raise InputError(Problem(where, name, rule, shown(items)))
     duration = check_positive(where, "duration", duration)
     check_settling(where, settling, duration, references)
@@ -147,7 +145,7 @@ def check_settling(
         rest = duration - float(end)
         least = _ROUNDING * duration
         if rest > least and left_out > rest - least:
-            rule = f"be less than the {rest:g} s that the run goes on after {name!r} has ended"
+            rule = f"be less than the {rest:g} s of the run after the end of {name!r}"
             raise InputError(Problem(where, "settling", rule, shown(settling)))
 
 

@@ -198,11 +198,11 @@ class Plant:
     def _check_time(self, until: float) -> None:
         where = "Plant.step"
         if self._stopped_at is not None:
-            stopped = f"one that stopped at t = {self._stopped_at:.6g} s"
-            raise InputError(Problem(where, "the plant", "be reset first", stopped))
+            rule = f"stopped at t = {self._stopped_at:.6g} s and must be reset"
+            raise InputError(Problem(where, "the plant", rule))
         # The sum of the sample times may exceed the duration by rounding.
         if until > self._duration * (1.0 + 1e-12):
-            rule = f"stay within the plant's duration of {self._duration:.6g} s"
+            rule = f"be at most the duration of the plant, {self._duration:.6g} s"
             raise InputError(Problem(where, "the next sample time", rule, f"{until:.6g} s"))
 
     @property
@@ -244,6 +244,6 @@ def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration
     loads = check_list_of("Plant", "loads", loads, Load)
     factors = [load.factor for load in loads]
     if callable(base_acceleration) or any(callable(factor) for factor in factors):
-        rule = "be given with loads or a base that are functions of time"
-        hint = "Tables (times, values) need none."
-        raise InputError(Problem("Plant", "duration", rule, "nothing", hint))
+        rule = "is required with loads or a base acceleration that are functions of time"
+        hint = "Tables (times, values) do not need it."
+        raise InputError(Problem("Plant", "duration", rule, hint=hint))

@@ -184,7 +184,7 @@ def simulate(
         check_flag(where, "specialized", specialized)
     for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
         if given and controller is not None:
-            raise InputError(Problem(where, name, "not be combined with a controller", "given"))
+            raise InputError(Problem(where, name, "cannot be combined with a controller"))
     duration = check_positive(where, "duration", duration)
     if step is not None and check_positive(where, "step", step) > duration:
         rule = f"be at most the duration of {duration:.6g} s"
@@ -196,7 +196,7 @@ def simulate(
     atol = check_positive(where, "atol", atol)
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
-        rule = f"have the {arm.joints} joints of the arm"
+        rule = f"have the number of joints of the arm, {arm.joints}"
         raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
     if (fault := sample_fault(duration, rate)) is not None:
         raise InputError(fault.problem(where))
@@ -351,10 +351,10 @@ def _check_objects(
     check_kind(where, "arm", arm, Arm)
     if plant is not None:
         check_kind(where, "plant", plant, Arm)
-    if hardware is not None and (not isinstance(hardware, Hardware) or controller is None):
-        rule = "be a Hardware object, and given together with a controller"
-        value = "given" if isinstance(hardware, Hardware) else shown(hardware)
-        raise InputError(Problem(where, "hardware", rule, value))
+    if hardware is not None:
+        check_kind(where, "hardware", hardware, Hardware)
+        if controller is None:
+            raise InputError(Problem(where, "hardware", "requires a controller"))
     if controller is None:
         return
     if (problem := controller_problem(where, "controller", controller)) is not None:
@@ -375,8 +375,8 @@ def _initial_state(
         name = "reference" if reference is not None else "torque"
         straight = np.asarray(call(name, motion.joint_angle, 0.0))
         if straight.shape != (arm.joints,):
-            rule = f"be of an arm with {arm.joints} joints"
-            raise InputError(Problem("simulate", name, rule, f"of one with {straight.size}"))
+            rule = f"have the number of joints of the arm, {arm.joints}"
+            raise InputError(Problem("simulate", name, rule, str(straight.size)))
     return initial_state("simulate", arm, initial, initial_rate, straight)
 
 

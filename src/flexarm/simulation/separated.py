@@ -126,8 +126,10 @@ def simulate_separated(
             "initial_deviation_rate": initial_deviation_rate,
         }
         for name in (name for name, value in given.items() if value is not None):
-            rule = "be left out of the quasi_static estimate, which knows the reference alone"
-            raise InputError(Problem(where, name, rule, "given"))
+            rule = (
+                "is not supported by the quasi_static estimate, which depends on the reference only"
+            )
+            raise InputError(Problem(where, name, rule))
         dq, dqd = _quasi_static(model, times, until)
     else:
         path = _converged(model, until, start, added, allowed)

@@ -178,7 +178,7 @@ class TestWrongInput:
     @pytest.mark.parametrize(
         ("change", "message"),
         [
-            ({"x": [0.1, 1.0]}, "x must start at 0, but is"),
+            ({"x": [0.1, 1.0]}, "x must start at 0, got"),
             ({"x": [0.0, 0.0]}, "x must increase strictly"),
             ({"flexural_rigidity": [1.0, 0.0]}, "flexural_rigidity must be positive"),
             ({"mass_per_length": [1.0, -1.0]}, "mass_per_length must be positive somewhere"),
@@ -186,11 +186,11 @@ class TestWrongInput:
             ({"rotary_inertia_per_length": [0.0, -1.0]}, "must not be negative"),
             ({"mass_per_length": [1.0]}, "mass_per_length must be numbers of shape"),
             ({"flexural_rigidity": [1.0, np.nan]}, r"flexural_rigidity\[1\] must be finite"),
-            ({"elements": 0}, "elements must be a whole number of at least 1, but is 0"),
+            ({"elements": 0}, "elements must be a whole number of at least 1, got 0"),
             ({"elements": 2.0}, "elements must be a whole number"),
             ({"elements": True}, "elements must be a whole number"),
-            ({"modes": 0}, "modes must be a whole number from 1 to 4, but is 0"),
-            ({"modes": 5}, "modes must be a whole number from 1 to 4, but is 5"),
+            ({"modes": 0}, "modes must be a whole number from 1 to 4, got 0"),
+            ({"modes": 5}, "modes must be a whole number from 1 to 4, got 5"),
         ],
     )
     def test_is_refused_with_place_rule_and_value(self, change, message):

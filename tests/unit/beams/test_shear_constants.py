@@ -238,7 +238,7 @@ def test_the_rigid_body_does_not_know_of_shear():
 @pytest.mark.parametrize(
     ("shear", "message"),
     [
-        ([1.0, 0.0, 1.0, 1.0], r"shear_rigidity must be positive, but is \[1, 0, 1, 1\]"),
+        ([1.0, 0.0, 1.0, 1.0], r"shear_rigidity must be positive, got \[1, 0, 1, 1\]"),
         ([1.0, 1.0], "shear_rigidity must be numbers of shape"),
         ([1.0, np.inf, 1.0, 1.0], r"shear_rigidity\[1\] must be finite"),
     ],

@@ -180,15 +180,15 @@ WALL = fa.Wall((0.0, 0.0), (0.0, 1.0))
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"stiffness": 0.0}, "stiffness must be greater than 0, but is 0"),
-        ({"stiffness": 1.0, "exponent": 0.5}, "exponent must be from 1 to 5, but is 0.5"),
-        ({"stiffness": 1.0, "damping": -1.0}, "damping must be at least 0, but is -1"),
+        ({"stiffness": 0.0}, "stiffness must be greater than 0, got 0"),
+        ({"stiffness": 1.0, "exponent": 0.5}, "exponent must be from 1 to 5, got 0.5"),
+        ({"stiffness": 1.0, "damping": -1.0}, "damping must be at least 0, got -1"),
         ({"stiffness": 1.0, "friction": np.nan}, "friction must be finite"),
         ({"stiffness": 1.0, "friction_speed": 0}, "friction_speed must be greater than 0"),
-        ({"stiffness": 1.0, "station": -1.0}, "station must be at least 0, but is -1"),
+        ({"stiffness": 1.0, "station": -1.0}, "station must be at least 0, got -1"),
         (
             {"stiffness": 1.0, "link": True},
-            "link must be the number of a link, 1 or more, or None for the last, but is True",
+            "link must be the number of a link, 1 or more, or None for the last, got True",
         ),
         ({"stiffness": 1.0, "link": 0}, "link must be the number of a link"),
         ({"stiffness": 1.0, "link": 1.5}, "link must be the number of a link"),

@@ -145,7 +145,10 @@ def test_the_force_of_a_table_does_not_jump_at_a_knot():
         (lambda: fa.Wall((0, 0), (0, 0)), "Wall: normal must have a length greater than 0"),
         (lambda: fa.Wall((0, np.nan), (0, 1)), r"Wall: point\[1\] must be finite"),
         (lambda: fa.RoundWall((0, 0), 0.0), "RoundWall: radius must be greater than 0"),
-        (lambda: fa.SurfaceTable([0, 1], [0, 1]), "SurfaceTable: x must hold three points"),
+        (
+            lambda: fa.SurfaceTable([0, 1], [0, 1]),
+            "SurfaceTable: x must have at least three points",
+        ),
         (lambda: fa.SurfaceTable([0, 1, 2], [0, 1]), r"SurfaceTable: y must be numbers of shape"),
         (
             lambda: fa.SurfaceTable([0, 1, 1, 2], [0, 1, 1, 2]),

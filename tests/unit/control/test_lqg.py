@@ -332,12 +332,12 @@ def test_saturated_integral_does_not_wind_up():
     [
         ({"posture": [0.0]}, "posture"),
         ({"schedule": [None]}, "schedule"),
-        ({"schedule": [None, [1.0, 0.5]]}, "rising"),
+        ({"schedule": [None, [1.0, 0.5]]}, "increasing"),
         ({"acceptable": {"elbow": 1.0}}, "elbow"),
         ({"acceptable": {"tip": 0.0}}, "greater than 0"),
-        ({"acceptable": {"strain": 1e-4}}, "weigh every motion"),
+        ({"acceptable": {"strain": 1e-4}}, "gives no weight to an undamped mode"),
         ({"acceptable_torque": [1.0, 2.0, 3.0]}, "acceptable_torque"),
-        ({"measured": {"strain": 1e-6}}, "tell every motion"),
+        ({"measured": {"strain": 1e-6}}, "does not detect an undamped mode"),
         ({"measured": {"accelerometer": 1e-6}}, "accelerometer"),
         ({"disturbance": {"wind": 1.0}}, "wind"),
         ({"integral": "strain"}, "strain"),
@@ -356,12 +356,12 @@ def test_what_is_refused(options, word):
 @pytest.mark.parametrize(
     ("design", "options", "message"),
     [
-        (fa.LQG, {"measured": {"strain": 1e-6}}, "^LQG: measured must leave out the strain of an"),
-        (fa.LQG, {"acceptable": {"strain": 1e-4}}, "^LQG: acceptable must leave out the strain"),
+        (fa.LQG, {"measured": {"strain": 1e-6}}, "^LQG: measured has strain, but the arm has no"),
+        (fa.LQG, {"acceptable": {"strain": 1e-4}}, "^LQG: acceptable has strain"),
         (fa.LQG, {"acceptable": {"contact_force": 1.0}}, "^LQG: acceptable .*'contact_force'"),
-        (fa.MPC, {"measured": {"strain": 1e-6}, "torque_limit": 1.0}, "^MPC: measured must leave"),
-        (fa.Composite, {"measured": {"strain": 1e-6}}, "^Composite: measured must leave out"),
-        (fa.Composite, {"acceptable": {"strain": 1e-4}}, "^Composite: acceptable must leave out"),
+        (fa.MPC, {"measured": {"strain": 1e-6}, "torque_limit": 1.0}, "^MPC: measured has strain"),
+        (fa.Composite, {"measured": {"strain": 1e-6}}, "^Composite: measured has strain"),
+        (fa.Composite, {"acceptable": {"strain": 1e-4}}, "^Composite: acceptable has strain"),
     ],
     ids=lambda value: str(value)[:40],
 )

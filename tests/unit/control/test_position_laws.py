@@ -218,11 +218,11 @@ def test_feedforward_is_looked_up_for_many_samples_at_once():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: fa.JointPID([1.0, -1.0], 1.0), "proportional must hold finite gains"),
+        (lambda: fa.JointPID([1.0, -1.0], 1.0), "proportional must be finite gains"),
         (lambda: fa.JointPID(1.0, np.nan), "derivative must be finite"),
         (lambda: fa.JointPID(1.0, 1.0, "much"), "integral must be"),
         (lambda: fa.JointPID(1.0, 1.0, torque_limit=0.0), "torque_limit must be a number greater"),
-        (lambda: fa.JointPID(1.0, 1.0, sag=True), "arm must be given with sag"),
+        (lambda: fa.JointPID(1.0, 1.0, sag=True), "arm is required with sag"),
         (lambda: fa.JointPID(1.0, 1.0, arm="arm"), "arm must be an Arm"),
         (lambda: fa.JointPID([1.0] * 3, [1.0] * 3, arm=arm()), "each of 2 joints"),
         (lambda: fa.JointPID(1.0, 1.0, feedforward=3.0), "feedforward must be a function"),
@@ -231,7 +231,7 @@ def test_feedforward_is_looked_up_for_many_samples_at_once():
         (lambda: fa.ComputedTorque(arm(), 0.0), "frequency_hz must be a number greater than 0"),
         (lambda: fa.ComputedTorque(arm(), np.inf), "frequency_hz must be finite"),
         (lambda: fa.ComputedTorque(arm(), [1.0] * 3), "each of 2 joints"),
-        (lambda: fa.ComputedTorque(arm(), 1.0, -0.1), "damping_ratio must hold finite gains"),
+        (lambda: fa.ComputedTorque(arm(), 1.0, -0.1), "damping_ratio must be finite gains"),
         (lambda: fa.StrainFeedback(1.0, 1.0, np.ones((1, 1, 1))), "strain must be"),
         (lambda: fa.StrainFeedback(1.0, 1.0, 1.0, rate_cutoff=0.0), "rate_cutoff"),
     ],

@@ -77,5 +77,5 @@ def test_what_linear_models_refuse():
         fa.linearize(flat, flat.rest([0.0, 0.0]), outputs=["contact_force"])
     wall = fa.Contact(fa.Wall((1.2, 0.0), (-1.0, 0.0)), 1e4)
     rest = fa.equilibrium(flat, [-0.4, 0.95], contacts=[wall])
-    with pytest.raises(fa.InputError, match="torque, loads and contacts must be left out"):
+    with pytest.raises(fa.InputError, match="torque, loads and contacts cannot be combined"):
         fa.linearize(flat, rest, contacts=[wall])

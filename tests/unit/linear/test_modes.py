@@ -207,9 +207,9 @@ class TestCurves:
         ({"joints": ["locked"]}, "for each of 2 joints"),
         ({"joints": ["locked", (1.0,)]}, "joints must be numbers of shape"),
         ({"q": [0.0]}, "q must be numbers of shape"),
-        ({"joint_angles": ANGLES, "q": np.zeros(8)}, "joint_angles must be left out"),
+        ({"joint_angles": ANGLES, "q": np.zeros(8)}, "joint_angles cannot be combined with q"),
         ({"spin": np.nan}, "spin must be finite"),
-        ({"spin": 1.0, "tip_force": (1.0, 0.0)}, "loads must be left out where the arm spins"),
+        ({"spin": 1.0, "tip_force": (1.0, 0.0)}, "loads cannot be combined with spin"),
     ],
 )
 def test_wrong_input(fields, message):

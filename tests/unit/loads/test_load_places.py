@@ -161,32 +161,26 @@ def test_nothing_acts_where_nothing_is_given():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"force": (1.0, np.nan)}, "Load: force[1] must be finite, but is nan."),
-        ({"force": 3.0}, "Load: force must be numbers of shape (2,), but is a number."),
-        ({"moment": np.inf}, "Load: moment must be finite, but is inf."),
-        ({"frame": "body"}, "Load: frame must be one of 'world', 'link', but is 'body'."),
-        ({"station": -0.1}, "Load: station must be at least 0, but is -0.1."),
-        ({"station": np.nan}, "Load: station must be finite, but is nan."),
+        ({"force": (1.0, np.nan)}, "Load: force[1] must be finite, got nan."),
+        ({"force": 3.0}, "Load: force must be numbers of shape (2,), got a number."),
+        ({"moment": np.inf}, "Load: moment must be finite, got inf."),
+        ({"frame": "body"}, "Load: frame must be one of 'world', 'link', got 'body'."),
+        ({"station": -0.1}, "Load: station must be at least 0, got -0.1."),
+        ({"station": np.nan}, "Load: station must be finite, got nan."),
         (
             {"spread": (0.5, 0.2)},
             (
-                "Load: spread must be a start and an end beyond it, from the link's root, "
-                "but is (0.5, 0.2)."
+                "Load: spread must be two increasing distances from the root of the link, "
+                "got (0.5, 0.2)."
             ),
         ),
         (
             {"spread": (0.1, 0.2), "moment": 1.0},
-            (
-                "Load: spread must be left out of a load that has a station or a moment, "
-                "but is (0.1, 0.2)."
-            ),
+            ("Load: spread cannot be combined with a station or a moment."),
         ),
         (
             {"spread": (0.1, 0.2), "station": 0.1},
-            (
-                "Load: spread must be left out of a load that has a station or a moment, "
-                "but is (0.1, 0.2)."
-            ),
+            ("Load: spread cannot be combined with a station or a moment."),
         ),
     ],
 )
@@ -199,15 +193,15 @@ def test_wrong_loads_are_refused(fields, message):
 @pytest.mark.parametrize(
     ("load", "message"),
     [
-        (fa.Load(0), "Load.link must be the number of a link, 1 to 3, but is 0."),
-        (fa.Load(4), "Load.link must be the number of a link, 1 to 3, but is 4."),
+        (fa.Load(0), "Load.link must be the number of a link, 1 to 3, got 0."),
+        (fa.Load(4), "Load.link must be the number of a link, 1 to 3, got 4."),
         (
             fa.Load(2, station=0.71),
-            "Load.station must lie within the link, whose length is 0.7, but is 0.71.",
+            "Load.station must lie within the link, whose length is 0.7, got 0.71.",
         ),
         (
             fa.Load(1, spread=(0.2, 1.3)),
-            "Load.spread must lie within the link, whose length is 1.2, but is 1.3.",
+            "Load.spread must lie within the link, whose length is 1.2, got 1.3.",
         ),
     ],
 )

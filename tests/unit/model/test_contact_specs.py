@@ -55,9 +55,9 @@ def test_every_kind_becomes_a_contact(tmp_path):
         ("  - {surface: {kind: wall, point: [0, 0], normal: [0, 1]}, stiffness: 1, station: 3}",
          r"contacts\[0\].station must be at most 1"),
         ("  - {surface: {kind: table, x: [0, 1], y: [0, 1]}, stiffness: 1}",
-         r"contacts\[0\].surface.x must hold three points or more"),
+         r"contacts\[0\].surface.x must have at least three points"),
         ("  - {surface: {kind: table, x: [0, 1, 1], y: [0, 1, 1]}, stiffness: 1}",
-         r"contacts\[0\].surface.x\[2\] must differ from the one before"),
+         r"contacts\[0\].surface.x\[2\] must differ from the previous"),
         ("  - {surface: {kind: round, center: [0, 0], radius: 1}, stifness: 1}", "stiffness"),
     ],
 )  # fmt: skip

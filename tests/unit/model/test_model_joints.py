@@ -35,34 +35,34 @@ def test_mappings_are_read_as_what_they_describe():
 @pytest.mark.parametrize(
     ("model", "fields", "message"),
     [
-        (Friction, {}, "coulomb must be given"),
-        (Friction, {"coulomb": -1.0}, "coulomb must be at least 0, but is -1."),
+        (Friction, {}, "coulomb is missing"),
+        (Friction, {"coulomb": -1.0}, "coulomb must be at least 0, got -1."),
         (
             Friction,
             {"coulomb": 2.0, "static": 1.5},
-            "static must be at least coulomb, which is 2, but is 1.5.",
+            "static must be at least coulomb (2), got 1.5.",
         ),
-        (Friction, {"coulomb": 1.0, "smoothing_rate": 0.0}, "must be greater than 0, but is 0."),
-        (Friction, {"coulomb": 1.0, "stribeck_rate": -1}, "must be greater than 0, but is -1."),
+        (Friction, {"coulomb": 1.0, "smoothing_rate": 0.0}, "must be greater than 0, got 0."),
+        (Friction, {"coulomb": 1.0, "stribeck_rate": -1}, "must be greater than 0, got -1."),
         (
             JointLimits,
             {"lower": 1.0, "upper": 1.0, "stiffness": 1.0},
-            "upper must be greater than lower, which is 1, but is 1.",
+            "upper must be greater than lower (1), got 1.",
         ),
-        (JointLimits, {"lower": 0.0, "upper": 1.0}, "stiffness must be given"),
+        (JointLimits, {"lower": 0.0, "upper": 1.0}, "stiffness is missing"),
         (
             JointLimits,
             {"lower": 0.0, "upper": 1.0, "stiffness": 0.0},
-            "stiffness must be greater than 0, but is 0.",
+            "stiffness must be greater than 0, got 0.",
         ),
         (
             JointLimits,
             {"lower": 0.0, "upper": 1.0, "stiffness": 1.0, "damping": -0.1},
-            "damping must be at least 0, but is -0.1.",
+            "damping must be at least 0, got -0.1.",
         ),
-        (Joint, {"stiffness": -1.0}, "stiffness must be at least 0, but is -1."),
+        (Joint, {"stiffness": -1.0}, "stiffness must be at least 0, got -1."),
         (Joint, {"rest_angle": float("nan")}, "rest_angle must be"),
-        (Joint, {"friction": 3.0}, "friction must be a mapping of keys to values, but is 3."),
+        (Joint, {"friction": 3.0}, "friction must be a mapping of keys to values, got 3."),
     ],
 )
 def test_wrong_joints_are_refused(model, fields, message):

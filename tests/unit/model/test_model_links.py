@@ -86,40 +86,37 @@ def test_coordinates():
 @pytest.mark.parametrize(
     ("values", "problems"),
     [
-        ({"length": 1}, [f"mass_per_length must be given, but is missing. {WAYS}"]),
+        ({"length": 1}, [f"mass_per_length is missing. {WAYS}"]),
         (
             {"length": 1, "flexural_rigidity": 1},
-            [f"mass_per_length must be given, but is missing. {WAYS}"],
+            [f"mass_per_length is missing. {WAYS}"],
         ),
         (
             {"length": 1, "mass_per_length": 1},
-            [f"flexural_rigidity must be given, but is missing. {RIGID} does without."],
+            [f"flexural_rigidity is missing. {RIGID} does not need it."],
         ),
         (
             {"length": 1, "material": "steel"},
-            ["section must be given together with material, but is missing."],
+            ["section is required with material."],
         ),
         (
             {"length": 1, "section": {"kind": "circle", "diameter": 0.1}},
-            ["material must be given together with section, but is missing."],
+            ["material is required with section."],
         ),
         (
             {**CONSTANTS, "table": TABLE, "rotary_inertia_per_length": 0},
             [
-                f"flexural_rigidity must be left out of a link that has table, but is 3. {WAYS}",
-                f"mass_per_length must be left out of a link that has table, but is 0.5. {WAYS}",
-                (
-                    "rotary_inertia_per_length must be left out of a link that has table, "
-                    f"but is 0. {WAYS}"
-                ),
+                f"flexural_rigidity cannot be combined with table. {WAYS}",
+                f"mass_per_length cannot be combined with table. {WAYS}",
+                (f"rotary_inertia_per_length cannot be combined with table. {WAYS}"),
             ],
         ),
         (
             {"length": 2, "table": {"x": [0, 2], "mass_per_length": [1, 0]}},
             [
-                f"table.flexural_rigidity must be given, but is missing. {RIGID} does without.",
+                f"table.flexural_rigidity is missing. {RIGID} does not need it.",
                 (
-                    f"table.mass_per_length[1] must be greater than 0, but is 0. {RIGID} may be "
+                    f"table.mass_per_length[1] must be greater than 0, got 0. {RIGID} may be "
                     "massless."
                 ),
             ],
@@ -128,38 +125,28 @@ def test_coordinates():
             {"length": 2.5, "table": TABLE},
             [
                 (
-                    "table.x must end at 2.5, the length of the link, but is 2. "
-                    "A table reaches from the root to the tip."
+                    "table.x must end at 2.5, the length of the link, got 2. A table covers "
+                    "the link from root to tip."
                 )
             ],
         ),
         (
             {**CONSTANTS, "mass_per_length": 0.0},
-            [f"mass_per_length must be greater than 0, but is 0. {RIGID} may be massless."],
+            [f"mass_per_length must be greater than 0, got 0. {RIGID} may be massless."],
         ),
         (
             {**CONSTANTS, "rotary_inertia": True},
-            [
-                (
-                    "rotary_inertia must be left out or false where nothing gives it, but is true. "
-                    "Give rotary_inertia_per_length."
-                )
-            ],
+            [("rotary_inertia requires rotary_inertia_per_length.")],
         ),
         (
             {"length": 2, "table": TABLE, "rotary_inertia": True},
-            [
-                (
-                    "rotary_inertia must be left out or false where nothing gives it, but is true. "
-                    "Give rotary_inertia_per_length."
-                )
-            ],
+            [("rotary_inertia requires rotary_inertia_per_length.")],
         ),
         (
             {**CONSTANTS, "elements": 3, "modes": 7},
             [
                 (
-                    "modes must be at most 6, twice the number of elements of a segment, but is 7. "
+                    "modes must be at most 6, twice the number of elements of a segment, got 7. "
                     "Use more elements, or fewer modes."
                 )
             ],
@@ -168,41 +155,37 @@ def test_coordinates():
             {**CONSTANTS, "elements": 100_000},
             [
                 (
-                    "elements must be at most 256, but is 100000. The modal basis of a link is "
-                    "dense: more elements cost more memory and rounding than they add accuracy."
+                    "elements must be at most 256, got 100000. The modal basis of a link is "
+                    "dense: more elements increase memory and rounding errors and do not "
+                    "improve the accuracy."
                 )
             ],
         ),
         (
             {**CONSTANTS, "modes": 1, "damping": {"kind": "modal", "ratio": [0.1, 0.2]}},
-            [
-                (
-                    "damping.ratio must be at most 1 long, the number of modes of the link, "
-                    "but is 2 long."
-                )
-            ],
+            [("damping.ratio must have length at most 1, the number of modes of the link, got 2.")],
         ),
         (
             {**CONSTANTS, "gauges": [Gauge(station=2, distance=0), Gauge(station=2.1, distance=0)]},
-            ["gauges[1].station must be at most 2, the length of the link, but is 2.1."],
+            ["gauges[1].station must be at most 2, the length of the link, got 2.1."],
         ),
-        ({**CONSTANTS, "damping": {"ratio": 0.1}}, ["damping.kind must be given, but is missing."]),
+        ({**CONSTANTS, "damping": {"ratio": 0.1}}, ["damping.kind is missing."]),
         (
             {**CONSTANTS, "damping": {"kind": "modal", "ratio": 2}},
-            [f"damping.ratio must be at most 1, but is 2. {FRACTION}"],
+            [f"damping.ratio must be at most 1, got 2. {FRACTION}"],
         ),
         (
             {**CONSTANTS, "damping": {"kind": "raleigh"}},
             [
                 (
-                    "damping.kind must be one of 'modal', 'rayleigh', but is 'raleigh'. "
+                    "damping.kind must be one of 'modal', 'rayleigh', got 'raleigh'. "
                     "Did you mean 'rayleigh'?"
                 )
             ],
         ),
         (
             {**CONSTANTS, "damping": 0.01},
-            ["damping must be a mapping of keys to values, but is 0.01."],
+            ["damping must be a mapping of keys to values, got 0.01."],
         ),
     ],
 )
@@ -221,15 +204,15 @@ def test_problems_between_values_are_told_with_those_of_single_values():
         "gauges": [{"station": -1}],
     }
     assert problems_of(Link, **values) == [
-        "length must be greater than 0, but is -1.",
-        "elements must be a whole number, but is 2.5.",
-        "modes must be at least 1, but is 0.",
-        "flexible must be true or false, but is 'no'.",
-        "gauges[0].station must be at least 0, but is -1.",
-        "gauges[0].distance must be given, but is missing.",
-        "EI must be a known key, but is unknown. Did you mean 'flexural_rigidity'?",
-        "mas_per_length must be a known key, but is unknown. Did you mean 'mass_per_length'?",
-        f"mass_per_length must be given, but is missing. {WAYS}",
+        "length must be greater than 0, got -1.",
+        "elements must be a whole number, got 2.5.",
+        "modes must be at least 1, got 0.",
+        "flexible must be true or false, got 'no'.",
+        "gauges[0].station must be at least 0, got -1.",
+        "gauges[0].distance is missing.",
+        "EI is not a known key. Did you mean 'flexural_rigidity'?",
+        "mas_per_length is not a known key. Did you mean 'mass_per_length'?",
+        f"mass_per_length is missing. {WAYS}",
     ]
 
 
@@ -268,7 +251,7 @@ def test_replace_checks_again():
     link = Link(**CONSTANTS)
     assert link.replace(length=3).length == 3.0
     assert link.replace(length=3).model_fields_set == link.model_fields_set
-    assert problems_of(link.replace, length=0) == ["Link: length must be greater than 0, but is 0."]
+    assert problems_of(link.replace, length=0) == ["Link: length must be greater than 0, got 0."]
 
 
 def test_lists_and_tuples_are_the_same():
@@ -289,7 +272,7 @@ def test_ratios_repeat_the_last_one_upwards():
     assert ModalDamping(ratio=[0.1, 0.2]).ratios(4) == (0.1, 0.2, 0.2, 0.2)
     assert ModalDamping(ratio=np.array([0.1, 0.2])).ratios(1) == (0.1,)
     assert problems_of(ModalDamping, ratio=[]) == [
-        "ratio must hold a number for at least the lowest mode, but is empty."
+        "ratio is empty: give the ratio of at least the lowest mode."
     ]
     assert RayleighDamping(stiffness_coefficient=1).mass_coefficient == 0.0
 

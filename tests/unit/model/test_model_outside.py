@@ -68,8 +68,8 @@ def test_joints_that_are_fixed_have_no_values():
         found.replace(prescribed=[HeldJoint(joint=2)], initial={"joint_angle": [0, 1, 2]})
     told = [problem.removeprefix("Scenario: ") for problem in str(caught.value).splitlines()]
     assert told == [
-        "initial.joint_angle must have one value for each of the 2 joints, but is 3 long.",
-        "prescribed[0].joint must be the number of a joint that turns: 1, 3, but is 2.",
+        "initial.joint_angle must have length 2, one value for each joint, got 3.",
+        ("prescribed[0].joint must be the number of a joint that is not fixed: 1, 3, got 2."),
     ]
 
 
@@ -79,72 +79,69 @@ def test_joints_that_are_fixed_have_no_values():
         (
             {},
             [
-                "link must be given, but is missing.",
-                "force must be given where there is no moment, but is missing.",
+                "link is missing.",
+                "force is required without a moment.",
             ],
         ),
-        ({"link": 1}, ["force must be given where there is no moment, but is missing."]),
-        ({"link": 0, "moment": 1}, ["link must be at least 1, but is 0."]),
-        ({"link": 3, "moment": 1}, ["link must be the number of a link, 1 to 2, but is 3."]),
-        ({"link": 1, "force": 5}, ["force must be a list of two numbers, but is 5."]),
+        ({"link": 1}, ["force is required without a moment."]),
+        ({"link": 0, "moment": 1}, ["link must be at least 1, got 0."]),
+        ({"link": 3, "moment": 1}, ["link must be the number of a link, 1 to 2, got 3."]),
+        ({"link": 1, "force": 5}, ["force must be a list of two numbers, got 5."]),
         (
             {"link": 1, "moment": 1, "station": 1.1},
-            ["station must be at most 1, the length of the link, but is 1.1."],
+            ["station must be at most 1, the length of the link, got 1.1."],
         ),
         (
             {"link": 2, "force": [0, 1], "spread": [0, 2.5]},
-            ["spread must be at most 2, the length of the link, but is 2.5."],
+            ["spread must be at most 2, the length of the link, got 2.5."],
         ),
         (
             {"link": 1, "force": [0, 1], "spread": [0.5, 0.5]},
             [
                 (
-                    "spread must be a start and an end beyond it, from the link's root, "
-                    "but is [0.5, 0.5]."
+                    "spread must be two increasing distances from the root of the link, got "
+                    "[0.5, 0.5]."
                 )
             ],
         ),
         (
             {"link": 1, "moment": 1, "station": 0.5, "spread": [0, 1]},
             [
-                "station must be left out of a load that is spread, but is 0.5.",
-                "moment must be left out of a load that is spread, but is 1.",
-                "force must be given where it is spread, but is missing.",
+                "station cannot be combined with spread.",
+                "moment cannot be combined with spread.",
+                "force is required with spread.",
             ],
         ),
         (
             {"link": 1, "moment": 1, "frame": "body"},
-            ["frame must be one of 'world', 'link', but is 'body'."],
+            ["frame must be one of 'world', 'link', got 'body'."],
         ),
         (
             {"link": 1, "moment": 1, "facter": 2},
-            ["facter must be a known key, but is unknown. Did you mean 'factor'?"],
+            ["facter is not a known key. Did you mean 'factor'?"],
         ),
         (
             {"link": 1, "moment": 1, "factor": 2},
-            ["factor must be a mapping of keys to values, but is 2."],
+            ["factor must be a mapping of keys to values, got 2."],
         ),
         (
             {"link": 1, "moment": 1, "factor": {"times": [], "values": [1]}},
-            ["factor.times must hold at least one time, but is empty."],
+            ["factor.times is empty."],
         ),
         (
             {"link": 1, "moment": 1, "factor": {"times": [0, 1], "values": [1]}},
-            ["factor.values must have a value for each of the 2 times, but is 1 long."],
+            ["factor.values must have length 2, one value for each time, got 1."],
         ),
         (
             {"link": 1, "moment": 1, "factor": {"times": [0, 2, 1], "values": ["a", 1, 1]}},
             [
-                (
-                    "factor.values[0] must be a number, but is 'a'. "
-                    "Write the bare number, in SI units."
-                ),
-                "factor.times[2] must be at least 2, the time before it, but is 1.",
+                ("factor.values[0] must be a number, got 'a'. Write the bare number, in SI units."),
+                "factor.times[2] must be at least 2, the previous time, got 1.",
             ],
         ),
         (
             {"link": 1, "moment": 1, "factor": {"times": [1, 1, 1], "values": [1, 1, 1]}},
-            ["factor.times[2] must be given twice at most, but is 1."],
+            ["factor.times[2] must occur at most twice, got 1."],
         ),
     ],
 )
@@ -157,96 +154,99 @@ def test_wrong_loads_are_refused_with_every_reason(load, problems):
 @pytest.mark.parametrize(
     ("values", "problems"),
     [
-        ({"base_acceleration": 9.81}, ["base_acceleration must be a list of two numbers, but is"]),
+        ({"base_acceleration": 9.81}, ["base_acceleration must be a list of two numbers, got"]),
         ({"base_acceleration": [1, 2, 3]}, ["base_acceleration must be a list of two numbers"]),
         (
             {"base_acceleration": {"times": [0, 1], "values": [0, 1]}},
             [
-                "base_acceleration.values[0] must be a list of two numbers, but is 0.",
-                "base_acceleration.values[1] must be a list of two numbers, but is 1.",
+                "base_acceleration.values[0] must be a list of two numbers, got 0.",
+                "base_acceleration.values[1] must be a list of two numbers, got 1.",
             ],
         ),
         (
             {"base_acceleration": {"times": [0, 1], "value": [[0, 1], [0, 1]]}},
             [
-                "base_acceleration.values must be given, but is missing.",
-                (
-                    "base_acceleration.value must be a known key, but is unknown. "
-                    "Did you mean 'values'?"
-                ),
+                "base_acceleration.values is missing.",
+                ("base_acceleration.value is not a known key. Did you mean 'values'?"),
             ],
         ),
         (
             {"prescribed": [{"joint": 1}]},
-            ["prescribed[0].kind must be given, but is missing."],
+            ["prescribed[0].kind is missing."],
         ),
         (
             {"prescribed": [{"joint": 1, "kind": "held"}]},
-            ["prescribed[0].kind must be one of 'hold', 'motion', 'table', but is 'held'."],
+            ["prescribed[0].kind must be one of 'hold', 'motion', 'table', got 'held'."],
         ),
         (
             {"prescribed": [{"joint": 3, "kind": "hold"}, {"joint": 3, "kind": "hold"}]},
             [
-                "prescribed[0].joint must be the number of a joint that turns: 1, 2, but is 3.",
-                "prescribed[1].joint must be the number of a joint that turns: 1, 2, but is 3.",
-                "prescribed[1].joint must be another joint than that of prescribed[0], but is 3.",
+                (
+                    "prescribed[0].joint must be the number of a joint that is not fixed: 1, "
+                    "2, got 3."
+                ),
+                (
+                    "prescribed[1].joint must be the number of a joint that is not fixed: 1, "
+                    "2, got 3."
+                ),
+                "prescribed[1].joint repeats joint 3, which is in prescribed[0].",
             ],
         ),
         (
             {"prescribed": [{"joint": 1, "kind": "motion"}]},
-            ["motion must be given where prescribed[0] follows it, but is missing."],
+            ["motion is required for prescribed[0]."],
         ),
         (
             {"prescribed": [{"joint": 1, "kind": "hold"}], "motion": JOINT, "drive": PD},
-            ["prescribed must be left out where drive is joint_pd, but is given."],
+            ["prescribed cannot be combined with drive joint_pd."],
         ),
         (
             {"prescribed": [{**TABLE, "times": [0]}]},
-            ["prescribed[0].times must hold at least two times, but is 1 long."],
+            ["prescribed[0].times must have at least two values, got 1."],
         ),
         (
             {"prescribed": [{**TABLE, "times": [0, 1, 2]}]},
-            ["prescribed[0].angles must have one for each of the 3 times, but is 2 long."],
+            ["prescribed[0].angles must have length 3, one value for each time, got 2."],
         ),
         (
             {"prescribed": [{**TABLE, "times": [2, 2]}]},
-            ["prescribed[0].times[1] must be greater than 2, the time before it, but is 2."],
+            ["prescribed[0].times[1] must be greater than 2, the previous time, got 2."],
         ),
         (
             {"prescribed": [{**TABLE, "ends": "free", "times": [0, 1.5]}]},
             [
                 (
-                    "prescribed[0].times must reach from 0 to 2, the end of the run, where ends is "
-                    "free, but is from 0 to 1.5. With ends: rest the joint rests before and after."
+                    "prescribed[0].times must cover the run from 0 to 2 with ends: free, got 0 "
+                    "to 1.5. With ends: rest the joint rests before and after the table."
                 )
             ],
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 1}]},
-            ["events[0].angle must be given where there is no stop, but is missing."],
+            ["events[0].angle is required without stop."],
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 1, "angle": 0.5, "stop": "upper"}]},
-            ["events[0].angle must be left out where there is a stop, but is 0.5."],
+            ["events[0].angle cannot be combined with stop."],
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 2, "stop": "upper"}]},
-            ["events[0].stop must be left out where joint 2 has no limits, but is 'upper'."],
+            ["events[0].stop is not supported: joint 2 has no limits."],
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 3, "stop": "upper", "terminal": 1}]},
-            ["events[0].terminal must be true or false, but is 1."],
+            ["events[0].terminal must be true or false, got 1."],
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 3, "stop": "upper"}]},
-            ["events[0].joint must be the number of a joint that turns: 1, 2, but is 3."],
+            [("events[0].joint must be the number of a joint that is not fixed: 1, 2, got 3.")],
         ),
         (
             {"events": [{"kind": "tip_line", "point": [1], "normal": [0, 0], "direction": "up"}]},
             [
-                "events[0].direction must be one of 'both', 'rising', 'falling', but is 'up'.",
-                "events[0].point must be a list of two numbers, but is [1].",
-                "events[0].normal must point somewhere, but is [0, 0].",
+                "events[0].direction must be one of 'both', 'rising', 'falling', got 'up'.",
+                "events[0].point must be a list of two numbers, got [1].",
+                "events[0].normal must have a length greater than 0, got [0, 0].",
             ],
         ),
         (
@@ -257,7 +257,7 @@ def test_wrong_loads_are_refused_with_every_reason(load, problems):
                     {"kind": "tip_line", "point": [1, 2], "normal": [0, 1], "name": "event_2"},
                 ]
             },
-            ["events[1].name must not be a word for other ends of a run, but is 'duration'."],
+            [("events[1].name must differ from the names of other ends of a run, got 'duration'.")],
         ),
         (
             {
@@ -266,19 +266,19 @@ def test_wrong_loads_are_refused_with_every_reason(load, problems):
                     {"kind": "joint_angle", "joint": 1, "angle": 1},
                 ]
             },
-            ["events[1].name must be another name than that of events[0], but is 'event_2'."],
+            ["events[1].name repeats 'event_2', the name of events[0]."],
         ),
         (
             {"initial": {"equilibrium": True, "joint_rate": [0, 1]}},
-            ["initial.joint_rate must be left out of an equilibrium, but is given."],
+            ["initial.joint_rate cannot be combined with equilibrium."],
         ),
         (
             {"initial": {"balance": True}},
-            ["initial.equilibrium must be true where balance is, but is false."],
+            ["initial.equilibrium must be true with balance."],
         ),
         (
             {"initial": {"equilibrium": "yes"}},
-            ["initial.equilibrium must be true or false, but is 'yes'."],
+            ["initial.equilibrium must be true or false, got 'yes'."],
         ),
     ],
 )

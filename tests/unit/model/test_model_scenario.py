@@ -45,20 +45,20 @@ def test_torque_takes_an_array():
             {"run": None},
             [
                 (
-                    "run must be a mapping of keys to values, but is nothing. "
+                    "run must be a mapping of keys to values, got nothing. "
                     "It says how long to simulate, for example `run: {duration: 2}`."
                 )
             ],
         ),
         (
             {"drive": {"kind": "rigid_inverse_dynamics"}},
-            ["motion must be given where drive is rigid_inverse_dynamics, but is missing."],
+            ["motion is required for drive rigid_inverse_dynamics."],
         ),
         (
             {"drive": {"kind": "joint_pd", "proportional": 1, "derivative": [1, 2, 3]}},
             [
-                "motion must be given where drive is joint_pd, but is missing.",
-                "drive.derivative must have one value for each of the 2 joints, but is 3 long.",
+                "motion is required for drive joint_pd.",
+                "drive.derivative must have length 2, one value for each joint, got 3.",
             ],
         ),
         (
@@ -67,30 +67,25 @@ def test_torque_takes_an_array():
                 "motion": LINE,
             },
             [
-                "drive.proportional[1] must be at least 0, but is -2.",
-                "drive.derivative must be a number, but is True.",
+                "drive.proportional[1] must be at least 0, got -2.",
+                "drive.derivative must be a number, got True.",
             ],
         ),
         (  # rows of the same wrong length are one mistake, told once
             {"drive": {"kind": "torque", "rate": 1, "values": [[1, 2], [1], [1], [1, 2, 3]]}},
             [
-                "drive.values[1] must have one value for each of the 2 joints, but is 1 long.",
-                "drive.values[3] must have one value for each of the 2 joints, but is 3 long.",
+                "drive.values[1] must have length 2, one value for each joint, got 1.",
+                "drive.values[3] must have length 2, one value for each joint, got 3.",
             ],
         ),
         (
             {"drive": {"kind": "torque", "rate": 1, "values": [[1, 2]], "interpolation": "linear"}},
-            [
-                (
-                    "drive.values must hold at least two samples for linear interpolation, "
-                    "but is 1 long."
-                )
-            ],
+            [("drive.values must have at least two samples for linear interpolation, got 1.")],
         ),
         (
             {"drive": {"kind": "torque", "rate": 1, "values": []}},
             [
-                "drive.values must hold at least one sample, but is empty.",
+                "drive.values is empty.",
             ],
         ),
         (
@@ -99,7 +94,7 @@ def test_torque_takes_an_array():
                 (
                     "drive.kind must be one of 'rigid_inverse_dynamics', 'torque', 'none', "
                     + "".join(f"{kind!r}, " for kind in CONTROLLED).removesuffix(", ")
-                    + ", but is 'joint_pdd'. Did you mean 'joint_pd'?"
+                    + ", got 'joint_pdd'. Did you mean 'joint_pd'?"
                 )
             ],
         ),
@@ -109,55 +104,55 @@ def test_torque_takes_an_array():
                 "initial": {"joint_angle": [0, 0, np.nan], "joint_rate": []},
             },
             [
-                "motion.duration must be greater than 0, but is 0.",
-                "motion.end[0] must be a number, but is 'a'. Write the bare number, in SI units.",
-                "initial.joint_angle[2] must be a finite number, but is nan.",
-                "motion.start must have one value for each of the 2 joints, but is 1 long.",
-                "motion.end must have one value for each of the 2 joints, but is 3 long.",
-                "initial.joint_angle must have one value for each of the 2 joints, but is 3 long.",
-                "initial.joint_rate must have one value for each of the 2 joints, but is 0 long.",
+                "motion.duration must be greater than 0, got 0.",
+                "motion.end[0] must be a number, got 'a'. Write the bare number, in SI units.",
+                "initial.joint_angle[2] must be a finite number, got nan.",
+                "motion.start must have length 2, one value for each joint, got 1.",
+                "motion.end must have length 2, one value for each joint, got 3.",
+                "initial.joint_angle must have length 2, one value for each joint, got 3.",
+                "initial.joint_rate must have length 2, one value for each joint, got 0.",
             ],
         ),
         (
             {"motion": {**LINE, "elbow": "left", "profile": "quintc", "start": [1, 2, 3]}},
             [
                 (
-                    "motion.profile must be one of 'quintic', 'trapezoidal', but is 'quintc'. "
+                    "motion.profile must be one of 'quintic', 'trapezoidal', got 'quintc'. "
                     "Did you mean 'quintic'?"
                 ),
-                "motion.start must be a list of two numbers, but is [1, 2, 3].",
-                "motion.elbow must be one of 'up', 'down', but is 'left'.",
+                "motion.start must be a list of two numbers, got [1, 2, 3].",
+                "motion.elbow must be one of 'up', 'down', got 'left'.",
             ],
         ),
         (
             {"run": {"duration": 10, "rate": 1e9, "step": 20, "rtol": 1, "integrator": 3}},
             [
-                "run.integrator must be a word, but is 3.",
-                "run.rtol must be less than 1, but is 1.",
+                "run.integrator must be a word, got 3.",
+                "run.rtol must be less than 1, got 1.",
                 (
-                    "run.rate must be at most 1e+06 for a duration of 10, but is 1000000000. "
-                    "That makes 1e+10 samples; 1e+07 are the most that is kept."
+                    "run.rate must be at most 1e+06 for a duration of 10, got 1000000000. That "
+                    "is 1e+10 samples; at most 1e+07 are stored."
                 ),
-                "run.step must be at most 10, the duration of the run, but is 20.",
+                "run.step must be at most 10, the duration of the run, got 20.",
             ],
         ),
         (
             {"run": {"duration": 10, "stations": 1}},
-            ["run.stations must be 0, or at least 2 (root and tip), but is 1."],
+            ["run.stations must be 0, or at least 2 (root and tip), got 1."],
         ),
         (
             {"run": {"duration": 10, "stations": 1001}},
-            ["run.stations must be at most 1000, but is 1001."],
+            ["run.stations must be at most 1000, got 1001."],
         ),
         (
             {"run": {"duration": 10, "stations": 2.5}},
-            ["run.stations must be a whole number, but is 2.5."],
+            ["run.stations must be a whole number, got 2.5."],
         ),
         (
             {"arm": "arm.yaml"},
             [
                 (
-                    "arm must be a mapping of keys to values, but is 'arm.yaml'. "
+                    "arm must be a mapping of keys to values, got 'arm.yaml'. "
                     "In Python, load_arm_spec reads a file."
                 )
             ],
@@ -175,9 +170,6 @@ def test_joints_are_counted_in_an_arm_with_other_faults():
     with pytest.raises(ModelError) as caught:
         Scenario(arm=arm, run=RUN, initial={"joint_angle": [0, 0]})
     assert str(caught.value).splitlines() == [
-        "Scenario: arm.links[0].length must be greater than 0, but is 0.",
-        (
-            "Scenario: initial.joint_angle must have one value for each of the 1 joints, "
-            "but is 2 long."
-        ),
+        "Scenario: arm.links[0].length must be greater than 0, got 0.",
+        ("Scenario: initial.joint_angle must have length 1, one value for each joint, got 2."),
     ]

@@ -63,6 +63,6 @@ def test_material_may_be_a_name():
 
 def test_unknown_kind_of_file():
     with pytest.raises(
-        ModelError, match=r"kind must be one of 'arm', 'scenario', 'study', but is 'arms'"
+        ModelError, match=r"kind must be one of 'arm', 'scenario', 'study', got 'arms'"
     ):
         json_schema("arms")

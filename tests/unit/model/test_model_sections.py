@@ -73,37 +73,37 @@ def test_a_wall_that_just_leaves_room_is_nearly_solid():
         (
             lambda: Tube(outer_diameter=0.1, thickness=0.05),
             (
-                "Tube: thickness must be less than 0.05, half of outer_diameter, but is 0.05. "
-                "The wall leaves no room inside."
+                "Tube: thickness must be less than 0.05, half of outer_diameter, got 0.05. "
+                "The wall fills the section."
             ),
         ),
         (
             lambda: Box(width=0.1, height=0.04, thickness=0.03),
             (
-                "Box: thickness must be less than 0.02, half of height, but is 0.03. "
-                "The wall leaves no room inside."
+                "Box: thickness must be less than 0.02, half of height, got 0.03. The wall "
+                "fills the section."
             ),
         ),
         (
             lambda: Rectangle(width=20.0, height=5000.0),
             (
-                "Rectangle: height must be between 1e-9 and 1000, but is 5000. "
+                "Rectangle: height must be between 1e-9 and 1000, got 5000. "
                 "Dimensions are in metres."
             ),
         ),
-        (lambda: Circle(diameter=0), "Circle: diameter must be greater than 0, but is 0."),
+        (lambda: Circle(diameter=0), "Circle: diameter must be greater than 0, got 0."),
         (
             lambda: Circle(radius=1),
             (
-                "Circle: diameter must be given, but is missing.\n"
-                "Circle: radius must be a known key, but is unknown. Known: kind, diameter."
+                "Circle: diameter is missing.\n"
+                "Circle: radius is not a known key. Known: kind, diameter."
             ),
         ),
         (
             lambda: Material(density=-1, youngs_modulus="70 GPa"),
             (
-                "Material: density must be greater than 0, but is -1.\n"
-                "Material: youngs_modulus must be a number, but is '70 GPa'. "
+                "Material: density must be greater than 0, got -1.\n"
+                "Material: youngs_modulus must be a number, got '70 GPa'. "
                 "Write the bare number, in SI units."
             ),
         ),
@@ -121,7 +121,7 @@ def test_presets_are_materials_by_name():
         assert Link(length=1, material=name, section=section).material == material
     # Textbook orders of magnitude: a steel rod sinks and is three times as stiff as aluminium.
     assert MATERIALS["steel"].youngs_modulus == 3 * MATERIALS["aluminium"].youngs_modulus
-    with pytest.raises(ModelError, match=r"but is 'aluminum'\. Did you mean 'aluminium'\?"):
+    with pytest.raises(ModelError, match=r"got 'aluminum'\. Did you mean 'aluminium'\?"):
         Link(length=1, material="aluminum", section=section)
 
 
@@ -142,36 +142,36 @@ def test_table_takes_arrays_and_stores_plain_tuples():
     [
         (
             {"x": [0], "flexural_rigidity": None, "mass_per_length": [1]},
-            ["x must hold at least two points, the root and the tip, but is 1 long."],
+            ["x must have at least two points, the root and the tip, got 1."],
         ),
         (
             {"x": [0.1, 0.5, 1.0]},
-            ["x[0] must be 0, but is 0.1. A table starts at the root of the link."],
+            ["x[0] must be 0, got 0.1. A table starts at the root of the link."],
         ),
         (
             {"x": [0, 0.5, 0.5]},
-            ["x[2] must be greater than the point before it (0.5), but is 0.5."],
+            ["x[2] must be greater than the previous point (0.5), got 0.5."],
         ),
         (
             {"x": [0, 1, 2, 3], "rotary_inertia_per_length": [1, 2]},
             [
-                "flexural_rigidity must have a value for each of the 4 points of x, but is 3 long.",
-                "mass_per_length must have a value for each of the 4 points of x, but is 3 long.",
+                "flexural_rigidity must have length 4, one value for each point of x, got 3.",
+                "mass_per_length must have length 4, one value for each point of x, got 3.",
                 (
-                    "rotary_inertia_per_length must have a value for each of the 4 points of x, "
-                    "but is 2 long."
+                    "rotary_inertia_per_length must have length 4, one value for each point of "
+                    "x, got 2."
                 ),
             ],
         ),
         (
             {"mass_per_length": [1, -1, math.inf], "flexural_rigidity": [1, 0, 1]},
             [
-                "flexural_rigidity[1] must be greater than 0, but is 0.",
-                "mass_per_length[1] must be at least 0, but is -1.",
-                "mass_per_length[2] must be a finite number, but is inf.",
+                "flexural_rigidity[1] must be greater than 0, got 0.",
+                "mass_per_length[1] must be at least 0, got -1.",
+                "mass_per_length[2] must be a finite number, got inf.",
             ],
         ),
-        ({"x": {0, 1, 2}}, ["x must be a list, but is {0, 1, 2}."]),
+        ({"x": {0, 1, 2}}, ["x must be a list, got {0, 1, 2}."]),
     ],
 )
 def test_wrong_tables_are_refused_with_every_reason(columns, messages):

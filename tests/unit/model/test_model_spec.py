@@ -37,30 +37,30 @@ def test_offset_of_one_number_is_along_the_tangent():
 @pytest.mark.parametrize(
     ("values", "problems"),
     [
-        ({}, ["links must be given, but is missing."]),
-        ({"links": []}, ["links must be 1 to 256 links, but is 0 links."]),
+        ({}, ["links is missing."]),
+        ({"links": []}, ["links must have 1 to 256 entries, got 0."]),
         (
             {"links": [LINK] * 257},
-            ["links must be 1 to 256 links, but is 257 links."],
+            ["links must have 1 to 256 entries, got 257."],
         ),
-        ({"links": "LINK"}, ["links must be a list, but is 'LINK'."]),
+        ({"links": "LINK"}, ["links must be a list, got 'LINK'."]),
         (
             {"links": [LINK, LINK], "joints": [Joint()]},
-            ["joints must be one joint for each of the 2 links, but is 1 long."],
+            ["joints must have length 2, one joint for each link, got 1."],
         ),
         (  # the number is wrong whatever else is wrong with links and joints
             {"links": [LINK, {}], "joints": [{"mass": -1}]},
             [
-                "links[1].length must be given, but is missing.",
-                "joints[0].mass must be at least 0, but is -1.",
-                "joints must be one joint for each of the 2 links, but is 1 long.",
+                "links[1].length is missing.",
+                "joints[0].mass must be at least 0, got -1.",
+                "joints must have length 2, one joint for each link, got 1.",
             ],
         ),
         (
             {"links": [LINK], "gravity": -9.81},
             [
                 (
-                    "gravity must be a list of two numbers, but is -9.81. "
+                    "gravity must be a list of two numbers, got -9.81. "
                     "Gravity that pulls down is [0, -9.81]."
                 )
             ],
@@ -68,9 +68,9 @@ def test_offset_of_one_number_is_along_the_tangent():
         (
             {"links": [LINK], "theory": "second-order", "payload": {"masss": 1}},
             [
-                "payload.masss must be a known key, but is unknown. Did you mean 'mass'?",
+                "payload.masss is not a known key. Did you mean 'mass'?",
                 (
-                    "theory must be one of 'linear', 'second_order', but is 'second-order'. "
+                    "theory must be one of 'linear', 'second_order', got 'second-order'. "
                     "Did you mean 'second_order'?"
                 ),
             ],
@@ -79,8 +79,9 @@ def test_offset_of_one_number_is_along_the_tangent():
             {"links": [LINK, MASSLESS]},
             [
                 (
-                    "payload.mass must be greater than 0 beyond a massless link, but is 0. "
-                    "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+                    "payload.mass must be greater than 0 at the tip of a massless link, got 0. "
+                    "Give mass to the last link, hub_inertia to its joint, or a payload to the "
+                    "arm."
                 )
             ],
         ),
@@ -88,8 +89,8 @@ def test_offset_of_one_number_is_along_the_tangent():
             {"links": [MASSLESS, MASSLESS], "joints": [Joint(), Joint(hub_inertia=1)]},
             [
                 (
-                    "links[0] must have inertia or carry mass, but is massless. "
-                    "Give the link or something it carries mass, or its joint a hub_inertia."
+                    "links[0] has no inertia and carries no mass. Give mass to the link or to "
+                    "bodies that it carries, or hub_inertia to its joint."
                 )
             ],
         ),
@@ -97,8 +98,9 @@ def test_offset_of_one_number_is_along_the_tangent():
             {"links": [MASSLESS, MASSLESS], "joints": [Joint(), Joint(fixed=True)]},
             [
                 (
-                    "payload.mass must be greater than 0 beyond a massless link, but is 0. "
-                    "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+                    "payload.mass must be greater than 0 at the tip of a massless link, got 0. "
+                    "Give mass to the last link, hub_inertia to its joint, or a payload to the "
+                    "arm."
                 )
             ],
         ),
@@ -106,8 +108,9 @@ def test_offset_of_one_number_is_along_the_tangent():
             {"links": [MASSLESS], "joints": [Joint(rotor_inertia=1, stiffness=1)]},
             [
                 (
-                    "payload.mass must be greater than 0 beyond a massless link, but is 0. "
-                    "Give the last link mass, its joint a hub_inertia, or the arm a payload."
+                    "payload.mass must be greater than 0 at the tip of a massless link, got 0. "
+                    "Give mass to the last link, hub_inertia to its joint, or a payload to the "
+                    "arm."
                 )
             ],
         ),

@@ -147,9 +147,9 @@ def test_refuses_with_the_reason(lengths, point, message):
 
 
 def test_refuses_wrong_branches_and_postures():
-    with pytest.raises(InputError, match="elbow must be 'up' or 'down', but is 'left'"):
+    with pytest.raises(InputError, match="elbow must be 'up' or 'down', got 'left'"):
         inverse_kinematics([1.0, 1.0], [1.0, 1.0], "left")
-    with pytest.raises(InputError, match="posture must be left out for an arm of one or two"):
+    with pytest.raises(InputError, match="posture is not supported for an arm of one or two"):
         inverse_kinematics([1.0, 1.0], [1.0, 1.0], posture=[0.1, 0.2])
     with pytest.raises(InputError, match="posture must be numbers of shape"):
         inverse_kinematics([1.0, 1.0, 1.0], [1.0, 1.0], posture=[0.1, 0.2])

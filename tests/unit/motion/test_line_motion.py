@@ -147,7 +147,7 @@ FULL = 2.4142
         ((1.4142, 1.0), [2, 1], [0.1, 0.1], r"end must lie at least 0.4142 m"),
         # Both ends are within reach, the line between them is not.
         ((1.4142, 1.0), [1, 0.4], [-1, 0.4], r"line from start to end must stay more than 0.4142"),
-        ((1.4142, 1.0), [1, 0.4142], [-1, 0.4142], r"line .* outside the hole, but is at its near"),
+        ((1.4142, 1.0), [1, 0.4142], [-1, 0.4142], r"line .* outside the hole, got at its near"),
         ((1.0, 1.0), [1, 0.5], [-1, -0.5], r"line .* must stay at least 2e-06 m away from the ba"),
         ((3.0, 1.0, 1.0), [1.5, 1.5], [-1.5, -1.5], r"line .* must stay more than 1.000005 m"),
         # Full stretch at an end, and folded at an end.
@@ -176,7 +176,7 @@ def test_the_margins_are_no_wider_than_they_say():
 def test_refuses_wrong_branches_and_postures():
     with pytest.raises(InputError, match="line_motion: elbow must be 'up' or 'down'"):
         line_motion(Links(), [2, 1], [1, 2], 1.0, elbow="sideways")
-    with pytest.raises(InputError, match="line_motion: posture must be left out"):
+    with pytest.raises(InputError, match="line_motion: posture is not supported"):
         line_motion(Links(), [2, 1], [1, 2], 1.0, posture=[0.1, 0.2])
 
 

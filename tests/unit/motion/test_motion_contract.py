@@ -138,15 +138,15 @@ def test_motions_are_frozen(motion):
 
 
 def test_refuses_nan_times(motion):
-    with pytest.raises(InputError, match="t must be a time or an array of times, but is"):
+    with pytest.raises(InputError, match="t must be a time or an array of times, got"):
         motion.joint_rate([0.0, np.nan])
 
 
 @pytest.mark.parametrize(
     ("timing", "message"),
     [
-        ({"duration": 0.0}, r"_motion: duration must be greater than 0 s, but is 0"),
-        ({"duration": -1.0}, "duration must be greater than 0 s, but is -1"),
+        ({"duration": 0.0}, r"_motion: duration must be greater than 0 s, got 0"),
+        ({"duration": -1.0}, "duration must be greater than 0 s, got -1"),
         ({"duration": np.nan}, "duration must be finite"),
         ({"duration": [1.0, 2.0]}, "duration must be a number"),
         ({"duration": "long"}, "duration must be a number"),

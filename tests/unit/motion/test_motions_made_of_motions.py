@@ -171,7 +171,7 @@ def test_rigid_torque_along_a_shaped_motion():
     [
         (lambda: fa.shaped(line(), method="zvv", frequency_hz=1.0), "method must be one of 'zv'"),
         (lambda: fa.shaped("line", frequency_hz=1.0), "motion must be a motion"),
-        (lambda: fa.shaped(line()), "arm must be given, or frequency_hz"),
+        (lambda: fa.shaped(line()), "arm is required without frequency_hz"),
         (lambda: fa.shaped(line(), frequency_hz=0.0), "frequency_hz must be above 0"),
         (lambda: fa.shaped(line(), frequency_hz=[1.0, np.nan]), "finite"),
         (lambda: fa.shaped(line(), frequency_hz=1.0, damping_ratio=1.0), "below 1"),

@@ -72,10 +72,10 @@ def test_acceleration_at_a_break_is_that_of_the_following_piece():
 @pytest.mark.parametrize(
     ("breaks", "coefficients", "name"),
     [
-        ((0.0, 1.0), ((0.0, 0.0, 3.0, -2.5),), r"s\(1\) must be 1, but is 0.5"),
-        ((0.0, 1.0), ((0.0, 1.0),), r"s'\(0\) must be 0, but is 1"),
-        ((0.0, 1.0), ((0.1, 0.0, 2.7, -1.8),), r"s\(0\) must be 0, but is 0.1"),
-        ((0.0, 1.0), ((0.0, 0.0, 1.0),), r"s'\(1\) must be 0, but is 2"),
+        ((0.0, 1.0), ((0.0, 0.0, 3.0, -2.5),), r"s\(1\) must be 1, got 0.5"),
+        ((0.0, 1.0), ((0.0, 1.0),), r"s'\(0\) must be 0, got 1"),
+        ((0.0, 1.0), ((0.1, 0.0, 2.7, -1.8),), r"s\(0\) must be 0, got 0.1"),
+        ((0.0, 1.0), ((0.0, 0.0, 1.0),), r"s'\(1\) must be 0, got 2"),
         ((0.0, 0.5, 1.0), ((0, 0, 2), (0.5, 1, -1)), "s' at the start of piece 1"),
         ((0.0, 0.5, 1.0), ((0, 0, 1), (0.5, 1, 1)), "s at the start of piece 1"),
         ((0.0, 1.0), ((0, 0, -9.0, 22.0, -12.0),), "never be negative"),

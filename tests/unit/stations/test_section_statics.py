@@ -225,7 +225,7 @@ def test_wrong_numbers_of_stations_are_refused(stations):
     with pytest.raises(fa.InputError) as told:
         arm.section_forces(zero, zero, zero, stations)
     assert str(told.value).startswith(
-        "Arm.section_forces: stations must be a whole number from 2 (root and tip) to 1000, but is"
+        "Arm.section_forces: stations must be a whole number from 2 (root and tip) to 1000, got"
     )
 
 

@@ -244,8 +244,8 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         arm = check_kind(where, "plant", arm, Arm)
         if (arm.joints, len(arm.gauges)) != (known.joints, len(known.gauges)):
             rule = f"have {known.joints} joints and {len(known.gauges)} gauges"
-            given = f"{arm.joints} joints and {len(arm.gauges)} gauges"
-            raise InputError(Problem(where, "plant", rule, f"one of {given}"))
+            given = f"{arm.joints} and {len(arm.gauges)}"
+            raise InputError(Problem(where, "plant", rule, given))
         touching = self.contacts()
         return Plant(arm, sample_time, self._hardware, contacts=touching, warn=False)
 
@@ -294,8 +294,8 @@ def _default_limit(where: str, laboratory: ArrayLike | None, motors: Motors | No
         return motors.torque_limit
     if laboratory is not None:
         return laboratory
-    hint = "Or give motors with a torque_limit."
-    raise InputError(Problem(where, "torque_limit", "be given with an arm", "nothing", hint))
+    hint = "Give it, or motors with a torque_limit."
+    raise InputError(Problem(where, "torque_limit", "is required with an arm", hint=hint))
 
 
 def _checked_limit(where: str, arm: Arm, given: ArrayLike) -> FloatArray:

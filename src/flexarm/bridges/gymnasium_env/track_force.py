@@ -150,8 +150,8 @@ class TrackForceEnv(ArmEnv):
             self.normal = self._facing(*ends)
             self.motion = self._along(*ends)
         elif "start" in options or "end" in options:
-            rule = "come both or neither: 'start' and 'end'"
-            raise InputError(Problem(where, "the options", rule, "one of them"))
+            rule = "need both 'start' and 'end', or neither"
+            raise InputError(Problem(where, "the options", rule))
         else:
             self._draw()
         low, high = np.log(self.stiffness)
@@ -194,10 +194,9 @@ class TrackForceEnv(ArmEnv):
                 continue
             if self._manageable():
                 return
-        rule = "be able to press on walls"
-        value = f"one that could press on none of {_TRIES}"
-        hint = "Give it more torque, or ask for less force."
-        raise InputError(Problem("TrackForceEnv.reset", "the arm", rule, value, hint))
+        rule = f"cannot press on any of {_TRIES} random walls"
+        hint = "Increase the torque limit or reduce the force."
+        raise InputError(Problem("TrackForceEnv.reset", "the arm", rule, hint=hint))
 
     def _manageable(self) -> bool:
         """Return whether the line is within reach and the limits on joint rates and torques."""
@@ -279,7 +278,7 @@ def _checked_force(given: ArrayLike) -> FloatArray:
     where = "TrackForceEnv"
     force = check_array(where, "force", given, (2,))
     if not (force[0] > 0.0 and 0.0 <= force[1] <= force[0] and force.sum() <= MOST_FORCE):
-        rule = f"be a mean and an amplitude no larger, together at most {MOST_FORCE:g}"
+        rule = f"be (mean, amplitude) with amplitude <= mean and a sum of at most {MOST_FORCE:g}"
         raise InputError(Problem(where, "force", rule, shown(given)))
     return force
 
@@ -297,6 +296,6 @@ def _checked_range(name: str, given: ArrayLike, positive: bool = False) -> Float
     ends = check_array(where, name, [given, given] if single else given, (2,))
     if ends[0] > ends[1] or ends[0] < 0.0 or (positive and ends[0] == 0.0):
         rule = f"be {'greater than' if positive else 'at least'} 0"
-        rule += "" if single else ", and two ends in rising order"
+        rule += "" if single else ", with the lower bound first"
         raise InputError(Problem(where, name, rule, shown(given)))
     return ends

@@ -59,8 +59,8 @@ class TrackPathEnv(ArmEnv):
         if not options:
             self.motion = self._drawn()
         elif missing:
-            rule = "come with " + " and ".join(map(repr, missing))
-            raise InputError(Problem("TrackPathEnv.reset", "the options", rule, "without"))
+            rule = "have no " + " and no ".join(map(repr, missing))
+            raise InputError(Problem("TrackPathEnv.reset", "the options", rule))
         else:
             self.motion = line_motion(self.arm, **options)
         motion, times = self.motion, np.arange(self.ticks + 1) * self.plant.sample_time
@@ -91,9 +91,8 @@ class TrackPathEnv(ArmEnv):
             rates = motion.joint_rate(np.linspace(0.0, motion.duration, 33))
             if np.abs(rates).max() < _FASTEST:
                 return motion
-        rule = "be able to follow lines"
-        value = f"one that could follow none of {_TRIES}"
-        raise InputError(Problem("TrackPathEnv.reset", "the arm", rule, value))
+        rule = f"cannot follow any of {_TRIES} random lines"
+        raise InputError(Problem("TrackPathEnv.reset", "the arm", rule))
 
     def task_values(self, tick: int) -> FloatArray:
         """See ``ArmEnv``."""

@@ -156,9 +156,9 @@ class JaxModel:
         except Exception:  # rows of different lengths, text, objects
             array = None
         if array is None or array.shape != shape or array.dtype.kind not in "iuf":
-            told = shown(value) if array is None else f"of shape {array.shape}"
+            given = shown(value) if array is None else f"of shape {array.shape}"
             rule = f"be numbers of shape ({shape[0]},)"
-            raise InputError(Problem(where, name, rule, told))
+            raise InputError(Problem(where, name, rule, given))
         return array
 
     def _trace(self, name: str, arrays: dict[str, Any]) -> Any:

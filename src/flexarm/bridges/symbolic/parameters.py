@@ -67,7 +67,7 @@ class ParametricArm:
         )
         for k, path in enumerate(self.paths):
             if path in self.paths[:k]:
-                raise InputError(Problem(where, names[k], "not be repeated", shown(path)))
+                raise InputError(Problem(where, names[k], f"repeats {path}"))
             if not _is_exact(arm, path):
                 raise _not_exact(where, names[k], arm, path)
         self._free = _free(where, arm, prescribed)
@@ -160,7 +160,7 @@ def _agree(found: FloatArray, wanted: FloatArray) -> bool:
 
 
 def _not_exact(where: str, name: str, arm: Arm, path: str) -> InputError:
-    rule = "be a number that the equations depend on by a formula"
+    rule = "be a parameter of a closed-form expression of the equations"
     if number_at(where, name, arm.spec, path) == 0.0:
         hint = "It is 0 in this arm: terms that it multiplies are left out, or it has to be 0."
         return InputError(Problem(where, name, rule, shown(path), hint))
@@ -183,7 +183,7 @@ def _free(where: str, arm: Arm, prescribed: Sequence[int]) -> FloatArray:
         number = check_count(where, f"prescribed[{k}]", joint, 1, arm.links)
         seat = next((seat for seat in arm.assembly.seats if seat.link == number - 1), None)
         if seat is None:
-            rule = "be the number of a joint that turns"
+            rule = "be the number of a joint that is not fixed"
             raise InputError(Problem(where, f"prescribed[{k}]", rule, shown(joint)))
         free[seat.body] = 0.0
     return free

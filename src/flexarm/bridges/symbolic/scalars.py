@@ -122,5 +122,5 @@ def objects(scalars: Iterable[Any], library: Any) -> Objects:
 
 def library_missing(where: str, name: str, extra: str) -> InputError:
     """Return the error for a library that is not installed."""
-    hint = f"pip install 'flexarm[{extra}]' brings it."
-    return InputError(Problem(where, name, "be installed", "not", hint))
+    hint = f"Install it with: pip install 'flexarm[{extra}]'."
+    return InputError(Problem(where, name, "is not installed", hint=hint))

@@ -66,8 +66,8 @@ class JointPIDDrive(ControllerDrive):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         twice = given.has("gravity") and given.gravity != "none"
         if twice and given.has("feedforward") and given.feedforward != "none":
-            rule = "be none where the feedforward holds the weight, too"
-            yield Fault(("gravity",), rule, repr(given.gravity))
+            rule = f"cannot be combined with feedforward {given.feedforward}"
+            yield Fault(("gravity",), rule)
 
     def balances(self) -> bool:
         """See `ControllerDrive.balances`."""

@@ -37,10 +37,10 @@ class TorqueDrive(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         samples = length_of(given.raw("values"))
         if samples == 0:
-            yield Fault(("values",), "hold at least one sample", "empty")
+            yield Fault(("values",), "is empty")
         if samples == 1 and given.has("interpolation") and given.interpolation != "hold":
-            rule = f"hold at least two samples for {given.interpolation} interpolation"
-            yield Fault(("values",), rule, "1 long")
+            rule = f"have at least two samples for {given.interpolation} interpolation"
+            yield Fault(("values",), rule, "1")
 
 
 class NoDrive(Record):

@@ -178,8 +178,8 @@ def animate(
             )
         )
     if len({len(scene.histories) for scene in scenes}) > 1:
-        rule = "be given where the results have different ones"
-        raise InputError(Problem(_WHERE, "channels", rule, "nothing"))
+        rule = "are required, because the results have different ones"
+        raise InputError(Problem(_WHERE, "channels", rule))
     animation = Animation(scenes, fps, speed, width - width % 2)
     if place is not None:
         animation.save(place)
@@ -201,7 +201,7 @@ def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndar
     frames = max(spans) / speed * fps
     if frames > _MOST_FRAMES:
         rule = f"give at most {_MOST_FRAMES} frames"
-        hint = "Give a larger speed or a smaller fps."
+        hint = "Use a larger speed or a smaller fps."
         raise InputError(Problem(_WHERE, "results", rule, f"{frames:.0f} frames", hint))
     # The last frame is always the end of the run.
     times = np.arange(int(frames * (1.0 + 1e-12)) + 1) * (speed / fps)

@@ -43,8 +43,8 @@ def find_ffmpeg(where: str, name: str = "path") -> str:
     except (ImportError, RuntimeError, OSError):  # not installed, or not available for this CPU
         found = shutil.which("ffmpeg")
     if found is None:
-        rule = "end in .gif or .html where no ffmpeg is installed"
-        raise InputError(Problem(where, name, rule, "an .mp4 file", _HINT))
+        rule = "is an .mp4 file, which needs ffmpeg"
+        raise InputError(Problem(where, name, rule, hint=_HINT))
     return found
 
 
@@ -118,7 +118,7 @@ def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
 
 def _failed(ffmpeg: str, reason: str) -> InputError:
     hint = f"{Path(ffmpeg).name} reported: {reason}. {_HINT}"
-    return InputError(Problem("animate", "the video", "be encoded by ffmpeg", "not", hint))
+    return InputError(Problem("animate", "the video", "could not be encoded by ffmpeg", hint=hint))
 
 
 def gif_delay(fps: float) -> int:
