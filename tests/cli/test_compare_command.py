@@ -133,10 +133,10 @@ def test_check_says_what_is_in_a_study(path):
     ("old", "new", "words"),
     [
         ("kind: joint_pd", "kind: joint_p", "study.yaml:14: drives.PD.kind"),
-        ("[20, 8]", "[20, 8, 3]", "study.yaml:15: drives.PD.proportional must have one value"),
+        ("[20, 8]", "[20, 8, 3]", "study.yaml:15: drives.PD.proportional must have length 2"),
         ("[0.7, 1.0]", "[0.7]", "plants.heavy.flexural_rigidity_factor must be a number"),
-        ("payload: {mass: 0.1}", "", "plants.heavy.payload_factor must be left out of an arm"),
-        ("settling: 0.05", "setting: 0.05", "run.setting must be a known key"),
+        ("payload: {mass: 0.1}", "", "plants.heavy.payload_factor is not supported for an arm"),
+        ("settling: 0.05", "setting: 0.05", "run.setting is not a known key"),
         (
             "settling: 0.05",
             "settling: 0.6",
@@ -146,11 +146,11 @@ def test_check_says_what_is_in_a_study(path):
             "settling: 0.05",
             "settling: 0.3",
             (
-                "study.yaml:23: run.settling must be less than the 0.2 s that the run goes on "
-                "after 'there' has ended, got 0.3"
+                "study.yaml:23: run.settling must be less than the 0.2 s of the run after "
+                "the end of 'there', got 0.3"
             ),
         ),
-        ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have one value"),
+        ("start: [0.5, 0.0]", "start: [0.5]", "motions.back.start must have length 2"),
         (
             "as believed: {}",
             "as believed: {loads: [{link: 3, force: [0, 1]}]}",
@@ -168,17 +168,14 @@ def test_check_says_what_is_in_a_study(path):
             ", rate_cutoff: 80",
             "",
             (
-                "study.yaml:22: hardware.instruments must have an instrument for joint_rate, which "
-                "joint_pd reads, got for joint_angle."
+                "study.yaml:22: hardware.instruments has no instrument for joint_rate, which "
+                "joint_pd reads; it measures joint_angle."
             ),
         ),
         (
             "kind: joint_pd",
             "kind: strain_feedback\n    strain: 1",
-            (
-                "study.yaml:2: arm must have the 2 gauges that strain_feedback reads, got "
-                "an arm with 0."
-            ),
+            ("study.yaml:2: arm must have the 2 gauges that strain_feedback reads, got 0."),
         ),
         ("there: {kind: joint, ", "there: {kind: pressed, ", "motions.there.path must be given"),
     ],
@@ -291,7 +288,7 @@ def test_every_drive_is_looked_at_with_every_motion(tmp_path):
     path.write_text(text.replace("drives:\n", f"drives:\n{torque}"))
     outcome = call("check", path)
     assert outcome.exit_code == 2
-    assert "drives.torque alone.kind must be another along a motion that presses" in outcome.stderr
+    assert "drives.torque alone.kind rigid_inverse_dynamics is not supported" in outcome.stderr
     line = 1 + path.read_text().splitlines().index(torque.rstrip())
     assert f"study.yaml:{line}: " in outcome.stderr
 

@@ -25,7 +25,7 @@ def test_warmup_needs_a_place_for_the_code(monkeypatch):
     monkeypatch.setattr(warmup, "CACHE_DIRECTORY", None)
     outcome = CliRunner().invoke(app, ["warmup"])
     assert outcome.exit_code == WRONG_INPUT
-    assert "the cache folder must be writable" in outcome.stderr
+    assert "the cache folder cannot be created" in outcome.stderr
 
 
 class Terminal(io.StringIO):

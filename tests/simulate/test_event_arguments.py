@@ -41,18 +41,18 @@ def first(t, q, qd):
         ),
         (lambda a: fa.joint_event(a, 1, np.nan), "joint_event: angle must be finite"),
         (lambda a: fa.joint_event(a, 1, "top"), "angle must be a number, 'lower' or 'upper'"),
-        (lambda a: fa.joint_event(a, 1, "upper"), "be a number where joint 1 has no limits"),
+        (lambda a: fa.joint_event(a, 1, "upper"), "be a number, because joint 1 has no limits"),
         (lambda a: fa.tip_event(a, (1.0,), (0, 1)), "tip_event: point must be numbers of shape"),
         (lambda a: fa.tip_event(a, (1.0, 0), (0, 0)), "normal must have a length greater than 0"),
         (lambda a: fa.simulate(a, 0.1, events=first), "events must be a list of Event objects"),
         (lambda a: fa.simulate(a, 0.1, events=[first]), "events must be a list of Event objects"),
         (
             lambda a: fa.simulate(a, 0.1, events=[fa.Event(first, "event_2"), fa.Event(first)]),
-            r"events\[1\] must have a name of its own, got 'event_2'",
+            r"events\[1\] repeats the name 'event_2'",
         ),
         (
             lambda a: fa.simulate(a, 0.1, plant=a.rigid(), events=[fa.joint_event(a, 1, 0.0)]),
-            r"events\[0\] must be made for the arm that is simulated",
+            r"events\[0\] was created for another arm",
         ),
     ],
 )

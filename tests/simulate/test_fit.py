@@ -40,7 +40,7 @@ def refused(arm, controller, **options):
 )
 def test_controllers_for_another_number_of_joints(controller):
     told = refused(arm_of(2, gauges=2), controller)
-    assert told == ["simulate: controller must be for an arm with 2 joints, got for one with 3."]
+    assert told == ["simulate: controller is for 3 joints, but the arm has 2."]
 
 
 def test_one_number_for_all_joints_fits_every_arm(arm):
@@ -63,13 +63,13 @@ def test_gauges_that_the_arm_lacks(controller, gauges, wanted):
     called = type(controller).__name__
     plural = "s" * (wanted != 1)
     rule = f"have the {wanted} gauge{plural} that {called} reads"
-    assert told == f"simulate: arm must {rule}, got an arm with {gauges}."
+    assert told == f"simulate: arm must {rule}, got {gauges}."
 
 
 def test_a_plant_without_the_gauges_of_the_arm_believed_in():
     believed = arm_of(2, gauges=2)
     told = refused(believed, fa.LQG(believed), plant=arm_of(2))
-    assert told == ["simulate: arm must have the 2 gauges that LQG reads, got an arm with 0."]
+    assert told == ["simulate: arm must have the 2 gauges that LQG reads, got 0."]
 
 
 def test_every_reading_that_is_missing(arm):
@@ -77,12 +77,12 @@ def test_every_reading_that_is_missing(arm):
     told = refused(arm, fa.JointPD(1.0, 1.0), hardware=hardware)
     assert told == [
         (
-            "simulate: hardware must have an instrument for joint_angle, which JointPD "
-            "reads, got for tip."
+            "simulate: hardware has no instrument for joint_angle, which JointPD reads; it "
+            "measures tip."
         ),
         (
-            "simulate: hardware must have an instrument for joint_rate, which JointPD reads, "
-            "got for tip."
+            "simulate: hardware has no instrument for joint_rate, which JointPD reads; it "
+            "measures tip."
         ),
     ]
 
@@ -106,7 +106,8 @@ def test_readings_beyond_the_exact_ones_need_hardware(arm):
 def test_a_class_is_no_controller(arm):
     (told,) = refused(arm, fa.JointPD)
     assert told == (
-        "simulate: controller must be a controller, got the class JointPD. Make one: JointPD(...)."
+        "simulate: controller must be a controller, got the class JointPD. "
+        "Create an object: JointPD(...)."
     )
     with pytest.raises(fa.InputError, match="inner must be a controller, got the class JointPD"):
         fa.DisturbanceObserver(arm, fa.JointPD)
@@ -134,9 +135,9 @@ class Own(fa.Controller):
 
 def test_own_controllers_may_say_what_they_need(arm):
     (told,) = refused(arm, Own(lambda m: None, fa.Needs(joints=3)))
-    assert "controller must be for an arm with 2 joints" in told
+    assert "controller is for 3 joints, but the arm has 2" in told
     (told,) = refused(arm, Own(lambda m: None, fa.Needs(measured=("tip",))))
-    assert "an instrument for tip, which Own reads" in told
+    assert "no instrument for tip, which Own reads" in told
     fa.simulate(arm, 0.01, controller=Own(lambda m: m.joint_angle))
 
 

@@ -195,12 +195,12 @@ run: {duration: 0.1, rate: 100}
         (
             "{kind: computed_torque, frequency_hz: 1}",
             "initial: {equilibrium: true, balance: true}",
-            "initial.balance must be false where the drive balances",
+            "initial.balance cannot be combined with a drive",
         ),
         (
             "{kind: joint_pid, proportional: 1, derivative: 1, gravity: rigid, feedforward: RIGID}",
             "",
-            "gravity must be none where the feedforward",
+            "gravity cannot be combined with feedforward",
         ),
         ("{kind: strain_feedback, proportional: 1, derivative: 1, strain: 1}", "", "2 gauges"),
     ],

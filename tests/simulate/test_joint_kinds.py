@@ -191,7 +191,7 @@ def test_contradictions_are_refused(fields, message):
 
 def test_what_is_asked_of_arms_without_motors():
     arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)], joints=[fa.Joint(fixed=True)])
-    with pytest.raises(fa.InputError, match="arm must have a joint that is not fixed"):
+    with pytest.raises(fa.InputError, match="arm has no joint that is not fixed"):
         fa.joint_motion(arm, [], [], 1.0)
     hold = fa.PrescribedAngle(lambda t: 0.0, lambda t: 0.0, lambda t: 0.0)
     with pytest.raises(
@@ -242,7 +242,7 @@ def test_tables_and_plots_keep_the_numbers_of_joints(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("end: [0.3, 0.5]", "end: [0.3, 0.0, 0.5]", "motion.end must have one value for each of"),
+        ("end: [0.3, 0.5]", "end: [0.3, 0.0, 0.5]", "motion.end must have length"),
         (
             "run:",
             "prescribed: [{kind: hold, joint: 2}]\nrun:",

@@ -173,13 +173,13 @@ LACKING = {
     "an instrument of the force": (
         PRESSED + "hardware: {instruments: [{signal: joint_angle, rate_cutoff: 80}]}\n",
         (
-            "hardware.instruments must have an instrument for contact_force, which hybrid_force "
-            "reads, got for joint_angle, joint_rate"
+            "hardware.instruments has no instrument for contact_force, which hybrid_force "
+            "reads; it measures joint_angle, joint_rate"
         ),
     ),
     "rates": (
         PRESSED + "hardware: {instruments: [{signal: joint_angle}, {signal: contact_force}]}\n",
-        "An instrument of joint_angle with a rate_cutoff tells it, too.",
+        "An instrument of joint_angle with a rate_cutoff also measures it.",
     ),
     "gauges": (
         (
@@ -187,7 +187,7 @@ LACKING = {
             "drive: {kind: strain_feedback, proportional: 1, derivative: 1, strain: 1}\n"
             "run: {duration: 0.1}\n"
         ),
-        "arm must have the 2 gauges that strain_feedback reads, got an arm with 0",
+        "arm must have the 2 gauges that strain_feedback reads, got 0",
     ),
     "gauges of LQG": (
         (

@@ -49,7 +49,7 @@ def test_a_start_is_deep_only_if_it_is_far_in_and_nothing_could_hold_it(depth, w
 
 def test_a_wall_that_faces_the_wrong_way_is_a_deep_start():
     wall = fa.Contact(fa.Wall((0.0, -0.1), (0.0, -1.0)), 1e4)
-    with pytest.raises(fa.InputError, match="a wall's normal points away from what is solid"):
+    with pytest.raises(fa.InputError, match="The normal of a wall points out of the solid"):
         fa.simulate(rod(), 0.01, contacts=[wall])
 
 
@@ -110,7 +110,7 @@ def test_a_motion_that_comes_to_a_wall_later_is_looked_at_there(arm):
     line = fa.line_motion(arm, (1.0, 0.6), (1.0, 0.3), 1.0)
     wrong = fa.pressed_motion(arm, line, lambda t: 5.0 * t, (0.0, -1.0))
     floor = fa.Contact(fa.Wall((0.0, 0.3), (0.0, 1.0)), 1e4)
-    with pytest.raises(fa.InputError, match=r"is \(0, -1\) at t = 0\.[7-9]\d* s, into it"):
+    with pytest.raises(fa.InputError, match=r"got \(0, -1\) at t = 0\.[7-9]\d* s, into it"):
         fa.simulate(arm, 1.0, controller=fa.JointPD(20.0, 2.0), reference=wrong, contacts=[floor])
 
 

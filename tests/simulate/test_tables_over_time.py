@@ -184,8 +184,8 @@ class TestAngles:
         ("arguments", "message"),
         [
             (([0, 1], [1.0]), r"angles must be numbers of shape \(2,\)"),
-            (([0], [1.0]), "times must be two or more"),
-            (([0, 1, 1], [1.0, 2.0, 2.0]), "each greater than the one before"),
+            (([0], [1.0]), "times must be at least two"),
+            (([0, 1, 1], [1.0, 2.0, 2.0]), "in increasing order"),
             (([0, 1], [1.0, 2.0], "loose"), "ends must be one of 'rest', 'free', got 'loose'"),
         ],
     )

@@ -87,7 +87,7 @@ def test_a_folder_without_permission_is_refused():
 
 def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="--out must be a folder to write in"):
+    with pytest.raises(InputError, match="--out must be a writable folder"):
         check_folder("paper", "--out", tmp_path / "file")
 
 

@@ -217,7 +217,7 @@ def test_strain_feedback_damps_as_the_poles_of_the_linear_loop_say():
         ({"parameters": ["payload.mass", "payload.mass"]}, "once"),
         ({"parameters": []}, "parameters must name at least one, got []"),
         ({"bounds": {"payload.mass": (2.0, 1.0)}}, "lower one first"),
-        ({"bounds": {"link_1.mass": (2.0, 3.0)}}, "bounds must be names out of payload.mass"),
+        ({"bounds": {"link_1.mass": (2.0, 3.0)}}, "bounds must be names from payload.mass"),
         ({"strain_gain": 1.0}, "no gauge"),
         ({"sample_time": -1.0}, "sample_time"),
     ],

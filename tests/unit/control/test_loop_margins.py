@@ -190,7 +190,7 @@ def test_a_design_for_a_margin_keeps_it_or_says_what_it_reaches():
     plants = {name: robust_arm(*change) for name, change in list(PLANTS.items())[-1:]}
     made = fa.LQG.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=0.2)
     assert float(fa.loop_margins(made, plants).worst_disk_margin.min()) >= 0.2
-    with pytest.raises(fa.InputError, match="disk_margin must be within reach"):
+    with pytest.raises(fa.InputError, match=r"disk_margin of .* cannot be reached"):
         fa.Composite.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=1.9)
 
 

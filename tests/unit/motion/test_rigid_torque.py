@@ -98,5 +98,7 @@ def test_jumps_at_breaks_only():
 
 def test_refuses_a_motion_of_another_arm():
     motion = joint_motion(Links((1.0, 1.0, 1.0)), [0, 0, 0], [1, 1, 1], 1.0)
-    with pytest.raises(InputError, match=r"rigid_torque: motion must have the arm's 2 joint"):
+    with pytest.raises(
+        InputError, match=r"rigid_torque: motion must have the number of joints of the arm, 2"
+    ):
         rigid_torque(TwoRods(), motion)

@@ -107,7 +107,7 @@ def test_a_damaged_file_is_refused_wherever_the_damage_is(damage, result, tmp_pa
         damaged = damage(content, at)
         path.write_bytes(damaged)
         if damaged != content:
-            with pytest.raises(InputError, match="must be an intact NetCDF file"):
+            with pytest.raises(InputError, match="is not an intact NetCDF file"):
                 read_result(path)
 
 
@@ -124,7 +124,9 @@ def test_whatever_damage_raises_in_a_file_without_a_digest_is_worded(
         raise error("found by the reader")
 
     monkeypatch.setattr(xr, "load_dataset", damaged)
-    with pytest.raises(InputError, match=f"not: {error.__name__}: .?found by the reader"):
+    with pytest.raises(
+        InputError, match=f"not an intact NetCDF file: {error.__name__}: .?found by the reader"
+    ):
         read_result(path)
 
 
@@ -144,7 +146,7 @@ def test_a_pipe_is_not_a_result(tmp_path):
 def test_what_is_no_result_is_refused(text, tmp_path):
     path = tmp_path / "run.nc"
     path.write_bytes(text)
-    with pytest.raises(InputError, match="must be an intact NetCDF file"):
+    with pytest.raises(InputError, match="is not an intact NetCDF file"):
         read_result(path)
 
 
@@ -160,7 +162,7 @@ def test_a_format_that_loses_something_is_not_read(tmp_path):
 
 def test_a_file_of_someone_else_is_refused(tmp_path):
     xr.Dataset({"a": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
-    with pytest.raises(InputError, match="must be a result that flexarm has written"):
+    with pytest.raises(InputError, match="was not written by flexarm"):
         read_result(tmp_path / "other.nc")
 
 

@@ -55,5 +55,5 @@ def test_all_that_saves_makes_missing_folders(model, tmp_path):
     separation.save(tmp_path / "c" / "along.npz")
     made = sorted(path.name for path in tmp_path.rglob("*.*"))
     assert made == ["along.npz", "arm.mat", "arm.yaml"]
-    with pytest.raises(fa.InputError, match="path must lie in a folder that can be written in"):
+    with pytest.raises(fa.InputError, match="path must be in a writable folder"):
         separation.save(tmp_path / "a" / "arm.mat" / "along.npz")
