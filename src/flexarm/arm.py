@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_kind, check_last_axes, check_path
 from flexarm.assemble import FloatArray
-from flexarm.contacts import Contact, place_outside
+from flexarm.contacts import place_outside
 from flexarm.dynamics import Dynamics
 from flexarm.errors import check_result
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.kernels.observables import energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
-from flexarm.loads import Load, acting_loads
-from flexarm.model import ArmSpec, Friction, load_arm_spec, save_arm_spec
+from flexarm.loads import acting_loads
+from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
 from flexarm.model.help_text import signature_of
 from flexarm.model.variation import varied_spec
 from flexarm.notebook import html_table

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.assemble import FloatArray, assemble
-from flexarm.contacts import Contact, place_outside
+from flexarm.contacts import place_outside
 from flexarm.coordinates import Coordinates
 from flexarm.errors import check_array, check_result
 from flexarm.kernel_view import KernelView
@@ -20,8 +20,8 @@ from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import Loads, no_loads
 from flexarm.kernels.newton_euler import inverse_dynamics_many
 from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
-from flexarm.loads import Load, acting_loads
-from flexarm.model import ArmSpec
+from flexarm.loads import acting_loads
+from flexarm.model import ArmSpec, Contact, Load
 from flexarm.scratch import Pool, Scratch, is_finite, is_plain
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
 from flexarm.engine.contact_setup import contacts_of_run, touch_frequency
 from flexarm.engine.default_step import default_step
 from flexarm.engine.event_search import Watch
@@ -23,7 +22,8 @@ from flexarm.errors import InputError, Problem, check_array
 from flexarm.histories.loads import BaseAcceleration, LoadHistory, load_history
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
-from flexarm.loads import Load, acting_loads
+from flexarm.loads import acting_loads
+from flexarm.model import Contact, Load
 
 #: Tolerance of a torque approximation, as a fraction of the integrator's tolerance.
 TORQUE_SHARE = 1e-2

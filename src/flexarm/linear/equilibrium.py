@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,11 @@ from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.contacts import Contact, place_outside
+from flexarm.contacts import place_outside
 from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
 from flexarm.linear.descent import LONGEST, descent_step, largest_turn
-from flexarm.loads import Load, acting_loads
+from flexarm.loads import acting_loads
+from flexarm.model import Contact, Load
 from flexarm.notebook import html_table
 
 #: Residual forces below this fraction of the largest force count as zero.
@@ -167,10 +168,7 @@ class _Search:
             return self.arm, self.loads
         gravity = tuple(fraction * g for g in self.arm.spec.gravity)
         arm = Arm(self.arm.spec.replace(gravity=gravity))
-        loads = [
-            replace(load, force=fraction * np.asarray(load.force), moment=fraction * load.moment)
-            for load in self.loads
-        ]
+        loads = [load.scaled(fraction) for load in self.loads]
         return arm, loads
 
     def _force(self, arm: Arm, q: FloatArray, loads: list[Load]) -> FloatArray:

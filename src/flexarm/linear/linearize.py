@@ -18,7 +18,7 @@ from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import one_warning, warn_of_bending
-from flexarm.contacts import Contact, place_contacts, place_outside
+from flexarm.contacts import place_contacts, place_outside
 from flexarm.errors import InputError, Problem, check_array, check_result
 from flexarm.kernel_view import KernelView
 from flexarm.kernels.layout import Loads
@@ -37,7 +37,8 @@ from flexarm.linear.signals import (
 )
 from flexarm.linear.state_space import LinearModel
 from flexarm.linear.tangent import tangent
-from flexarm.loads import Load, acting_loads, parts_of, place_loads
+from flexarm.loads import acting_loads, marker, parts_of, place_loads
+from flexarm.model import Contact, Load
 from flexarm.observe import channels_of, contact_channels
 
 _WHERE = "linearize"
@@ -232,7 +233,7 @@ class _Perturbed:
         sensors = [item.sensor for item in self.outputs if item.sensor is not None]
         if not sensors:
             return []
-        places = [Load(sensor.link, station=sensor.station) for sensor in sensors]
+        places = [marker(sensor.link, sensor.station) for sensor in sensors]
         stations = place_loads(self.arm, _WHERE, places)
         kernels, motions = self.kernels, np.zeros((self.rows, len(sensors), 8), complex)
         poses, tip = kernels.pose_arrays()

@@ -13,7 +13,6 @@ from flexarm.arguments import check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.contacts import Contact
 from flexarm.errors import InputError, Problem, check_array, check_result, few
 from flexarm.linear.curves import displacements
 from flexarm.linear.eigen import damped, undamped
@@ -21,7 +20,8 @@ from flexarm.linear.equilibrium import Equilibrium
 from flexarm.linear.held import Held, Joints, hold_joints
 from flexarm.linear.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.tangent import Tangent, tangent
-from flexarm.loads import Load, acting_loads, place_loads
+from flexarm.loads import acting_loads, place_loads
+from flexarm.model import Contact, Load
 from flexarm.notebook import html_table
 from flexarm.stations import check_stations
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.contacts import Contact, place_outside
+from flexarm.contacts import place_outside
 from flexarm.kernel_view import KernelView
 from flexarm.kernels.tangent import inverse_jacobian
-from flexarm.loads import Load
+from flexarm.model import Contact, Load
 
 
 class Tangent(NamedTuple):

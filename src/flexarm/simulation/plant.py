@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_count, check_flag, check_kind, check_list_of, check_positive
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
@@ -26,14 +24,13 @@ from flexarm.errors import (
     check_array,
     warn_caller,
 )
-from flexarm.hardware.hardware import Hardware
 from flexarm.hardware.measurement import Measurement
 from flexarm.histories.loads import BaseAcceleration
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.loads import Load
 from flexarm.loop.sampled_loop import Ticks
 from flexarm.loop.sensors import TipMotion
+from flexarm.model import Contact, Hardware, Load
 from flexarm.observe import contact_forces
 
 
@@ -152,7 +149,7 @@ class Plant:
         if seed is not None:
             check_count("Plant.reset", "seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
-            hardware = replace(hardware, seed=seed)
+            hardware = hardware.replace(seed=seed)
         run = self._new_run(state)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:

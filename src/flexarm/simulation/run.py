@@ -19,7 +19,6 @@ from flexarm.arguments import (
 )
 from flexarm.arm import Arm
 from flexarm.bending import too_far_bent
-from flexarm.contacts import Contact
 from flexarm.control.base import Controller, Reference, check_reference, controller_problem
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
@@ -45,7 +44,6 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
-from flexarm.hardware.hardware import Hardware
 from flexarm.histories.loads import BaseAcceleration
 from flexarm.histories.prescribed import Prescribed, prescribe
 from flexarm.histories.torques import (
@@ -57,9 +55,9 @@ from flexarm.histories.torques import (
 )
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.loads import Load
 from flexarm.loop.closed_loop import ClosedLoop
 from flexarm.loop.stability import instability
+from flexarm.model import Contact, Hardware, Load
 from flexarm.model.events import DURATION, FAILURE
 from flexarm.model.scenario import sample_fault
 from flexarm.observe import contact_channels
