@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from numpy.typing import ArrayLike
-
-from flexarm.arguments import check_list_of
 from flexarm.coordinates import Coordinates
 from flexarm.kernels.contact import (
     COUNT,
@@ -22,7 +19,7 @@ from flexarm.kernels.contact import (
     STIFFNESS,
     WEIGHT,
 )
-from flexarm.kernels.layout import Contacts, Loads, empty_contacts
+from flexarm.kernels.layout import Contacts, empty_contacts
 from flexarm.loads import marker, place_loads
 from flexarm.model import Contact, Load, SurfaceTable
 from flexarm.surfaces import arc_of, pieces_of
@@ -37,10 +34,8 @@ def place_contacts(arm: Coordinates, where: str, contacts: Sequence[Contact]) ->
     """Convert contacts to the kernels' arrays.
 
     Raises:
-        InputError: if ``contacts`` is not a list of `Contact` objects, or a point is not on the
-            arm.
+        InputError: if a point is not on the arm.
     """
-    contacts = check_list_of(where, "contacts", contacts, Contact)
     marks = [point_of(arm, contact) for contact in contacts]
     points = place_loads(arm, where, marks, what="Contact")
     tables = [pieces_of(c.surface) for c in contacts if isinstance(c.surface, SurfaceTable)]
@@ -67,21 +62,3 @@ def place_contacts(arm: Coordinates, where: str, contacts: Sequence[Contact]) ->
                 normal,
             )
     return placed
-
-
-def place_outside(
-    arm: Coordinates,
-    where: str,
-    loads: Sequence[Load],
-    base_acceleration: ArrayLike | None,
-    contacts: Sequence[Contact],
-) -> Loads:
-    """Convert loads, the base acceleration and contacts to the kernels' arrays, for one state.
-
-    Raises:
-        InputError: as in ``place_loads`` and ``place_contacts``.
-    """
-    placed = place_loads(arm, where, loads, base_acceleration)
-    if isinstance(contacts, list | tuple) and not contacts:
-        return placed
-    return placed._replace(contacts=place_contacts(arm, where, contacts))

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_list_of
 from flexarm.assemble import FloatArray, Piece
 from flexarm.beams import LinkConstants
 from flexarm.beams.shortening import shortening_matrices
@@ -43,22 +42,10 @@ def marker(link: int, station: float | None) -> Load:
     return Load(link=link, force=(0.0, 0.0), station=station)
 
 
-def acting_loads(
-    arm: Coordinates, where: str, tip_force: ArrayLike | None, loads: Sequence[Load]
-) -> list[Load]:
-    """Return the force on the last tip and the loads in one list.
-
-    Raises:
-        InputError: if ``loads`` is not a list of `Load` objects.
-    """
-    return [*tip_load(arm, where, tip_force), *check_list_of(where, "loads", loads, Load)]
-
-
 def place_loads(
     arm: Coordinates,
     where: str,
     loads: Sequence[Load],
-    base_acceleration: ArrayLike | None = None,
     what: str = "Load",
 ) -> Loads:
     """Convert loads to the kernels' arrays; ``what`` is their name in messages.
@@ -84,10 +71,6 @@ def place_loads(
             placed.shortening[k, : row.size, : row.size] = matrix
         placed.follower[k] = float(load.frame == "link")
         placed.value[k] = load.value
-    if base_acceleration is not None:
-        placed.base_acceleration[:] = check_array(
-            where, "base_acceleration", base_acceleration, (2,)
-        )
     return placed
 
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
+from flexarm.environment import Environment
 from flexarm.histories.loads import load_history
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
@@ -23,7 +24,7 @@ def rod(**fields):
 
 
 def history(arm, *loads, base=None):
-    return load_history(arm, loads, base, 1.0, 1e-9).factors
+    return load_history(arm, Environment(loads, base), 1.0, 1e-9).factors
 
 
 class TestFactors:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_function
 from flexarm.arm import Arm
+from flexarm.environment import Environment
 from flexarm.errors import InputError
 from flexarm.histories.piecewise import side_by_side, table_history
 from flexarm.histories.torques import (
@@ -20,11 +20,9 @@ from flexarm.histories.torques import (
     function_torque,
 )
 from flexarm.kernels.layout import Contacts, Loads
-from flexarm.loads import parts_of, place_loads
+from flexarm.loads import parts_of
 from flexarm.model import AccelerationTable, FactorTable, Load
 from flexarm.model.tables import is_table
-
-BaseAcceleration = ArrayLike | Callable[[float], ArrayLike] | AccelerationTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +42,7 @@ class LoadHistory:
 
 def load_history(
     arm: Arm,
-    loads: Sequence[Load],
-    base_acceleration: BaseAcceleration | None,
+    environment: Environment,
     duration: float,
     relative: float,
     contacts: Contacts | None = None,
@@ -56,7 +53,7 @@ def load_history(
     """Place the loads and approximate their time dependence; tables are represented exactly.
 
     Args:
-        contacts: contacts already placed, which are only added to the loads.
+        contacts: contacts of the environment as they were placed for the run, if there are any.
         where: name of the calling function, for messages.
         breaks, spacing: of functions of time, as in ``function_torque``.
 
@@ -64,10 +61,10 @@ def load_history(
         InputError: if a load is not on the arm, a function does not return numbers, or a table
             is not valid.
     """
-    base_acceleration = _base(where, base_acceleration)
+    loads, base_acceleration = environment.loads, _base(where, environment.base_acceleration)
     moving = callable(base_acceleration) or isinstance(base_acceleration, AccelerationTable)
-    constant: Any = None if moving else base_acceleration
-    placed = place_loads(arm, where, loads, constant)
+    still = Environment(loads, None if moving else base_acceleration)
+    placed = still.placed(arm, where)
     if contacts is not None:
         placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_count, check_flag, check_kind, check_list_of, check_positive
+from flexarm.arguments import check_count, check_flag, check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.validity import BendingWatch
+from flexarm.environment import BaseAcceleration, Environment
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -25,7 +26,6 @@ from flexarm.errors import (
     warn_caller,
 )
 from flexarm.hardware.measurement import Measurement
-from flexarm.histories.loads import BaseAcceleration
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.loop.sampled_loop import Ticks
@@ -90,8 +90,10 @@ class Plant:
         if hardware is not None:
             check_kind("Plant", "hardware", hardware, Hardware, "a Hardware object")
         self.sample_time = check_positive("Plant", "sample_time", sample_time)
+        given = tip_force, loads, base_acceleration, contacts
+        environment = Environment.of(arm, "Plant", *given)
         if duration is None:
-            _refuse_functions(loads, base_acceleration)
+            _refuse_functions(environment)
         self._duration = (
             math.inf if duration is None else check_positive("Plant", "duration", duration)
         )
@@ -103,12 +105,9 @@ class Plant:
             arm,
             duration=self._duration,
             sample_times=np.zeros(0),
-            tip_force=tip_force,
-            loads=loads,
-            base_acceleration=base_acceleration,
+            environment=environment,
             breaks=breaks,
             spacing=self.sample_time,
-            contacts=contacts,
             integrator=integrator,
             step=step,
             rtol=check_positive("Plant", "rtol", rtol),
@@ -236,11 +235,10 @@ class Plant:
         return forces
 
 
-def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration | None) -> None:
+def _refuse_functions(environment: Environment) -> None:
     """Raise if a plant without duration has functions of time, which need an end."""
-    loads = check_list_of("Plant", "loads", loads, Load)
-    factors = [load.factor for load in loads]
-    if callable(base_acceleration) or any(callable(factor) for factor in factors):
+    factors = [load.factor for load in environment.loads]
+    if callable(environment.base_acceleration) or any(callable(factor) for factor in factors):
         rule = "be given with loads or a base that are functions of time"
         hint = "Tables (times, values) need none."
         raise InputError(Problem("Plant", "duration", rule, "nothing", hint))

@@ -33,6 +33,7 @@ from flexarm.engine.new_run import (
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
+from flexarm.environment import BaseAcceleration, Environment
 from flexarm.errors import (
     AccuracyWarning,
     InputError,
@@ -44,7 +45,6 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
-from flexarm.histories.loads import BaseAcceleration
 from flexarm.histories.prescribed import Prescribed, prescribe
 from flexarm.histories.torques import (
     INTERPOLATIONS,
@@ -204,6 +204,8 @@ def simulate(
     log = event_log(where, simulated, events)
     # The last sample may exceed the end by rounding, and would then never be computed.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
+    acting = tip_force, loads, base_acceleration, contacts
+    environment = Environment.of(simulated, where, *acting)
     with Meter("simulating", progress) as meter:
         run = new_run(
             where,
@@ -211,12 +213,9 @@ def simulate(
             state,
             duration=duration,
             sample_times=times,
-            tip_force=tip_force,
-            loads=loads,
-            base_acceleration=base_acceleration,
+            environment=environment,
             breaks=known,
             spacing=1.0 / rate,
-            contacts=contacts,
             log=log,
             integrator=integrator,
             step=step,
