@@ -7,7 +7,6 @@ from .arm import save_arm as save_arm
 from .arm import varied as varied
 from .bridges.symbolic.casadi_model import to_casadi as to_casadi
 from .bridges.symbolic.jax_model import to_jax as to_jax
-from .contacts import Contact as Contact
 from .control.base import Controller as Controller
 from .control.requirements import Needs as Needs
 from .control_design.input_shaping import shaped as shaped
@@ -40,9 +39,6 @@ from .errors import SimulationError as SimulationError
 from .errors import UnstableLoopWarning as UnstableLoopWarning
 from .estimation.estimator_controller import EstimatorController as EstimatorController
 from .estimation.extended_kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
-from .hardware.hardware import Hardware as Hardware
-from .hardware.hardware import Motors as Motors
-from .hardware.instruments import Instrument as Instrument
 from .hardware.measurement import Measurement as Measurement
 from .histories.prescribed import PrescribedAngle as PrescribedAngle
 from .integrate import GeneralizedAlpha as GeneralizedAlpha
@@ -56,7 +52,6 @@ from .linear import EquilibriumError as EquilibriumError
 from .linear import LinearModel as LinearModel
 from .linear import Modes as Modes
 from .linear import ModeTracks as ModeTracks
-from .linear import Sensor as Sensor
 from .linear import campbell as campbell
 from .linear import equilibrium as equilibrium
 from .linear import linearize as linearize
@@ -70,22 +65,30 @@ from .linear.quasi_static import QuasiStaticReference as QuasiStaticReference
 from .linear.quasi_static import quasi_static_reference as quasi_static_reference
 from .linear.step_jacobian import StepJacobian as StepJacobian
 from .linear.step_jacobian import step_jacobian as step_jacobian
-from .loads import Load as Load
 from .loop_analysis.margins import loop_margins as loop_margins
 from .model import Box as Box
 from .model import Circle as Circle
+from .model import Contact as Contact
 from .model import Friction as Friction
 from .model import Gauge as Gauge
+from .model import Hardware as Hardware
+from .model import Instrument as Instrument
 from .model import Joint as Joint
 from .model import JointLimits as JointLimits
 from .model import Link as Link
+from .model import Load as Load
 from .model import Material as Material
 from .model import ModalDamping as ModalDamping
+from .model import Motors as Motors
 from .model import Payload as Payload
 from .model import RayleighDamping as RayleighDamping
 from .model import Rectangle as Rectangle
+from .model import RoundWall as RoundWall
 from .model import SectionTable as SectionTable
+from .model import Sensor as Sensor
+from .model import SurfaceTable as SurfaceTable
 from .model import Tube as Tube
+from .model import Wall as Wall
 from .model import load_scenario as load_scenario
 from .motion import joint_motion as joint_motion
 from .motion import line_motion as line_motion
@@ -102,8 +105,5 @@ from .simulation.compare import compare as compare
 from .simulation.plant import Plant as Plant
 from .simulation.run import simulate as simulate
 from .simulation.separated import simulate_separated as simulate_separated
-from .surfaces import RoundWall as RoundWall
-from .surfaces import SurfaceTable as SurfaceTable
-from .surfaces import Wall as Wall
 
 __version__: str

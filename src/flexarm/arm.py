@@ -11,14 +11,13 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_kind, check_last_axes, check_path
 from flexarm.assemble import FloatArray
-from flexarm.contacts import Contact, place_outside
 from flexarm.dynamics import Dynamics
+from flexarm.environment import Environment
 from flexarm.errors import check_result
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.kernels.observables import energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
-from flexarm.loads import Load, acting_loads
-from flexarm.model import ArmSpec, Friction, load_arm_spec, save_arm_spec
+from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
 from flexarm.model.help_text import signature_of
 from flexarm.model.variation import varied_spec
 from flexarm.notebook import html_table
@@ -209,11 +208,12 @@ class Arm(Dynamics):
         where = "Arm.section_forces"
         if len(self._cuts) != check_stations(where, stations):
             self._cuts = cuts_at(self, int(stations))
-        acting = acting_loads(self, where, tip_force, loads)
-        placed = place_outside(self, where, acting, base_acceleration, contacts)
+        given = tip_force, loads, base_acceleration, contacts
+        environment = Environment.of(self, where, *given)
+        placed = environment.placed(self, where)
         scratch = self._newton_euler(where, q, qd, qdd, placed)
         motion = scratch.state, scratch.third
-        forces = forces_at(self, self._cuts, *motion, acting, placed, scratch.work)
+        forces = forces_at(self, self._cuts, *motion, environment.loads, placed, scratch.work)
         self._inverse.append(scratch)
         return forces
 

@@ -12,16 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.assemble import FloatArray, assemble
-from flexarm.contacts import Contact, place_outside
 from flexarm.coordinates import Coordinates
+from flexarm.environment import Environment
 from flexarm.errors import check_array, check_result
 from flexarm.kernel_view import KernelView
 from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import Loads, no_loads
 from flexarm.kernels.newton_euler import inverse_dynamics_many
 from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
-from flexarm.loads import Load, acting_loads
-from flexarm.model import ArmSpec
+from flexarm.model import ArmSpec, Contact, Load
 from flexarm.scratch import Pool, Scratch, is_finite, is_plain
 
 
@@ -87,8 +86,8 @@ class Dynamics(Coordinates):
         nothing = tip_force is None and base_acceleration is None
         if nothing and type(loads) is tuple is type(contacts) and not (loads or contacts):
             return self._unloaded
-        acting = acting_loads(self, where, tip_force, loads)
-        return place_outside(self, where, acting, base_acceleration, contacts)
+        given = tip_force, loads, base_acceleration, contacts
+        return Environment.of(self, where, *given).placed(self, where)
 
     def forward_dynamics(
         self,

@@ -1,120 +1,26 @@
-"""External forces and moments on an arm, and their place in the kernels' arrays."""
+"""The place of external forces and moments in the kernels' arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_function, check_list_of, check_nonnegative
 from flexarm.assemble import FloatArray, Piece
 from flexarm.beams import LinkConstants
 from flexarm.beams.shortening import shortening_matrices
 from flexarm.coordinates import Coordinates
-from flexarm.errors import InputError, Problem, check_array, is_count, shown
+from flexarm.errors import InputError, check_array
 from flexarm.kernels.contact import LEVER, WEIGHT
 from flexarm.kernels.layout import Contacts, Loads, empty_loads
-from flexarm.model.tables import order_fault
+from flexarm.model import Load
 
-FRAMES = ("world", "link")
 #: Positions closer than this fraction of a length are equal, because sums of lengths are rounded.
 SAME_PLACE = 1e-9
 #: Gauss points on each piece of a distributed load: exact for the cubic shapes of an element.
 _POINTS = 4
-
-#: Times (k,) s and values (k,) or (k, columns): linear in between, constant beyond both ends.
-Table = tuple[ArrayLike, ArrayLike]
-
-
-@dataclass(frozen=True, eq=False)
-class Load:
-    """A force and a moment at a station of a link, or a distributed force on a part of it.
-
-    Args:
-        link: number of the link, counted from 1 at the base, as in results.
-        force: (Fx, Fy) N; for a distributed load N/m.
-        moment: N m, at the station; zero for a distributed load.
-        station: distance from the link's root, m; None: its tip.
-        spread: (start, end), m from the link's root, for a distributed load: the force is per
-            length between them.
-        frame: "world" keeps the direction, "link" rotates it with the root tangent of the link (of
-            the segment that carries it).
-        factor: factor of the load over time: a function, or a table ``(times, values)`` of two
-            lists (s, 1), linear between the times and constant beyond the ends, where two equal
-            times define a jump; None for a constant load.
-
-    Raises:
-        InputError: if a value is not finite, a station is negative, the frame is unknown, or the
-            times of a table decrease.
-    """
-
-    link: int
-    force: ArrayLike = (0.0, 0.0)
-    moment: float = 0.0
-    station: float | None = None
-    spread: tuple[float, float] | None = None
-    frame: str = "world"
-    factor: Callable[[float], float] | Table | None = None
-
-    def __post_init__(self) -> None:
-        check_array("Load", "force", self.force, (2,))
-        check_array("Load", "moment", self.moment, ())
-        problems = []
-        if not isinstance(self.frame, str) or self.frame not in FRAMES:
-            rule = "be one of " + ", ".join(map(repr, FRAMES))
-            problems.append(Problem("Load", "frame", rule, shown(self.frame)))
-        if self.spread is not None:
-            start, end = check_array("Load", "spread", self.spread, (2,))
-            if not 0.0 <= start < end:
-                rule = "be two increasing distances from the root of the link"
-                problems.append(Problem("Load", "spread", rule, shown(self.spread)))
-            if self.station is not None or self.moment != 0.0:
-                rule = "cannot be combined with a station or a moment"
-                problems.append(Problem("Load", "spread", rule))
-        if self.station is not None:
-            check_nonnegative("Load", "station", self.station)
-        if problems:
-            raise InputError(*problems)
-        if callable(self.factor):
-            check_function("Load", "factor", self.factor)
-        elif self.factor is not None:
-            check_table("Load", "factor", self.factor, 1)
-
-    @property
-    def value(self) -> FloatArray:
-        """Fx, Fy, Mz (3,)."""
-        return np.append(np.asarray(self.force, dtype=np.float64), self.moment)
-
-
-def is_table(value: Any) -> bool:
-    """Return whether a value has the form of a table: a pair whose first item is a list."""
-    if not isinstance(value, tuple | list) or len(value) != 2:
-        return False
-    return isinstance(value[0], tuple | list) or getattr(value[0], "ndim", 0) > 0
-
-
-def check_table(where: str, name: str, table: object, columns: int) -> tuple[FloatArray, ...]:
-    """Return the times (k,) and values (k, columns) of a table; one column may be given flat.
-
-    Raises:
-        InputError: if it is not a pair of equally long lists, or its times are not in order.
-    """
-    if not is_table(table):
-        rule = "be a function of time or a table (times, values)"
-        raise InputError(Problem(where, name, rule, shown(table)))
-    times = check_array(where, f"{name}[0]", table[0], (-1,))  # type: ignore[index]
-    shape = (times.size,) if columns == 1 else (times.size, columns)
-    values = check_array(where, f"{name}[1]", table[1], shape)  # type: ignore[index]
-    if times.size == 0:
-        raise InputError(Problem(where, f"{name}[0]", "is empty"))
-    fault = order_fault(times.tolist())
-    if fault is not None:
-        k, rule = fault
-        raise InputError(Problem(where, f"{name}[0][{k}]", rule, shown(float(times[k]))))
-    return times, values.reshape(times.size, columns)
 
 
 def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[Load]:
@@ -128,25 +34,18 @@ def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[
     size = force.size if force.size in (2, 3) else 3
     force = check_array(where, "tip_force", force, (size,))
     moment = float(force[2]) if size == 3 else 0.0
-    return [Load(link=arm.links, force=force[:2], moment=moment)]
+    return [Load(link=arm.links, force=tuple(force[:2].tolist()), moment=moment)]
 
 
-def acting_loads(
-    arm: Coordinates, where: str, tip_force: ArrayLike | None, loads: Sequence[Load]
-) -> list[Load]:
-    """Return the force on the last tip and the loads in one list.
-
-    Raises:
-        InputError: if ``loads`` is not a list of `Load` objects.
-    """
-    return [*tip_load(arm, where, tip_force), *check_list_of(where, "loads", loads, Load)]
+def marker(link: int, station: float | None) -> Load:
+    """Return a load of zero, which marks a point of an arm: ``station`` (m) from a link's root."""
+    return Load(link=link, force=(0.0, 0.0), station=station)
 
 
 def place_loads(
     arm: Coordinates,
     where: str,
     loads: Sequence[Load],
-    base_acceleration: ArrayLike | None = None,
     what: str = "Load",
 ) -> Loads:
     """Convert loads to the kernels' arrays; ``what`` is their name in messages.
@@ -156,7 +55,9 @@ def place_loads(
     """
     parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
     for load in loads:
-        _check_place(arm, where, load, what)
+        problems = [fault.problem(where) for fault in load.off(arm.spec)]
+        if problems:
+            raise InputError(*(replace(p, name=f"{what}.{p.name}") for p in problems))
         if load.spread is None:
             parts.append(_point(arm, load))
         else:
@@ -170,10 +71,6 @@ def place_loads(
             placed.shortening[k, : row.size, : row.size] = matrix
         placed.follower[k] = float(load.frame == "link")
         placed.value[k] = load.value
-    if base_acceleration is not None:
-        placed.base_acceleration[:] = check_array(
-            where, "base_acceleration", base_acceleration, (2,)
-        )
     return placed
 
 
@@ -231,18 +128,6 @@ def _contacts_inboard(arm: Coordinates, contacts: Contacts, reach: FloatArray) -
         same = SAME_PLACE * arm.assembly.piece_of(body).shapes.length
         row[WEIGHT] *= _inboard(row[LEVER], reach[body], same)
     return contacts._replace(law=law)
-
-
-def _check_place(arm: Coordinates, where: str, load: Load, what: str) -> None:
-    if not (is_count(load.link) and load.link <= arm.links):
-        rule = f"be the number of a link, 1 to {arm.links}"
-        raise InputError(Problem(where, f"{what}.link", rule, shown(load.link)))
-    length = arm.spec.links[load.link - 1].length
-    furthest = load.station if load.spread is None else load.spread[1]
-    if furthest is not None and furthest > length * (1.0 + 1e-9):
-        rule = f"lie within the link, whose length is {length:g}"
-        name = f"{what}.station" if load.spread is None else f"{what}.spread"
-        raise InputError(Problem(where, name, rule, shown(furthest)))
 
 
 def _point(

@@ -21,7 +21,8 @@ from flexarm.kernels.layout import (
     run_time_sizes,
 )
 from flexarm.kernels.section_forces import section_forces
-from flexarm.loads import SAME_PLACE, Load, loads_inboard, parts_of
+from flexarm.loads import SAME_PLACE, loads_inboard, parts_of
+from flexarm.model import Load
 
 #: Maximum number of stations on a link; more give no information, because elements are smooth.
 MOST_STATIONS = 1000

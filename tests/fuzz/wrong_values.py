@@ -98,7 +98,7 @@ WRONG: dict[str, Callable[[], Any]] = {
     "payload": lambda: fa.Payload(mass=0.1),
     "link": lambda: fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0),
     "list of links": lambda: [fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0)],
-    "load": lambda: fa.Load(1),
+    "load": lambda: fa.Load(1, (0.0, 1.0)),
     "wall": lambda: fa.Wall((0.0, 0.0), (0.0, 1.0)),
     "other arm": lambda: fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)]),
     "path of nothing": lambda: Path("/nowhere/at/all.yaml"),

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from arm_states import parts, state_array
+from flexarm.environment import Environment
 from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.columns import FREE
-from flexarm.loads import place_loads
 from oracles.joint_laws import passive_torque
 from oracles.lagrangian import LagrangianOracle
 from random_options import busy
@@ -84,7 +84,7 @@ def prescribed_accelerations(b):
         index = b.arm.joint_numbers.tolist().index(joint)
         body[b.arm.assembly.joint_body[index], FREE] = 0.0
         drive[index] = acceleration
-    loads = place_loads(b.arm, "test", b.all_loads, b.base_acceleration)
+    loads = Environment(b.all_loads, b.base_acceleration).placed(b.arm, "test")
     state, torque = state_array(b.arm, b.q, b.qd), b.arm.padded_torque(drive)
     forward_dynamics(sizes, constants._replace(body=body), state, torque, loads, work)
     return b.arm.unpadded(work.acceleration)

@@ -51,7 +51,7 @@ class Section:
             else:
                 whole = load.spread[0] >= self.station
                 if not whole and load.spread[1] > self.station:
-                    kept.append(replace(load, spread=(self.station, load.spread[1])))
+                    kept.append(load.replace(spread=(self.station, load.spread[1])))
             if whole:
                 kept.append(load)
         return kept
@@ -94,7 +94,7 @@ def section_forces(
     frame = frames(oracle, oracle.points, constant(motion[0]))[k]
     # The package's loads find a point of the axis and the angle of the section there.
     here = load_points(
-        [fa.Load(section.link, station=section.station)],
+        [fa.Load(section.link, (0.0, 0.0), station=section.station)],
         oracle.pieces,
         oracle.bases,
         oracle.precision,

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.hardware.instruments import SIGNALS
-from flexarm.model.hardware import CHANNEL_SIGNALS, POINT_SIGNALS, Signal
+from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.model.hardware import CHANNEL_SIGNALS, Signal
+from flexarm.model.sensors import POINT_SIGNALS
 
 ARM = """\
 flexarm: 1
@@ -74,8 +75,7 @@ def test_same_run_as_in_python(tmp_path):
 
 
 def test_signals_of_files_are_those_of_python():
-
-    assert set(CHANNEL_SIGNALS) == set(SIGNALS)
+    assert set(CHANNEL_SIGNALS) == set(CHANNEL_OUTPUTS)
     assert set(get_args(Signal)) == {*CHANNEL_SIGNALS, *POINT_SIGNALS}
 
 

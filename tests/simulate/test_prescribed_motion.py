@@ -146,7 +146,7 @@ def test_what_is_no_motion_is_refused(prescribed, message):
         fa.simulate(arm, 1.0, prescribed=prescribed)
 
 
-@pytest.mark.parametrize("loads", [fa.Load(1), None, [{"link": 1}]])
+@pytest.mark.parametrize("loads", [fa.Load(1, (0, 1)), None, [{"link": 1}]])
 def test_what_is_no_load_is_refused(loads):
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     with pytest.raises(fa.InputError, match="loads must be a list of Load objects"):

@@ -5,6 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
+from flexarm.environment import Environment
 from flexarm.histories.loads import load_history
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
@@ -23,7 +24,7 @@ def rod(**fields):
 
 
 def history(arm, *loads, base=None):
-    return load_history(arm, loads, base, 1.0, 1e-9).factors
+    return load_history(arm, Environment(loads, base), 1.0, 1e-9).factors
 
 
 class TestFactors:
@@ -98,13 +99,13 @@ class TestFactors:
         [
             (3.0, r"factor must be a function of time or a table \(times, values\), got 3"),
             ((1.0, 2.0), "factor must be a function of time or a table"),
-            ((["a"], [1.0]), r"factor\[0\] must be numbers"),
-            (([0, 1], [1.0]), r"factor\[1\] must be numbers of shape \(2,\)"),
-            (([0, 1], [[1.0], [2.0]]), r"factor\[1\] must be numbers of shape \(2,\)"),
-            (([], []), r"factor\[0\] is empty"),
-            (([0, 2, 1], [1, 1, 1]), r"factor\[0\]\[2\] must be at least 2, the previous time"),
-            (([0, 1, 1, 1], [1, 1, 1, 1]), r"factor\[0\]\[3\] must occur at most twice, got"),
-            (([0, np.nan], [1, 1]), r"factor\[0\]\[1\] must be finite"),
+            ((["a"], [1.0]), r"factor.times\[0\] must be a number"),
+            (([0, 1], [1.0]), r"factor.values must have a value for each of the 2 times"),
+            (([0, 1], [[1.0], [2.0]]), r"factor.values\[0\] must be a number"),
+            (([], []), r"factor.times must hold at least one time"),
+            (([0, 2, 1], [1, 1, 1]), r"factor.times\[2\] must be at least 2, the previous time"),
+            (([0, 1, 1, 1], [1, 1, 1, 1]), r"factor.times\[3\] must be given twice at most"),
+            (([0, np.nan], [1, 1]), r"factor.times\[1\] must be a finite number"),
         ],
     )
     def test_what_is_no_table_is_refused(self, factor, message):
@@ -135,7 +136,7 @@ class TestBase:
 
     @pytest.mark.parametrize("table", [([0, 1], [1.0, 2.0]), ([1, 0], [[0, 1], [0, 1]])])
     def test_what_is_no_table_is_refused(self, table):
-        with pytest.raises(fa.InputError, match=r"simulate: base_acceleration\["):
+        with pytest.raises(fa.InputError, match=r"simulate: base_acceleration\.(values|times)\["):
             fa.simulate(bar(), 0.1, base_acceleration=table)
 
 

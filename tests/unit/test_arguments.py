@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.surfaces import arc_of
 
 LINK = fa.Link(
     length=1.0,
@@ -41,9 +42,9 @@ def test_complex_numbers_keep_their_type():
         (lambda: ARM.padded("no"), "vector must be numbers"),
         (lambda: ARM.strains(np.zeros((1, 3))), "states must be numbers"),
         (lambda: ARM.tip(np.ma.array([1.0, 0.0, 0.0], mask=[True, False, False])), "masked"),
-        (lambda: fa.RoundWall((0, 0), 2.0, inside="no"), "inside must be True or False"),
-        (lambda: fa.RoundWall((0, 0), 2.0, inside=1), "inside must be True or False"),
-        (lambda: fa.SurfaceTable([0, 1, 2], [0, 0, 0], closed="no"), "closed must be True"),
+        (lambda: fa.RoundWall((0, 0), 2.0, inside="no"), "inside must be true or false"),
+        (lambda: fa.RoundWall((0, 0), 2.0, inside=1), "inside must be true or false"),
+        (lambda: fa.SurfaceTable([0, 1, 2], [0, 0, 0], closed="no"), "closed must be true"),
         (lambda: fa.modes(ARM).curves(amplitude=np.nan), "amplitude must be finite"),
         (lambda: fa.modes("arm"), "modes: arm must be an Arm, got 'arm'"),
         (lambda: fa.modes(fa.Arm), "arm must be an Arm, got the class Arm"),
@@ -66,12 +67,12 @@ def test_arguments_of_the_wrong_kind_are_named(call, words):
 
 
 def test_truth_values_of_numpy_are_taken():
-    assert fa.RoundWall((0, 0), 2.0, inside=np.True_).arc[0] == -0.5
+    assert arc_of(fa.RoundWall((0, 0), 2.0, inside=np.True_))[0] == -0.5
 
 
 @pytest.mark.parametrize("length", [1e200, 1e-200])
 def test_a_normal_may_have_any_length(length):
-    _, _, normal = fa.Wall((0.0, 0.0), (0.0, length)).arc
+    _, _, normal = arc_of(fa.Wall((0.0, 0.0), (0.0, length)))
     np.testing.assert_array_equal(normal, [0.0, 1.0])
 
 

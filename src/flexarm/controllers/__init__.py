@@ -21,9 +21,8 @@ from flexarm.controllers.sliding_mode import SlidingMode
 from flexarm.controllers.strain_feedback import StrainFeedback
 from flexarm.estimation.estimator_controller import EstimatorController
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
-from flexarm.hardware.hardware import Hardware, Motors
-from flexarm.hardware.instruments import Instrument
 from flexarm.loop_analysis.margins import loop_margins
+from flexarm.model import Hardware, Instrument, Motors
 
 #: Controllers by name. The records in files use the same names.
 CONTROLLERS: dict[str, type[Controller]] = {

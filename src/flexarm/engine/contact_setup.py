@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.contacts import Contact, place_contacts
+from flexarm.contacts import place_contacts, point_of
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.nearness import turning_time
 from flexarm.kernels.cache import undecorated
 from flexarm.kernels.contact import MOBILITY
 from flexarm.kernels.layout import Contacts
+from flexarm.model import Contact
 
 #: Speed (m/s) at which the first step evaluates contacts whose stiffness depends on the speed.
 _SPEED = 1.0
@@ -47,8 +48,8 @@ def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
     none = arm.forward_dynamics(q, rest, still), arm.inverse_dynamics(q, rest, rest)
     pushed, force = np.zeros((2, arm.dof)), np.zeros((2, arm.dof))
     for axis, unit in enumerate(np.eye(2)):
-        load = contact.place(arm)
-        push = [type(load)(load.link, unit, station=load.station)]
+        load = point_of(arm, contact)
+        push = [load.replace(force=unit)]
         pushed[axis] = arm.forward_dynamics(q, rest, still, loads=push) - none[0]
         force[axis] = none[1] - arm.inverse_dynamics(q, rest, rest, loads=push)
     return float(np.linalg.eigvalsh(force @ pushed.T)[-1])

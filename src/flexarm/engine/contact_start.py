@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
 from flexarm.errors import InputError, Problem, few
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.contact import ENERGY, EXPONENT, GAP, STIFFNESS
 from flexarm.kernels.layout import Contacts
 from flexarm.linear.pressed import PressedMotion
 from flexarm.loads import SAME_PLACE
+from flexarm.model import Contact
 from flexarm.motion.kinematics import tip_jacobian
 from flexarm.observe import contact_values
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
 from flexarm.engine.contact_setup import contacts_of_run, touch_frequency
 from flexarm.engine.default_step import default_step
 from flexarm.engine.event_search import Watch
@@ -19,11 +16,11 @@ from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.engine.tolerance import tolerance_of
+from flexarm.environment import Environment
 from flexarm.errors import InputError, Problem, check_array
-from flexarm.histories.loads import BaseAcceleration, LoadHistory, load_history
+from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
-from flexarm.loads import Load, acting_loads
 
 #: Tolerance of a torque approximation, as a fraction of the integrator's tolerance.
 TORQUE_SHARE = 1e-2
@@ -36,12 +33,9 @@ def new_run(
     *,
     duration: float,
     sample_times: FloatArray,
-    tip_force: ArrayLike | None,
-    loads: Sequence[Load],
-    base_acceleration: BaseAcceleration | None,
+    environment: Environment,
     breaks: ArrayLike,
     spacing: float,
-    contacts: Sequence[Contact] = (),
     log: EventLog | None = None,
     integrator: str | Integrator,
     step: float | None,
@@ -53,26 +47,23 @@ def new_run(
 ) -> Run:
     """Create a run at its initial state ``state`` (2, n, 1 + m).
 
-    The arguments are those of ``simulate``. They are validated by the caller, except for loads,
-    base acceleration, contacts and the integrator. ``spacing`` is the interval (s) between the
+    The arguments are those of ``simulate``. They are validated by the caller, except for the
+    environment and the integrator. ``spacing`` is the interval (s) between the
     instants at which functions of time are compared with their cubic approximations.
 
     Raises:
         InputError: if a load, the base acceleration or a contact does not fit the arm, or no
             integrator has that name.
     """
-    touching = contacts_of_run(arm, contacts, state, where)
+    touching = contacts_of_run(arm, environment.contacts, state, where)
     touch = touch_frequency(touching)
     tolerance = tolerance_of(arm, state, atol, rtol)
     choice = choose_integrator(integrator, step, arm, tolerance, touch, where)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
-    acting = acting_loads(arm, where, tip_force, loads)
 
     def loads_of(relative: float) -> LoadHistory:
         share = max(relative * TORQUE_SHARE, 1e-12)
-        return load_history(
-            arm, acting, base_acceleration, duration, share, touching, where, breaks, spacing
-        )
+        return load_history(arm, environment, duration, share, touching, where, breaks, spacing)
 
     return Run(
         arm=arm,

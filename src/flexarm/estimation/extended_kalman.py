@@ -35,10 +35,10 @@ from flexarm.estimation.payload_hypotheses import (
     split,
 )
 from flexarm.estimation.predicted_readings import LARGEST, PredictedReadings
-from flexarm.hardware.instruments import Instrument
 from flexarm.hardware.measurement import FloatArray, Measurement
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.sampled_step import SampledStep
+from flexarm.model import Instrument
 from flexarm.model.variation import varied_spec
 
 #: Ratio of the standard deviation of joint angles before the first reading to that of the reading.

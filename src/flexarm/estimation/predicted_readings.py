@@ -11,15 +11,14 @@ from flexarm.arguments import check_numbers
 from flexarm.arm import Arm
 from flexarm.assemble import IntArray
 from flexarm.errors import InputError, Problem, few, shown
-from flexarm.hardware.instruments import Instrument
 from flexarm.hardware.measurement import FloatArray, Measurement
 from flexarm.kernel_view import KernelView
 from flexarm.kernels.cache import Entry
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.point_sensitivity import point_jacobian
 from flexarm.linear.sampled_step import state_places
-from flexarm.linear.signals import Sensor
-from flexarm.loads import Load, place_loads
+from flexarm.loads import marker, place_loads
+from flexarm.model import Instrument, Sensor
 
 #: Largest accepted reading, mass and covariance, in SI units.
 LARGEST = 1e9
@@ -50,7 +49,7 @@ class PredictedReadings:
     def __init__(self, where: str, arm: Arm, instruments: Sequence[Instrument]) -> None:
         self._arm, self._labels = arm, [item.label for item in instruments]
         self._check(where, instruments)
-        self._sensors = [i.signal for i in instruments if isinstance(i.signal, Sensor)]
+        self._sensors = [i.output for i in instruments if isinstance(i.output, Sensor)]
         self.linear = not self._sensors
         rows = [_linear(arm, item) for item in instruments]
         self.size = sum(len(row) for row in rows)
@@ -64,10 +63,10 @@ class PredictedReadings:
         self._places = [
             slice(starts[k], starts[k + 1])
             for k, item in enumerate(instruments)
-            if isinstance(item.signal, Sensor)
+            if isinstance(item.output, Sensor)
         ]
         self._stations = place_loads(
-            arm, where, [Load(s.link, station=s.station) for s in self._sensors], what="Sensor"
+            arm, where, [marker(s.link, s.station) for s in self._sensors], what="Sensor"
         )
         self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._point_jacobian = Entry(point_jacobian)
@@ -81,7 +80,7 @@ class PredictedReadings:
     def _check(self, where: str, instruments: Sequence[Instrument]) -> None:
         problems = []
         for item in instruments:
-            if not (isinstance(item.signal, Sensor) or item.signal in _SIGNALS):
+            if not (isinstance(item.output, Sensor) or item.signal in _SIGNALS):
                 rule = "measure a Sensor or one of " + ", ".join(map(repr, _SIGNALS))
                 problems.append(Problem(where, "instruments", rule, shown(item.signal)))
             elif item.signal == "strain" and not self._arm.gauges:
@@ -179,7 +178,7 @@ class PredictedReadings:
 def _linear(arm: Arm, item: Instrument) -> FloatArray:
     """Return the derivative (readings, 2 dof) of a linear reading; zeros for a `Sensor`."""
     count = arm.dof
-    if isinstance(item.signal, Sensor):
+    if isinstance(item.output, Sensor):
         return np.zeros((2, 2 * count))
     if item.signal == "strain":
         states = arm.padded(np.stack([np.eye(count), np.zeros((count, count))], axis=1))

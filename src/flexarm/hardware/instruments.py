@@ -1,112 +1,20 @@
-"""Instruments with resolution, noise, bias, range, sample time and delay."""
+"""Readings of instruments, with resolution, noise, bias, range, sample time and delay."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.linear.signals import CHANNEL_OUTPUTS, Sensor
-from flexarm.model.wording import nearest
+from flexarm.errors import InputError, Problem, shown
+from flexarm.model import Instrument
 
 FloatArray = NDArray[np.float64]
 
-#: Channels that an instrument can read.
-SIGNALS = tuple(CHANNEL_OUTPUTS)
 #: Tolerance for whole multiples of the sample time, because decimal fractions are rounded.
 _GRID = 1e-9
-
-
-@dataclass(frozen=True)
-class Instrument:
-    """One sensor, or one for each joint, link or gauge, with its errors.
-
-    The reading of a value is ``clip(round_to(value + bias + noise, resolution), +-limit)``, taken
-    at the frames of the instrument and available ``delay`` later. Until the first frame is
-    available, the measurement has the reading of the initial state.
-
-    Args:
-        signal: a channel of results ("joint_angle", "strain", "tip", "torque", ...), or a `Sensor`
-            for the position, velocity or acceleration of a point of a link.
-        name: name of the reading in the measurement; None for the name of the signal.
-        resolution: step that readings are rounded to, in the unit of the signal; 0 for none.
-        noise: standard deviation of a white, normal error, drawn independently for each frame.
-        bias: constant error.
-        limit: largest magnitude of a reading.
-        delay: s from a frame to the instant at which the controller receives it.
-        sample_time: s between frames, a multiple of the controller's sample time; None for the
-            sample time of the controller.
-        rate_cutoff: Hz, cutoff of a filtered difference of the readings, which adds their rate to
-            the measurement (Tustin's rule for ``s / (1 + s / (2 pi rate_cutoff))``); None for no
-            rate.
-        rate_name: name of that rate in the measurement; None for "joint_rate" for a joint angle,
-            and for the name followed by "_rate" otherwise.
-
-    Raises:
-        InputError: if the signal is unknown, a name is not an identifier, ``limit``,
-            ``sample_time`` or ``rate_cutoff`` is not positive, or another number is not finite or,
-            except for ``bias``, negative.
-    """
-
-    signal: str | Sensor
-    name: str | None = None
-    resolution: float = 0.0
-    noise: float = 0.0
-    bias: float = 0.0
-    limit: float = math.inf
-    delay: float = 0.0
-    sample_time: float | None = None
-    rate_cutoff: float | None = None
-    rate_name: str | None = None
-
-    def __post_init__(self) -> None:
-        problems = []
-        word = isinstance(self.signal, str) and self.signal in SIGNALS
-        if not word and not isinstance(self.signal, Sensor):
-            rule = "be a Sensor or one of " + ", ".join(map(repr, SIGNALS))
-            hint = nearest(self.signal, SIGNALS)
-            problems.append(Problem("Instrument", "signal", rule, shown(self.signal), hint))
-        for name in ("name", "rate_name"):
-            given = getattr(self, name)
-            if given is not None and not (isinstance(given, str) and given.isidentifier()):
-                rule = "be a word of letters, digits and underscores"
-                problems.append(Problem("Instrument", name, rule, shown(given)))
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in ("signal", "name", "rate_name") or value is None:
-                continue
-            if field.name == "limit" and isinstance(value, float) and value == math.inf:
-                continue
-            number = float(check_array("Instrument", field.name, value, ()))
-            if field.name in ("limit", "sample_time", "rate_cutoff") and number <= 0.0:
-                problems.append(
-                    Problem("Instrument", field.name, "be greater than 0", shown(value))
-                )
-            elif field.name != "bias" and number < 0.0:
-                problems.append(Problem("Instrument", field.name, "be at least 0", shown(value)))
-        if problems:
-            raise InputError(*problems)
-
-    @property
-    def label(self) -> str:
-        """Name of the reading in the measurement."""
-        if self.name is not None:
-            return self.name
-        if isinstance(self.signal, Sensor):
-            return self.signal.name or self.signal.kind
-        return self.signal
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the readings in the measurement: the value, and its rate if it is read."""
-        if self.rate_cutoff is None:
-            return (self.label,)
-        rate = "joint_rate" if self.label == "joint_angle" else f"{self.label}_rate"
-        return self.label, self.rate_name or rate
 
 
 def ticks_of(instrument: Instrument, tick: float) -> tuple[int, int]:

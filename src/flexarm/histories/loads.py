@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,9 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_function
 from flexarm.arm import Arm
-from flexarm.histories.piecewise import linear_history, side_by_side
+from flexarm.environment import Environment
+from flexarm.errors import InputError
+from flexarm.histories.piecewise import side_by_side, table_history
 from flexarm.histories.torques import (
     Row,
     TorqueHistory,
@@ -19,9 +20,9 @@ from flexarm.histories.torques import (
     function_torque,
 )
 from flexarm.kernels.layout import Contacts, Loads
-from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
-
-BaseAcceleration = ArrayLike | Callable[[float], ArrayLike] | Table
+from flexarm.loads import parts_of
+from flexarm.model import AccelerationTable, FactorTable, Load
+from flexarm.model.tables import is_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +42,7 @@ class LoadHistory:
 
 def load_history(
     arm: Arm,
-    loads: Sequence[Load],
-    base_acceleration: BaseAcceleration | None,
+    environment: Environment,
     duration: float,
     relative: float,
     contacts: Contacts | None = None,
@@ -53,7 +53,7 @@ def load_history(
     """Place the loads and approximate their time dependence; tables are represented exactly.
 
     Args:
-        contacts: contacts already placed, which are only added to the loads.
+        contacts: contacts of the environment as they were placed for the run, if there are any.
         where: name of the calling function, for messages.
         breaks, spacing: of functions of time, as in ``function_torque``.
 
@@ -61,9 +61,10 @@ def load_history(
         InputError: if a load is not on the arm, a function does not return numbers, or a table
             is not valid.
     """
-    moving = callable(base_acceleration) or is_table(base_acceleration)
-    constant: Any = None if moving else base_acceleration
-    placed = place_loads(arm, where, loads, constant)
+    loads, base_acceleration = environment.loads, _base(where, environment.base_acceleration)
+    moving = callable(base_acceleration) or isinstance(base_acceleration, AccelerationTable)
+    still = Environment(loads, None if moving else base_acceleration)
+    placed = still.placed(arm, where)
     if contacts is not None:
         placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)
@@ -76,8 +77,8 @@ def load_history(
         base = function_torque(
             base_acceleration, duration, 2, relative, breaks, name, where, spacing
         )
-    elif is_table(base_acceleration):
-        base = linear_history(*check_table(where, "base_acceleration", base_acceleration, 2))
+    elif isinstance(base_acceleration, AccelerationTable):
+        base = table_history(base_acceleration)
     else:
         base = constant_torque(placed.base_acceleration)
 
@@ -85,11 +86,28 @@ def load_history(
         """Return the factor of a load over time, in one column."""
         if load.factor is None:
             return constant_torque(np.ones(1))
-        if not callable(load.factor):
-            return linear_history(*check_table("Load", "factor", load.factor, 1))
+        if isinstance(load.factor, FactorTable):
+            return table_history(load.factor)
+        assert callable(load.factor)
         row, name = Row(load.factor), "Load.factor"
         return function_torque(row, duration, 1, relative, breaks, name, where, spacing)
 
     followed = {id(load): factor(load) for load in loads}
     columns = [followed[id(load)] for load in owners]
     return LoadHistory(owners, placed, side_by_side([*columns, base]))
+
+
+def _base(where: str, given: Any) -> Any:
+    """Return the acceleration of the base with a pair (times, values) as a checked table.
+
+    Raises:
+        InputError: if the pair is not a valid table.
+    """
+    if not is_table(given):
+        return given
+    try:
+        return AccelerationTable(times=given[0], values=given[1])
+    except InputError as error:
+        own = "base_acceleration"
+        named = (replace(p, where=where, name=f"{own}.{p.name}") for p in error.problems)
+        raise InputError(*named) from None

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexarm.histories.torques import FloatArray, TorqueHistory
+from flexarm.model import AccelerationTable, FactorTable
 
 
 def linear_history(times: FloatArray, values: FloatArray) -> TorqueHistory:
@@ -30,6 +31,12 @@ def linear_history(times: FloatArray, values: FloatArray) -> TorqueHistory:
     jumps = np.any(np.diff(heights, axis=0) != 0.0, axis=1) & ~real
     stops = np.concatenate([edges[:-1][real][1:][bends], edges[:-1][jumps]])
     return TorqueHistory(np.append(edges[:-1][real], edges[-1]), coefficients, np.unique(stops))
+
+
+def table_history(table: FactorTable | AccelerationTable) -> TorqueHistory:
+    """Interpolate a table linearly; the history has one column, or two for an acceleration."""
+    times = np.array(table.times)
+    return linear_history(times, np.array(table.values).reshape(times.size, -1))
 
 
 def side_by_side(histories: Sequence[TorqueHistory]) -> TorqueHistory:

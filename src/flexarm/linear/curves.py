@@ -13,7 +13,7 @@ from flexarm.kernel_view import KernelView
 from flexarm.kernels.observables import poses
 from flexarm.kernels.sensitivity import STEP
 from flexarm.kernels.shapes import axis_points
-from flexarm.loads import Load, place_loads
+from flexarm.loads import marker, place_loads
 
 
 def displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) -> NDArray[Any]:
@@ -23,7 +23,7 @@ def displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) 
     q (dof,) by complex perturbation of its kernel.
     """
     places = [
-        Load(link, station=x)
+        marker(link, x)
         for link, length in enumerate(arm.lengths, start=1)
         for x in np.linspace(0.0, length, stations)
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,10 @@ from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.contacts import Contact, place_outside
+from flexarm.environment import Environment
 from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
 from flexarm.linear.descent import LONGEST, descent_step, largest_turn
-from flexarm.loads import Load, acting_loads
+from flexarm.model import Contact, Load
 from flexarm.notebook import html_table
 
 #: Residual forces below this fraction of the largest force count as zero.
@@ -66,6 +66,11 @@ class Equilibrium:
     lowest_eigenvalue: float
     loads: tuple[Load, ...] = ()
     contacts: tuple[Contact, ...] = ()
+
+    @property
+    def environment(self) -> Environment:
+        """Loads and contacts."""
+        return Environment(self.loads, None, self.contacts)
 
     def __repr__(self) -> str:
         stable = "stable" if self.stable else "unstable"
@@ -133,7 +138,7 @@ def equilibrium(
     q = arm.rest(check_array(where, "joint_angles", angles, (arm.joints,)))
     if start is not None:
         q = check_array(where, "start", start, (arm.dof,))
-    search = _Search(arm, acting_loads(arm, where, tip_force, loads), q, contacts)
+    search = _Search(arm, Environment.of(arm, where, tip_force, loads, None, contacts), q)
     if torque is not None:
         search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
         search.unknown = np.arange(arm.dof)
@@ -148,32 +153,26 @@ def equilibrium(
 class _Search:
     """Residual, stiffness and load steps of one equilibrium problem."""
 
-    def __init__(
-        self, arm: Arm, loads: list[Load], q: FloatArray, contacts: Sequence[Contact]
-    ) -> None:
-        self.arm, self.loads, self.contacts = arm, loads, contacts
+    def __init__(self, arm: Arm, environment: Environment, q: FloatArray) -> None:
+        self.arm, self.loads, self.contacts = arm, environment.loads, environment.contacts
         self.force = np.zeros(arm.dof)
         self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
-        factor = next((load.factor for load in loads if load.factor is not None), None)
+        factor = next((load.factor for load in self.loads if load.factor is not None), None)
         if factor is not None:
             rule = "be constant in time"
             value = "a function" if callable(factor) else "a table"
             raise InputError(Problem("equilibrium", "Load.factor", rule, value))
-        # Raise if a load or a contact is not on the arm.
-        place_outside(arm, "equilibrium", loads, None, contacts)
+        environment.placed(arm, "equilibrium")  # raises if a load or a contact is not on the arm
 
-    def _scaled(self, fraction: float) -> tuple[Arm, list[Load]]:
+    def _scaled(self, fraction: float) -> tuple[Arm, Sequence[Load]]:
         if fraction == 1.0:
             return self.arm, self.loads
         gravity = tuple(fraction * g for g in self.arm.spec.gravity)
         arm = Arm(self.arm.spec.replace(gravity=gravity))
-        loads = [
-            replace(load, force=fraction * np.asarray(load.force), moment=fraction * load.moment)
-            for load in self.loads
-        ]
+        loads = [load.scaled(fraction) for load in self.loads]
         return arm, loads
 
-    def _force(self, arm: Arm, q: FloatArray, loads: list[Load]) -> FloatArray:
+    def _force(self, arm: Arm, q: FloatArray, loads: Sequence[Load]) -> FloatArray:
         """Return the generalised force (dof,) required for rest at q."""
         rest = np.zeros(arm.dof)
         return arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=self.contacts)

@@ -8,7 +8,7 @@ exact to rounding without hand-written derivatives.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import one_warning, warn_of_bending
-from flexarm.contacts import Contact, place_contacts, place_outside
+from flexarm.environment import Environment
 from flexarm.errors import InputError, Problem, check_array, check_result
 from flexarm.kernel_view import KernelView
 from flexarm.kernels.layout import Loads
@@ -37,7 +37,8 @@ from flexarm.linear.signals import (
 )
 from flexarm.linear.state_space import LinearModel
 from flexarm.linear.tangent import tangent
-from flexarm.loads import Load, acting_loads, parts_of, place_loads
+from flexarm.loads import marker, parts_of, place_loads
+from flexarm.model import Contact, Load
 from flexarm.observe import channels_of, contact_channels
 
 _WHERE = "linearize"
@@ -82,27 +83,21 @@ def linearize(
         LargeDeflectionWarning: a link is bent too far for the theory of the arm.
     """
     arm = check_kind(_WHERE, "arm", arm, Arm)
-    place_contacts(arm, _WHERE, contacts)
-    wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, _count(q, contacts))
+    given = tip_force, loads, base_acceleration, contacts
+    environment = Environment.of(arm, _WHERE, *given)
+    environment.placed(arm, _WHERE)  # errors name this function
+    count = len(q.contacts if isinstance(q, Equilibrium) else environment.contacts)
+    wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, count)
     if q is None and base_acceleration is not None:
         rule = "is not supported with an equilibrium: give q"
         raise InputError(Problem(_WHERE, "base_acceleration", rule))
-    acting = acting_loads(arm, _WHERE, tip_force, loads)
-    # Validate here, so that errors name this function.
-    place_outside(arm, _WHERE, acting, None, contacts)
     with one_warning():
-        point = _operating_point(arm, q, qd, torque, acting, contacts)
+        point = _operating_point(arm, q, qd, torque, environment)
     warn_of_bending(arm, point.q)
-    if base_acceleration is not None:
-        base = check_array(_WHERE, "base_acceleration", base_acceleration, (2,))
-    else:
-        base = np.zeros(2)
     if torque is None and not isinstance(q, Equilibrium) and q is not None:
-        holding = arm.inverse_dynamics(
-            point.q, point.qd, np.zeros(arm.dof), None, point.loads, base, point.contacts
-        )
+        holding = arm.inverse_dynamics(point.q, point.qd, np.zeros(arm.dof), *given)
         point.torque[:] = holding[arm.joint_index]
-    return _Perturbed(arm, point, base, wanted, seen).model()
+    return _Perturbed(arm, point, wanted, seen).model()
 
 
 @dataclass
@@ -110,13 +105,7 @@ class _Point:
     q: FloatArray
     qd: FloatArray
     torque: FloatArray
-    loads: list[Load]
-    contacts: Sequence[Contact]
-
-
-def _count(q: object, contacts: Sequence[Contact]) -> int:
-    """Return the number of contacts at the operating point."""
-    return len(q.contacts if isinstance(q, Equilibrium) else contacts)
+    environment: Environment
 
 
 def _operating_point(
@@ -124,9 +113,9 @@ def _operating_point(
     q: ArrayLike | Equilibrium | None,
     qd: ArrayLike | None,
     torque: ArrayLike | None,
-    loads: list[Load],
-    contacts: Sequence[Contact],
+    environment: Environment,
 ) -> _Point:
+    loads, contacts = environment.loads, environment.contacts
     if q is None:
         q = equilibrium(arm, torque=torque, loads=loads, contacts=contacts)
     elif isinstance(q, Equilibrium) and (loads or contacts or torque is not None):
@@ -134,12 +123,13 @@ def _operating_point(
         raise InputError(Problem(_WHERE, "torque, loads and contacts", rule))
     rates = np.zeros(arm.dof) if qd is None else check_array(_WHERE, "qd", qd, (arm.dof,))
     if isinstance(q, Equilibrium):
-        return _Point(q.q, rates, q.torque.copy(), list(q.loads), q.contacts)
+        own = replace(q.environment, base_acceleration=environment.base_acceleration)
+        return _Point(q.q, rates, q.torque.copy(), own)
     place = check_array(_WHERE, "q", q, (arm.dof,))
     tau = np.zeros(arm.joints)
     if torque is not None:
         tau = check_array(_WHERE, "torque", torque, (arm.joints,))
-    return _Point(place, rates, tau, loads, contacts)
+    return _Point(place, rates, tau, environment)
 
 
 class _Perturbed:
@@ -152,11 +142,10 @@ class _Perturbed:
         self,
         arm: Arm,
         point: _Point,
-        base: FloatArray,
         inputs: list[Input],
         outputs: list[Output],
     ) -> None:
-        self.arm, self.point, self.base = arm, point, base
+        self.arm, self.point = arm, point
         self.inputs, self.outputs = inputs, outputs
         self.kernels = KernelView(arm.assembly.constants, complex)
         size = 2 * arm.dof
@@ -172,15 +161,16 @@ class _Perturbed:
 
     def _loads(self) -> tuple[Loads, ComplexArray, ComplexArray]:
         """Return all loads, their values (rows, k, 3) and the base accelerations (rows, 2)."""
-        acting = list(self.point.loads)
+        environment = self.point.environment
         pushes = [item.load for item in self.inputs if item.load is not None]
-        placed = place_outside(self.arm, _WHERE, [*acting, *pushes], None, self.point.contacts)
+        with_inputs = replace(environment, loads=[*environment.loads, *pushes])
+        placed = with_inputs.placed(self.arm, _WHERE)
         owners = [
-            *(None for _ in parts_of(self.arm, acting)),
+            *(None for _ in parts_of(self.arm, environment.loads)),
             *(k for k, load in enumerate(pushes) for _ in parts_of(self.arm, [load])),
         ]
         values = np.tile(placed.value.astype(complex), (self.rows, 1, 1))
-        bases = np.tile(self.base.astype(complex), (self.rows, 1))
+        bases = np.tile(placed.base_acceleration.astype(complex), (self.rows, 1))
         for part, owner in enumerate(owners):
             if owner is not None:
                 values[:, part] = 0.0  # inputs are zero at the operating point
@@ -232,7 +222,7 @@ class _Perturbed:
         sensors = [item.sensor for item in self.outputs if item.sensor is not None]
         if not sensors:
             return []
-        places = [Load(sensor.link, station=sensor.station) for sensor in sensors]
+        places = [marker(sensor.link, sensor.station) for sensor in sensors]
         stations = place_loads(self.arm, _WHERE, places)
         kernels, motions = self.kernels, np.zeros((self.rows, len(sensors), 8), complex)
         poses, tip = kernels.pose_arrays()
@@ -265,7 +255,7 @@ class _Perturbed:
         units_of = dict(zip(names, units, strict=True))
         units_of |= {item.name: item.unit for item in self.inputs}
         units_of |= {name: item.unit for item in self.outputs for name in item.names}
-        small = tangent(arm, point.q, point.qd, qdd[0].real, point.loads, self.base, point.contacts)
+        small = tangent(arm, point.q, point.qd, qdd[0].real, point.environment)
         return LinearModel(
             A=A,
             B=B,

@@ -13,7 +13,7 @@ from flexarm.arguments import check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.contacts import Contact
+from flexarm.environment import Environment
 from flexarm.errors import InputError, Problem, check_array, check_result, few
 from flexarm.linear.curves import displacements
 from flexarm.linear.eigen import damped, undamped
@@ -21,7 +21,7 @@ from flexarm.linear.equilibrium import Equilibrium
 from flexarm.linear.held import Held, Joints, hold_joints
 from flexarm.linear.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.tangent import Tangent, tangent
-from flexarm.loads import Load, acting_loads, place_loads
+from flexarm.model import Load
 from flexarm.notebook import html_table
 from flexarm.stations import check_stations
 
@@ -139,16 +139,16 @@ def modes(
     Theory page "small motion", (S.2) to (S.5).
     """
     arm = check_kind(_WHERE, "arm", arm, Arm)
-    acting = acting_loads(arm, _WHERE, tip_force, loads)
-    place_loads(arm, _WHERE, acting)  # errors name this function
+    given = Environment.of(arm, _WHERE, tip_force, loads)
+    given.placed(arm, _WHERE)  # errors name this function
     held = hold_joints(arm, _WHERE, joints)
     rate = float(check_array(_WHERE, "spin", spin, ()))
-    place, acting, contacts = _place(arm, joint_angles, q, acting)
-    if rate != 0.0 and (acting or contacts):
+    place, environment = _place(arm, joint_angles, q, given)
+    if rate != 0.0 and (environment.loads or environment.contacts):
         raise InputError(Problem(_WHERE, "loads", "cannot be combined with spin"))
     if rate != 0.0 and q is None:
         place = steady_shape(arm, place, rate)
-    found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, acting, contacts))
+    found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, environment))
     warn_of_bending(arm, place)
     return found
 
@@ -157,31 +157,29 @@ def _place(
     arm: Arm,
     joint_angles: ArrayLike | Equilibrium | None,
     q: ArrayLike | Equilibrium | None,
-    loads: list[Load],
-) -> tuple[FloatArray, list[Load], Sequence[Contact]]:
-    """Return q, the loads and the contacts of the operating point."""
+    environment: Environment,
+) -> tuple[FloatArray, Environment]:
+    """Return q and the environment of the operating point."""
     if q is not None and joint_angles is not None:
         raise InputError(Problem(_WHERE, "joint_angles", "cannot be combined with q"))
     given = joint_angles if isinstance(joint_angles, Equilibrium) else q
     if isinstance(given, Equilibrium):
-        if loads:
+        if environment.loads:
             rule = "cannot be combined with an equilibrium, which contains its own"
             raise InputError(Problem(_WHERE, "loads", rule))
-        return given.q, list(given.loads), given.contacts
+        return given.q, given.environment
     if given is not None:
-        return check_array(_WHERE, "q", given, (arm.dof,)), loads, ()
+        return check_array(_WHERE, "q", given, (arm.dof,)), environment
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(check_array(_WHERE, "joint_angles", angles, (arm.joints,))), loads, ()
+    return arm.rest(check_array(_WHERE, "joint_angles", angles, (arm.joints,))), environment
 
 
-def _small_motion(
-    arm: Arm, q: FloatArray, spin: float, loads: list[Load], contacts: Sequence[Contact]
-) -> Tangent:
-    if spin == 0.0 and not contacts and not arm.assembly.constants.has_joint_laws:
+def _small_motion(arm: Arm, q: FloatArray, spin: float, environment: Environment) -> Tangent:
+    if spin == 0.0 and not environment.contacts and not arm.assembly.constants.has_joint_laws:
         # At rest the rates have an effect through constant dampers only, and K may be diagonal.
-        K = arm.stiffness_matrix(q, loads=loads)
+        K = arm.stiffness_matrix(q, loads=environment.loads)
         return Tangent(arm.mass_matrix(q), arm.damping_matrix(), K)
-    return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), loads, None, contacts)
+    return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), environment)
 
 
 def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> Modes:

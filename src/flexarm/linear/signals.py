@@ -3,84 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, is_count, shown
-from flexarm.loads import SAME_PLACE, Load
+from flexarm.errors import InputError, Problem, shown
+from flexarm.loads import marker, place_loads
+from flexarm.model import Load, Sensor
 
-KINDS = ("position", "velocity", "acceleration")
 _AXES = ("x", "y")
-_NAME_HINT = "Give a Sensor or a Load its own name."
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """A point of a link whose motion is an output with two components.
-
-    Args:
-        kind: "position" (m) and "velocity" (m/s) are relative to the base joint; "acceleration"
-            (m/s^2) is absolute and includes that of the base.
-        link: number of the link, counted from 1 at the base.
-        station: distance from the link's root, m; None for its tip.
-        frame: "world": x and y; "link", for accelerations: the reading of an accelerometer on the
-            link, along and across the root tangent of its segment, gravity included.
-        name: name of the outputs; None for one that is composed of kind, link and station.
-
-    Raises:
-        InputError: if the kind or the frame is unknown, the kind does not support the frame, the
-            link is not a number of 1 or more, or the station is not a number of 0 or more.
-    """
-
-    kind: str
-    link: int
-    station: float | None = None
-    frame: str = "world"
-    name: str | None = None
-
-    def __post_init__(self) -> None:
-        problems = []
-        if not isinstance(self.kind, str) or self.kind not in KINDS:
-            rule = "be one of " + ", ".join(map(repr, KINDS))
-            problems.append(Problem("Sensor", "kind", rule, shown(self.kind)))
-        if not isinstance(self.frame, str) or self.frame not in ("world", "link"):
-            rule = "be one of 'world', 'link'"
-            problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
-        elif self.frame == "link" and self.kind != "acceleration":
-            rule = "be 'world', except for accelerations"
-            problems.append(Problem("Sensor", "frame", rule, shown(self.frame)))
-        if not is_count(self.link):
-            rule = "be the number of a link, 1 or more"
-            problems.append(Problem("Sensor", "link", rule, shown(self.link)))
-        if self.station is not None and not _is_length(self.station):
-            rule = "be a distance from the link's root in m, or None for its tip"
-            problems.append(Problem("Sensor", "station", rule, shown(self.station)))
-        if self.name is not None and not (isinstance(self.name, str) and self.name):
-            problems.append(Problem("Sensor", "name", "be text", shown(self.name)))
-        if problems:
-            raise InputError(*problems)
-
-    @property
-    def columns(self) -> slice:
-        """Columns of ``kernels.point_motion`` with the components of the output."""
-        first = 6 if self.frame == "link" else 2 * KINDS.index(self.kind)
-        return slice(first, first + 2)
-
-    def labels(self) -> list[str]:
-        """Return the names of the two outputs."""
-        # The station is in mm, because python-control does not permit dots in names.
-        place = "tip" if self.station is None else f"{1e3 * self.station:.0f}mm"
-        stem = self.name or f"{self.kind}[{self.link}@{place}]"
-        return [f"{stem}[{a}]" for a in (_AXES if self.frame == "world" else ("along", "across"))]
-
-    @property
-    def unit(self) -> str:
-        """Unit of both outputs."""
-        return ("m", "m/s", "m/s^2")[KINDS.index(self.kind)]
 
 
 class Input(NamedTuple):
@@ -166,11 +99,11 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     if name == "tip_force":
         forces = ((1.0, 0.0), (0.0, 1.0))
         return [
-            Input(f"tip_force[{axis}]", "N", load=Load(last, force))
+            Input(f"tip_force[{axis}]", "N", load=Load(link=last, force=force))
             for axis, force in zip(_AXES, forces, strict=True)
         ]
     if name == "tip_moment":
-        return [Input("tip_moment", "N m", load=Load(last, moment=1.0))]
+        return [Input("tip_moment", "N m", load=Load(link=last, moment=1.0))]
     if name == "base_acceleration":
         return [Input(f"base_acceleration[{a}]", "m/s^2", axis=k) for k, a in enumerate(_AXES)]
     rule = "be a Load or one of " + ", ".join(map(repr, INPUTS))
@@ -197,7 +130,7 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
     found = []
     for item in _listed(wanted):
         if isinstance(item, Sensor):
-            _check_place(arm, item)
+            place_loads(arm, "linearize", [marker(item.link, item.station)], what="Sensor")
             found.append(Output(tuple(item.labels()), item.unit, sensor=item))
             continue
         if not isinstance(item, str) or item not in CHANNEL_OUTPUTS:
@@ -220,25 +153,6 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
     return found
 
 
-def _check_place(arm: Arm, sensor: Sensor) -> None:
-    """Raise if a sensor is not on the arm."""
-    if sensor.link > arm.links:
-        rule = f"be the number of a link, 1 to {arm.links}"
-        raise InputError(Problem("linearize", "Sensor.link", rule, shown(sensor.link)))
-    length = arm.spec.links[sensor.link - 1].length
-    if sensor.station is not None and sensor.station > length * (1.0 + SAME_PLACE):
-        rule = f"lie within the link, whose length is {length:g}"
-        raise InputError(Problem("linearize", "Sensor.station", rule, shown(sensor.station)))
-
-
-def _is_length(value: object) -> bool:
-    """Return whether a value is a finite number, zero or more."""
-    try:
-        return float(check_array("Sensor", "station", value, ())) >= 0.0
-    except InputError:
-        return False
-
-
 def _listed(wanted: object) -> list[object]:
     """Return a list of names; a single name becomes a list of one."""
     pair = isinstance(wanted, tuple) and len(wanted) == 2 and isinstance(wanted[1], Load)
@@ -254,7 +168,8 @@ def _check_names(which: str, names: list[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         rule = "have different names"
-        raise InputError(Problem("linearize", which, rule, ", ".join(twice), _NAME_HINT))
+        hint = "Give a Sensor or a Load its own name."
+        raise InputError(Problem("linearize", which, rule, ", ".join(twice), hint))
     dotted = next((name for name in names if "." in name), None)
     if dotted is not None:
         rule = "have names without dots, which python-control splits"

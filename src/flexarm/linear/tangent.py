@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.contacts import Contact, place_outside
+from flexarm.environment import EMPTY, Environment
 from flexarm.kernel_view import KernelView
 from flexarm.kernels.tangent import inverse_jacobian
-from flexarm.loads import Load
 
 
 class Tangent(NamedTuple):
@@ -28,9 +26,7 @@ def tangent(
     q: FloatArray,
     qd: FloatArray,
     qdd: FloatArray,
-    loads: Sequence[Load] = (),
-    base_acceleration: FloatArray | None = None,
-    contacts: Sequence[Contact] = (),
+    environment: Environment = EMPTY,
 ) -> Tangent:
     """Linearise the inverse dynamics about a motion q, qd, qdd, each (dof,); exact to rounding.
 
@@ -43,7 +39,7 @@ def tangent(
         inverse_jacobian,
         arm.padded(np.stack([q, qd])).astype(complex),
         arm.padded(qdd),
-        place_outside(arm, "linearize", loads, base_acceleration, contacts),
+        environment.placed(arm, "linearize"),
         kernels.work,
         jacobian,
     )

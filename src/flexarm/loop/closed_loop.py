@@ -11,12 +11,12 @@ from flexarm.control.base import Controller, Reference, report_of
 from flexarm.engine.stepping import Run
 from flexarm.engine.validity import RunawayWatch
 from flexarm.errors import InputError, SimulationError, check_array
-from flexarm.hardware.hardware import Hardware
 from flexarm.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray
 from flexarm.loop.requirements import misfits
 from flexarm.loop.sampled_loop import Ticks
 from flexarm.loop.sampled_reference import sampled_reference
+from flexarm.model import Hardware
 
 
 class ClosedLoop:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from flexarm.arm import Arm
 from flexarm.control.base import Reference, needs_of
 from flexarm.errors import Problem
-from flexarm.hardware.hardware import Hardware
 from flexarm.loop.sensors import measured_names
+from flexarm.model import Hardware
 from flexarm.model.wording import nearest
 
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from flexarm.engine.stepping import Run
-from flexarm.hardware.hardware import Hardware
 from flexarm.hardware.measurement import Measurement
 from flexarm.histories.torques import TorqueHistory
 from flexarm.integrate.base import FloatArray, System
 from flexarm.loop.actuators import Acting
 from flexarm.loop.sensors import sensing_of
+from flexarm.model import Hardware
 
 
 class Ticks:

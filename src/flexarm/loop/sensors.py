@@ -9,8 +9,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem
-from flexarm.hardware.hardware import Hardware
-from flexarm.hardware.instruments import Instrument, Readings
+from flexarm.hardware.instruments import Readings
 from flexarm.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
@@ -19,8 +18,8 @@ from flexarm.kernels.cache import Entry
 from flexarm.kernels.contact import GAP
 from flexarm.kernels.observables import poses
 from flexarm.kernels.point_motion import point_motions
-from flexarm.linear.signals import Sensor
-from flexarm.loads import Load, place_loads
+from flexarm.loads import marker, place_loads
+from flexarm.model import Hardware, Instrument, Sensor
 from flexarm.observe import channels_of, contact_forces, contact_values
 
 if TYPE_CHECKING:
@@ -133,7 +132,7 @@ def sensing_of(
 
 
 def _reader(run: Run, instrument: Instrument) -> Reader:
-    signal = instrument.signal
+    signal = instrument.output
     if isinstance(signal, Sensor):
         return _point(run.arm, signal)
     if signal in ("contact_force", "contact_gap"):
@@ -186,9 +185,7 @@ def _torque(arm: Arm, system: System, t: float) -> FloatArray:
 
 def _point(arm: Arm, sensor: Sensor) -> Reader:
     """Return the reader of a point's motion; accelerations use the torque just before t."""
-    places = place_loads(
-        arm, "Hardware", [Load(sensor.link, station=sensor.station)], what="Sensor"
-    )
+    places = place_loads(arm, "Hardware", [marker(sensor.link, sensor.station)], what="Sensor")
     kernels = KernelView(arm.assembly.constants)
     stages, torque, motion = kernels.zeros(1, 2), np.zeros(kernels.shape[0]), np.zeros((1, 8))
     body_poses, tip = kernels.pose_arrays()

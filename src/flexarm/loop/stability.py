@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.bending import one_warning
-from flexarm.contacts import Contact, place_contacts
+from flexarm.contacts import place_contacts
 from flexarm.control.base import Controller, Reference
-from flexarm.hardware.hardware import Hardware
-from flexarm.hardware.instruments import Instrument
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
-from flexarm.linear.signals import Sensor
 from flexarm.loop_analysis.linear_controller import HeldReference, MemoryNameError, memory_of
 from flexarm.loop_analysis.plant_model import (
     PlantModel,
@@ -26,6 +22,7 @@ from flexarm.loop_analysis.plant_model import (
     signals_of,
     sliding,
 )
+from flexarm.model import Contact, Hardware, Instrument, Sensor
 from flexarm.observe import channels_of, contact_forces
 
 #: Growth over the run below which an instability is ignored.
@@ -66,7 +63,7 @@ def instability(
     signals = signals_of(instruments)
     if any(isinstance(item, Sensor) or item == "torque" for item in signals):
         return ""
-    bare = [replace(contact, friction=0.0) for contact in contacts]
+    bare = [contact.replace(friction=0.0) for contact in contacts]
     for t, when in _times(reference, duration):
         try:
             with one_warning():  # the run itself warns of its states

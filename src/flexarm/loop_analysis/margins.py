@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
-from flexarm.contacts import Contact
 from flexarm.control.base import (
     Controller,
     Reference,
@@ -21,13 +19,12 @@ from flexarm.control.base import (
     needs_of,
 )
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.hardware.hardware import Hardware
-from flexarm.hardware.instruments import Instrument
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.signals import CHANNEL_OUTPUTS
 from flexarm.loop_analysis.linear_controller import HeldReference, memory_of
 from flexarm.loop_analysis.plant_model import instruments_of, loop_of, model_at, signals_of, sliding
 from flexarm.loop_analysis.sampled_loop import ComplexArray, SampledLoop
+from flexarm.model import Contact, Hardware, Instrument
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,9 +80,9 @@ def loop_at(
     still = HeldReference(reference, t) if reference is not None else None
     instruments = instruments_of(arm, hardware, len(contacts))
     if hardware is None or hardware.instruments is None:
-        names = [item.signal for item in instruments]
+        names = [item.output for item in instruments]
         more = [name for name in needs_of(controller, arm, still).measured if name not in names]
-        instruments += [Instrument(name) for name in more if name in CHANNEL_OUTPUTS]
+        instruments += [Instrument(signal=name) for name in more if name in CHANNEL_OUTPUTS]
     signals = signals_of(instruments)
     rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
     model = model_at(arm, posture, signals, contacts)
@@ -157,7 +154,7 @@ def loop_margins(
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth = np.zeros(shape[:2])
     bent: list[str] = []
-    bare = [replace(contact, friction=0.0) for contact in contacts]
+    bare = [contact.replace(friction=0.0) for contact in contacts]
     for i, arm in enumerate(arms.values()):
         for k, (t, posture) in enumerate(places):
             with one_warning() as kept:

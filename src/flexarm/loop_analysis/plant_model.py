@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
 from flexarm.control.base import Controller, Reference
-from flexarm.hardware.hardware import Hardware
-from flexarm.hardware.instruments import Instrument
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.linearize import linearize
-from flexarm.linear.signals import OutputName, Sensor
+from flexarm.linear.signals import OutputName
 from flexarm.loop_analysis.linear_controller import (
     HeldReference,
     LinearController,
@@ -24,7 +21,7 @@ from flexarm.loop_analysis.linear_controller import (
 )
 from flexarm.loop_analysis.sampled_loop import SampledLoop
 from flexarm.loop_analysis.sampled_plant import Reading, sampled_plant
-from flexarm.model import Friction
+from flexarm.model import Contact, Friction, Hardware, Instrument, Sensor
 
 #: Factors on the rate, and weights of a mean that cancels terms of first to third order.
 _RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 6.0))
@@ -107,12 +104,12 @@ def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[I
         return list(hardware.instruments)
     names = ["joint_angle", "joint_rate"]
     names += ["strain"] * bool(arm.gauges) + ["contact_force"] * (contacts > 0)
-    return [Instrument(name) for name in names]
+    return [Instrument(signal=name) for name in names]
 
 
 def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
     """Return the signals of instruments without duplicates."""
-    return list(dict.fromkeys(item.signal for item in instruments))
+    return list(dict.fromkeys(item.output for item in instruments))
 
 
 def model_at(
@@ -164,7 +161,7 @@ def loop_of(
     about = model if believed is None else believed
     measured: dict[str, FloatArray] = {}
     for item in instruments:
-        value = about.signals[item.signal].value
+        value = about.signals[item.output].value
         if item.signal == "contact_force":
             value = value.reshape(-1, 2).copy()
             asked: Any = reference
@@ -176,7 +173,7 @@ def loop_of(
             measured[labels[1]] = np.zeros_like(value)
     motors = hardware.motors if hardware is not None else None
     readings = [
-        Reading(item, model.signals[item.signal].C, model.signals[item.signal].D)
+        Reading(item, model.signals[item.output].C, model.signals[item.output].D)
         for item in instruments
     ]
     plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)

@@ -10,9 +10,9 @@ import numpy as np
 
 from flexarm.control_design.linear_design import held
 from flexarm.errors import InputError, Problem
-from flexarm.hardware.hardware import Motors
-from flexarm.hardware.instruments import Instrument, filter_of, ticks_of
+from flexarm.hardware.instruments import filter_of, ticks_of
 from flexarm.hardware.measurement import FloatArray
+from flexarm.model import Instrument, Motors
 
 #: Largest number of states, and largest period (samples) after which all instruments repeat.
 _MOST_STATES, _MOST_SAMPLES = 1000, 300

@@ -3,10 +3,11 @@
 This package imports no numerics and no NumPy.
 """
 
-from flexarm.model.contacts import ContactSpec as ContactSpec
-from flexarm.model.contacts import RoundWallSpec as RoundWallSpec
-from flexarm.model.contacts import SurfaceTableSpec as SurfaceTableSpec
-from flexarm.model.contacts import WallSpec as WallSpec
+from flexarm.model.contacts import Contact as Contact
+from flexarm.model.contacts import RoundWall as RoundWall
+from flexarm.model.contacts import Surface as Surface
+from flexarm.model.contacts import SurfaceTable as SurfaceTable
+from flexarm.model.contacts import Wall as Wall
 from flexarm.model.damping import ModalDamping as ModalDamping
 from flexarm.model.damping import RayleighDamping as RayleighDamping
 from flexarm.model.drives import ComputedTorqueDrive as ComputedTorqueDrive
@@ -28,14 +29,16 @@ from flexarm.model.files import locate_study as locate_study
 from flexarm.model.files import save_arm_spec as save_arm_spec
 from flexarm.model.files import save_scenario as save_scenario
 from flexarm.model.files import scenario_of_text as scenario_of_text
-from flexarm.model.hardware import HardwareSpec as HardwareSpec
+from flexarm.model.hardware import Hardware as Hardware
+from flexarm.model.hardware import Instrument as Instrument
+from flexarm.model.hardware import Motors as Motors
 from flexarm.model.joints import Friction as Friction
 from flexarm.model.joints import Joint as Joint
 from flexarm.model.joints import JointLimits as JointLimits
 from flexarm.model.joints import Payload as Payload
 from flexarm.model.links import Gauge as Gauge
 from flexarm.model.links import Link as Link
-from flexarm.model.loads import LoadSpec as LoadSpec
+from flexarm.model.loads import Load as Load
 from flexarm.model.motions import JointMotionSpec as JointMotionSpec
 from flexarm.model.motions import LineMotionSpec as LineMotionSpec
 from flexarm.model.prescribed import FollowingJoint as FollowingJoint
@@ -52,6 +55,7 @@ from flexarm.model.sections import Material as Material
 from flexarm.model.sections import Rectangle as Rectangle
 from flexarm.model.sections import SectionTable as SectionTable
 from flexarm.model.sections import Tube as Tube
+from flexarm.model.sensors import Sensor as Sensor
 from flexarm.model.spec import ArmSpec as ArmSpec
 from flexarm.model.study import PlantSpec as PlantSpec
 from flexarm.model.study import Study as Study

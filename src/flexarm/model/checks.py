@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from flexarm.errors import ModelError
-from flexarm.model.help_text import docstring_of, signature_of
+from flexarm.model.help_text import docstring_of, positional_fields, signature_of
 from flexarm.model.wording import Fault, worded
 
 if TYPE_CHECKING:
@@ -49,10 +49,10 @@ class RecordType(ModelMetaclass):
     """
 
     def __call__(cls: type[T], *args: Any, **kwargs: Any) -> T:
-        if args:
-            raise TypeError(f"{cls.__name__} takes its values by name: {cls.__name__}(name=value)")
+        given = _by_name(cls, args, kwargs) if args else kwargs  # type: ignore[arg-type]
         try:
-            return super().__call__(**kwargs)  # type: ignore[misc, no-any-return]
+            given = cls._from_python(given)  # type: ignore[attr-defined]
+            return super().__call__(**given)  # type: ignore[misc, no-any-return]
         except ValidationError as error:
             found = faults_of(error)
             raise ModelError(*(f.problem(cls.__name__, cls.__name__) for f in found)) from None
@@ -77,6 +77,19 @@ class RecordType(ModelMetaclass):
         return [n for n in names if n not in _INTERNAL and not n.startswith("__pydantic")]
 
 
+def _by_name(cls: type[Record], args: tuple[Any, ...], kwargs: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a call by the names of their fields."""
+    names = positional_fields(cls)
+    if not names:
+        raise TypeError(f"{cls.__name__} takes its values by name: {cls.__name__}(name=value)")
+    if len(args) > len(names):
+        raise TypeError(f"{cls.__name__} takes at most {len(names)} values by position: {names}")
+    twice = [name for name in names[: len(args)] if name in kwargs]
+    if twice:
+        raise TypeError(f"{cls.__name__} got multiple values for argument {twice[0]!r}")
+    return {**dict(zip(names, args, strict=False)), **kwargs}
+
+
 class Given:
     """The valid fields of a record, and the raw input."""
 
@@ -92,6 +105,10 @@ class Given:
         """Return whether the user has omitted the field (an invalid value is not omitted)."""
         return self.raw(name) is None
 
+    def omitted(self, name: str) -> bool:
+        """Return whether the user has omitted the field, also if it has a default value."""
+        return self._raw.get(name) is None
+
     def raw(self, name: str) -> Any:
         """Return the user's value of the field, validated or not."""
         return self._valid.get(name, self._raw.get(name))
@@ -101,15 +118,29 @@ class Given:
 
 
 class Record(BaseModel, metaclass=RecordType):
-    """Base of user input: frozen, keyword-only, finite numbers; lists all problems in an error.
+    """Base of user input: frozen, finite numbers; lists all problems in an error.
 
-    An unknown key or an invalid value raises `ModelError`.
+    An unknown key or an invalid value raises `ModelError`. In Python, the fields are keyword
+    arguments; those of a class that is defined with ``kw_only=False`` are positional, too, except
+    fields with ``kw_only=True``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     _hints: ClassVar[dict[str, str]] = {}
     """A sentence per field, added to a complaint about that field which has no hint of its own."""
+    _written: ClassVar[tuple[str, ...]] = ()
+    """Fields that files contain even if they equal their defaults, because rules require them."""
+    _kw_only: ClassVar[bool] = True
+
+    def __init_subclass__(cls, *, kw_only: bool = True, **config: Any) -> None:
+        super().__init_subclass__(**config)
+        cls._kw_only = kw_only
+
+    @classmethod
+    def _from_python(cls, arguments: dict[str, Any]) -> dict[str, Any]:
+        """Convert arguments that only Python programs can give, such as pairs of arrays."""
+        return arguments
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

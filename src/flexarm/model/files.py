@@ -366,7 +366,8 @@ def _content(value: Any) -> Any:
         told = {
             name: _content(part)
             for name, part in value
-            if name in value.model_fields_set and part != fields[name].default
+            if name in value.model_fields_set
+            and (part != fields[name].default or name in value._written)
         }
         kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
         return {**kind, **told}

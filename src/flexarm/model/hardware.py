@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from typing import Annotated, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
-from flexarm.errors import shown
+from flexarm.arguments import check_numbers
+from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import (
+    NO_LIMIT,
     Count,
+    Identifier,
+    Limit,
+    Limits,
     Listed,
     NonNegative,
     Number,
     OneOrMany,
     Positive,
-    Word,
     plain,
 )
-from flexarm.model.wording import Fault
+from flexarm.model.sensors import POINT_SIGNALS, PointSignal, Sensor, frame_faults
+from flexarm.model.spec import place_faults
+from flexarm.model.wording import Fault, refuse
 
 ChannelSignal = Literal[
     "joint_angle",
@@ -40,42 +47,68 @@ ChannelSignal = Literal[
     "contact_force",
     "contact_gap",
 ]
-PointSignal = Literal["position", "velocity", "acceleration"]
-Signal = Literal[ChannelSignal, PointSignal]
-#: Signals that are channels of results, and signals of a point of a link.
+if TYPE_CHECKING:
+    Signal = str | Sensor
+else:
+    Signal = Literal[ChannelSignal, PointSignal]
+#: Signals that are channels of results.
 CHANNEL_SIGNALS: tuple[str, ...] = get_args(ChannelSignal)
-POINT_SIGNALS: tuple[str, ...] = get_args(PointSignal)
-#: Keys of motors that may have one value per joint.
+#: Arguments of motors that may have one value per joint.
 LIMITS = ("torque_limit", "torque_constant", "current_limit", "voltage_limit", "resistance")
-Seed = Annotated[int, Field(strict=True, ge=0), BeforeValidator(plain)]
 
 
-class InstrumentSpec(Record):
-    """One sensor, or one sensor for each joint, link or gauge."""
+def _storable(seed: int) -> int:
+    """Raise for a seed that the attributes of a result cannot contain."""
+    if seed >= 2**63:
+        raise refuse(f"be at most {2**63 - 1}", seed)
+    return seed
+
+
+Seed = Annotated[int, Field(strict=True, ge=0), AfterValidator(_storable), BeforeValidator(plain)]
+
+
+class Instrument(Record, kw_only=False):
+    """One sensor, or one sensor for each joint, link or gauge, with its errors.
+
+    The reading of a value is ``clip(round_to(value + bias + noise, resolution), +-limit)``, taken
+    at the frames of the instrument and available ``delay`` later. Until the first frame is
+    available, the measurement has the reading of the initial state. The rate is a filtered
+    difference of the readings (Tustin's rule for ``s / (1 + s / (2 pi rate_cutoff))``). In Python,
+    ``signal`` may be a `Sensor`, which includes ``link``, ``station`` and ``frame``.
+    """
 
     signal: Signal = Field(
         description="Channel that it reads; or position, velocity, acceleration of a point."
     )
     link: Count | None = Field(
-        default=None, description="Link of the point, counted from 1 at the base."
+        default=None, kw_only=True, description="Link of the point, counted from 1 at the base."
     )
     station: NonNegative | None = Field(
         default=None,
+        kw_only=True,
         description="Distance of the point from the link's root (m); its tip if left out.",
     )
     frame: Literal["world", "link"] = Field(
         default="world",
+        kw_only=True,
         description="Of an acceleration: world, or along and across the link with gravity (link).",
     )
-    name: Word | None = Field(
+    name: Identifier | None = Field(
         default=None, description="Name in the measurement; that of the signal where left out."
     )
     resolution: NonNegative = Field(
         default=0.0, description="Step that readings are rounded to, in the signal's unit."
     )
-    noise: NonNegative = Field(default=0.0, description="Standard deviation of white noise.")
+    noise: NonNegative = Field(
+        default=0.0,
+        description="Standard deviation of white noise, drawn independently for each frame.",
+    )
     bias: Number = Field(default=0.0, description="Constant error.")
-    limit: Positive | None = Field(default=None, description="Largest reading, in both directions.")
+    limit: Limit = Field(
+        default=math.inf,
+        json_schema_extra=NO_LIMIT,
+        description="Largest reading, in both directions.",
+    )
     delay: NonNegative = Field(
         default=0.0, description="Time from a frame to when the controller knows it (s)."
     )
@@ -85,7 +118,45 @@ class InstrumentSpec(Record):
     rate_cutoff: Positive | None = Field(
         default=None, description="Cutoff of the rate that it derives (Hz); none where left out."
     )
-    rate_name: Word | None = Field(default=None, description="Name of that rate.")
+    rate_name: Identifier | None = Field(default=None, description="Name of that rate.")
+
+    _hints: ClassVar[dict[str, str]] = {
+        "signal": "For the position, velocity or acceleration of a point, Python accepts a Sensor."
+    }
+
+    @property
+    def output(self) -> str | Sensor:
+        """The channel that it reads, or the point as a `Sensor`."""
+        if self.link is None:
+            return self.signal
+        kind = cast(PointSignal, self.signal)
+        return Sensor(kind=kind, link=self.link, station=self.station, frame=self.frame)
+
+    @property
+    def label(self) -> str:
+        """Name of the reading in the measurement."""
+        return self.name or str(self.signal)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the readings in the measurement: the value, and its rate if it is read."""
+        if self.rate_cutoff is None:
+            return (self.label,)
+        rate = "joint_rate" if self.label == "joint_angle" else f"{self.label}_rate"
+        return self.label, self.rate_name or rate
+
+    @classmethod
+    def _from_python(cls, arguments: dict[str, Any]) -> dict[str, Any]:
+        sensor = arguments.get("signal")
+        if not isinstance(sensor, Sensor):
+            return arguments
+        for name in ("link", "station", "frame"):
+            if name in arguments:
+                rule = "be left out where the signal is a Sensor"
+                raise ModelError(Problem(cls.__name__, name, rule, shown(arguments[name])))
+        point = {"link": sensor.link, "station": sensor.station, "frame": sensor.frame}
+        named = {"name": sensor.name} if arguments.get("name") is None else {}
+        return {**arguments, **point, **named, "signal": sensor.kind}
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -98,84 +169,112 @@ class InstrumentSpec(Record):
             if not given.absent(name):
                 rule = f"is not supported for the signal {given.signal}"
                 yield Fault((name,), rule)
-        if given.has("frame") and given.frame == "link" and given.signal != "acceleration":
-            yield Fault(("frame",), "be world, except for accelerations", "link")
+        yield from frame_faults(given, given.signal)
 
 
-class MotorsSpec(Record):
-    """Motors between the requested torque and the joints; values include the gear."""
+class Motors(Record, kw_only=False):
+    """Motors between the requested torque and the joints; values include the gear.
 
-    torque_limit: OneOrMany[Positive] | None = Field(
-        default=None, description="Largest torque, one for all joints or one each (N m)."
+    A torque that a controller requests is delayed by ``delay``, clipped to the limits at the joint
+    rates of that instant, and reached by the motors as ``1 - exp(-t / time_constant)``. The
+    voltage reduces the available torque of fast motors, because ``torque_constant`` is also the
+    constant of the back electromotive force (V s/rad at the joint).
+    """
+
+    torque_limit: Limits = Field(
+        default=math.inf,
+        json_schema_extra=NO_LIMIT,
+        description="Largest torque, one for all joints or one each (N m).",
     )
     delay: NonNegative = Field(default=0.0, description="Time until a torque begins to act (s).")
     time_constant: NonNegative = Field(default=0.0, description="Lag of the current loop (s).")
     torque_constant: OneOrMany[Positive] | None = Field(
         default=None, description="Torque per current, N m/A."
     )
-    current_limit: OneOrMany[Positive] | None = Field(
-        default=None, description="Largest current, A."
+    current_limit: Limits = Field(
+        default=math.inf, json_schema_extra=NO_LIMIT, description="Largest current, A."
     )
-    voltage_limit: OneOrMany[Positive] | None = Field(default=None, description="Supply, V.")
+    voltage_limit: Limits = Field(
+        default=math.inf, json_schema_extra=NO_LIMIT, description="Supply, V."
+    )
     resistance: OneOrMany[Positive] | None = Field(
         default=None, description="Resistance of the winding, ohm."
     )
 
+    def allowed(self, torque: Any, rate: Any) -> Any:
+        """Return a torque (joints,) clipped to the limits at joint rates (joints,)."""
+        of_joints = "be numbers of shape (joints,)"
+        torque = check_numbers("Motors.allowed", "torque", torque, of_joints)
+        rate = check_numbers("Motors.allowed", "rate", rate, of_joints)
+        constant = self.torque_constant
+        if constant is not None:
+            limit = (constant + 0.0 * rate) * self.current_limit
+            torque = torque.clip(-limit, limit)
+            if self.resistance is not None:
+                # The supply voltage less the back electromotive force drives the current.
+                back = constant * rate
+                most = constant * (self.voltage_limit - back) / self.resistance
+                least = constant * -(self.voltage_limit + back) / self.resistance
+                torque = torque.clip(least, most)
+        limit = self.torque_limit + 0.0 * rate
+        return torque.clip(-limit, limit)
+
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        voltage = not given.absent("voltage_limit")
-        if (voltage or not given.absent("current_limit")) and given.absent("torque_constant"):
+        voltage = _is_limited(given.raw("voltage_limit"))
+        limited = voltage or _is_limited(given.raw("current_limit"))
+        if limited and given.absent("torque_constant"):
             rule = "is required with current_limit or voltage_limit"
             yield Fault(("torque_constant",), rule)
         if voltage and given.absent("resistance"):
             yield Fault(("resistance",), "is required with voltage_limit")
 
 
-class HardwareSpec(Record):
-    """Instruments and motors; exact sensors and ideal motors by default."""
+def _is_limited(limits: Any) -> bool:
+    """Return whether limits of all joints, or one of them, are given, even if they are invalid."""
+    each = limits if isinstance(limits, list | tuple) else [limits]
+    return any(limit is not None and limit != math.inf for limit in each)
 
-    instruments: Listed[InstrumentSpec] | None = Field(
+
+class Hardware(Record, kw_only=False):
+    """Instruments and motors between a controller and an arm.
+
+    By default there are exact instruments of ``joint_angle``, ``joint_rate`` and, with gauges,
+    ``strain``, and ideal motors without delay, lag or limits. The same seed gives the same run.
+    """
+
+    instruments: Listed[Instrument] | None = Field(
         default=None, description="What the controller measures."
     )
-    motors: MotorsSpec | None = Field(default=None, description="What limits and delays torques.")
+    motors: Motors | None = Field(default=None, description="What limits and delays torques.")
     seed: Seed = Field(default=0, description="Seed of all noise.")
+
+    _hints: ClassVar[dict[str, str]] = {
+        "motors": "For example `motors: {torque_limit: 5}`; in Python, a Motors object.",
+    }
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         seen: set[str] = set()
         for k, item in enumerate(given.instruments if given.has("instruments") else ()):
-            for name in names_of(item):
+            for name in item.labels:
                 if name in seen:
                     rule = f"repeats {name!r}, the name of another instrument"
                     yield Fault(("instruments", k, "name"), rule)
                 seen.add(name)
 
 
-def names_of(item: InstrumentSpec) -> Iterator[str]:
-    """Yield the names of the readings of an instrument in a measurement."""
-    name = item.name or item.signal
-    yield name
-    if item.rate_cutoff is not None:
-        yield item.rate_name or ("joint_rate" if name == "joint_angle" else f"{name}_rate")
-
-
 def hardware_faults(given: Given) -> Iterator[Fault]:
     """Yield the faults between the hardware of a scenario and its arm and drive."""
     if not given.has("hardware", "arm"):
         return
-    links = given.arm.links
-    gauges = any(link.gauges for link in links)
+    gauges = any(link.gauges for link in given.arm.links)
     for k, item in enumerate(given.hardware.instruments or ()):
         place = ("hardware", "instruments", k)
         if item.signal == "strain" and not gauges:
             yield Fault((*place, "signal"), "is strain, but the arm has no gauges")
-        if item.signal.startswith("contact_") and given.has("contacts") and not given.contacts:
+        if str(item.signal).startswith("contact_") and given.has("contacts") and not given.contacts:
             yield Fault((*place, "signal"), f"is {item.signal}, but there are no contacts")
-        if item.link is not None and item.link > len(links):
-            rule = f"be the number of a link, 1 to {len(links)}"
-            yield Fault((*place, "link"), rule, shown(item.link))
-        elif item.link is not None and item.station is not None:
-            length = links[item.link - 1].length
-            if item.station > length * (1.0 + 1e-9):
-                rule = f"be at most {length:.9g}, the length of the link"
-                yield Fault((*place, "station"), rule, shown(item.station))
+        if item.link is not None:
+            for fault in place_faults(given.arm, item.link, item.station):
+                yield fault.inside(*place)

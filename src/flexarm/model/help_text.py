@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import inspect
 import textwrap
+from collections.abc import Callable
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
+    from flexarm.model.checks import Record
 
 _WIDTH = 92
 
@@ -36,24 +37,37 @@ def type_text(annotation: Any) -> str:
         return f"Literal[{', '.join(map(repr, parts))}]"
     if origin is tuple and parts[-1:] == (...,):
         return f"Sequence[{type_text(parts[0])}]"
+    if origin is Callable:
+        return "Callable"
     if origin is not None:
         return f"{origin.__name__}[{', '.join(map(type_text, parts))}]"
     return str(getattr(annotation, "__name__", annotation))
 
 
-def signature_of(record: type[BaseModel]) -> inspect.Signature:
-    """Return the signature of a record: keyword-only fields, plain types, defaults."""
+def positional_fields(record: type[Record]) -> list[str]:
+    """Return the fields of a record that may be given by position."""
+    fields = {} if record._kw_only else record.model_fields
+    return [name for name, field in fields.items() if not field.kw_only]
+
+
+def signature_of(record: type[Record]) -> inspect.Signature:
+    """Return the signature of a record: plain types, defaults."""
     parameters = []
+    positional = positional_fields(record)
     for name, field in record.model_fields.items():
         default = inspect.Parameter.empty
         if not field.is_required():
             default = field.get_default(call_default_factory=True)
-        kind, words = inspect.Parameter.KEYWORD_ONLY, TypeText(type_text(field.annotation))
+        by_place = name in positional
+        kind = (
+            inspect.Parameter.POSITIONAL_OR_KEYWORD if by_place else inspect.Parameter.KEYWORD_ONLY
+        )
+        words = TypeText(type_text(field.annotation))
         parameters.append(inspect.Parameter(name, kind, default=default, annotation=words))
-    return inspect.Signature(parameters)
+    return inspect.Signature(sorted(parameters, key=lambda parameter: parameter.kind))
 
 
-def docstring_of(record: type[BaseModel], text: str) -> str:
+def docstring_of(record: type[Record], text: str) -> str:
     """Return the docstring of a record followed by its fields, with units, and its errors."""
     lines = [inspect.cleandoc(text), "", "Args:"]
     for name, field in record.model_fields.items():

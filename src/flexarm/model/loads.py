@@ -1,28 +1,50 @@
-"""External actions on an arm in a scenario: loads, and acceleration of the base."""
+"""External actions on an arm: loads, and acceleration of the base."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag
+from pydantic.json_schema import SkipJsonSchema
 
-from flexarm.errors import shown
+from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, NonNegative, Number, Pair, plain
-from flexarm.model.spec import ArmSpec
-from flexarm.model.tables import AccelerationTable, FactorTable
+from flexarm.model.spec import ArmSpec, place_faults
+from flexarm.model.tables import AccelerationTable, FactorTable, is_table
 from flexarm.model.wording import Fault
 
 
-class LoadSpec(Record):
-    """A force and a moment at a station of a link, or a distributed force along part of it."""
+def _is_function(value: Any) -> bool:
+    return callable(value) and not isinstance(value, type)
+
+
+def _table_or_function(value: Any) -> str:
+    return "<function>" if _is_function(value) else "<table>"
+
+
+if TYPE_CHECKING:
+    Factor = FactorTable | Callable[[float], float] | tuple[Any, Any]
+else:
+    Factor = Annotated[
+        Annotated[FactorTable, Tag("<table>")]
+        | Annotated[SkipJsonSchema[Callable[[float], float]], Tag("<function>")],
+        Discriminator(_table_or_function),
+    ]
+
+
+class Load(Record, kw_only=False):
+    """A force and a moment at a station of a link, or a distributed force on part of it.
+
+    In Python, the factor may also be a function of time in s, or two lists ``(times, values)``.
+    """
 
     link: Count = Field(description="Number of the link, counted from 1 at the base.")
-    force: Pair | None = Field(
-        default=None, description="Force [x, y] (N); per length, N/m, where spread is given."
+    force: Pair = Field(
+        default=(0.0, 0.0), description="Force [x, y] (N); per length, N/m, where spread is given."
     )
-    moment: Number | None = Field(default=None, description="Moment at the station (N m).")
+    moment: Number = Field(default=0.0, description="Moment at the station (N m).")
     station: NonNegative | None = Field(
         default=None, description="Distance from the link's root (m); the tip where left out."
     )
@@ -35,20 +57,50 @@ class LoadSpec(Record):
         description="Whether the force keeps its direction (world) or turns with the link's root "
         "tangent (link).",
     )
-    factor: FactorTable | None = Field(
-        default=None, description="What scales the load over time; constant where left out."
+    factor: Factor | None = Field(
+        default=None, description="Factor of the load over time; constant where left out."
     )
+
+    _written: ClassVar[tuple[str, ...]] = ("force", "moment")
+
+    @property
+    def value(self) -> tuple[float, float, float]:
+        """Force and moment: Fx, Fy, Mz."""
+        fx, fy = self.force
+        return fx, fy, self.moment
+
+    def off(self, arm: ArmSpec) -> Iterator[Fault]:
+        """Yield the faults of a load that is not on an arm."""
+        if self.spread is None:
+            return place_faults(arm, self.link, self.station)
+        return place_faults(arm, self.link, self.spread[1], "spread")
+
+    def scaled(self, factor: float) -> Load:
+        """Return a load whose force and moment are multiplied by a number."""
+        fx, fy = self.force
+        return self.replace(force=(factor * fx, factor * fy), moment=factor * self.moment)
+
+    @classmethod
+    def _from_python(cls, arguments: dict[str, Any]) -> dict[str, Any]:
+        factor: Any = arguments.get("factor")
+        if is_table(factor):
+            return {**arguments, "factor": {"times": factor[0], "values": factor[1]}}
+        if factor is None or _is_function(factor) or isinstance(factor, FactorTable | dict):
+            return arguments
+        rule = "be a function of time or a table (times, values)"
+        raise ModelError(Problem(cls.__name__, "factor", rule, shown(factor)))
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        if given.absent("force") and given.absent("moment"):
+        if given.omitted("force") and given.omitted("moment"):
             yield Fault(("force",), "is required without a moment")
         if given.absent("spread"):
             return
-        for name in ("station", "moment"):
-            if not given.absent(name):
-                yield Fault((name,), "cannot be combined with spread")
-        if given.absent("force") and not given.absent("moment"):
+        if not given.absent("station"):
+            yield Fault(("station",), "cannot be combined with spread")
+        if not given.has("moment") or given.moment:
+            yield Fault(("moment",), "cannot be combined with spread")
+        if given.omitted("force") and not given.omitted("moment"):
             yield Fault(("force",), "is required with spread")
         if given.has("spread") and not 0.0 <= given.spread[0] < given.spread[1]:
             rule = "be two increasing distances from the root of the link"
@@ -71,17 +123,11 @@ def load_faults(given: Given) -> Iterator[Fault]:
         yield from off_the_arm(given.arm, given.loads)
 
 
-def off_the_arm(arm: ArmSpec, loads: Sequence[LoadSpec]) -> Iterator[Fault]:
+def off_the_arm(arm: ArmSpec, loads: Sequence[Load]) -> Iterator[Fault]:
     """Yield the faults of ``loads`` that are not on an arm."""
-    links = arm.links
     for i, load in enumerate(loads):
-        if load.link > len(links):
-            rule = f"be the number of a link, 1 to {len(links)}"
-            yield Fault(("loads", i, "link"), rule, shown(load.link))
-            continue
-        length = links[load.link - 1].length
-        name = "station" if load.spread is None else "spread"
-        furthest = load.station if load.spread is None else load.spread[1]
-        if furthest is not None and furthest > length * (1.0 + 1e-9):
-            rule = f"be at most {length:.9g}, the length of the link"
-            yield Fault(("loads", i, name), rule, shown(furthest))
+        if callable(load.factor):
+            rule, hint = "be a table in a scenario", "Only simulate(loads=...) accepts a function."
+            yield Fault(("loads", i, "factor"), rule, "a function", hint)
+        for fault in load.off(arm):
+            yield fault.inside("loads", i)

@@ -39,6 +39,15 @@ def finite(value: Any) -> float:
     return number
 
 
+def _limit(value: Any) -> float:
+    """Return a finite number, or infinity for a limit that does not exist."""
+    return math.inf if plain(value) == math.inf else finite(value)
+
+
+def _unlimited(value: Any) -> Any:
+    return math.inf if value is None else value
+
+
 def length_of(value: Any) -> int | None:
     """Return the length of a list, a tuple or an array; None for other values."""
     given = plain(value)
@@ -94,6 +103,12 @@ def _printable(value: str) -> str:
     return value
 
 
+def _identifier(value: str) -> str:
+    if not value.isidentifier():
+        raise refuse("be a word of letters, digits and underscores", value)
+    return value
+
+
 def _one_or_many(value: Any) -> str:
     return "<list>" if isinstance(plain(value), list | tuple) else "<number>"
 
@@ -102,6 +117,9 @@ if TYPE_CHECKING:
     # Input types, so that type checkers accept lists; tuples are stored.
     Listed = Annotated[Sequence[T], ...]
     Named = Annotated[Mapping[str, T], ...]
+    Pair = Sequence[float]
+    Limit = float
+    Limits = float | Sequence[float]
 else:
     Listed = Annotated[tuple[T, ...], BeforeValidator(_listed)]
     Named = Annotated[dict[str, T], BeforeValidator(_named), AfterValidator(Names)]
@@ -114,8 +132,16 @@ Fraction = Annotated[float, Field(ge=0, le=1), BeforeValidator(finite)]
 Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain)]
 Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain)]
 Word = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
-Pair = Annotated[tuple[Number, Number], BeforeValidator(_two)]
+Identifier = Annotated[Word, AfterValidator(_identifier)]
 OneOrMany = Annotated[
     Annotated[T, Tag("<number>")] | Annotated[Listed[T], Tag("<list>")],
     Discriminator(_one_or_many),
 ]
+
+# A limit that does not exist is infinite in Python, and missing or null in files.
+NO_LIMIT: dict[str, Any] = {"default": None}  # in the schema
+if not TYPE_CHECKING:
+    Pair = Annotated[tuple[Number, Number], BeforeValidator(_two)]
+    _Limit = Annotated[float, Field(gt=0), BeforeValidator(_limit)]
+    Limit = Annotated[_Limit | None, AfterValidator(_unlimited)]
+    Limits = Annotated[OneOrMany[_Limit] | None, AfterValidator(_unlimited)]

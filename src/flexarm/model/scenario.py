@@ -9,11 +9,11 @@ from pydantic import BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.contacts import ContactSpec, contact_faults
+from flexarm.model.contacts import Contact, contact_faults
 from flexarm.model.drives import CONTROLLED, Drive, NoDrive, balances
 from flexarm.model.events import EventSpec, event_faults
-from flexarm.model.hardware import LIMITS, HardwareSpec, hardware_faults
-from flexarm.model.loads import BaseAcceleration, LoadSpec, load_faults
+from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
+from flexarm.model.loads import BaseAcceleration, Load, load_faults
 from flexarm.model.motions import MotionSpec, motion_faults
 from flexarm.model.prescribed import PrescribedJoint, prescribed_faults
 from flexarm.model.quantities import Flag, Listed, Number, Positive, Word, finite, length_of, plain
@@ -96,22 +96,20 @@ class Scenario(Record):
     arm: ArmSpec = Field(description="The arm.")
     motion: MotionSpec | None = Field(default=None, description="The motion asked for.")
     drive: Drive = Field(default=NoDrive(), description="What moves the joints.")
-    hardware: HardwareSpec | None = Field(
+    hardware: Hardware | None = Field(
         default=None, description="Instruments and motors between the controller and the arm."
     )
     prescribed: Listed[PrescribedJoint] = Field(
         default=(), description="Joints that follow a given motion, whatever torque it takes."
     )
-    loads: Listed[LoadSpec] = Field(
-        default=(), description="Forces and moments that act on the links."
-    )
+    loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
     base_acceleration: BaseAcceleration | None = Field(
         default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
     )
     events: Listed[EventSpec] = Field(
         default=(), description="What to locate on the way, to end the run or to be recorded."
     )
-    contacts: Listed[ContactSpec] = Field(
+    contacts: Listed[Contact] = Field(
         default=(), description="Surfaces that points of the arm may touch."
     )
     initial: InitialState = Field(default=InitialState(), description="Where the arm starts.")

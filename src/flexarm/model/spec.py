@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.joints import Joint, Payload
 from flexarm.model.links import Link
@@ -67,6 +68,23 @@ class ArmSpec(Record):
             yield Fault(("joints",), f"have length {links}, one joint for each link", str(joints))
         if links and links == joints and given.has("links", "joints", "payload"):
             yield from _inertia_faults(given.links, given.joints, given.payload)
+
+
+def place_faults(
+    arm: ArmSpec, link: int, furthest: float | None, name: str = "station"
+) -> Iterator[Fault]:
+    """Yield a fault if an arm has no such link, or a distance (m) from its root is beyond its tip.
+
+    Args:
+        name: name of the distance.
+    """
+    links = arm.links
+    if not 1 <= link <= len(links):
+        yield Fault(("link",), f"be the number of a link, 1 to {len(links)}", shown(link))
+        return
+    length = links[link - 1].length
+    if furthest is not None and furthest > length * (1.0 + 1e-9):  # sums of lengths are rounded
+        yield Fault((name,), f"be at most {length:.9g}, the length of the link", shown(furthest))
 
 
 def _inertia_faults(

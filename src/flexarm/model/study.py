@@ -10,11 +10,11 @@ from pydantic import Field, ValidationError
 
 from flexarm.errors import InputError, shown
 from flexarm.model.checks import Given, Record, faults_of
-from flexarm.model.contacts import ContactSpec
+from flexarm.model.contacts import Contact
 from flexarm.model.drives import CONTROLLED, Drive
-from flexarm.model.hardware import HardwareSpec
+from flexarm.model.hardware import Hardware
 from flexarm.model.joints import Friction
-from flexarm.model.loads import LoadSpec, off_the_arm
+from flexarm.model.loads import Load, off_the_arm
 from flexarm.model.motions import MotionSpec
 from flexarm.model.quantities import (
     Listed,
@@ -48,7 +48,7 @@ class PlantSpec(Record):
     friction: Friction | None = Field(
         default=None, description="Friction of every joint that turns."
     )
-    loads: Listed[LoadSpec] = Field(
+    loads: Listed[Load] = Field(
         default=(), description="Forces and moments that act on this plant alone."
     )
 
@@ -91,13 +91,11 @@ class Study(Record):
         validate_default=True,
         description="Arms that are simulated, by name.",
     )
-    hardware: HardwareSpec | None = Field(
+    hardware: Hardware | None = Field(
         default=None, description="Instruments and motors of every drive that measures."
     )
-    loads: Listed[LoadSpec] = Field(
-        default=(), description="Forces and moments that act on the links."
-    )
-    contacts: Listed[ContactSpec] = Field(
+    loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
+    contacts: Listed[Contact] = Field(
         default=(), description="Surfaces that points of the arm may touch."
     )
     run: StudyRun = Field(description="How each run is computed and judged.")
@@ -169,7 +167,7 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
                 given = shown(getattr(plant, problem.name)) if problem.value else ""
                 yield Fault(path, problem.rule, given, problem.hint)
         for fault in off_the_arm(given.arm, plant.loads):
-            yield Fault(("plants", name, *fault.path), fault.rule, fault.value, fault.hint)
+            yield fault.inside("plants", name)
 
 
 def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from pydantic import Field
 
@@ -23,6 +24,13 @@ def order_fault(times: Sequence[float]) -> tuple[int, str] | None:
         if k > 1 and times[k] == times[k - 2]:
             return k, "occur at most twice"
     return None
+
+
+def is_table(value: Any) -> bool:
+    """Return whether a value has the form of a table: a pair whose first item is a list."""
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        return False
+    return isinstance(value[0], tuple | list) or getattr(value[0], "ndim", 0) > 0
 
 
 class FactorTable(Record):

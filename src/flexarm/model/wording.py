@@ -46,6 +46,10 @@ class Fault:
     value: str = ""
     hint: str = ""
 
+    def inside(self, *path: str | int) -> Fault:
+        """Return the fault as one of the record that has its record at a path."""
+        return replace(self, path=(*path, *self.path))
+
     def problem(self, where: str, name: str = "") -> Problem:
         """Return the problem for the user; `name` is used if the path is empty."""
         return Problem(where, path_text(self.path) or name, self.rule, self.value, self.hint)

@@ -12,11 +12,10 @@ from flexarm.control.base import Controller
 from flexarm.controllers import CONTROLLERS
 from flexarm.errors import InputError, Problem
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
-from flexarm.hardware.hardware import Hardware
+from flexarm.model import Hardware
 from flexarm.model.drives import ControllerDrive, FilterSpec
 from flexarm.motion import Motion
 from flexarm.scenarios.file_errors import told_inside
-from flexarm.scenarios.hardware import instruments_of
 from flexarm.scenarios.initial_state import Start, feedforward
 
 
@@ -73,17 +72,16 @@ def _inner(drive: ControllerDrive, around: Around) -> dict[str, Any]:
 
 
 def _estimator(spec: FilterSpec, around: Around) -> dict[str, Any]:
-    if spec.instruments is not None:
-        instruments = instruments_of(spec.instruments)
-    else:
-        instruments = list((around.hardware and around.hardware.instruments) or ())
+    instruments = spec.instruments
+    if instruments is None:
+        instruments = (around.hardware and around.hardware.instruments) or ()
     if not instruments:
         rule = "are required, because the hardware has none"
         raise InputError(Problem("drive", "estimator.instruments", rule))
     names = ("torque_noise", "payload_deviation", "payload_drift", "rate_deviation")
     options = {name: getattr(spec, name) for name in (*names, "energy_deviation")}
     with told_inside("estimator"):
-        return {"estimator": ExtendedKalmanFilter(around.arm, instruments, **options)}
+        return {"estimator": ExtendedKalmanFilter(around.arm, list(instruments), **options)}
 
 
 #: Functions that convert the value of a key to arguments, for keys that are not arguments.

@@ -12,13 +12,20 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.bending import one_warning
+from flexarm.histories.piecewise import table_history
 from flexarm.histories.prescribed import PrescribedAngle, constant
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.linear.pressed import PressedMotion
-from flexarm.model import HeldJoint, Scenario, TabulatedJoint
+from flexarm.model import (
+    AccelerationTable,
+    FactorTable,
+    HeldJoint,
+    Load,
+    Scenario,
+    TabulatedJoint,
+)
 from flexarm.motion import Motion, RigidTorque, rigid_torque
-from flexarm.scenarios.environment import base_acceleration_at_start, contacts_of, loads_at_start
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +75,22 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
         if isinstance(motion, PressedMotion) and not chosen:
             return Start(motion.initial, prescribed)
         return Start(arm.rest(angles), prescribed)
-    loads, base = loads_at_start(scenario), base_acceleration_at_start(scenario)
-    contacts = contacts_of(scenario)
+    loads = [_load_at_start(load) for load in scenario.loads]
+    base, contacts = scenario.base_acceleration, scenario.contacts
+    if isinstance(base, AccelerationTable):
+        base = table_history(base).at(np.zeros(1))[0]
     with one_warning():  # the run warns of its states, including this one
         found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
     return Start(found.q, prescribed, found.torque if asked.balance else None)
+
+
+def _load_at_start(load: Load) -> Load:
+    """Return a load with its constant value at time zero; at a jump of its factor, after it."""
+    if load.factor is None:
+        return load
+    assert isinstance(load.factor, FactorTable)  # checked when the file is read
+    factor = table_history(load.factor).at(np.zeros(1))
+    return load.replace(factor=None).scaled(float(factor[0, 0]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from flexarm.control_design.input_shaping import shaped
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.pressed import PressedMotion, pressed_motion
 from flexarm.model import LineMotionSpec, Scenario
-from flexarm.model.contacts import RoundWallSpec, SurfaceSpec, WallSpec
+from flexarm.model.contacts import RoundWall, Surface, Wall
 from flexarm.model.motions import ForceTable, JointMotionSpec, PressedMotionSpec
 from flexarm.motion import Motion, TimingLaw, joint_motion, line_motion, quintic, smoothed
 from flexarm.scenarios.file_errors import told_inside
@@ -85,11 +85,11 @@ def _eased(times: FloatArray, values: FloatArray, law: TimingLaw, t: float) -> f
     return float(values[k] + part * (values[k + 1] - values[k]))
 
 
-def _normal(surface: SurfaceSpec | None, path: Motion) -> Any:
+def _normal(surface: Surface | None, path: Motion) -> Any:
     """Return the normal of a surface: a direction, or for a circle a function along the path."""
-    if isinstance(surface, WallSpec):
+    if isinstance(surface, Wall):
         return surface.normal
-    assert isinstance(surface, RoundWallSpec)  # checked when the file is read
+    assert isinstance(surface, RoundWall)  # checked when the file is read
     return partial(_away_from, np.array(surface.center), -1.0 if surface.inside else 1.0, path)
 
 

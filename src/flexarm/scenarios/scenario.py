@@ -17,11 +17,11 @@ from flexarm.engine.events import events_of
 from flexarm.engine.integrator_choice import check_integrator
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.torques import constant_torque, sampled_torque
-from flexarm.loads import Load
 from flexarm.loop.requirements import misfits
 from flexarm.loop.stability import instability
 from flexarm.model import (
     EventSpec,
+    Load,
     RigidInverseDynamicsDrive,
     Scenario,
     TorqueDrive,
@@ -32,9 +32,7 @@ from flexarm.model.drives import ControllerDrive
 from flexarm.model.wording import path_of
 from flexarm.motion import Motion
 from flexarm.scenarios.controllers import Around, controller_of
-from flexarm.scenarios.environment import base_acceleration_of, contacts_of, loads_of
 from flexarm.scenarios.file_errors import Where, told_as
-from flexarm.scenarios.hardware import hardware_of
 from flexarm.scenarios.initial_state import Start, feedforward, start_of
 from flexarm.scenarios.motions import Asked, motion_of
 from flexarm.simulation.run import simulate
@@ -144,13 +142,13 @@ def prepare(
         if getattr(run, name) is not None:
             options[name] = getattr(run, name)
     if scenario.loads:
-        options["loads"] = loads_of(scenario.loads)
+        options["loads"] = scenario.loads
     if scenario.events:
         options["events"] = events_of(scenario.events, arm)
     if scenario.contacts:
-        options["contacts"] = contacts_of(scenario)
+        options["contacts"] = scenario.contacts
     if scenario.base_acceleration is not None:
-        options["base_acceleration"] = base_acceleration_of(scenario)
+        options["base_acceleration"] = scenario.base_acceleration
     with told_as(place, "initial"):
         start = start_of(arm, scenario, motion)
     options["initial"] = start.q
@@ -159,8 +157,7 @@ def prepare(
     if start.prescribed:
         options["prescribed"] = start.prescribed
     if scenario.hardware is not None:
-        with told_as(place, "hardware"):
-            options["hardware"] = hardware_of(scenario.hardware)
+        options["hardware"] = scenario.hardware
     with told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
         _set_drive(arm, scenario, motion, start, options)
     _check_fit(arm, scenario, place, options)

@@ -16,7 +16,6 @@ from flexarm.errors import InputError
 from flexarm.model import Study, locate_study
 from flexarm.model.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
-from flexarm.scenarios.environment import loads_of
 from flexarm.scenarios.file_errors import Where, told_as
 from flexarm.scenarios.motions import Asked
 from flexarm.scenarios.scenario import Prepared, prepare
@@ -42,7 +41,7 @@ class PreparedStudy:
         self.study = study
         self.arm = Arm(study.arm)
         self.plants = {
-            name: (Arm(plant_spec(study.arm, plant)), loads_of(plant.loads))
+            name: (Arm(plant_spec(study.arm, plant)), plant.loads)
             for name, plant in study.plants.items()
         }
         self._prepared: dict[tuple[str, str], Prepared] = {}

@@ -24,8 +24,7 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
-from flexarm.hardware.hardware import Hardware
-from flexarm.loads import Load
+from flexarm.model import Hardware, Load
 from flexarm.model.events import DURATION
 from flexarm.simulation.metrics import METRICS, metrics_of
 from flexarm.simulation.run import simulate

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_count, check_flag, check_kind, check_list_of, check_positive
+from flexarm.arguments import check_count, check_flag, check_kind, check_positive
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.validity import BendingWatch
+from flexarm.environment import BaseAcceleration, Environment
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -26,14 +25,12 @@ from flexarm.errors import (
     check_array,
     warn_caller,
 )
-from flexarm.hardware.hardware import Hardware
 from flexarm.hardware.measurement import Measurement
-from flexarm.histories.loads import BaseAcceleration
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.loads import Load
 from flexarm.loop.sampled_loop import Ticks
 from flexarm.loop.sensors import TipMotion
+from flexarm.model import Contact, Hardware, Load
 from flexarm.observe import contact_forces
 
 
@@ -93,8 +90,10 @@ class Plant:
         if hardware is not None:
             check_kind("Plant", "hardware", hardware, Hardware, "a Hardware object")
         self.sample_time = check_positive("Plant", "sample_time", sample_time)
+        given = tip_force, loads, base_acceleration, contacts
+        environment = Environment.of(arm, "Plant", *given)
         if duration is None:
-            _refuse_functions(loads, base_acceleration)
+            _refuse_functions(environment)
         self._duration = (
             math.inf if duration is None else check_positive("Plant", "duration", duration)
         )
@@ -106,12 +105,9 @@ class Plant:
             arm,
             duration=self._duration,
             sample_times=np.zeros(0),
-            tip_force=tip_force,
-            loads=loads,
-            base_acceleration=base_acceleration,
+            environment=environment,
             breaks=breaks,
             spacing=self.sample_time,
-            contacts=contacts,
             integrator=integrator,
             step=step,
             rtol=check_positive("Plant", "rtol", rtol),
@@ -152,7 +148,7 @@ class Plant:
         if seed is not None:
             check_count("Plant.reset", "seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
-            hardware = replace(hardware, seed=seed)
+            hardware = hardware.replace(seed=seed)
         run = self._new_run(state)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
@@ -239,11 +235,10 @@ class Plant:
         return forces
 
 
-def _refuse_functions(loads: Sequence[Load], base_acceleration: BaseAcceleration | None) -> None:
+def _refuse_functions(environment: Environment) -> None:
     """Raise if a plant without duration has functions of time, which need an end."""
-    loads = check_list_of("Plant", "loads", loads, Load)
-    factors = [load.factor for load in loads]
-    if callable(base_acceleration) or any(callable(factor) for factor in factors):
+    factors = [load.factor for load in environment.loads]
+    if callable(environment.base_acceleration) or any(callable(factor) for factor in factors):
         rule = "is required with loads or a base acceleration that are functions of time"
         hint = "Tables (times, values) do not need it."
         raise InputError(Problem("Plant", "duration", rule, hint=hint))

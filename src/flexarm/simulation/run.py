@@ -19,7 +19,6 @@ from flexarm.arguments import (
 )
 from flexarm.arm import Arm
 from flexarm.bending import too_far_bent
-from flexarm.contacts import Contact
 from flexarm.control.base import Controller, Reference, check_reference, controller_problem
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
@@ -34,6 +33,7 @@ from flexarm.engine.new_run import (
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
+from flexarm.environment import BaseAcceleration, Environment
 from flexarm.errors import (
     AccuracyWarning,
     InputError,
@@ -45,8 +45,6 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
-from flexarm.hardware.hardware import Hardware
-from flexarm.histories.loads import BaseAcceleration
 from flexarm.histories.prescribed import Prescribed, prescribe
 from flexarm.histories.torques import (
     INTERPOLATIONS,
@@ -57,9 +55,9 @@ from flexarm.histories.torques import (
 )
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.loads import Load
 from flexarm.loop.closed_loop import ClosedLoop
 from flexarm.loop.stability import instability
+from flexarm.model import Contact, Hardware, Load
 from flexarm.model.events import DURATION, FAILURE
 from flexarm.model.scenario import sample_fault
 from flexarm.observe import contact_channels
@@ -206,6 +204,8 @@ def simulate(
     log = event_log(where, simulated, events)
     # The last sample may exceed the end by rounding, and would then never be computed.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
+    acting = tip_force, loads, base_acceleration, contacts
+    environment = Environment.of(simulated, where, *acting)
     with Meter("simulating", progress) as meter:
         run = new_run(
             where,
@@ -213,12 +213,9 @@ def simulate(
             state,
             duration=duration,
             sample_times=times,
-            tip_force=tip_force,
-            loads=loads,
-            base_acceleration=base_acceleration,
+            environment=environment,
             breaks=known,
             spacing=1.0 / rate,
-            contacts=contacts,
             log=log,
             integrator=integrator,
             step=step,

@@ -113,7 +113,7 @@ def test_the_law_at_points_that_arm_shape_gives(seed):
         # Differences over 1e-6 s; chords of a thousandth of a link.
         np.testing.assert_allclose(row[VELOCITY : VELOCITY + 2], velocity, rtol=0, atol=2e-6)
         if isinstance(contact.surface, fa.Wall):
-            normal = contact.surface.normal
+            normal = np.array(contact.surface.normal)
             gap = (point - contact.surface.point) @ normal
         else:
             away = point - contact.surface.center
@@ -181,18 +181,16 @@ WALL = fa.Wall((0.0, 0.0), (0.0, 1.0))
     ("fields", "said"),
     [
         ({"stiffness": 0.0}, "stiffness must be greater than 0, got 0"),
-        ({"stiffness": 1.0, "exponent": 0.5}, "exponent must be from 1 to 5, got 0.5"),
+        ({"stiffness": 1.0, "exponent": 0.5}, "exponent must be at least 1, got 0.5"),
         ({"stiffness": 1.0, "damping": -1.0}, "damping must be at least 0, got -1"),
-        ({"stiffness": 1.0, "friction": np.nan}, "friction must be finite"),
+        ({"stiffness": 1.0, "friction": np.nan}, "friction must be a finite number"),
         ({"stiffness": 1.0, "friction_speed": 0}, "friction_speed must be greater than 0"),
         ({"stiffness": 1.0, "station": -1.0}, "station must be at least 0, got -1"),
-        (
-            {"stiffness": 1.0, "link": True},
-            "link must be the number of a link, 1 or more, or None for the last, got True",
-        ),
-        ({"stiffness": 1.0, "link": 0}, "link must be the number of a link"),
-        ({"stiffness": 1.0, "link": 1.5}, "link must be the number of a link"),
-        ({"stiffness": "x", "surface": 3}, "surface must be a Wall, a RoundWall or a SurfaceTable"),
+        ({"stiffness": 1.0, "exponent": 5.5}, "exponent must be at most 5, got 5.5"),
+        ({"stiffness": 1.0, "link": True}, "link must be a whole number, got True"),
+        ({"stiffness": 1.0, "link": 0}, "link must be at least 1"),
+        ({"stiffness": 1.0, "link": 1.5}, "link must be a whole number"),
+        ({"stiffness": "x", "surface": 3}, "surface .* A surface is a Wall, a RoundWall or a"),
     ],
 )
 def test_numbers_that_no_contact_has(fields, said):
@@ -206,7 +204,7 @@ def test_numbers_that_no_contact_has(fields, said):
         (WALL, "contacts must be a list of Contact objects"),
         ([WALL], "contacts must be a list of Contact objects"),
         ([fa.Contact(WALL, 1.0, link=9)], "Contact.link must be the number of a link, 1 to"),
-        ([fa.Contact(WALL, 1.0, link=1, station=99.0)], "Contact.station must lie within the link"),
+        ([fa.Contact(WALL, 1.0, link=1, station=99.0)], "Contact.station must be at most"),
     ],
 )
 def test_contacts_that_are_not_on_the_arm(contacts, said):

@@ -10,6 +10,7 @@ import flexarm as fa
 from flexarm.contacts import place_contacts
 from flexarm.kernels.contact import BEND, FORCE, GAP, POSITION
 from flexarm.observe import contact_forces, contact_values
+from flexarm.surfaces import pieces_of
 
 ARM = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 2)
 
@@ -110,7 +111,7 @@ def test_distance_from_a_wavy_table():
     table = fa.SurfaceTable(knots, 0.2 * np.sin(3.0 * knots))
     points = some_points(60)
     found = seen_from(table, points)
-    rows = table.pieces
+    rows = pieces_of(table)
     s = np.linspace(rows[1, 0], rows[-1, 0], 200_000, endpoint=False)
     row = np.searchsorted(rows[1:, 0], s, side="right")
     u = s - rows[row, 0]
@@ -132,7 +133,7 @@ def test_distance_from_a_wavy_table():
 def test_the_force_of_a_table_does_not_jump_at_a_knot():
     x = np.linspace(0.2, 1.8, 9)
     table = fa.SurfaceTable(x, 0.3 + 0.1 * np.cos(4.0 * x))
-    knot = table.pieces[4, [1, 5]]
+    knot = pieces_of(table)[4, [1, 5]]
     near = knot - [0.0, 0.02] + np.linspace(-1e-7, 1e-7, 5)[:, None] * [1.0, 0.0]
     force = seen_from(table, near)[:, FORCE : FORCE + 2]
     np.testing.assert_allclose(np.diff(force, 2, axis=0), 0.0, atol=1e-9)
@@ -143,16 +144,19 @@ def test_the_force_of_a_table_does_not_jump_at_a_knot():
     ("make", "said"),
     [
         (lambda: fa.Wall((0, 0), (0, 0)), "Wall: normal must have a length greater than 0"),
-        (lambda: fa.Wall((0, np.nan), (0, 1)), r"Wall: point\[1\] must be finite"),
+        (lambda: fa.Wall((0, np.nan), (0, 1)), r"Wall: point\[1\] must be a finite number"),
         (lambda: fa.RoundWall((0, 0), 0.0), "RoundWall: radius must be greater than 0"),
         (
             lambda: fa.SurfaceTable([0, 1], [0, 1]),
             "SurfaceTable: x must have at least three points",
         ),
-        (lambda: fa.SurfaceTable([0, 1, 2], [0, 1]), r"SurfaceTable: y must be numbers of shape"),
+        (
+            lambda: fa.SurfaceTable([0, 1, 2], [0, 1]),
+            "SurfaceTable: y must have a value for each of the 3 points",
+        ),
         (
             lambda: fa.SurfaceTable([0, 1, 1, 2], [0, 1, 1, 2]),
-            r"SurfaceTable: the point \[2\] must differ from the previous point",
+            r"SurfaceTable: x\[2\] must differ from the one before",
         ),
     ],
 )

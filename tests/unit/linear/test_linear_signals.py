@@ -45,13 +45,13 @@ def test_citation_names_the_methods():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"link": "two"}, "Sensor: link must be the number of a link, 1 or more, got 'two'"),
-        ({"link": 1.5}, "Sensor: link must be the number of a link"),
-        ({"link": 0}, "Sensor: link must be the number of a link"),
-        ({"link": True}, "Sensor: link must be the number of a link, 1 or more, got True"),
-        ({"station": -0.1}, "Sensor: station must be a distance from the link's root"),
-        ({"station": "tip"}, "Sensor: station must be a distance from the link's root"),
-        ({"station": np.nan}, "Sensor: station must be a distance from the link's root"),
+        ({"link": "two"}, "Sensor: link must be a whole number, got 'two'"),
+        ({"link": 1.5}, "Sensor: link must be a whole number"),
+        ({"link": 0}, "Sensor: link must be at least 1, got 0"),
+        ({"link": True}, "Sensor: link must be a whole number, got True"),
+        ({"station": -0.1}, "Sensor: station must be at least 0, got -0.1"),
+        ({"station": "tip"}, "Sensor: station must be a number, got 'tip'"),
+        ({"station": np.nan}, "Sensor: station must be a finite number"),
     ],
 )
 def test_a_sensor_that_cannot_be(fields, message):
@@ -65,7 +65,7 @@ def test_a_sensor_that_cannot_be(fields, message):
         (fa.Sensor("position", 3), "linearize: Sensor.link must be the number of a link, 1 to 2"),
         (
             fa.Sensor("velocity", 1, 0.7),
-            "Sensor.station must lie within the link, whose length is 0.5, got 0.7",
+            "Sensor.station must be at most 0.5, the length of the link, got 0.7",
         ),
     ],
 )

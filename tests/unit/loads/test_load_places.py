@@ -161,47 +161,46 @@ def test_nothing_acts_where_nothing_is_given():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"force": (1.0, np.nan)}, "Load: force[1] must be finite, got nan."),
-        ({"force": 3.0}, "Load: force must be numbers of shape (2,), got a number."),
-        ({"moment": np.inf}, "Load: moment must be finite, got inf."),
+        ({"force": (1.0, np.nan)}, "Load: force[1] must be a finite number, got nan."),
+        ({"force": 3.0}, "Load: force must be a list of two numbers, got 3."),
+        ({"moment": np.inf}, "Load: moment must be a finite number, got inf."),
         ({"frame": "body"}, "Load: frame must be one of 'world', 'link', got 'body'."),
         ({"station": -0.1}, "Load: station must be at least 0, got -0.1."),
-        ({"station": np.nan}, "Load: station must be finite, got nan."),
+        ({"station": np.nan}, "Load: station must be a finite number, got nan."),
         (
             {"spread": (0.5, 0.2)},
             (
                 "Load: spread must be two increasing distances from the root of the link, "
-                "got (0.5, 0.2)."
+                "got [0.5, 0.2]."
             ),
         ),
         (
             {"spread": (0.1, 0.2), "moment": 1.0},
-            ("Load: spread cannot be combined with a station or a moment."),
+            "Load: moment cannot be combined with spread.",
         ),
         (
             {"spread": (0.1, 0.2), "station": 0.1},
-            ("Load: spread cannot be combined with a station or a moment."),
+            "Load: station cannot be combined with spread.",
         ),
     ],
 )
 def test_wrong_loads_are_refused(fields, message):
     with pytest.raises(fa.InputError) as told:
-        fa.Load(1, **fields)
+        fa.Load(**{"link": 1, "force": (0.0, 1.0), **fields})
     assert str(told.value) == message
 
 
 @pytest.mark.parametrize(
     ("load", "message"),
     [
-        (fa.Load(0), "Load.link must be the number of a link, 1 to 3, got 0."),
-        (fa.Load(4), "Load.link must be the number of a link, 1 to 3, got 4."),
+        (fa.Load(4, (0, 1)), "Load.link must be the number of a link, 1 to 3, got 4."),
         (
-            fa.Load(2, station=0.71),
-            "Load.station must lie within the link, whose length is 0.7, got 0.71.",
+            fa.Load(2, (0, 1), station=0.71),
+            "Load.station must be at most 0.7, the length of the link, got 0.71.",
         ),
         (
-            fa.Load(1, spread=(0.2, 1.3)),
-            "Load.spread must lie within the link, whose length is 1.2, got 1.3.",
+            fa.Load(1, (0, 1), spread=(0.2, 1.3)),
+            "Load.spread must be at most 1.2, the length of the link, got 1.3.",
         ),
     ],
 )

@@ -20,7 +20,7 @@ from flexarm.model import (
     JointPIDDrive,
     LineMotionSpec,
     Link,
-    LoadSpec,
+    Load,
     Material,
     ModalDamping,
     NoDrive,
@@ -47,7 +47,7 @@ from flexarm.model.drives import (
     LQGDrive,
     balances,
 )
-from flexarm.model.hardware import InstrumentSpec
+from flexarm.model.hardware import Instrument
 from flexarm.model.motions import ForceTable, PressedMotionSpec
 from flexarm.model.shaping import ShapingSpec, SmoothingSpec
 
@@ -177,9 +177,9 @@ def loads(draw, arm):
         "factor": draw(st.none() | time_tables(FactorTable, numbers)),
     }
     if draw(st.booleans()):
-        return LoadSpec(**common, spread=(draw(st.floats(0.0, 0.5)) * length, length))
+        return Load(**common, spread=(draw(st.floats(0.0, 0.5)) * length, length))
     station = draw(st.none() | st.floats(0.0, length))
-    return LoadSpec(**common, moment=draw(st.none() | numbers), station=station)
+    return Load(**common, moment=draw(numbers), station=station)
 
 
 @st.composite
@@ -314,9 +314,7 @@ def scenarios(draw):
                 estimator=st.builds(
                     FilterSpec,
                     instruments=st.none()
-                    | st.lists(
-                        st.builds(InstrumentSpec, signal=st.just("joint_angle")), max_size=2
-                    ),
+                    | st.lists(st.builds(Instrument, signal=st.just("joint_angle")), max_size=2),
                 ),
             ),
             st.builds(

@@ -1,10 +1,24 @@
 """What acts on the arm of a scenario, joints whose motion is given, and how it starts."""
 
+import inspect
+
 import numpy as np
 import pytest
 
+import flexarm as fa
 from flexarm.errors import ModelError
-from flexarm.model import AccelerationTable, ArmSpec, HeldJoint, Link, LoadSpec, Scenario
+from flexarm.model import (
+    AccelerationTable,
+    ArmSpec,
+    FactorTable,
+    HeldJoint,
+    Link,
+    Load,
+    Scenario,
+    json_schema,
+    load_scenario,
+    save_scenario,
+)
 
 LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
 ARM = ArmSpec(links=[LINK, LINK.replace(length=2)])
@@ -23,15 +37,13 @@ def test_defaults():
     assert (plain.loads, plain.prescribed, plain.base_acceleration) == ((), (), None)
     assert (plain.initial.equilibrium, plain.initial.balance) == (False, False)
     load = scenario(loads=[{"link": 1, "moment": 2}]).loads[0]
-    assert load == LoadSpec(link=1, moment=2.0, frame="world")
+    assert load == Load(link=1, moment=2.0, frame="world")
 
 
 def test_arrays_are_taken():
     found = scenario(
         loads=[
-            LoadSpec(
-                link=2, force=np.ones(2), factor={"times": np.arange(3), "values": np.zeros(3)}
-            )
+            Load(link=2, force=np.ones(2), factor={"times": np.arange(3), "values": np.zeros(3)})
         ],
         base_acceleration=np.array([0.0, 9.81]),
         prescribed=[HeldJoint(joint=2)],
@@ -289,3 +301,33 @@ def test_wrong_scenarios_are_refused_with_every_reason(values, problems):
     assert len(told) == len(problems), told
     for line, text in zip(told, problems, strict=True):
         assert line.startswith(f"Scenario: {text}")
+
+
+def test_a_factor_that_a_file_cannot_express_is_refused_in_a_scenario():
+    """Python accepts a function or a pair of lists as a factor; files have a table only."""
+    load = Load(1, (0.0, 1.0), factor=([0.0, 1.0], [0.0, 2.0]))
+    assert load.factor == FactorTable(times=[0.0, 1.0], values=[0.0, 2.0])
+    assert scenario(loads=[load]).loads == (load,)
+    with pytest.raises(ModelError, match=r"Scenario: loads\[0\]\.factor must be a table"):
+        scenario(loads=[load.replace(factor=np.sin)])
+    schema = json_schema()["$defs"]["Load"]["properties"]["factor"]
+    assert "FactorTable" in str(schema)
+    assert "callable" not in str(schema).lower()
+
+
+def test_a_load_without_a_force_or_moment_is_refused_but_one_of_zero_is_kept(tmp_path):
+    with pytest.raises(ModelError, match="Load: force must be given where there is no moment"):
+        Load(1)
+    still = scenario(loads=[Load(1, (0.0, 0.0)), Load(1, moment=0.0)])
+    save_scenario(still, tmp_path / "still.yaml")
+    assert load_scenario(tmp_path / "still.yaml") == still
+
+
+def test_records_that_users_build_take_their_first_values_by_position():
+    wall = fa.Wall((0.0, 1.0), (0.0, -1.0))
+    assert fa.Contact(wall, 1e3, 1) == fa.Contact(surface=wall, stiffness=1e3, link=1)
+    with pytest.raises(TypeError, match="at most 2 values by position"):
+        fa.Wall((0.0, 1.0), (0.0, -1.0), "wall")
+    with pytest.raises(TypeError, match="multiple values for argument 'point'"):
+        fa.Wall((0.0, 1.0), point=(0.0, 1.0))
+    assert list(inspect.signature(fa.Wall).parameters) == ["point", "normal", "kind"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache
 from typing import Any, ClassVar
 
@@ -24,11 +23,9 @@ from flexarm.bridges.gymnasium_env.observation import (
     reach_of,
 )
 from flexarm.bridges.gymnasium_env.picture import Picture, Scene
-from flexarm.contacts import Contact
 from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
-from flexarm.hardware.hardware import Hardware, Motors
 from flexarm.hardware.measurement import Measurement
-from flexarm.model import Gauge, Joint, Link, ModalDamping
+from flexarm.model import Contact, Gauge, Hardware, Joint, Link, ModalDamping, Motors
 from flexarm.simulation.plant import Plant
 
 #: An arm, or a function that draws one for each episode.
@@ -116,7 +113,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         self.arm = arm or laboratory_arm()
         self.torque_limit = _checked_limit(where, self.arm, torque_limit)
         instruments = hardware.instruments or exact_instruments(self.arm, self.extra_signals)
-        self._hardware = replace(hardware, instruments=instruments)
+        self._hardware = hardware.replace(instruments=instruments)
         self._source: PlantSource = self.arm if plant is None else plant
         first = self._source if isinstance(self._source, Arm) else self.arm
         self.plant = self._made(first, sample_time)

@@ -10,8 +10,8 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
-from flexarm.hardware.instruments import Instrument
 from flexarm.hardware.measurement import Measurement
+from flexarm.model import Instrument
 
 FloatArray = NDArray[np.float64]
 Vector = NDArray[np.float32]
@@ -117,7 +117,7 @@ def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:
     """Return exact instruments of the joints, strain, tip and the signals ``extra``."""
     strain = ["strain"] if arm.gauges else []
     signals = ["joint_angle", "joint_rate", *strain, "tip", "tip_velocity", *extra]
-    return [Instrument(signal) for signal in signals]
+    return [Instrument(signal=signal) for signal in signals]
 
 
 def reach_of(arm: Arm) -> float:

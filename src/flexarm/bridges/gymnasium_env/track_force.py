@@ -13,11 +13,10 @@ from flexarm.bridges.gymnasium_env.base import ArmEnv, PlantSource
 from flexarm.bridges.gymnasium_env.observation import MOST_FORCE, FloatArray, Part, reach_of
 from flexarm.bridges.gymnasium_env.picture import Scene
 from flexarm.bridges.gymnasium_env.reach import joint_range
-from flexarm.contacts import Contact
 from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.model import Contact, Wall
 from flexarm.motion import line_motion
 from flexarm.motion.lines import LineMotion
-from flexarm.surfaces import Wall
 
 #: Start time and duration of the sliding motion, s.
 _TOUCHDOWN, _SLIDE = 0.5, 2.0
@@ -113,14 +112,14 @@ class TrackForceEnv(ArmEnv):
     def contacts(self) -> Sequence[Contact]:
         """See ``ArmEnv``; before the first episode the wall is out of reach."""
         if self._wall is None:
-            away = Wall((3.0 * reach_of(self.arm), 0.0), (-1.0, 0.0))
+            away = Wall(point=(3.0 * reach_of(self.arm), 0.0), normal=(-1.0, 0.0))
             return [self._touching(away, self.stiffness[0], self.friction[0])]
         return [self._wall]
 
     def _touching(self, wall: Wall, stiffness: float, friction: float) -> Contact:
         return Contact(
-            wall,
-            stiffness,
+            surface=wall,
+            stiffness=stiffness,
             exponent=self.exponent,
             damping=self.damping,
             friction=friction,
@@ -159,7 +158,8 @@ class TrackForceEnv(ArmEnv):
         place = rng.uniform(-self.place, self.place)
         drawn = {"stiffness": stiffness, "friction": friction, "place": place}
         drawn |= {k: float(check_array(where, k, options[k], ())) for k in drawn if k in options}
-        surface = Wall(self.motion.start + drawn["place"] * self.normal, self.normal)
+        point = self.motion.start + drawn["place"] * self.normal
+        surface = Wall(point=tuple(point), normal=tuple(self.normal))
         self._wall = self._touching(surface, drawn["stiffness"], drawn["friction"])
         self._wanted = self._table()
         # Start before the actual wall, which may be closer than its nominal position.

@@ -9,7 +9,7 @@ from pydantic import Field
 from flexarm.model.checks import Record
 from flexarm.model.drives.base import ControllerDrive
 from flexarm.model.drives.registry import Alone
-from flexarm.model.hardware import InstrumentSpec
+from flexarm.model.hardware import Instrument
 from flexarm.model.quantities import Fraction, Listed, NonNegative, OneOrMany, Positive
 
 
@@ -43,7 +43,7 @@ class DisturbanceObserverDrive(ControllerDrive):
 class FilterSpec(Record):
     """An extended Kalman filter for the bending of the arm and its payload."""
 
-    instruments: Listed[InstrumentSpec] | None = Field(
+    instruments: Listed[Instrument] | None = Field(
         default=None,
         description="What is read; all of the hardware's instruments where left out.",
     )

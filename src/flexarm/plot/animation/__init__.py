@@ -16,16 +16,15 @@ from flexarm.arguments import (
     check_positive,
 )
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
 from flexarm.control.base import check_reference
 from flexarm.errors import FlexarmError, InputError, Problem, shown
+from flexarm.model import Contact
 from flexarm.places import AnyPath, write_text, write_whole
 from flexarm.plot.animation.page import inline, page
 from flexarm.plot.animation.scene import Scene, Wishes, scene_of
 from flexarm.plot.animation.video import check_animation_place, find_ffmpeg, gif, gif_delay, mp4
 from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result, scenario_of
 from flexarm.plot.selection import named_results, several
-from flexarm.scenarios.environment import contacts_of
 from flexarm.scenarios.motions import motion_of
 
 if TYPE_CHECKING:
@@ -212,15 +211,15 @@ def _empty(channels: object) -> bool:
     return isinstance(channels, list | tuple) and not channels
 
 
-def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, list[Contact]]:
+def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
     """Return motion and contacts of a result's scenario, if it has one."""
     scenario = scenario_of(result)
     if scenario is None or len(scenario.arm.links) != arm.links:
         return None, []
     try:
-        return motion_of(arm, scenario), contacts_of(scenario)
+        return motion_of(arm, scenario), scenario.contacts
     except FlexarmError:  # the plant differs from the arm of the scenario
-        return None, contacts_of(scenario)
+        return None, scenario.contacts
 
 
 def _fitting(reference: Any, arm: Arm) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.contacts import Contact
+from flexarm.model import Contact
 from flexarm.plot.animation.solid import Solid, solid_of
 from flexarm.plot.drawn_arm import FloatArray, RigidMotion, at_times, shapes_of
 from flexarm.plot.selection import Signals

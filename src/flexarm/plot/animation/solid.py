@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexarm.model import RoundWall, Surface, SurfaceTable, Wall
 from flexarm.plot.drawn_arm import FloatArray
-from flexarm.surfaces import RoundWall, Surface, SurfaceTable, Wall
+from flexarm.surfaces import arc_of, pieces_of
 
 #: Thickness of the band, as a fraction of the width of the view.
 _BAND = 0.03
@@ -42,7 +43,7 @@ def solid_of(surface: Surface, view: FloatArray) -> Solid:
 
 
 def _line(surface: Wall, middle: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    _, point, normal = surface.arc
+    _, point, normal = arc_of(surface)
     along = np.array([normal[1], -normal[0]])
     nearest = point + along * float(along @ (middle - point))
     course = nearest + np.outer([-2.0 * width, 2.0 * width], along)
@@ -51,7 +52,7 @@ def _line(surface: Wall, middle: FloatArray, width: float) -> tuple[FloatArray, 
 
 def _course(surface: SurfaceTable, width: float) -> FloatArray:
     """Return points (k, 2) of a tabulated curve; an open one continues straight beyond its ends."""
-    table = surface.pieces
+    table = pieces_of(surface)
     beyond = 0.0 if surface.closed else 2.0 * width
     first, last = table[1, 0], table[-1, 0]
     s = np.linspace(first, last, _POINTS)
