@@ -152,11 +152,11 @@ def test_the_force_of_a_table_does_not_jump_at_a_knot():
         ),
         (
             lambda: fa.SurfaceTable([0, 1, 2], [0, 1]),
-            "SurfaceTable: y must have a value for each of the 3 points",
+            "SurfaceTable: y must have length 3",
         ),
         (
             lambda: fa.SurfaceTable([0, 1, 1, 2], [0, 1, 1, 2]),
-            r"SurfaceTable: x\[2\] must differ from the one before",
+            r"SurfaceTable: x\[2\] must differ from the previous",
         ),
     ],
 )

@@ -316,7 +316,7 @@ def test_a_factor_that_a_file_cannot_express_is_refused_in_a_scenario():
 
 
 def test_a_load_without_a_force_or_moment_is_refused_but_one_of_zero_is_kept(tmp_path):
-    with pytest.raises(ModelError, match="Load: force must be given where there is no moment"):
+    with pytest.raises(ModelError, match="Load: force is required without a moment"):
         Load(1)
     still = scenario(loads=[Load(1, (0.0, 0.0)), Load(1, moment=0.0)])
     save_scenario(still, tmp_path / "still.yaml")
