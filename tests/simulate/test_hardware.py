@@ -203,6 +203,8 @@ def test_current_and_voltage_limit_the_torque():
     np.testing.assert_allclose(motors.allowed(-asked, np.array([8.0])), [-6.0])
     # Faster than the idle speed, 24 / 2, it can only brake.
     np.testing.assert_allclose(motors.allowed(asked, np.array([13.0])), [-1.0])
+    # So fast that the voltage alone gives 2 (24 - 40) / 4 = -8: the current limit comes last.
+    np.testing.assert_allclose(motors.allowed(asked, np.array([20.0])), [-6.0])
     for wrong in (scipy.sparse.csr_array([[1.0]]), "x", np.ma.masked_array([1.0], [True])):
         with pytest.raises(fa.InputError, match=r"Motors\.allowed: torque must be numbers"):
             motors.allowed(wrong, asked)

@@ -203,20 +203,17 @@ class Motors(Record, kw_only=False):
 
     def allowed(self, torque: Any, rate: Any) -> Any:
         """Return a torque (joints,) clipped to the limits at joint rates (joints,)."""
-        of_joints = "be numbers of shape (joints,)"
-        torque = check_numbers("Motors.allowed", "torque", torque, of_joints)
-        rate = check_numbers("Motors.allowed", "rate", rate, of_joints)
+        torque, rate = _of_joints("torque", torque), _of_joints("rate", rate)
         constant = self.torque_constant
+        if constant is not None and self.resistance is not None:
+            # The supply voltage less the back electromotive force drives the current.
+            back = constant * rate
+            most = constant * (self.voltage_limit - back) / self.resistance
+            least = constant * -(self.voltage_limit + back) / self.resistance
+            torque = torque.clip(least, most)
+        limit = self.torque_limit + 0.0 * rate  # one for each joint
         if constant is not None:
-            limit = (constant + 0.0 * rate) * self.current_limit
-            torque = torque.clip(-limit, limit)
-            if self.resistance is not None:
-                # The supply voltage less the back electromotive force drives the current.
-                back = constant * rate
-                most = constant * (self.voltage_limit - back) / self.resistance
-                least = constant * -(self.voltage_limit + back) / self.resistance
-                torque = torque.clip(least, most)
-        limit = self.torque_limit + 0.0 * rate
+            limit = limit.clip(max=(constant + 0.0 * rate) * self.current_limit)
         return torque.clip(-limit, limit)
 
     @classmethod
@@ -228,6 +225,13 @@ class Motors(Record, kw_only=False):
             yield Fault(("torque_constant",), rule)
         if voltage and given.absent("resistance"):
             yield Fault(("resistance",), "is required with voltage_limit")
+
+
+def _of_joints(name: str, value: Any) -> Any:
+    """Return an array of numbers; one of float64 is not checked, because loops call this often."""
+    if type(value).__name__ == "ndarray" and value.dtype == "float64":
+        return value
+    return check_numbers("Motors.allowed", name, value, "be numbers of shape (joints,)")
 
 
 def _is_limited(limits: Any) -> bool:

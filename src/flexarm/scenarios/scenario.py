@@ -135,20 +135,12 @@ def prepare(
         with told_as(place, "motion"):
             motion = motion_of(arm, scenario)
     run = scenario.run
-    options: dict[str, Any] = {"duration": run.duration, "rate": run.rate}
-    options["integrator"] = run.integrator
-    options["stations"] = run.stations
-    for name in ("rtol", "atol", "step"):
-        if getattr(run, name) is not None:
-            options[name] = getattr(run, name)
-    if scenario.loads:
-        options["loads"] = scenario.loads
+    options: dict[str, Any] = {name: value for name, value in run if value is not None}
+    for name in ("hardware", "loads", "base_acceleration", "contacts"):
+        if given := getattr(scenario, name):
+            options[name] = given
     if scenario.events:
         options["events"] = events_of(scenario.events, arm)
-    if scenario.contacts:
-        options["contacts"] = scenario.contacts
-    if scenario.base_acceleration is not None:
-        options["base_acceleration"] = scenario.base_acceleration
     with told_as(place, "initial"):
         start = start_of(arm, scenario, motion)
     options["initial"] = start.q
@@ -156,8 +148,6 @@ def prepare(
         options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
     if start.prescribed:
         options["prescribed"] = start.prescribed
-    if scenario.hardware is not None:
-        options["hardware"] = scenario.hardware
     with told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
         _set_drive(arm, scenario, motion, start, options)
     _check_fit(arm, scenario, place, options)
