@@ -11,13 +11,8 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_function
 from flexarm.arm import Arm
-from flexarm.histories.piecewise import linear_history, side_by_side
-from flexarm.histories.torques import (
-    Row,
-    TorqueHistory,
-    constant_torque,
-    function_torque,
-)
+from flexarm.histories.functions import Row, function_history
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.loads import Load, Table, check_table, is_table, parts_of, place_loads
 
@@ -36,7 +31,7 @@ class LoadHistory:
 
     owners: list[Load]
     placed: Loads
-    factors: TorqueHistory
+    factors: PiecewiseCubic
 
 
 def load_history(
@@ -55,7 +50,7 @@ def load_history(
     Args:
         contacts: contacts already placed, which are only added to the loads.
         where: name of the calling function, for messages.
-        breaks, spacing: of functions of time, as in ``function_torque``.
+        breaks, spacing: of functions of time, as in ``function_history``.
 
     Raises:
         InputError: if a load is not on the arm, a function does not return numbers, or a table
@@ -68,28 +63,28 @@ def load_history(
         placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)
     if not moving and all(load.factor is None for load in loads):
-        nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
+        nothing = PiecewiseCubic.constant(np.zeros(0))
         return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
         name = "base_acceleration"
         check_function(where, name, base_acceleration)
-        base = function_torque(
+        base = function_history(
             base_acceleration, duration, 2, relative, breaks, name, where, spacing
         )
     elif is_table(base_acceleration):
-        base = linear_history(*check_table(where, "base_acceleration", base_acceleration, 2))
+        base = PiecewiseCubic.table(*check_table(where, "base_acceleration", base_acceleration, 2))
     else:
-        base = constant_torque(placed.base_acceleration)
+        base = PiecewiseCubic.constant(placed.base_acceleration)
 
-    def factor(load: Load) -> TorqueHistory:
+    def factor(load: Load) -> PiecewiseCubic:
         """Return the factor of a load over time, in one column."""
         if load.factor is None:
-            return constant_torque(np.ones(1))
+            return PiecewiseCubic.constant(np.ones(1))
         if not callable(load.factor):
-            return linear_history(*check_table("Load", "factor", load.factor, 1))
+            return PiecewiseCubic.table(*check_table("Load", "factor", load.factor, 1))
         row, name = Row(load.factor), "Load.factor"
-        return function_torque(row, duration, 1, relative, breaks, name, where, spacing)
+        return function_history(row, duration, 1, relative, breaks, name, where, spacing)
 
     followed = {id(load): factor(load) for load in loads}
     columns = [followed[id(load)] for load in owners]
-    return LoadHistory(owners, placed, side_by_side([*columns, base]))
+    return LoadHistory(owners, placed, PiecewiseCubic.joined([*columns, base]))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.contacts import Contact
-from flexarm.histories.piecewise import linear_history
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
 from flexarm.loads import Load, check_table
 from flexarm.model import AccelerationTable, LoadSpec, Scenario
@@ -68,7 +68,7 @@ def base_acceleration_at_start(scenario: Scenario) -> FloatArray | None:
 def _at_start(name: str, table: object, columns: int) -> FloatArray:
     """Return the values (columns,) of a table at time zero; at a jump, the values after it."""
     times, values = check_table("scenario", name, table, columns)
-    row: FloatArray = linear_history(times, values).at(np.zeros(1))[0]
+    row: FloatArray = PiecewiseCubic.table(times, values).at(np.zeros(1))[0]
     return row
 
 

@@ -24,7 +24,8 @@ from flexarm.errors import (
     check_array,
     warn_caller,
 )
-from flexarm.histories.torques import TorqueHistory, function_torque
+from flexarm.histories.functions import function_history
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.linear import modes
 from flexarm.linear.along import Separation, linearize_along
 from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
@@ -115,7 +116,7 @@ def simulate_separated(
         check_function(where, "added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         share, name = min(allowed, CLOSE) * TORQUE_SHARE, "added_torque"
-        added = function_torque(
+        added = function_history(
             added_torque, until, arm.joints, share, breaks, name, where, 1.0 / frequency
         )
         attributes["shortest_feature"] = added.shortest_feature
@@ -160,7 +161,7 @@ def _converged(
     model: Separation,
     until: float,
     start: list[FloatArray],
-    added: TorqueHistory | None,
+    added: PiecewiseCubic | None,
     rtol: float,
 ) -> DeviationPath:
     """Halve the steps until two runs agree to ``rtol`` of the largest deviation."""
