@@ -28,10 +28,11 @@ from flexarm.histories.functions import function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.linear import modes
 from flexarm.linear.along import Separation, linearize_along
+from flexarm.linear.collocation import stage_times, step_edges
 from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
 from flexarm.linear.smooth import SmoothMatrices
 from flexarm.model.scenario import sample_fault
-from flexarm.motion import Motion, gauss, rigid_torque
+from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.result import make_result, package_version
 
@@ -175,10 +176,10 @@ def _converged(
         kinks = np.union1d(kinks, added.stops)
 
     def run(longest: float) -> DeviationPath:
-        edges = gauss.step_edges(kinks, longest)
+        edges = step_edges(kinks, longest)
         force = None
         if added is not None and model.joints == "free":
-            times = gauss.stage_times(edges)
+            times = stage_times(edges)
             force = np.zeros((*times.shape, model.kept.size))
             torque = added.at(times.ravel()).reshape(*times.shape, -1)
             force[..., model.arm.joint_index] = torque
