@@ -262,6 +262,10 @@ def load_arm(path: str | PathLike[str]) -> Arm:
 
 
 def save_arm(arm: Arm, path: str | PathLike[str]) -> None:
-    """Write an arm to a YAML file for ``load_arm``; the file is never written partially."""
+    """Write an arm to a YAML file for ``load_arm``; the file is never written partially.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
     spec = check_kind("save_arm", "arm", arm, Arm).spec
     save_arm_spec(spec, check_path("save_arm", "path", path))

@@ -51,15 +51,18 @@ def check_folder(where: str, name: str, path: AnyPath) -> Path:
 def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
     """Write a file from parts, completely or not at all; see `replace_file`.
 
+    Missing folders are created.
+
     Raises:
         InputError: if writing fails, for example because the disk is full.
     """
     try:
+        Path(os.path.realpath(path)).parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, parts)
-    except OSError as error:
-        rule = f"could not be written: {error.strerror or error}"
+    except (OSError, ValueError) as error:  # ValueError: a null character or surrogate in the path
+        reason = f"not: {getattr(error, 'strerror', None) or error}"
         hint = "The older file is unchanged." if os.path.lexists(path) else ""
-        raise InputError(Problem(str(path), "the file", rule, hint=hint)) from None
+        raise InputError(Problem(str(path), "the file", "be writable", reason, hint)) from None
 
 
 def write_text(text: str, path: AnyPath) -> None:

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.histories.torques import TorqueHistory, function_torque, sampled_torque
+from flexarm.histories.functions import function_history
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.histories.samples import sampled_torque
 
 #: Between two of the points that are looked at first in runs of two seconds, 1.0031 and 1.0078.
 ON, OFF = 1.0051, 1.0062
@@ -73,7 +75,7 @@ def test_a_spline_overshoots_its_samples_as_documented():
 
 
 def test_a_history_that_ends_before_the_run_is_held():
-    line = TorqueHistory(
+    line = PiecewiseCubic(
         np.array([0.0, 0.5]), np.array([[[0.0], [2.0], [0.0], [0.0]]]), np.zeros(0)
     )
     result = fa.simulate(unit_link(), 1.0, torque=line, **FINE)
@@ -204,7 +206,7 @@ def test_the_result_states_the_shortest_feature():
     coarse = fa.simulate(arm, 2.0, torque=lambda t: [np.sin(t)], rate=10.0)
     assert coarse.shortest_feature == pytest.approx(2.0 / 256.0, rel=1e-9)
     # Over a long run the instants are 20 000 at most.
-    long = function_torque(lambda t: [0.0], 100.0, 1, 1e-9, spacing=1e-4)
+    long = function_history(lambda t: [0.0], 100.0, 1, 1e-9, spacing=1e-4)
     assert long.shortest_feature == pytest.approx(100.0 / 20_000, rel=1e-9)
     exact = fa.simulate(arm, 1.0, torque=np.ones((1001, 1)), rate=1000.0)
     assert exact.shortest_feature == 0.0
@@ -221,7 +223,7 @@ def test_breaks_shorten_what_is_resolved_between_them():
         seen.append(t)
         return np.zeros(1)
 
-    function_torque(torque, 1.0, 1, 1e-9, breaks=(0.5001, 0.5002))
+    function_history(torque, 1.0, 1, 1e-9, breaks=(0.5001, 0.5002))
     inside = [t for t in seen if 0.5001 < t < 0.5002]
     assert len(inside) == 7
 
@@ -230,8 +232,8 @@ def test_comparing_does_not_change_a_history_that_follows():
     def torque(t):
         return [np.sin(5.0 * t) if t < 0.7 else 2.0]
 
-    plain = function_torque(torque, 1.0, 1, 1e-9)
-    compared = function_torque(torque, 1.0, 1, 1e-9, spacing=1e-3)
+    plain = function_history(torque, 1.0, 1, 1e-9)
+    compared = function_history(torque, 1.0, 1, 1e-9, spacing=1e-3)
     np.testing.assert_array_equal(plain.breaks, compared.breaks)
     np.testing.assert_array_equal(plain.coefficients, compared.coefficients)
     np.testing.assert_array_equal(plain.stops, compared.stops)

@@ -155,7 +155,7 @@ def test_an_open_loop_run_that_fails_keeps_what_it_had():
 
 def test_noise_is_refused_as_a_function_of_time(monkeypatch):
     # No number of pieces follows noise; fewer of them say so sooner.
-    history = importlib.import_module("flexarm.histories.torques")
+    history = importlib.import_module("flexarm.histories.functions")
     monkeypatch.setattr(history, "_MOST_PIECES", 1000)
     rng = np.random.default_rng(0)
     with pytest.raises(fa.InputError, match="pass noise as samples"):

@@ -7,12 +7,9 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
-from flexarm.histories.torques import (
-    constant_torque,
-    find_kinks,
-    function_torque,
-    sampled_torque,
-)
+from flexarm.histories.functions import function_history
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.histories.samples import find_kinks, sampled_torque
 from strategies import between
 
 
@@ -235,7 +232,7 @@ class Sine:
 @given(between(1.0, 300.0), between(-3.0, 3.0))
 def test_smooth_functions_are_followed_to_the_runs_tolerance(frequency, phase):
     torque = Sine(frequency, phase)
-    history = function_torque(torque, 1.0, 1, 1e-9)
+    history = function_history(torque, 1.0, 1, 1e-9)
     times = np.linspace(0.0, 1.0, 1001)
     exact = np.sin(frequency * times + phase)
     # Tested at three points of each piece: between them a cubic errs hardly more.
@@ -257,10 +254,10 @@ def test_function_of_many_times_at_once_is_called_once_for_them():
             calls.append(np.shape(times))
             return np.stack([np.sin(times), np.cos(times)], axis=1)
 
-    history = function_torque(Vectorized(), 2.0, 2, 1e-8)
+    history = function_history(Vectorized(), 2.0, 2, 1e-8)
     assert len(calls) < 30
     assert all(len(shape) == 1 for shape in calls)
-    plain = function_torque(lambda t: [np.sin(t), np.cos(t)], 2.0, 2, 1e-8)
+    plain = function_history(lambda t: [np.sin(t), np.cos(t)], 2.0, 2, 1e-8)
     times = np.linspace(0, 2, 50)
     np.testing.assert_allclose(history.at(times), plain.at(times), rtol=0, atol=1e-14)
 
@@ -278,7 +275,7 @@ def test_torque_history_and_constant():
         unit_link(), 1.0, torque=SAMPLES[:, :1], rate=RATE, torque_interpolation="linear"
     )
     assert end_of(direct) == pytest.approx(end_of(again), abs=1e-12)
-    steady = fa.simulate(unit_link(), 1.0, torque=constant_torque(np.array([2.0])))
+    steady = fa.simulate(unit_link(), 1.0, torque=PiecewiseCubic.constant(np.array([2.0])))
     np.testing.assert_allclose(end_of(steady), [1.0, 2.0], rtol=1e-13)
     free = fa.simulate(unit_link(), 1.0, initial_rate=[0.5])
     np.testing.assert_allclose(end_of(free), [0.5, 0.5], rtol=1e-13)

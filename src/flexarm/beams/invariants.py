@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.beams.assembly import (
     beam_matrices,
@@ -19,7 +20,7 @@ from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.hermite import FloatArray
 from flexarm.beams.interior import interior_values
 from flexarm.beams.modes import beam_basis
-from flexarm.beams.properties import BeamTable, beam_table
+from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature, beam_quadrature
 from flexarm.beams.shear import PointShapes, point_shapes, shear_parameters
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -160,14 +161,14 @@ class LinkConstants:
 
 
 def link_constants(
-    x: object,
-    flexural_rigidity: object,
-    mass_per_length: object,
-    rotary_inertia_per_length: object,
+    x: ArrayLike,
+    flexural_rigidity: ArrayLike,
+    mass_per_length: ArrayLike,
+    rotary_inertia_per_length: ArrayLike,
     *,
     elements: int,
     modes: int | None = None,
-    shear_rigidity: object = None,
+    shear_rigidity: ArrayLike | None = None,
     where: str = "link_constants",
 ) -> LinkConstants:
     """Compute the constants of a flexible link; exact for tables linear between stations.
@@ -184,14 +185,11 @@ def link_constants(
         where: name of the link, for messages.
 
     Raises:
-        InputError: if a condition above is not met, or the mass matrix is not positive definite.
+        InputError: if the mass matrix is not positive definite, or numbers overflow.
     """
-    table = beam_table(
-        where, x, flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity
-    )
-    _check_count(where, "elements", elements, None)
-    if modes is not None:
-        _check_count(where, "modes", modes, 2 * elements)
+    columns = x, flexural_rigidity, mass_per_length, rotary_inertia_per_length
+    shear = None if shear_rigidity is None else np.asarray(shear_rigidity, dtype=np.float64)
+    table = BeamTable(*(np.asarray(c, dtype=np.float64) for c in columns), shear)
     with _in_range(where, table):
         return _flexible_constants(table, elements, modes, where)
 
@@ -242,9 +240,9 @@ def _flexible_constants(
 
 
 def rigid_constants(
-    x: object,
-    mass_per_length: object,
-    rotary_inertia_per_length: object,
+    x: ArrayLike,
+    mass_per_length: ArrayLike,
+    rotary_inertia_per_length: ArrayLike,
     *,
     elements: int = 1,
     where: str = "rigid_constants",
@@ -256,13 +254,10 @@ def rigid_constants(
         elements: sets the rows of the empty basis: `basis @ eta` has two zeros per element.
 
     Raises:
-        InputError: if a table does not meet a condition of `BeamTable`.
+        InputError: if numbers overflow.
     """
-    _check_count(where, "elements", elements, None)
-    unused = np.ones_like(check_array(where, "x", x, (-1,)))
-    table = beam_table(
-        where, x, unused, mass_per_length, rotary_inertia_per_length, may_be_massless=True
-    )
+    columns = [x, np.ones(np.shape(x)), mass_per_length, rotary_inertia_per_length]
+    table = BeamTable(*np.array(columns, dtype=np.float64))
     none, square = np.zeros(0), np.zeros((0, 0))
     with _in_range(where, table):
         length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
@@ -379,15 +374,3 @@ def _residual_inertia(
     M += product_integral(quadrature, rotary, local.rotation, with_root=True)
     inertia = left.T @ M @ left
     return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])
-
-
-def _check_count(where: str, name: str, value: object, largest: int | None) -> None:
-    """Raise InputError unless `value` is a whole number from 1 to `largest`."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < 1 or (largest is not None and value > largest):  # type: ignore[operator]
-        rule = "be a whole number, at least 1"
-        hint = ""
-        if largest is not None:
-            rule = f"be a whole number from 1 to {largest}"
-            hint = "Each element has two shapes; add elements or omit `modes`."
-        raise InputError(Problem(where, name, rule, shown(value), hint))

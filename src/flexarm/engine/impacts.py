@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexarm.engine.stepping import Run, run_open_loop
-from flexarm.histories.torques import TorqueHistory
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, Progress
 
 #: Default tolerances: tip errors are near 1e-6 of the reach over the durations of the examples.
@@ -24,7 +24,7 @@ _TIGHT = 1e-5
 _PARTED = 1e-2
 
 
-def run_through_impacts(run: Run, history_of: Callable[[float], TorqueHistory]) -> None:
+def run_through_impacts(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> None:
     """Simulate under a torque; at default tolerances, repeat the run if joints meet their stops.
 
     Args:

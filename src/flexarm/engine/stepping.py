@@ -17,7 +17,7 @@ from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
 from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory
-from flexarm.histories.torques import TorqueHistory, constant_torque
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import (
     Drive,
     FloatArray,
@@ -70,14 +70,14 @@ class Run:
     stations: int = 0  # on each link, for section forces
     specialized: bool | None = None  # compile for this model size; None decides by remaining work
     watch: Watch | None = None  # search for events
-    history: TorqueHistory | None = None  # of a run without a controller
+    history: PiecewiseCubic | None = None  # of a run without a controller
     loads_of: Callable[[float], LoadHistory] | None = None  # loads for another relative tolerance
     discarded: int = 0  # evaluations that are not part of the result
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     max_steps: int = 64
 
-    def system(self, history: TorqueHistory) -> System:
+    def system(self, history: PiecewiseCubic) -> System:
         """Combine the arm, its loads and a torque history into the system to integrate."""
         constants = self._constants()
         coefficients = self.arm.padded_torque(history.coefficients)
@@ -127,7 +127,7 @@ class Run:
         """
         arm, states = self.arm, self.samples[: len(times)]
         n = arm.assembly.bodies
-        system = self.system(constant_torque(np.zeros(arm.joints)))
+        system = self.system(PiecewiseCubic.constant(np.zeros(arm.joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
         torques = arm.padded_torque(given)
         cuts = cut_systems(arm, system, self.loads, self.stations)
@@ -262,7 +262,7 @@ class Run:
         return state[0], state[1]
 
 
-def run_open_loop(run: Run, history: TorqueHistory) -> None:
+def run_open_loop(run: Run, history: PiecewiseCubic) -> None:
     """Simulate a run under a given torque history."""
     run.history = history
     stops = np.concatenate([history.stops, run.loads.factors.stops])

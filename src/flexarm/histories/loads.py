@@ -12,13 +12,8 @@ from flexarm.arguments import check_function
 from flexarm.arm import Arm
 from flexarm.environment import Environment
 from flexarm.errors import InputError
-from flexarm.histories.piecewise import side_by_side, table_history
-from flexarm.histories.torques import (
-    Row,
-    TorqueHistory,
-    constant_torque,
-    function_torque,
-)
+from flexarm.histories.functions import Row, function_history
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.loads import parts_of
 from flexarm.model import AccelerationTable, FactorTable, Load
@@ -37,7 +32,7 @@ class LoadHistory:
 
     owners: list[Load]
     placed: Loads
-    factors: TorqueHistory
+    factors: PiecewiseCubic
 
 
 def load_history(
@@ -55,7 +50,7 @@ def load_history(
     Args:
         contacts: contacts of the environment as they were placed for the run, if there are any.
         where: name of the calling function, for messages.
-        breaks, spacing: of functions of time, as in ``function_torque``.
+        breaks, spacing: of functions of time, as in ``function_history``.
 
     Raises:
         InputError: if a load is not on the arm, a function does not return numbers, or a table
@@ -69,32 +64,32 @@ def load_history(
         placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)
     if not moving and all(load.factor is None for load in loads):
-        nothing = TorqueHistory(np.array([0.0, 1.0]), np.zeros((1, 4, 0)), np.zeros(0))
+        nothing = PiecewiseCubic.constant(np.zeros(0))
         return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
         name = "base_acceleration"
         check_function(where, name, base_acceleration)
-        base = function_torque(
+        base = function_history(
             base_acceleration, duration, 2, relative, breaks, name, where, spacing
         )
     elif isinstance(base_acceleration, AccelerationTable):
-        base = table_history(base_acceleration)
+        base = interpolated(base_acceleration)
     else:
-        base = constant_torque(placed.base_acceleration)
+        base = PiecewiseCubic.constant(placed.base_acceleration)
 
-    def factor(load: Load) -> TorqueHistory:
+    def factor(load: Load) -> PiecewiseCubic:
         """Return the factor of a load over time, in one column."""
         if load.factor is None:
-            return constant_torque(np.ones(1))
+            return PiecewiseCubic.constant(np.ones(1))
         if isinstance(load.factor, FactorTable):
-            return table_history(load.factor)
+            return interpolated(load.factor)
         assert callable(load.factor)
         row, name = Row(load.factor), "Load.factor"
-        return function_torque(row, duration, 1, relative, breaks, name, where, spacing)
+        return function_history(row, duration, 1, relative, breaks, name, where, spacing)
 
     followed = {id(load): factor(load) for load in loads}
     columns = [followed[id(load)] for load in owners]
-    return LoadHistory(owners, placed, side_by_side([*columns, base]))
+    return LoadHistory(owners, placed, PiecewiseCubic.joined([*columns, base]))
 
 
 def _base(where: str, given: Any) -> Any:
@@ -111,3 +106,9 @@ def _base(where: str, given: Any) -> Any:
         own = "base_acceleration"
         named = (replace(p, where=where, name=f"{own}.{p.name}") for p in error.problems)
         raise InputError(*named) from None
+
+
+def interpolated(table: FactorTable | AccelerationTable) -> PiecewiseCubic:
+    """Interpolate a table linearly, in one column, or in two for an acceleration."""
+    times = np.array(table.times)
+    return PiecewiseCubic.table(times, np.array(table.values).reshape(times.size, -1))

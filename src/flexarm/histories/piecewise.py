@@ -1,64 +1,129 @@
-"""Piecewise cubics over time: exact conversion of tables, and combination of columns."""
+"""Piecewise cubics over time: torques, load factors, base and prescribed accelerations.
+
+The kernels read this form only; `samples` and `functions` convert the other inputs to it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexarm.histories.torques import FloatArray, TorqueHistory
-from flexarm.model import AccelerationTable, FactorTable
+FloatArray = NDArray[np.float64]
 
 
-def linear_history(times: FloatArray, values: FloatArray) -> TorqueHistory:
-    """Interpolate a table linearly, with the first and the last value constant beyond its ends.
+@dataclass(frozen=True, eq=False)
+class PiecewiseCubic:
+    """Columns of numbers as cubics of time between breaks.
 
-    The representation is exact, with stops at every kink and jump.
-
-    Args:
-        times: (k,) s, ascending; two equal times are a jump.
-        values: (k, columns).
+    Attributes:
+        breaks: (pieces + 1,) s, ascending.
+        coefficients: (pieces, 4, columns): the value is
+            ``sum_p coefficients[k, p] (t - breaks[k])^p``.
+        stops: (stops,) s: times after 0, the start of runs, where a value or a slope jumps.
+        shortest_feature: longest interval (s) between two instants at which a function of time
+            was evaluated to make this; 0 for samples and tables, which are exact.
     """
-    ends = min(times[0], 0.0) - 1.0, times[-1] + abs(times[-1]) + 1.0
-    edges = np.concatenate([ends[:1], times, ends[1:]])
-    heights = np.concatenate([values[:1], values, values[-1:]])
-    width = np.diff(edges)
-    real = width > 0.0
-    coefficients = np.zeros((np.count_nonzero(real), 4, values.shape[1]))
-    coefficients[:, 0] = heights[:-1][real]
-    coefficients[:, 1] = np.diff(heights, axis=0)[real] / width[real, None]
-    bends = np.any(np.diff(coefficients[:, 1], axis=0) != 0.0, axis=1)
-    jumps = np.any(np.diff(heights, axis=0) != 0.0, axis=1) & ~real
-    stops = np.concatenate([edges[:-1][real][1:][bends], edges[:-1][jumps]])
-    return TorqueHistory(np.append(edges[:-1][real], edges[-1]), coefficients, np.unique(stops))
 
+    breaks: FloatArray
+    coefficients: FloatArray
+    stops: FloatArray
+    shortest_feature: float = 0.0
 
-def table_history(table: FactorTable | AccelerationTable) -> TorqueHistory:
-    """Interpolate a table linearly; the history has one column, or two for an acceleration."""
-    times = np.array(table.times)
-    return linear_history(times, np.array(table.values).reshape(times.size, -1))
+    @classmethod
+    def constant(cls, values: FloatArray) -> PiecewiseCubic:
+        """Return values (columns,) that are constant over time."""
+        coefficients = np.zeros((1, 4, values.size))
+        coefficients[0, 0] = values
+        return cls(np.array([0.0, 1.0]), coefficients, np.zeros(0))
 
+    @classmethod
+    def table(cls, times: FloatArray, values: FloatArray) -> PiecewiseCubic:
+        """Interpolate a table linearly, with the first and the last value constant beyond its ends.
 
-def side_by_side(histories: Sequence[TorqueHistory]) -> TorqueHistory:
-    """Join the columns of histories, after splitting all pieces at the breaks of all histories."""
-    breaks = np.unique(np.concatenate([history.breaks for history in histories]))
-    coefficients = np.concatenate([cut(history, breaks) for history in histories], axis=2)
-    stops = np.unique(np.concatenate([history.stops for history in histories]))
-    shortest = max(history.shortest_feature for history in histories)
-    return TorqueHistory(breaks, coefficients, stops, shortest)
+        The representation is exact, with stops at every kink and jump.
 
+        Args:
+            times: (k,) s, ascending; two equal times are a jump.
+            values: (k, columns).
+        """
+        ends = min(times[0], 0.0) - 1.0, times[-1] + abs(times[-1]) + 1.0
+        edges = np.concatenate([ends[:1], times, ends[1:]])
+        heights = np.concatenate([values[:1], values, values[-1:]])
+        width, rise = np.diff(edges)[:, None], np.diff(heights, axis=0)
+        real = width[:, 0] > 0.0
+        slopes = rise[real] / width[real]
+        # Slopes of one straight line differ by the rounding of its times and values.
+        size = np.abs(slopes * edges[1:][real, None]) + np.abs(heights[1:][real])
+        rounding = 4.0 * np.finfo(float).eps * size / width[real]
+        bends = np.any(np.abs(np.diff(slopes, axis=0)) > rounding[:-1] + rounding[1:], axis=1)
+        jumps = np.any(rise != 0.0, axis=1) & ~real
+        starts = edges[:-1]
+        coefficients = np.zeros((len(slopes), 4, values.shape[1]))
+        coefficients[:, 0], coefficients[:, 1] = heights[:-1][real], slopes
+        stops = np.unique(np.concatenate([starts[real][1:][bends], starts[jumps]]))
+        return cls(np.append(starts[real], edges[-1]), coefficients, stops[stops > 0.0])
 
-def cut(history: TorqueHistory, breaks: FloatArray) -> FloatArray:
-    """Return coefficients (pieces, 4, columns) of the same function over finer pieces."""
-    last = len(history.breaks) - 2
-    starts = breaks[:-1]
-    k = np.clip(np.searchsorted(history.breaks, starts, side="right") - 1, 0, last)
-    x = (starts - history.breaks[k])[:, None]
-    c0, c1, c2, c3 = (history.coefficients[k, p] for p in range(4))
-    shifted = [
-        c0 + x * (c1 + x * (c2 + x * c3)),
-        c1 + x * (2.0 * c2 + 3.0 * x * c3),
-        c2 + 3.0 * x * c3,
-        c3,
-    ]
-    return np.stack(shifted, axis=1)
+    @classmethod
+    def joined(cls, parts: Sequence[PiecewiseCubic]) -> PiecewiseCubic:
+        """Join the columns of all parts, after splitting their pieces at the breaks of all."""
+        breaks = np.unique(np.concatenate([part.breaks for part in parts]))
+        coefficients = np.concatenate([part._split(breaks) for part in parts], axis=2)
+        stops = np.unique(np.concatenate([part.stops for part in parts]))
+        shortest = max(part.shortest_feature for part in parts)
+        return cls(breaks, coefficients, stops, shortest)
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Evaluate at times (T,): (T, columns); at a break the value from the right."""
+        c, x = self._pieces_at(times)
+        values: FloatArray = c[:, 0] + x * (c[:, 1] + x * (c[:, 2] + x * c[:, 3]))
+        return values
+
+    def shifted(self, values: FloatArray) -> PiecewiseCubic:
+        """Add constant values (columns,)."""
+        coefficients = self.coefficients.copy()
+        coefficients[:, 0] += values
+        return replace(self, coefficients=coefficients)
+
+    def with_column(self, index: int, column: PiecewiseCubic) -> PiecewiseCubic:
+        """Replace one column by the only column of another piecewise cubic."""
+        joined = PiecewiseCubic.joined([self, column])
+        order = np.arange(self.coefficients.shape[2])
+        order[index] = order.size
+        return replace(joined, coefficients=joined.coefficients.take(order, axis=2))
+
+    def held_to(self, time: float) -> PiecewiseCubic:
+        """Extend the last value, instead of the last cubic, to a time (s)."""
+        end = self.breaks[-1]
+        # A constant last piece needs no extension.
+        if time <= end or not np.any(self.coefficients[-1, 1:]):
+            return self
+        held = np.zeros((1, *self.coefficients.shape[1:]))
+        powers = (end - self.breaks[-2]) ** np.arange(4.0)
+        held[0, 0] = powers @ self.coefficients[-1]
+        return replace(
+            self,
+            breaks=np.append(self.breaks, time),
+            coefficients=np.concatenate([self.coefficients, held]),
+            stops=np.append(self.stops, end),
+        )
+
+    def _pieces_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the coefficients (T, 4, columns) at times (T,), and the times (T, 1) in them."""
+        last = len(self.breaks) - 2
+        k = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, last)
+        return self.coefficients[k], (times - self.breaks[k])[:, None]
+
+    def _split(self, breaks: FloatArray) -> FloatArray:
+        """Return coefficients (pieces, 4, columns) of the same function over finer pieces."""
+        c, x = self._pieces_at(breaks[:-1])
+        c0, c1, c2, c3 = c.swapaxes(0, 1)
+        shifted = [
+            c0 + x * (c1 + x * (c2 + x * c3)),
+            c1 + x * (2.0 * c2 + 3.0 * x * c3),
+            c2 + 3.0 * x * c3,
+            c3,
+        ]
+        return np.stack(shifted, axis=1)

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_choice, check_function, check_times
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, check_array, is_count, shown
-from flexarm.histories.piecewise import cut
-from flexarm.histories.torques import Row, TorqueHistory, function_torque
+from flexarm.histories.functions import Row, function_history
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 from flexarm.user_functions import call
@@ -115,12 +115,12 @@ def prescribe(
     arm: Arm,
     prescribed: Prescribed,
     state: FloatArray,
-    history: TorqueHistory,
+    history: PiecewiseCubic,
     duration: float,
     relative: float,
     breaks: ArrayLike = (),
     spacing: float | None = None,
-) -> TorqueHistory:
+) -> PiecewiseCubic:
     """Replace torques by prescribed accelerations, and set the initial motion in ``state``.
 
     Args:
@@ -128,7 +128,7 @@ def prescribe(
             this joint is used.
         state: (2, n, 1 + m), changed in place.
         history: torques of the other joints.
-        breaks, spacing: of functions of time, as in ``function_torque``.
+        breaks, spacing: of functions of time, as in ``function_history``.
 
     Raises:
         InputError: if the arm has no such joint, a value is not a prescribed angle or a motion,
@@ -151,8 +151,8 @@ def prescribe(
         name = f"prescribed[{joint}].acceleration"
         known = np.concatenate([own.breaks, check_array("simulate", "breaks", breaks, (-1,))])
         row = _row(motion, own, index)
-        column = function_torque(row, duration, 1, relative, known, name, spacing=spacing)
-        history = _replaced(history, index, column)
+        column = function_history(row, duration, 1, relative, known, name, spacing=spacing)
+        history = history.with_column(index, column)
     return history
 
 
@@ -217,13 +217,3 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
             rule = f"be the derivative, {found[worst]:.6g} at t = {times[worst]:.6g}"
             problem = Problem("simulate", f"{name}.{kind}", rule, shown(float(said[worst])))
             raise InputError(problem)
-
-
-def _replaced(history: TorqueHistory, index: int, column: TorqueHistory) -> TorqueHistory:
-    """Split both histories at all breaks, and replace one column of the first by the second."""
-    breaks = np.unique(np.concatenate([history.breaks, column.breaks]))
-    coefficients = cut(history, breaks)
-    coefficients[:, :, index] = cut(column, breaks)[:, :, 0]
-    stops = np.unique(np.concatenate([history.stops, column.stops]))
-    shortest = max(history.shortest_feature, column.shortest_feature)
-    return TorqueHistory(breaks, coefficients, stops, shortest)

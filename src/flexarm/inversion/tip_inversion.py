@@ -42,8 +42,9 @@ from flexarm.inversion.joint_support import JointSupport, SupportedTorque, joint
 from flexarm.inversion.reference import InversionReference, inversion_reference
 from flexarm.inversion.zero_dynamics import RestEnd, rest_end
 from flexarm.linear import modes
+from flexarm.linear.collocation import stage_times
 from flexarm.linear.response import torque_response
-from flexarm.motion import Motion, gauss, rigid_torque
+from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.dynamics_along import dynamics_along
 from flexarm.motion.motion import check_motion
 from flexarm.motion.tip_constraint import TipConstraint
@@ -346,7 +347,7 @@ class _Search:
         The gradient of the squared error has shape (p,).
         """
         knots = run.torque.knots
-        stages = gauss.stage_times(run.times)
+        stages = stage_times(run.times)
         shapes = spline_values(knots, stages.ravel())[:, free_coefficients(knots)]
         response = torque_response(
             self.plant, run.times, run.q, run.qd, shapes.reshape(*stages.shape, -1), run.rows

@@ -12,8 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexarm.assemble import FloatArray
+from flexarm.linear.collocation import (
+    interpolate,
+    stage_accelerations,
+    stage_times,
+    step_maps,
+)
 from flexarm.linear.smooth import SmoothMatrices
-from flexarm.motion import Motion, gauss
+from flexarm.motion import Motion
 
 #: Number of steps whose equations are solved in one batch: limits the memory.
 _CHUNK = 256
@@ -34,7 +40,7 @@ class DeviationPath:
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dq and dqd (T, k) at times (T,) within the edges."""
-        return gauss.interpolate(self.edges, self.dq, self.dqd, self.stages, times)
+        return interpolate(self.edges, self.dq, self.dqd, self.stages, times)
 
 
 def solve_deviations(
@@ -68,30 +74,17 @@ def _accelerations(
     matrices: SmoothMatrices, edges: FloatArray, added: FloatArray | None, k: int
 ) -> FloatArray:
     """Return stage accelerations (N, 3, k, 2 k + 1) per unit dq and dqd, and by forces (last)."""
-    times = gauss.stage_times(edges)
+    times = stage_times(edges)
     count, s = times.shape
     M, D, K, r = (part.reshape(count, s, *part.shape[1:]) for part in matrices.at(times.ravel()))
-    h = np.diff(edges)[:, None, None, None, None]
-    a, b = gauss.PLACE_AT_STAGES[:, :, None, None], gauss.RATE_AT_STAGES[:, :, None, None]
-    G = h**2 * a * K[:, :, None] + h * b * D[:, :, None]
-    G[:, range(s), range(s)] += M
-    G = G.transpose(0, 1, 3, 2, 4).reshape(count, s * k, s * k)
-    by_rate = D + h[..., 0] * gauss.PLACES[:, None, None] * K
     force = r if added is None else r + added
-    right = np.concatenate([-K, -by_rate, force[..., None]], axis=3)
-    solved = np.linalg.solve(G, right.reshape(count, s * k, 2 * k + 1))
-    return np.asarray(solved.reshape(count, s, k, 2 * k + 1))
+    return stage_accelerations(np.diff(edges), M, D, K, force[..., None])
 
 
 def _march(edges: FloatArray, solved: FloatArray, dq: FloatArray, dqd: FloatArray) -> DeviationPath:
     """Advance from edge to edge with the accelerations of ``_accelerations``."""
     count, _, k = solved.shape[:3]
-    h = np.diff(edges)[:, None, None]
-    maps = np.empty((count, 2 * k, 2 * k + 1))
-    maps[:, :k] = h**2 * np.tensordot(solved, gauss.PLACE_AT_END, axes=(1, 0))
-    maps[:, k:] = h * np.tensordot(solved, gauss.RATE_AT_END, axes=(1, 0))
-    maps[:, range(2 * k), range(2 * k)] += 1.0
-    maps[:, range(k), range(k, 2 * k)] += h[:, 0]
+    maps = step_maps(np.diff(edges), solved)
     states = np.empty((count + 1, 2 * k))
     states[0] = np.concatenate([dq, dqd])
     for i in range(count):

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
-from flexarm.motion import gauss
+from flexarm.linear.collocation import STAGES, stage_accelerations, step_maps
 from flexarm.motion.dynamics_along import dynamics_along
 
 _CHUNK = 256
@@ -54,26 +54,12 @@ def _step_maps(
     middle = [0.5 * (q[part] + q[after]), 0.5 * (qd[part] + qd[after]), (qd[after] - qd[part]) / h]
     by = dynamics_along(arm, *middle).force_by
     K, D, M = (by[:, None, :, level] for level in range(3))
-    count, dof, s, joints = len(by), arm.dof, gauss.STAGES, arm.joints
-    a, b = gauss.PLACE_AT_STAGES[:, :, None, None], gauss.RATE_AT_STAGES[:, :, None, None]
-    G = h * h * a * K[:, :, None] + h * b * D[:, :, None]
-    G[:, range(s), range(s)] += M
-    G = G.transpose(0, 1, 3, 2, 4).reshape(count, s * dof, s * dof)
+    count, dof, s, joints = len(by), arm.dof, STAGES, arm.joints
     torque = np.zeros((s, dof, s, joints))
     for stage in range(s):
         torque[stage, arm.joint_index, stage, range(joints)] = 1.0
-    by_rate = D + h * gauss.PLACES[:, None, None] * K
-    spread = np.broadcast_to(torque.reshape(s, dof, -1), (count, s, dof, s * joints))
-    right = np.concatenate([np.broadcast_to(-K, by_rate.shape), -by_rate, spread], axis=3)
-    solved = np.linalg.solve(G, right.reshape(count, s * dof, -1)).reshape(count, s, dof, -1)
-    maps = np.concatenate(
-        [
-            h * h * np.tensordot(solved, gauss.PLACE_AT_END, axes=(1, 0)),
-            h * np.tensordot(solved, gauss.RATE_AT_END, axes=(1, 0)),
-        ],
-        axis=1,
-    )
-    maps[:, range(2 * dof), range(2 * dof)] += 1.0
-    maps[:, range(dof), range(dof, 2 * dof)] += h
+    force = np.broadcast_to(torque.reshape(s, dof, -1), (count, s, dof, s * joints))
+    steps = np.full(count, h)
+    maps = step_maps(steps, stage_accelerations(steps, M, D, K, force))
     by_force = maps[:, :, 2 * dof :].reshape(count, 2 * dof, s, joints)
     return maps[:, :, : 2 * dof], by_force

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexarm.engine.stepping import Run
 from flexarm.hardware.measurement import Measurement
-from flexarm.histories.torques import TorqueHistory
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, System
 from flexarm.loop.actuators import Acting
 from flexarm.loop.sensors import sensing_of
@@ -40,7 +40,7 @@ class Ticks:
     def _new_system(self) -> System:
         breaks = np.arange(self.acting.pieces + 1.0)
         held = np.zeros((self.acting.pieces, 4, self.run.arm.joints))
-        return self.run.system(TorqueHistory(breaks, held, np.zeros(0)))
+        return self.run.system(PiecewiseCubic(breaks, held, np.zeros(0)))
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for copies and pickles; readers and system are created again.

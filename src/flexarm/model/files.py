@@ -23,13 +23,12 @@ from flexarm.model.spec import ArmSpec
 from flexarm.model.study import Study
 from flexarm.model.wording import Path, suggestion
 from flexarm.model.yaml_text import Document, parse, to_yaml
-from flexarm.replace_file import replace_file
+from flexarm.places import AnyPath, write_text
 
 FILE_VERSION = 1
 
 _MOST_BYTES = 100_000_000  # no description is longer; limits reading from devices
 
-AnyPath = str | os.PathLike[str]
 R = TypeVar("R", bound=Record)
 
 
@@ -150,18 +149,18 @@ def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
     missing folders are created.
 
     Raises:
-        ModelError: if the file cannot be written.
+        InputError: if the file cannot be written.
     """
-    _write(FilePath(path), file_text(spec))
+    write_text(file_text(spec), path)
 
 
 def save_scenario(scenario: Scenario, path: AnyPath) -> None:
     """Write a scenario file that contains the arm; see `save_arm_spec`.
 
     Raises:
-        ModelError: if the file cannot be written.
+        InputError: if the file cannot be written.
     """
-    _write(FilePath(path), file_text(scenario))
+    write_text(file_text(scenario), path)
 
 
 def file_text(record: ArmSpec | Scenario) -> str:
@@ -374,13 +373,3 @@ def _content(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _content(part) for name, part in value.items()}
     return [_content(part) for part in value] if isinstance(value, tuple) else value
-
-
-def _write(file: FilePath, text: str) -> None:
-    """Write a text file in one step, see `replace_file`; create missing folders."""
-    try:
-        FilePath(os.path.realpath(file)).parent.mkdir(parents=True, exist_ok=True)
-        replace_file(file, [text.encode()])
-    except (OSError, ValueError) as error:  # ValueError: a null character or surrogate in the path
-        rule = f"could not be written: {getattr(error, 'strerror', None) or error}"
-        raise ModelError(Problem(str(file), "the file", rule)) from None

@@ -134,7 +134,8 @@ class Link(Record):
         x, rigidity, mass, rotary, shear = self.columns()
         if self.rotary_inertia is False or rotary is None:
             rotary = (0.0,) * len(x)
-        return SectionTable(
+        # The fields of this link are valid, so its table needs no second validation.
+        return SectionTable.model_construct(
             x=x,
             flexural_rigidity=rigidity,
             mass_per_length=mass,

@@ -164,8 +164,8 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
         except InputError as error:
             for problem in error.problems:
                 path = ("plants", name, problem.name)
-                given = shown(getattr(plant, problem.name)) if problem.value else ""
-                yield Fault(path, problem.rule, given, problem.hint)
+                value = shown(getattr(plant, problem.name)) if problem.value else ""
+                yield Fault(path, problem.rule, value, problem.hint)
         for fault in off_the_arm(given.arm, plant.loads):
             yield fault.inside("plants", name)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -26,7 +25,15 @@ CParser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", None)
 _MOST_VALUES = 5_000_000
 
 _TAG = "tag:yaml.org,2002:"
-_RESOLVERS = (
+
+
+class _Resolver(Resolver):
+    """The scalars of YAML 1.2, without those of PyYAML."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and form)
+
+
+for _name, _pattern, _first in (
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
     ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
     (
@@ -35,44 +42,36 @@ _RESOLVERS = (
         "-+.0123456789",
     ),
     ("merge", r"<<", "<"),
-    ("null", r"~|null|Null|NULL|", "~nN"),
-)
-_TAGS = {_TAG + name for name in ("str", "seq", "map", *(name for name, _, _ in _RESOLVERS))}
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+):
+    _Resolver.add_implicit_resolver(_TAG + _name, re.compile(f"(?:{_pattern})$"), [*_first])
 
 
 class _Loader(yaml.SafeLoader):
-    """Loader of nodes with the scalars of YAML 1.2; constructs no Python objects."""
+    """Loader of nodes by PyYAML's own parser; constructs no Python objects."""
 
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and form)
+    yaml_implicit_resolvers = _Resolver.yaml_implicit_resolvers
 
 
-class _FastLoader(Composer, CParser or object, Resolver):  # type: ignore[misc]
+class _FastLoader(Composer, CParser or object, _Resolver):  # type: ignore[misc]
     """Loader of the same nodes from the events of libyaml, in a seventh of the time.
 
     It does not use the composer of ``CParser``, which overflows the stack for deep nesting.
     """
 
-    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
-
     def __init__(self, text: str) -> None:
         CParser.__init__(self, text)
         Composer.__init__(self)
-        Resolver.__init__(self)
+        _Resolver.__init__(self)
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
-    """Dumper without anchors, whose output `_Loader` reads as the same values."""
+    """Dumper without anchors, whose output the loaders read as the same values."""
 
-    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+    yaml_implicit_resolvers = _Resolver.yaml_implicit_resolvers
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
-
-
-for _name, _pattern, _first in _RESOLVERS:
-    _rule = (_TAG + _name, re.compile(f"(?:{_pattern})$"))
-    for _letter in [*_first, ""] if _name == "null" else _first:
-        _Loader.yaml_implicit_resolvers.setdefault(_letter, []).append(_rule)
 
 
 def to_yaml(content: dict[str, Any]) -> str:
@@ -83,35 +82,6 @@ def to_yaml(content: dict[str, Any]) -> str:
 Entries = dict[str, tuple[yaml.Node, yaml.Node]]
 
 
-class _EntriesByNode:
-    """Key and value nodes of mappings by key; own keys override merged ones (``<<``).
-
-    They are computed once per mapping, because the time for nested merges would be exponential.
-    """
-
-    def __init__(self) -> None:
-        self._found: dict[int, Entries] = {}
-
-    def of(self, mapping: yaml.MappingNode) -> Entries:
-        """Return the entries of a mapping."""
-        if id(mapping) not in self._found:
-            self._found[id(mapping)] = self._find(mapping)
-        return self._found[id(mapping)]
-
-    def _find(self, mapping: yaml.MappingNode) -> Entries:
-        own: Entries = {}
-        merged: Entries = {}
-        for key, value in mapping.value:
-            if key.tag == _TAG + "merge":
-                for source in value.value if isinstance(value, yaml.SequenceNode) else [value]:
-                    if isinstance(source, yaml.MappingNode):
-                        merged = self.of(source) | merged
-            elif isinstance(key, yaml.ScalarNode):
-                own.setdefault(key.value, (key, value))
-        return merged | own
-
-
-@dataclass(frozen=True)
 class Document:
     """A YAML file that was read.
 
@@ -121,18 +91,22 @@ class Document:
         problems: problems of the content as YAML that did not prevent reading.
     """
 
-    file: FilePath
-    value: Any
-    problems: list[Problem]
-    _root: yaml.Node = field(repr=False)
-    _entries: _EntriesByNode = field(repr=False)
+    def __init__(self, file: FilePath, root: yaml.Node) -> None:
+        self.file = file
+        self.problems: list[Problem] = []
+        self._root = root
+        # By node: aliases have the node of their anchor, and nested merges take exponential time.
+        self._entries: dict[int, Entries] = {}
+        self._built: dict[int, tuple[Any, int]] = {}
+        self._open: set[int] = set()
+        self.value = self._sized(root, ())[0]
 
     def where(self, path: Path) -> str:
         """Return ``file:line`` of the value at a path, or of the nearest container of it."""
         node, line = self._root, self._root.start_mark.line
         for part in path:
             if isinstance(node, yaml.MappingNode):
-                found = self._entries.of(node).get(str(part))
+                found = self._entries_of(node).get(str(part))
                 if found is None:
                     break
                 line, node = found[0].start_mark.line, found[1]
@@ -142,6 +116,78 @@ class Document:
             else:
                 break
         return f"{self.file}:{line + 1}"
+
+    def _sized(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
+        """Return the value of a node, and the number of values in it with aliases expanded."""
+        if id(node) in self._open:
+            self._report(node, path, "is an alias of a value that contains it")
+            return None, 1
+        if id(node) not in self._built:
+            self._open.add(id(node))
+            self._built[id(node)] = self._build(node, path)
+            self._open.remove(id(node))
+        value, size = self._built[id(node)]
+        if size > _MOST_VALUES:
+            rule = f"has more than {_MOST_VALUES} values with its aliases expanded"
+            raise ModelError(Problem(str(self.file), "the file", rule))
+        return value, size
+
+    def _build(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
+        if node.tag not in _TAGS:
+            tag = node.tag.removeprefix(_TAG)
+            self._report(node, path, f"has the tag {shown(tag)}; tags are not supported")
+        if isinstance(node, yaml.ScalarNode):
+            return _SCALARS.get(node.tag, str)(node.value), 1
+        if isinstance(node, yaml.SequenceNode):
+            # Numbers of long tables need neither a path nor protection against aliases.
+            items = [
+                (_SCALARS[item.tag](item.value), 1)
+                if item.tag in _NUMBERS and isinstance(item, yaml.ScalarNode)
+                else self._sized(item, (*path, i))
+                for i, item in enumerate(node.value)
+            ]
+            return [value for value, _ in items], 1 + sum(size for _, size in items)
+        assert isinstance(node, yaml.MappingNode)
+        self._check_keys(node, path)
+        entries = {
+            key: self._sized(value, (*path, key))
+            for key, (_, value) in self._entries_of(node).items()
+        }
+        size = 1 + sum(size for _, size in entries.values())
+        return {key: value for key, (value, _) in entries.items()}, size
+
+    def _entries_of(self, mapping: yaml.MappingNode) -> Entries:
+        """Return key and value nodes by key; own keys override merged ones (``<<``)."""
+        if id(mapping) in self._entries:
+            return self._entries[id(mapping)]
+        own: Entries = {}
+        merged: Entries = {}
+        for key, value in mapping.value:
+            if key.tag == _TAG + "merge":
+                for source in value.value if isinstance(value, yaml.SequenceNode) else [value]:
+                    if isinstance(source, yaml.MappingNode):
+                        merged = self._entries_of(source) | merged
+            elif isinstance(key, yaml.ScalarNode):
+                own.setdefault(key.value, (key, value))
+        self._entries[id(mapping)] = merged | own
+        return merged | own
+
+    def _check_keys(self, node: yaml.MappingNode, path: Path) -> None:
+        """Report duplicate keys and keys that are not scalars."""
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                self._report(key, path, "has a list or a mapping as a key")
+            elif key.value in lines:
+                rule = f"is a duplicate key, first given in line {lines[key.value]}"
+                self._report(key, (*path, key.value), rule)
+            else:
+                lines[key.value] = line
+
+    def _report(self, node: yaml.Node, path: Path, rule: str) -> None:
+        where = f"{self.file}:{node.start_mark.line + 1}"
+        self.problems.append(Problem(where, path_text(path) or "the file", rule))
 
 
 def parse(file: FilePath, text: str) -> Document:
@@ -158,9 +204,7 @@ def parse(file: FilePath, text: str) -> Document:
         root = _composed(text)
         if root is None:
             raise ModelError(Problem(str(file), "the file", "is empty"))
-        entries = _EntriesByNode()
-        reader = _Reader(file, entries)
-        value = reader.value(root, ())
+        return Document(file, root)
     except yaml.MarkedYAMLError as error:
         raise ModelError(_syntax_problem(file, error)) from None
     except yaml.reader.ReaderError as error:
@@ -169,7 +213,6 @@ def parse(file: FilePath, text: str) -> Document:
         raise ModelError(Problem(f"{file}:{line}", "the file", rule)) from None
     except RecursionError:
         raise ModelError(Problem(str(file), "the file", "is nested too deeply")) from None
-    return Document(file, value, reader.problems, root, entries)
 
 
 def _composed(text: str) -> yaml.Node | None:
@@ -195,91 +238,6 @@ def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
     return Problem(where, "the file", rule, hint=hint)
 
 
-class _Reader:
-    """Conversion of nodes to plain values, once per node for any number of aliases of it."""
-
-    def __init__(self, file: FilePath, entries: _EntriesByNode) -> None:
-        self.problems: list[Problem] = []
-        self._entries = entries
-        self._file = file
-        self._done: dict[int, tuple[Any, int]] = {}
-        self._open: set[int] = set()
-
-    def value(self, node: yaml.Node, path: Path) -> Any:
-        """Return the plain value of a node."""
-        return self._sized(node, path)[0]
-
-    def _sized(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
-        """Return the value, and the number of values in it with its aliases expanded."""
-        if id(node) in self._open:
-            self._report(node, path, "is an alias of a value that contains it")
-            return None, 1
-        if id(node) not in self._done:
-            self._open.add(id(node))
-            self._done[id(node)] = self._build(node, path)
-            self._open.remove(id(node))
-        value, size = self._done[id(node)]
-        if size > _MOST_VALUES:
-            rule = f"has more than {_MOST_VALUES} values with its aliases expanded"
-            raise ModelError(Problem(str(self._file), "the file", rule))
-        return value, size
-
-    def _build(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
-        if node.tag not in _TAGS:
-            tag = node.tag.removeprefix(_TAG)
-            self._report(node, path, f"has the tag {shown(tag)}; tags are not supported")
-        if isinstance(node, yaml.SequenceNode):
-            values, size = [], 1
-            for i, item in enumerate(node.value):
-                # Numbers of long tables need neither a path nor protection against aliases.
-                if item.tag in _NUMBERS and isinstance(item, yaml.ScalarNode):
-                    value, more = self._scalar(item), 1
-                else:
-                    value, more = self._sized(item, (*path, i))
-                values.append(value)
-                size += more
-            return values, size
-        if isinstance(node, yaml.MappingNode):
-            self._check_keys(node, path)
-            entries = {
-                key: self._sized(value, (*path, key))
-                for key, (_, value) in self._entries.of(node).items()
-            }
-            size = 1 + sum(size for _, size in entries.values())
-            return {key: value for key, (value, _) in entries.items()}, size
-        return self._scalar(node), 1
-
-    def _check_keys(self, node: yaml.MappingNode, path: Path) -> None:
-        """Report duplicate keys and keys that are not scalars."""
-        lines: dict[str, int] = {}
-        for key, _ in node.value:
-            line = key.start_mark.line + 1
-            if not isinstance(key, yaml.ScalarNode):
-                self._report(key, path, "has a list or a mapping as a key")
-            elif key.value in lines:
-                rule = f"is a duplicate key, first given in line {lines[key.value]}"
-                self._report(key, (*path, key.value), rule)
-            else:
-                lines[key.value] = line
-
-    def _scalar(self, node: yaml.Node) -> Any:
-        """Return the number, boolean, None or text of a scalar."""
-        text: str = node.value
-        if node.tag in _NUMBERS:
-            return _NUMBERS[node.tag](text)
-        match node.tag.removeprefix(_TAG):
-            case "null":
-                return None
-            case "bool":
-                return text.lower() == "true"
-            case _:
-                return text
-
-    def _report(self, node: yaml.Node, path: Path, rule: str) -> None:
-        where = f"{self._file}:{node.start_mark.line + 1}"
-        self.problems.append(Problem(where, path_text(path) or "the file", rule))
-
-
 def _whole(text: str) -> int | float:
     """Convert text to an integer; thousands of digits give infinity, which is rejected later."""
     if text.startswith(("0o", "0x")):
@@ -292,4 +250,12 @@ def _real(text: str) -> float:
     return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
 
 
-_NUMBERS: dict[str, Callable[[str], float]] = {_TAG + "int": _whole, _TAG + "float": _real}
+_NUMBERS = {_TAG + "int", _TAG + "float"}
+#: Conversion of a scalar by its tag; any other scalar is text.
+_SCALARS: dict[str, Callable[[str], Any]] = {
+    _TAG + "int": _whole,
+    _TAG + "float": _real,
+    _TAG + "bool": lambda text: text.lower() == "true",
+    _TAG + "null": lambda text: None,
+}
+_TAGS = {*_SCALARS, *(_TAG + name for name in ("str", "seq", "map", "merge"))}

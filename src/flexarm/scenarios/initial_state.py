@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.bending import one_warning
-from flexarm.histories.piecewise import table_history
+from flexarm.histories.loads import interpolated
 from flexarm.histories.prescribed import PrescribedAngle, constant
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
@@ -78,7 +78,7 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
     loads = [_load_at_start(load) for load in scenario.loads]
     base, contacts = scenario.base_acceleration, scenario.contacts
     if isinstance(base, AccelerationTable):
-        base = table_history(base).at(np.zeros(1))[0]
+        base = interpolated(base).at(np.zeros(1))[0]
     with one_warning():  # the run warns of its states, including this one
         found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
     return Start(found.q, prescribed, found.torque if asked.balance else None)
@@ -89,7 +89,7 @@ def _load_at_start(load: Load) -> Load:
     if load.factor is None:
         return load
     assert isinstance(load.factor, FactorTable)  # checked when the file is read
-    factor = table_history(load.factor).at(np.zeros(1))
+    factor = interpolated(load.factor).at(np.zeros(1))
     return load.replace(factor=None).scaled(float(factor[0, 0]))
 
 

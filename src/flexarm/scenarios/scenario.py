@@ -16,7 +16,8 @@ from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outw
 from flexarm.engine.events import events_of
 from flexarm.engine.integrator_choice import check_integrator
 from flexarm.errors import InputError, SimulationError
-from flexarm.histories.torques import constant_torque, sampled_torque
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.histories.samples import sampled_torque
 from flexarm.loop.requirements import misfits
 from flexarm.loop.stability import instability
 from flexarm.model import (
@@ -231,4 +232,4 @@ def _set_drive(
         around = Around(arm, plain, start, options.get("hardware"))
         options["controller"], options["reference"] = controller_of(drive, around), motion
     elif start.holding is not None:
-        options["torque"] = constant_torque(start.holding)
+        options["torque"] = PiecewiseCubic.constant(start.holding)

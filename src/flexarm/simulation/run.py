@@ -45,14 +45,10 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
+from flexarm.histories.functions import function_history
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.prescribed import Prescribed, prescribe
-from flexarm.histories.torques import (
-    INTERPOLATIONS,
-    TorqueHistory,
-    constant_torque,
-    function_torque,
-    sampled_torque,
-)
+from flexarm.histories.samples import INTERPOLATIONS, sampled_torque
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.loop.closed_loop import ClosedLoop
@@ -69,7 +65,7 @@ from flexarm.user_functions import call
 if TYPE_CHECKING:
     import xarray as xr
 
-Torque = ArrayLike | Callable[[float], ArrayLike] | TorqueHistory
+Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
 
 
 @computed_until_failure
@@ -239,7 +235,7 @@ def simulate(
             result = _closed_loop(run, loop, unstable)
         else:
 
-            def history_of(relative: float) -> TorqueHistory:
+            def history_of(relative: float) -> PiecewiseCubic:
                 share = max(relative * TORQUE_SHARE, 1e-12)
                 history = _history(
                     torque, duration, rate, arm.joints, share, torque_interpolation, known
@@ -260,7 +256,7 @@ def simulate(
     return result
 
 
-def _open_loop(run: Run, history_of: Callable[[float], TorqueHistory]) -> xr.Dataset:
+def _open_loop(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> xr.Dataset:
     started = time.perf_counter()
     failure: SimulationError | None = None
     try:
@@ -293,7 +289,7 @@ def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
 
 def _result(
     run: Run,
-    drive: TorqueHistory | ClosedLoop,
+    drive: PiecewiseCubic | ClosedLoop,
     started: float,
     failure: str = "",
     unstable: str = "",
@@ -325,7 +321,7 @@ def _result(
         "warning": too_far_bent(run.arm, run.samples[:count]),
         "unstable_loop": unstable,
     }
-    given = drive.at(times) if isinstance(drive, TorqueHistory) else drive.torque_at(times)
+    given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)
     motor, force, moment, inside = run.reactions(times, given)
     forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
     forces |= section_channels(inside) | contact_channels(
@@ -385,12 +381,12 @@ def _history(
     relative: float,
     interpolation: str,
     breaks: FloatArray,
-) -> TorqueHistory:
+) -> PiecewiseCubic:
     if torque is None:
-        return constant_torque(np.zeros(joints))
-    if isinstance(torque, TorqueHistory):
+        return PiecewiseCubic.constant(np.zeros(joints))
+    if isinstance(torque, PiecewiseCubic):
         return torque.held_to(duration)
     if callable(torque):
         check_function("simulate", "torque", torque)
-        return function_torque(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
+        return function_history(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
     return sampled_torque(torque, rate, duration, joints, interpolation, breaks)

@@ -24,13 +24,15 @@ from flexarm.errors import (
     check_array,
     warn_caller,
 )
-from flexarm.histories.torques import TorqueHistory, function_torque
+from flexarm.histories.functions import function_history
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.linear import modes
 from flexarm.linear.along import Separation, linearize_along
+from flexarm.linear.collocation import stage_times, step_edges
 from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
 from flexarm.linear.smooth import SmoothMatrices
 from flexarm.model.scenario import sample_fault
-from flexarm.motion import Motion, gauss, rigid_torque
+from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.result import make_result, package_version
 
@@ -115,7 +117,7 @@ def simulate_separated(
         check_function(where, "added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         share, name = min(allowed, CLOSE) * TORQUE_SHARE, "added_torque"
-        added = function_torque(
+        added = function_history(
             added_torque, until, arm.joints, share, breaks, name, where, 1.0 / frequency
         )
         attributes["shortest_feature"] = added.shortest_feature
@@ -162,7 +164,7 @@ def _converged(
     model: Separation,
     until: float,
     start: list[FloatArray],
-    added: TorqueHistory | None,
+    added: PiecewiseCubic | None,
     rtol: float,
 ) -> DeviationPath:
     """Halve the steps until two runs agree to ``rtol`` of the largest deviation."""
@@ -176,10 +178,10 @@ def _converged(
         kinks = np.union1d(kinks, added.stops)
 
     def run(longest: float) -> DeviationPath:
-        edges = gauss.step_edges(kinks, longest)
+        edges = step_edges(kinks, longest)
         force = None
         if added is not None and model.joints == "free":
-            times = gauss.stage_times(edges)
+            times = stage_times(edges)
             force = np.zeros((*times.shape, model.kept.size))
             torque = added.at(times.ravel()).reshape(*times.shape, -1)
             force[..., model.arm.joint_index] = torque

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from flexarm.beams.assembly import beam_matrices, nodal_shapes
-from flexarm.beams.properties import beam_table
+from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
 
 X = np.array([0.0, 0.4, 0.55, 1.3, 2.0])
@@ -17,7 +17,7 @@ ROUNDING = {"rtol": 1e-12, "atol": 1e-12}
 
 
 def matrices(elements):
-    table = beam_table("link", X, STIFFNESS, MASS, ROTARY)
+    table = BeamTable(X, STIFFNESS, MASS, ROTARY)
     return beam_matrices(table, beam_quadrature(table.x, elements))
 
 
@@ -35,7 +35,7 @@ def exact(values, power):
 def test_one_uniform_element_has_the_textbook_matrices():
     h, stiffness, mass, rotary = 0.7, 3.0, 2.0, 0.4
     two = np.ones(2)
-    table = beam_table("link", [0.0, h], stiffness * two, mass * two, rotary * two)
+    table = BeamTable(np.array([0.0, h]), stiffness * two, mass * two, rotary * two)
     found = beam_matrices(table, beam_quadrature(table.x, 1))
     np.testing.assert_allclose(
         found.stiffness, stiffness / h**3 * np.array([[12, -6 * h], [-6 * h, 4 * h**2]]), **ROUNDING
@@ -57,7 +57,7 @@ def test_one_uniform_element_has_the_textbook_matrices():
 
 def test_middle_node_joins_two_elements():
     two = np.ones(2)
-    table = beam_table("link", [0.0, 2.0], two, 420 * two, 0 * two)
+    table = BeamTable(np.array([0.0, 2.0]), two, 420 * two, 0 * two)
     found = beam_matrices(table, beam_quadrature(table.x, 2))
     mass = [[312, 0, 54, -13], [0, 8, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]
     stiffness = [[24, 0, -12, 6], [0, 8, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]

@@ -8,7 +8,7 @@ from flexarm.beams.assembly import beam_matrices
 from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.invariants import link_constants
 from flexarm.beams.modes import BeamBasis, beam_basis
-from flexarm.beams.properties import beam_table
+from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
 from flexarm.errors import InputError
 
@@ -30,7 +30,7 @@ def uniform(elements, modes=None):
 
 @pytest.fixture(scope="module")
 def matrices():
-    table = beam_table("link", X, STIFFNESS, MASS, ROTARY)
+    table = BeamTable(X, STIFFNESS, MASS, ROTARY)
     return beam_matrices(table, beam_quadrature(table.x, ELEMENTS))
 
 
@@ -163,7 +163,7 @@ def test_a_basis_that_is_not_orthonormal_cannot_be_made():
 
 def test_a_stiffness_that_disagrees_with_the_shapes_is_noticed(matrices):
     """Shapes of a slightly stiffer tip against the stiffness matrix of the link itself."""
-    table = beam_table("link", X, STIFFNESS + np.array([0, 0, 0, 0, 1e-3]), MASS, ROTARY)
+    table = BeamTable(X, STIFFNESS + np.array([0, 0, 0, 0, 1e-3]), MASS, ROTARY)
     factor = strain_to_nodal(table, beam_quadrature(table.x, ELEMENTS))
     with pytest.raises(InputError, match="link 2: the stiffness over the shapes must be diagonal"):
         beam_basis(matrices, factor, 2.0 / ELEMENTS, None, "link 2")

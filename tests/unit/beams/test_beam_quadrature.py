@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from flexarm.beams.properties import beam_table
+from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
 
 BREAKPOINTS = np.array([0.0, 0.31, 0.5, 1.37, 2.0])
@@ -41,7 +41,7 @@ def test_a_breakpoint_a_rounding_away_from_an_element_end_does_no_harm():
 @pytest.mark.parametrize("power", [0, 1])
 def test_outboard_moments_are_the_integrals_of_the_table(power):
     mass = np.array([3.0, 1.0, 1.5, 0.2, 0.9])
-    table = beam_table("link", BREAKPOINTS, np.ones(5), mass, np.zeros(5))
+    table = BeamTable(BREAKPOINTS, np.ones(5), mass, np.zeros(5))
     s = np.concatenate([BREAKPOINTS, np.linspace(0.0, 2.0, 17)])
     slope = np.diff(mass) / np.diff(BREAKPOINTS)
     linear = PPoly(np.stack([slope, mass[:-1]]), BREAKPOINTS)

@@ -6,7 +6,7 @@ import pytest
 from flexarm.beams.assembly import beam_matrices
 from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.invariants import link_constants
-from flexarm.beams.properties import beam_table
+from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
 
 L, EI, MU = 1.4, 105.0, 0.6
@@ -90,7 +90,7 @@ def test_tapered_tip_compliance_converges_with_fourth_order(kink):
 def test_strain_coordinates_store_unit_energy():
     rng = np.random.default_rng(7)
     x = np.array([0.0, 0.4, 0.55, 1.3, 2.0])
-    table = beam_table("link", x, rng.uniform(1, 9, 5), rng.uniform(1, 2, 5), np.zeros(5))
+    table = BeamTable(x, rng.uniform(1, 9, 5), rng.uniform(1, 2, 5), np.zeros(5))
     quadrature = beam_quadrature(table.x, 6)
     units = np.tile([1.0, 2.0 / 6], 6)
     stiffness = beam_matrices(table, quadrature).stiffness / np.outer(units, units)

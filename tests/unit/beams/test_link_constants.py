@@ -164,61 +164,11 @@ def test_arrays_that_do_not_fit_together_are_refused():
         replace(link, projector=link.projector[:, :2])
 
 
-GOOD = {
-    "x": [0.0, 1.0],
-    "flexural_rigidity": [1.0, 1.0],
-    "mass_per_length": [1.0, 1.0],
-    "rotary_inertia_per_length": [0.0, 0.0],
-    "elements": 2,
-    "where": "link 3",
-}
-
-
-class TestWrongInput:
-    @pytest.mark.parametrize(
-        ("change", "message"),
-        [
-            ({"x": [0.1, 1.0]}, "x must start at 0, got"),
-            ({"x": [0.0, 0.0]}, "x must increase strictly"),
-            ({"flexural_rigidity": [1.0, 0.0]}, "flexural_rigidity must be positive"),
-            ({"mass_per_length": [1.0, -1.0]}, "mass_per_length must be positive somewhere"),
-            ({"mass_per_length": [0.0, 0.0]}, "mass_per_length must be positive somewhere"),
-            ({"rotary_inertia_per_length": [0.0, -1.0]}, "must not be negative"),
-            ({"mass_per_length": [1.0]}, "mass_per_length must be numbers of shape"),
-            ({"flexural_rigidity": [1.0, np.nan]}, r"flexural_rigidity\[1\] must be finite"),
-            ({"elements": 0}, "elements must be a whole number of at least 1, got 0"),
-            ({"elements": 2.0}, "elements must be a whole number"),
-            ({"elements": True}, "elements must be a whole number"),
-            ({"modes": 0}, "modes must be a whole number from 1 to 4, got 0"),
-            ({"modes": 5}, "modes must be a whole number from 1 to 4, got 5"),
-        ],
-    )
-    def test_is_refused_with_place_rule_and_value(self, change, message):
-        with pytest.raises(InputError, match=f"link 3: .*{message}"):
-            link_constants(**{**GOOD, **change})
-
-    def test_one_station_is_too_few(self):
-        with pytest.raises(InputError, match="x must have at least two stations"):
-            link_constants([0.0], [1.0], [1.0], [0.0], elements=1)
-
-    def test_every_problem_is_reported(self):
-        bad = {"x": [0.2, 0.1], "flexural_rigidity": [0.0, 1.0], "mass_per_length": [-1.0, 1.0]}
-        with pytest.raises(InputError) as caught:
-            link_constants(**{**GOOD, **bad})
-        names = [problem.name for problem in caught.value.problems]
-        assert names == ["x", "x", "flexural_rigidity", "mass_per_length"]
-
-    def test_rigid_links_are_checked_alike(self):
-        with pytest.raises(InputError, match="mass_per_length must be negative nowhere"):
-            rigid_constants([0.0, 1.0], [0.0, -1.0], [0.0, 0.0])
-        with pytest.raises(InputError, match="elements must be a whole number"):
-            rigid_constants([0.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=0)
-
-    @pytest.mark.parametrize("station", [-0.01, 1.01])
-    def test_stations_off_the_link_are_refused(self, station):
-        link = link_constants(**GOOD)
-        with pytest.raises(InputError, match="x must lie between 0 and the length 1"):
-            link.deflection([0.5, station])
+@pytest.mark.parametrize("station", [-0.01, 1.01])
+def test_stations_off_the_link_are_refused(station):
+    link = link_constants([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=2)
+    with pytest.raises(InputError, match="x must lie between 0 and the length 1"):
+        link.deflection([0.5, station])
 
 
 def test_a_rigid_link_may_be_massless():

@@ -11,7 +11,7 @@ from flexarm.beams.assembly import (
 )
 from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.hermite import shape_functions
-from flexarm.beams.properties import beam_table
+from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
 from flexarm.beams.shear import (
     deflection_shapes,
@@ -95,7 +95,7 @@ def test_one_uniform_element_has_the_textbook_stiffness():
     """(B.32); J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), chapter 5."""
     bending, two = 3.0, np.ones(2)
     shear = 12 * bending / (PHI * H**2)
-    table = beam_table("link", [0.0, H], bending * two, two, two, shear * two)
+    table = BeamTable(np.array([0.0, H]), bending * two, two, two, shear * two)
     quadrature = beam_quadrature(table.x, 1)
     np.testing.assert_allclose(shear_parameters(table, quadrature), [PHI], rtol=1e-14)
     exact = np.array([[12, -6 * H], [-6 * H, (4 + PHI) * H**2]])
@@ -104,13 +104,13 @@ def test_one_uniform_element_has_the_textbook_stiffness():
 
 
 def test_parameter_of_an_element_is_that_of_its_mean_rigidities():
-    table = beam_table("link", X, BENDING, MASS, ROTARY, SHEAR)
+    table = BeamTable(X, BENDING, MASS, ROTARY, SHEAR)
     found = shear_parameters(table, beam_quadrature(table.x, 2))
     # First element: the table from 0 to 1, cut between 0.55 and 1.3 where EI = 4.4 and kGA = 45.
     bending = 0.4 * 4.5 + 0.15 * 6.0 + 0.45 * 6.2
     shear = 0.4 * 40.0 + 0.15 * 55.0 + 0.45 * 67.5
     assert found[0] == pytest.approx(12 * bending / shear, rel=1e-13)
-    plain = beam_table("link", X, BENDING, MASS, ROTARY)
+    plain = BeamTable(X, BENDING, MASS, ROTARY)
     np.testing.assert_array_equal(shear_parameters(plain, beam_quadrature(X, 2)), 0.0)
 
 
@@ -121,7 +121,7 @@ def inside(x, elements, field, derivative):
 @pytest.mark.parametrize("elements", [1, 3, 8])
 def test_energies_are_integrated_exactly_on_a_ragged_table(elements):
     """Against many points on every piece, for nodal and interior values."""
-    table = beam_table("link", X, BENDING, MASS, ROTARY, SHEAR)
+    table = BeamTable(X, BENDING, MASS, ROTARY, SHEAR)
     quadrature = beam_quadrature(table.x, elements)
     found, parameters = beam_matrices(table, quadrature), shear_parameters(table, quadrature)
     node, weight = np.polynomial.legendre.leggauss(9)
@@ -156,7 +156,7 @@ def test_energies_are_integrated_exactly_on_a_ragged_table(elements):
 @pytest.mark.parametrize("softness", [1e-3, 1.0, 1e3])
 def test_strain_coordinates_store_unit_energy(softness):
     elements = 6
-    table = beam_table("link", X, BENDING, MASS, ROTARY, SHEAR / softness)
+    table = BeamTable(X, BENDING, MASS, ROTARY, SHEAR / softness)
     quadrature = beam_quadrature(table.x, elements)
     units = np.tile([1.0, 2.0 / elements], elements)
     stiffness = static_stiffness(table, quadrature) / np.outer(units, units)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from model_strategies import arm_specs, scenarios
 
-from flexarm.errors import ModelError
+from flexarm.errors import InputError
 from flexarm.model import (
     ArmSpec,
     Joint,
@@ -90,10 +90,10 @@ def test_saving_replaces_a_file_in_one_step(tmp_path):
 
 def test_failed_saving_leaves_nothing_behind(tmp_path):
     (tmp_path / "arm.yaml").mkdir()
-    with pytest.raises(ModelError, match=r"arm\.yaml: the file could not be written: "):
+    with pytest.raises(InputError, match=r"arm\.yaml: the file could not be written: "):
         save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "arm.yaml")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ModelError, match="the file could not be written: "):
+    with pytest.raises(InputError, match="the file could not be written: "):
         save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "file" / "arm.yaml")
     assert {path.name for path in tmp_path.iterdir()} == {"arm.yaml", "file"}
 
