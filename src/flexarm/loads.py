@@ -16,6 +16,7 @@ from flexarm.errors import InputError, check_array
 from flexarm.kernels.contact import LEVER, WEIGHT
 from flexarm.kernels.layout import Contacts, Loads, empty_loads
 from flexarm.model import Load
+from flexarm.model.loads import place_faults_of
 
 #: Positions closer than this fraction of a length are equal, because sums of lengths are rounded.
 SAME_PLACE = 1e-9
@@ -55,7 +56,7 @@ def place_loads(
     """
     parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
     for load in loads:
-        problems = [fault.problem(where) for fault in load.off(arm.spec)]
+        problems = [fault.problem(where) for fault in place_faults_of(arm.spec, load)]
         if problems:
             raise InputError(*(replace(p, name=f"{what}.{p.name}") for p in problems))
         if load.spread is None:

@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 #: Attributes of records that pydantic and Python's class machinery define.
 _INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__, "__abstractmethods__", "__annotations__"}
-_INTERNAL -= set(dir(object))
+_INTERNAL -= set(dir(object)) - {"__init_subclass__"}
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(Field,))

@@ -69,12 +69,6 @@ class Load(Record, kw_only=False):
         fx, fy = self.force
         return fx, fy, self.moment
 
-    def off(self, arm: ArmSpec) -> Iterator[Fault]:
-        """Yield the faults of a load that is not on an arm."""
-        if self.spread is None:
-            return place_faults(arm, self.link, self.station)
-        return place_faults(arm, self.link, self.spread[1], "spread")
-
     def scaled(self, factor: float) -> Load:
         """Return a load whose force and moment are multiplied by a number."""
         fx, fy = self.force
@@ -117,6 +111,13 @@ BaseAcceleration = Annotated[
 ]
 
 
+def place_faults_of(arm: ArmSpec, load: Load) -> Iterator[Fault]:
+    """Yield the faults of a load that is not on an arm."""
+    if load.spread is None:
+        return place_faults(arm, load.link, load.station)
+    return place_faults(arm, load.link, load.spread[1], "spread")
+
+
 def load_faults(given: Given) -> Iterator[Fault]:
     """Yield the faults of loads of a scenario that are not on its arm."""
     if given.has("arm", "loads"):
@@ -129,5 +130,5 @@ def off_the_arm(arm: ArmSpec, loads: Sequence[Load]) -> Iterator[Fault]:
         if callable(load.factor):
             rule, hint = "be a table in a scenario", "Only simulate(loads=...) accepts a function."
             yield Fault(("loads", i, "factor"), rule, "a function", hint)
-        for fault in load.off(arm):
+        for fault in place_faults_of(arm, load):
             yield fault.inside("loads", i)

@@ -204,3 +204,31 @@ def test_a_closed_line_does_not_cross_itself():
         fa.SurfaceTable(np.cos(star), np.sin(star), closed=True)
     around = np.sort(star % (2.0 * np.pi))
     fa.SurfaceTable(np.cos(around), np.sin(around), closed=True)
+
+
+def first_crossing(points):
+    """The first two sides of a closed polygon (k, 2) that cross, from all pairs; or None."""
+    sides = np.roll(points, -1, axis=0) - points
+    for k in range(len(points)):
+        for other in range(k + 2, len(points) - (k == 0)):
+            matrix = np.stack([sides[k], -sides[other]], axis=1)
+            along = np.linalg.solve(matrix, points[other] - points[k])
+            if np.all((along >= 0.0) & (along <= 1.0)):
+                return k, other
+    return None
+
+
+def test_a_crossing_is_found_among_all_sides():
+    rng = np.random.default_rng(11)
+    counts = [0, 0]
+    for count in (4, 4, 4, 5, 5, 6, 9, 14) * 8:
+        x, y = rng.uniform(-1.0, 1.0, (2, count)) * rng.uniform(0.1, 1.0, (2, 1))
+        expected = first_crossing(np.stack([x, y], axis=1))
+        counts[expected is None] += 1
+        if expected is None:
+            fa.SurfaceTable(x, y, closed=True)
+            continue
+        places = rf"\[{expected[0]}\] and \[{expected[1]}\]"
+        with pytest.raises(fa.InputError, match=places):
+            fa.SurfaceTable(x, y, closed=True)
+    assert min(counts) > 5

@@ -312,7 +312,7 @@ def test_wrong_input(fields, message):
 def test_wrong_sensors_and_doubled_loads():
     with pytest.raises(fa.InputError, match="kind must be one of"):
         fa.Sensor("speed", 1)
-    with pytest.raises(fa.InputError, match="frame must be 'world', except for accelerations"):
+    with pytest.raises(fa.InputError, match="frame must be world, except for accelerations"):
         fa.Sensor("position", 1, frame="link")
     arm = two_links()
     with pytest.raises(fa.InputError, match="cannot be combined with an equilibrium"):
