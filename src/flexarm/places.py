@@ -60,9 +60,9 @@ def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
         Path(os.path.realpath(path)).parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, parts)
     except (OSError, ValueError) as error:  # ValueError: a null character or surrogate in the path
-        reason = f"not: {getattr(error, 'strerror', None) or error}"
+        rule = f"could not be written: {getattr(error, 'strerror', None) or error}"
         hint = "The older file is unchanged." if os.path.lexists(path) else ""
-        raise InputError(Problem(str(path), "the file", "be writable", reason, hint)) from None
+        raise InputError(Problem(str(path), "the file", rule, hint=hint)) from None
 
 
 def write_text(text: str, path: AnyPath) -> None:

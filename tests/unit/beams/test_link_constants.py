@@ -177,7 +177,7 @@ def test_a_rigid_link_may_be_massless():
 
 
 def test_an_indefinite_stiffness_is_not_blamed_on_units():
-    with pytest.raises(InputError, match="the stiffness must be positive definite") as caught:
+    with pytest.raises(InputError, match="the stiffness is not positive definite") as caught:
         link_constants(
             [0.0, 0.5 - 1e-9, 0.5, 1.0],
             [1.0, 1.0, 1e30, 1e30],
