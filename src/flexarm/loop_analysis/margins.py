@@ -16,8 +16,8 @@ from flexarm.contacts import Contact
 from flexarm.control.base import (
     Controller,
     Reference,
+    check_controller,
     check_reference,
-    controller_problem,
     needs_of,
 )
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -193,9 +193,7 @@ def _plants(
     Raises:
         InputError: if the controller does not declare its memory, or an arm does not fit it.
     """
-    problem = controller_problem(_WHERE, "controller", controller)
-    if problem is not None:
-        raise InputError(problem)
+    check_controller(_WHERE, "controller", controller)
     if memory_of(controller) is None:
         rule = "declare its memory, the names of what it keeps between samples"
         raise InputError(Problem(_WHERE, "controller", rule, type(controller).__name__))

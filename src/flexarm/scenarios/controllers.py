@@ -13,7 +13,7 @@ from flexarm.controllers import CONTROLLERS
 from flexarm.errors import InputError, Problem
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.hardware.hardware import Hardware
-from flexarm.model.drives import ControllerDrive, FilterSpec
+from flexarm.model.drives import ControllerDrive
 from flexarm.motion import Motion
 from flexarm.scenarios.file_errors import told_inside
 from flexarm.scenarios.hardware import instruments_of
@@ -72,7 +72,7 @@ def _inner(drive: ControllerDrive, around: Around) -> dict[str, Any]:
         return {"inner": controller_of(drive, around)}
 
 
-def _estimator(spec: FilterSpec, around: Around) -> dict[str, Any]:
+def _estimator(spec: Any, around: Around) -> dict[str, Any]:
     if spec.instruments is not None:
         instruments = instruments_of(spec.instruments)
     else:
@@ -80,10 +80,11 @@ def _estimator(spec: FilterSpec, around: Around) -> dict[str, Any]:
     if not instruments:
         rule = "be given where the hardware has none"
         raise InputError(Problem("drive", "estimator.instruments", rule, "missing"))
-    names = ("torque_noise", "payload_deviation", "payload_drift", "rate_deviation")
-    options = {name: getattr(spec, name) for name in (*names, "energy_deviation")}
+    options = {name: getattr(spec, name) for name in type(spec).model_fields} | {
+        "instruments": instruments
+    }
     with told_inside("estimator"):
-        return {"estimator": ExtendedKalmanFilter(around.arm, instruments, **options)}
+        return {"estimator": ExtendedKalmanFilter(around.arm, **options)}
 
 
 #: Functions that convert the value of a key to arguments, for keys that are not arguments.

@@ -210,8 +210,11 @@ def test_strain_feedback_damps_as_the_poles_of_the_linear_loop_say():
     ("change", "words"),
     [
         ({"bandwidth": 0.0}, "bandwidth must be greater than 0"),
-        ({"damping": [1.0, 2.0, 3.0]}, "damping must be one number, or one for each joint: 2"),
-        ({"damping": [1.0, -2.0]}, "damping must be at least 0"),
+        (
+            {"damping": [1.0, 2.0, 3.0]},
+            "damping must have one value for each of the 2 joints, but is 3 long",
+        ),
+        ({"damping": [1.0, -2.0]}, "damping[1] must be at least 0"),
         ({"adaptation": np.nan}, "adaptation"),
         ({"parameters": ["payload.weight"]}, "payload.weight"),
         ({"parameters": ["payload.mass", "payload.mass"]}, "once"),
