@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from pydantic import Field
 
 from flexarm.arm import Arm
 from flexarm.control.base import (
@@ -39,9 +38,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
             is not a controller.
     """
 
-    inner: Controller = Field(
-        description="The controller whose torque is corrected; both have the same sample time."
-    )
+    inner: Controller
 
     def __post_init__(self) -> None:
         self._model = RigidParameters("DisturbanceObserver", self.arm)

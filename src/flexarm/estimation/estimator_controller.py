@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field
 
 from flexarm.arm import Arm
 from flexarm.control.base import (
@@ -37,10 +36,8 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
             controller.
     """
 
-    estimator: ExtendedKalmanFilter = Field(
-        description="The filter; it uses the sample time of the inner controller."
-    )
-    inner: Controller = Field(description="Any controller.")
+    estimator: ExtendedKalmanFilter
+    inner: Controller
 
     def __post_init__(self) -> None:
         self._asked: FloatArray | None = None

@@ -76,7 +76,7 @@ class EstimatorParameters(ControllerParameters):
 
     name = "estimator"
     estimator: Annotated[Any, Typed(FilterSpec)] = Field(
-        default=FilterSpec(), description="The filter; its sample time is that of the controller."
+        default=FilterSpec(), description="The filter; it has the sample time of the controller."
     )
     inner: Annotated[Any, Typed(one_of((*ALONE, _OBSERVED)))] = Field(  # type: ignore[misc]
         description="The controller that receives the estimate."

@@ -25,13 +25,21 @@ REQUIRED = Parameter.empty
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """One parameter: its type with bounds, its type in the source, its default, its class."""
+    """One parameter of a class.
+
+    Attributes:
+        annotation: type, with bounds. source: the type in the source code.
+        given: default, a field, or ``REQUIRED``.
+        keyword_only: whether it is a keyword argument.
+        owner: class that declares it. inherited: its description in a base of that class.
+    """
 
     annotation: Any
     source: str
     given: Any
     keyword_only: bool
     owner: type
+    inherited: str
 
     @property
     def field(self) -> FieldInfo:
@@ -58,7 +66,7 @@ class Declared:
     @property
     def description(self) -> str:
         """Meaning and unit."""
-        return self.field.description or ""
+        return self.field.description or self.inherited
 
     @property
     def per_joint(self) -> PerJoint | None:
@@ -106,7 +114,8 @@ def parameters_of(kind: type[Parameters]) -> dict[str, Declared]:
             if source.startswith("ClassVar"):
                 found.pop(name, None)
             else:
-                found[name] = Declared(hints[name], source, given, keyword_only, base)
+                inherited = found[name].description if name in found else ""
+                found[name] = Declared(hints[name], source, given, keyword_only, base, inherited)
     return found
 
 
