@@ -87,9 +87,10 @@ def test_a_file_and_the_constructor_report_the_same_rule():
 
 
 class Own(fa.JointPD):
-    """A controller of a user, whose annotation declares an attribute."""
+    """A controller of a user, whose annotations declare attributes."""
 
     seen: int
+    log: "NameOfAnotherModule"  # noqa: F821
 
     def __init__(self, gain):
         super().__init__(gain, 0.1 * gain)
@@ -101,7 +102,7 @@ def test_a_subclass_of_a_user_has_its_own_constructor():
     assert made.proportional == 10.0
     assert made.derivative == 1.0
     assert list(inspect.signature(Own).parameters) == ["gain"]
-    assert Own.__doc__ == "A controller of a user, whose annotation declares an attribute."
+    assert Own.__doc__ == "A controller of a user, whose annotations declare attributes."
 
 
 def test_the_docstring_has_every_argument_with_its_unit():

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from inspect import Parameter, cleandoc, get_annotations
 from types import NoneType
-from typing import Any, ClassVar, dataclass_transform, get_args, get_type_hints
+from typing import Any, ClassVar, dataclass_transform, get_args
 
 from pydantic import Field, create_model
 from pydantic.fields import FieldInfo
@@ -41,7 +42,7 @@ class Declared:
     owner: type
     inherited: str
 
-    @property
+    @cached_property
     def field(self) -> FieldInfo:
         """The parameter as a field of a record."""
         if self.given is REQUIRED:
@@ -54,14 +55,9 @@ class Declared:
         return NoneType in get_args(self.annotation)
 
     @property
-    def required(self) -> bool:
-        """Whether there is no default."""
-        return self.field.is_required()
-
-    @property
     def default(self) -> Any:
         """The default, or ``REQUIRED``."""
-        return REQUIRED if self.required else self.field.default
+        return REQUIRED if self.field.is_required() else self.field.default
 
     @property
     def description(self) -> str:
@@ -107,10 +103,11 @@ class Parameters:
 
 def parameters_of(kind: type[Parameters]) -> dict[str, Declared]:
     """Return the parameters of a class by name, those of its last base first."""
-    hints = get_type_hints(kind, include_extras=True)
     found: dict[str, Declared] = {}
     for base in reversed(kind.__mro__):
-        for name, (source, given, keyword_only) in vars(base).get("_declared", {}).items():
+        declared = vars(base).get("_declared", {})
+        hints = get_annotations(base, eval_str=True) if declared else {}
+        for name, (source, given, keyword_only) in declared.items():
             if source.startswith("ClassVar"):
                 found.pop(name, None)
             else:
