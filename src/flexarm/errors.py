@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any
@@ -115,6 +116,15 @@ class InputError(FlexarmError, ValueError):
         lines = [str(problem) for problem in self.problems[:_MOST_LINES]]
         more = len(self.problems) - len(lines)
         return "\n".join([*lines, f"... and {more} more problems."] if more else lines)
+
+
+def problems_of(check: Callable[..., object], *arguments: object) -> tuple[Problem, ...]:
+    """Return the problems that a check raises as an `InputError`; none if it returns."""
+    try:
+        check(*arguments)
+    except InputError as error:
+        return error.problems
+    return ()
 
 
 class ModelError(InputError):

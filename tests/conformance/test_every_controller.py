@@ -12,7 +12,7 @@ from flexarm.control.base import Controller
 from flexarm.controllers import CONTROLLERS
 from flexarm.hardware.measurement import Measurement
 from flexarm.model import Scenario, load_scenario, save_scenario
-from flexarm.model.drives import CONTROLLED
+from flexarm.model.drives import CONTROLLED, FilterSpec
 
 #: The motion is violent and links bend far: nothing that is looked at here.
 pytestmark = [
@@ -61,7 +61,9 @@ def test_what_it_says_about_itself(name):
     kind = CONTROLLERS[name]
     assert issubclass(kind, Controller)
     assert kind.name == name
-    assert inspect.getdoc(kind)
+    text = inspect.getdoc(kind)
+    for argument in inspect.signature(kind).parameters:
+        assert f"\n    {argument}: " in text, f"{argument} has no description"
 
 
 @every
@@ -214,9 +216,6 @@ def test_an_arm_of_another_number_of_joints_is_refused_before_the_run(name, arm)
 
 #: Arguments that only Python can give, or that would say nothing in a file.
 PYTHON_ONLY = {
-    ("composite", "integral"): "refused by the class",
-    ("composite", "preview"): "refused by the class",
-    ("composite", "nominal"): "refused by the class",
     ("lqg", "nominal"): "a result of a run",
     ("mpc", "nominal"): "a result of a run",
     ("estimator", "sample_time"): "that of the inner controller",
@@ -225,25 +224,17 @@ PYTHON_ONLY = {
 INSTEAD = {("joint_pid", "gravity"): ("arm", "sag")}
 
 
-def arguments(kind):
-    """Arguments of a class but the arm, those passed on to its base included."""
-    found = dict(inspect.signature(kind).parameters)
-    if found.pop("options", None) is not None:
-        found = dict(inspect.signature(kind.__base__).parameters) | found
-    return found
-
-
 @every
-def test_has_a_record_with_the_same_arguments_and_defaults(name):
-    """A newcomer needs a record in ``flexarm.model.drives``, and a line in its registry."""
-    assert name in CONTROLLED, f"files cannot say {name}: add a record, and a line in registry.py"
+def test_its_drive_has_the_same_arguments_and_defaults(name):
+    """A new controller needs a line in the registry of ``flexarm.model.drives``."""
+    assert name in CONTROLLED, f"files have no {name}: add its parameters to registry.py"
     fields = {k: f for k, f in CONTROLLED[name].model_fields.items() if k != "kind"}
     left_out = {"arm"} | {k for record, k in PYTHON_ONLY if record == name}
     for (record, key), replaced in INSTEAD.items():
         if record == name:
             assert not fields.pop(key).is_required()
             left_out |= set(replaced)
-    found = arguments(CONTROLLERS[name])
+    found = inspect.signature(CONTROLLERS[name]).parameters
     wanted = {key: p for key, p in found.items() if key not in left_out}
     assert set(fields) == set(wanted)
     for key, field in fields.items():
@@ -267,7 +258,7 @@ def compare(place, field, default):
 
 
 def test_the_filter_has_a_record_with_the_same_arguments_and_defaults():
-    fields = CONTROLLED["estimator"].model_fields["estimator"].annotation.model_fields
+    fields = FilterSpec.model_fields
     wanted = dict(inspect.signature(fa.ExtendedKalmanFilter).parameters)
     for key in ("arm", "sample_time"):  # the file's arm; the inner controller's time
         del wanted[key]

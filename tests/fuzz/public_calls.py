@@ -51,8 +51,6 @@ def parameters(name: str, function: Callable[..., Any]) -> list[str]:
     names = [p.name for p in taken if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
     if name == "Arm":
         return [*names, *type(arm().spec).model_fields]
-    if name in ("MPC", "Composite"):
-        return [*dict.fromkeys([*names, *inspect.signature(fa.LQG).parameters])]
     return names
 
 

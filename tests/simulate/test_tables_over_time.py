@@ -169,7 +169,9 @@ class TestAngles:
     def test_free_ends_must_reach_over_the_run(self):
         given = fa.PrescribedAngle.table([0.0, 0.5, 1.0], [0.0, 0.1, 0.0], ends="free")
         fa.simulate(bar(), 1.0, prescribed={1: given}, rate=10)
-        with pytest.raises(fa.InputError, match=r"cover the run from 0 to its end .* got from 0 to 1\."):
+        with pytest.raises(
+            fa.InputError, match=r"cover the run from 0 to its end .* got from 0 to 1\."
+        ):
             fa.simulate(bar(), 1.01, prescribed={1: given}, rate=10)
         late = fa.PrescribedAngle.table([0.1, 0.5, 1.0], [0.0, 0.1, 0.0], ends="free")
         with pytest.raises(fa.InputError, match=r"cover the run from 0 to .* got from 0\.1 to 1"):

@@ -160,15 +160,18 @@ def report_of(controller: object) -> dict[str, float]:
     return dict(report()) if callable(report) else {}
 
 
-def controller_problem(where: str, name: str, value: object) -> Problem | None:
-    """Return the reason why a value is not a controller, or None if it is one."""
+def check_controller(where: str, name: str, value: object) -> None:
+    """Check that a value acts as a controller.
+
+    Raises:
+        InputError: if it is a class, or lacks an attribute of controllers.
+    """
     if isinstance(value, type):
         hint = f"Create an object: {value.__name__}(...)."
-        rule = "be a controller"
-        return Problem(where, name, rule, f"the class {value.__name__}", hint)
+        given = f"the class {value.__name__}"
+        raise InputError(Problem(where, name, "be a controller", given, hint))
     for method in ("reset", "update"):
         if not callable(getattr(value, method, None)):
-            return Problem(where, name, f"have the method {method}", shown(value))
+            raise InputError(Problem(where, name, f"have the method {method}", shown(value)))
     if not hasattr(value, "sample_time"):
-        return Problem(where, name, "have a sample_time", shown(value))
-    return None
+        raise InputError(Problem(where, name, "have a sample_time", shown(value)))

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control_design.linear_design import DISTURBANCES, Wishes, check_names, scales
+from flexarm.control_design.linear_design import DISTURBANCES, Wishes, check_names
 from flexarm.control_design.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, shown
-from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.model.drives.linear import LQGParameters
 
 #: Outputs that can be measured, because their nominal values are computed.
 MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
@@ -25,26 +25,26 @@ _BRISK = 10.0
 
 
 def wishes_of(
-    where: str,
-    arm: Arm,
-    posture: FloatArray,
-    acceptable: Mapping[str, ArrayLike] | None,
-    acceptable_torque: ArrayLike | None,
-    measured: Mapping[str, ArrayLike] | None,
-    disturbance: Mapping[str, ArrayLike] | None,
-    integral: bool | str | Mapping[str, ArrayLike] | None,
+    where: str, arm: Arm, given: LQGParameters, acceptable: Mapping[str, ArrayLike] | None
 ) -> Wishes:
     """Return the requirements of a linear controller, with default values for missing ones.
+
+    Args:
+        where: name of the caller, for messages.
+        arm: model of the arm.
+        given: the controller, with its parameters as attributes.
+        acceptable: acceptable deviations in place of those of ``given``.
 
     Raises:
         InputError: if a name or number is wrong, several outputs are integrated, or the tip is
             integrated but not measured.
     """
+    measured, disturbance, integral = given.measured, given.disturbance, given.integral
     if acceptable is None:
         acceptable = {"joint_angle": 0.01, "tip": 0.01, "joint_rate": 0.2}
-    if acceptable_torque is None:
-        acceptable_torque = _BRISK * np.diag(RigidModel(arm).mass_matrix(posture))
-    torque = scales(where, "acceptable_torque", acceptable_torque, arm.joints)
+    torque = given.acceptable_torque
+    if torque is None:
+        torque = _BRISK * np.diag(RigidModel(arm).mass_matrix(np.asarray(given.posture)))
     if measured is None:
         measured = {"joint_angle": 1e-4} | ({"strain": 2e-5} if arm.gauges else {})
     if disturbance is None:
@@ -68,4 +68,6 @@ def wishes_of(
         seen,
         check_names(where, "disturbance", disturbance, DISTURBANCES, arm),
         checked,
+        given.recovery,
+        given.rigidity_uncertainty,
     )

@@ -24,23 +24,26 @@ from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.loop_analysis.margins import loop_margins
 from flexarm.model import Hardware, Instrument, Motors
 
-#: Controllers by name. The records in files use the same names.
+#: Controllers by name. The drives of files have the same names as kinds.
 CONTROLLERS: dict[str, type[Controller]] = {
-    Adaptive.name: Adaptive,
-    Admittance.name: Admittance,
-    Composite.name: Composite,
-    ComputedTorque.name: ComputedTorque,
-    DisturbanceObserver.name: DisturbanceObserver,
-    EstimatorController.name: EstimatorController,
-    HybridForce.name: HybridForce,
-    Impedance.name: Impedance,
-    JointPD.name: JointPD,
-    JointPID.name: JointPID,
-    LQG.name: LQG,
-    MPC.name: MPC,
-    RBFAdaptive.name: RBFAdaptive,
-    SlidingMode.name: SlidingMode,
-    StrainFeedback.name: StrainFeedback,
+    controller.name: controller
+    for controller in (
+        Adaptive,
+        Admittance,
+        Composite,
+        ComputedTorque,
+        DisturbanceObserver,
+        EstimatorController,
+        HybridForce,
+        Impedance,
+        JointPD,
+        JointPID,
+        LQG,
+        MPC,
+        RBFAdaptive,
+        SlidingMode,
+        StrainFeedback,
+    )
 }
 
 __all__ = [

@@ -3,103 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind, check_list_of
+from flexarm.arguments import check_each
 from flexarm.arm import Arm
-from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
-from flexarm.control.gains import Gains
+from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control_design.rigid_parameters import RigidParameters, parameter_names
-from flexarm.controllers.sliding import SlidingVariable
+from flexarm.controllers.sliding import SlidingController
+from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.adaptation import adaptive_torque
+from flexarm.model.drives.uncertain import AdaptiveParameters
+from flexarm.model.wording import nearest
 
 
-class Adaptive(Controller):
+class Adaptive(AdaptiveParameters, SlidingController):
     """Computed torque of a rigid model with adapted parameters; (C.40) to (C.46).
 
     Slotine and Li, On the adaptive control of robot manipulators, Int. J. Robotics Research 6(3),
     1987. ``torque = Y a - damping s``, with Y the regressor of the rigid model, and
     ``a' = -adaptation Y' s - leakage (a - initial)``, clipped to the bounds.
 
-    Args:
-        arm: model of the arm; its parameters are the initial estimates.
-        bandwidth: 1/s, one number or one per joint: decay rate of angle errors on s = 0.
-        damping: N m s/rad, one number or one per joint: gain of s.
-        adaptation: adaptation gains, one number or one for each parameter, in the unit of the
-            parameter squared per (N m rad).
-        parameters: parameters to adapt: "payload" (its mass), "links" (mass, first moment and
-            inertia of each), "friction" (viscous and Coulomb of each joint), or a list of names
-            such as "payload.mass", "link_2.inertia", "joint_1.coulomb".
-        bounds: mapping from names to (lowest, largest) values; parameters without bounds are at
-            least 0.
-        initial: mapping from names to initial estimates that replace the values of the arm.
-        leakage: 1/s, decay rate of the estimates to their initial values (sigma modification).
-        dead_zone: rad/s, norm of s below which the estimates are constant.
-        strain_gain: rad/s per 1/m, one number or one per joint: feedback of the curvature at the
-            root of the joint's link to the reference rate, which damps vibration; requires a gauge
-            on that link.
-        washout: Hz, cutoff of the high-pass filter of the curvature.
-        sample_time: s.
-
     Raises:
         InputError: if a name is unknown, a number is negative or not finite, or a lower bound
             exceeds the upper one.
     """
 
-    name = "adaptive"
     memory = ("_estimate", "_sliding._slow", "_sliding._fast")
 
-    def __init__(
-        self,
-        arm: Arm,
-        bandwidth: ArrayLike,
-        damping: ArrayLike,
-        adaptation: ArrayLike,
-        parameters: str | Sequence[str] = "payload",
-        bounds: Mapping[str, tuple[float, float]] | None = None,
-        initial: Mapping[str, float] | None = None,
-        leakage: float = 0.0,
-        dead_zone: float = 0.0,
-        strain_gain: ArrayLike = 0.0,
-        washout: float = 0.5,
-        sample_time: float = 1e-3,
-    ) -> None:
-        self.arm = check_kind("Adaptive", "arm", arm, Arm)
-        self.parameters = _listed(arm, parameters)
-        self._model = RigidParameters("Adaptive", arm, self.parameters)
-        gains = Gains("Adaptive")
-        self._sliding = SlidingVariable(gains, arm, bandwidth, strain_gain, washout)
-        self.bandwidth, self.strain_gain = self._sliding.bandwidth, self._sliding.strain_gain
-        self.washout = self._sliding.washout
-        self.damping = gains.each("damping", damping, arm.joints)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.parameters = _listed(self.arm, self.parameters)
+        self._model = RigidParameters("Adaptive", self.arm, self.parameters)
+        if not self.parameters:
+            raise InputError(Problem("Adaptive", "parameters", "name one at least", "[]"))
+        bounds, initial = self.bounds or {}, self.initial or {}
+        self._check_names(bounds=bounds, initial=initial)
         count = len(self.parameters)
-        if not count:
-            gains.refuse("parameters", "name at least one", parameters)
-        self.adaptation = gains.each("adaptation", adaptation, count, what="parameter")
-        self.leakage = gains.one("leakage", leakage)
-        self.dead_zone = gains.one("dead_zone", dead_zone)
-        self.sample_time = gains.one("sample_time", sample_time, positive=True)
-        self.bounds = gains.mapping("bounds", bounds)
-        self.initial = gains.mapping("initial", initial)
-        gains.known("bounds", self.bounds, self.parameters)
-        gains.known("initial", self.initial, self.parameters)
-        gains.done()
-        self._start, self._lower, self._upper = self._limits(gains)
-        gains.done()
+        gains = check_each("Adaptive", "adaptation", self.adaptation, count)
+        self.adaptation = np.full(count, gains)
+        own = dict(zip(self.parameters, self._model.values, strict=True))
+        start = [initial.get(name, own[name]) for name in self.parameters]
+        limits = np.array([bounds.get(name, (0.0, np.inf)) for name in self.parameters])
+        self._lower, self._upper = limits.T.copy()
+        self._start = np.clip(start, self._lower, self._upper)
         self._estimate = self._start.copy()
-        self._torque = np.zeros(arm.joints)
+        self._torque = np.zeros(self.arm.joints)
 
-    def _limits(self, gains: Gains) -> tuple[FloatArray, FloatArray, FloatArray]:
-        start = self._model.values.copy()
-        lower, upper = np.zeros_like(start), np.full_like(start, np.inf)
-        for k, name in enumerate(self.parameters):
-            start[k] = gains.one(f"initial of {name}", self.initial.get(name, start[k]))
-            if name in self.bounds:
-                lower[k], upper[k] = gains.range(f"bounds of {name}", self.bounds[name])
-            start[k] = np.clip(start[k], lower[k], upper[k])
-        return start, lower, upper
+    def _check_names(self, **given: Mapping[str, Any]) -> None:
+        rule = f"be names out of {', '.join(self.parameters)}"
+        problems = [
+            Problem("Adaptive", argument, rule, shown(name), nearest(name, self.parameters))
+            for argument, named in given.items()
+            for name in named
+            if name not in self.parameters
+        ]
+        if problems:
+            raise InputError(*problems)
 
     @property
     def estimate(self) -> dict[str, float]:
@@ -109,11 +70,7 @@ class Adaptive(Controller):
     def reset(self) -> None:
         """Reset the estimates to their initial values."""
         self._estimate[:] = self._start
-        self._sliding.reset(self.sample_time)
-
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
-        return self._sliding.needs(self.arm)
+        super().reset()
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
@@ -146,6 +103,5 @@ def _listed(arm: Arm, parameters: str | Sequence[str]) -> tuple[str, ...]:
         "links": tuple(n for n in parameter_names(arm) if n.startswith("link_")),
         "friction": tuple(n for n in parameter_names(arm) if n.startswith("joint_")),
     }
-    asked = [parameters] if isinstance(parameters, str) else parameters
-    listed = check_list_of("Adaptive", "parameters", asked, str)
+    listed = [parameters] if isinstance(parameters, str) else parameters
     return tuple(name for item in listed for name in groups.get(item, (item,)))

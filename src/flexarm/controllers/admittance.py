@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from flexarm.arguments import check_kind
-from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Reference
-from flexarm.control.gains import Gains
+from flexarm.control.base import Measurement
+from flexarm.control_design.task_plan import Asked
+from flexarm.control_design.task_space import TaskState
 from flexarm.controllers.task_controller import TaskController, felt_force
+from flexarm.model.drives.force import AdmittanceParameters
 
 
-class Admittance(TaskController):
+class Admittance(AdmittanceParameters, TaskController):
     """Position loop whose reference yields to the force error like a spring and a damper.
 
     The reference moves away from the surface by y with ``damping`` y' + ``stiffness`` y = measured
     force - force of the reference. The tip of the rigid model follows it as a mass, a spring and a
     damper of ``frequency`` and ``damping_ratio``. Without stiffness the force has no steady-state
     error: (F.12). Theory page "control-force", (F.10) to (F.12).
-
-    Args:
-        arm: model of the arm.
-        damping: N s/m. The bandwidth is the stiffness of surface and arm in series over it.
-        stiffness: N/m, of the spring that moves y back to zero.
-        frequency: rad/s, natural frequency of the position loop.
-        damping_ratio: damping ratio of the position loop.
-        most_speed: m/s, limit of y', and so of the speed of approach without contact.
-        sample_time: s.
 
     The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
     the first contact. If the reference has no force, or there is no reference, the joints follow
@@ -35,28 +26,11 @@ class Admittance(TaskController):
             are not positive.
     """
 
-    name = "admittance"
     memory = ("_away",)
 
-    def __init__(
-        self,
-        arm: Arm,
-        damping: float = 150.0,
-        stiffness: float = 0.0,
-        frequency: float = 8.0,
-        damping_ratio: float = 0.7,
-        most_speed: float = 0.1,
-        sample_time: float = 1e-3,
-    ) -> None:
-        arm, gains = check_kind("Admittance", "arm", arm, Arm), Gains("Admittance")
-        self.damping = gains.one("damping", damping, positive=True)
-        self.stiffness = gains.one("stiffness", stiffness)
-        self.frequency = gains.one("frequency", frequency, positive=True)
-        self.damping_ratio = gains.one("damping_ratio", damping_ratio)
-        self.most_speed = gains.one("most_speed", most_speed, positive=True)
-        sample_time = gains.one("sample_time", sample_time, positive=True)
-        gains.done()
-        super().__init__(arm, sample_time, self.frequency)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._posture_frequency = self.frequency
         self._away = 0.0  # y, m
 
     def reset(self) -> None:
@@ -64,14 +38,10 @@ class Admittance(TaskController):
         super().reset()
         self._away = 0.0
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = measurement.joint_angle, measurement.joint_rate
-        asked = self._plan.at(t, angle, reference)
-        state = self._task.at(angle, rate)
+    def _law(
+        self, asked: Asked, state: TaskState, measurement: Measurement
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
         nx, ny = asked.normal_x, asked.normal_y
-        if not (nx or ny):
-            return self._joints_follow(asked, state, angle, rate)
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
@@ -81,13 +51,8 @@ class Admittance(TaskController):
         self._away += speed * self.sample_time
         x_pull = spring * (asked.x - x) + damper * (asked.x_rate - x_rate)
         y_pull = spring * (asked.y - y) + damper * (asked.y_rate - y_rate)
-        return self._task.torque(
-            state,
-            (
-                asked.x_acceleration + x_pull + across * nx,
-                asked.y_acceleration + y_pull + across * ny,
-            ),
-            (0.0, 0.0),
-            self._posture(asked, angle, rate),
-            asked.pressing,
+        acceleration = (
+            asked.x_acceleration + x_pull + across * nx,
+            asked.y_acceleration + y_pull + across * ny,
         )
+        return acceleration, (0.0, 0.0)

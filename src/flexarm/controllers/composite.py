@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind
-from flexarm.arm import Arm
 from flexarm.control.base import FloatArray
 from flexarm.control_design.linear_design import (
     Design,
@@ -20,13 +16,13 @@ from flexarm.control_design.linear_design import (
     held,
     regulator,
     rows_of,
-    scales,
     sizes_of,
 )
 from flexarm.controllers.lqg import LQG
 from flexarm.errors import InputError, Problem
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.linearize import linearize
+from flexarm.model.drives.linear import CompositeParameters
 
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 BENDING = (
@@ -57,22 +53,12 @@ class FastDesign:
     cost: FloatArray
 
 
-class Composite(LQG):
+class Composite(CompositeParameters, LQG):
     """Singular-perturbation control: computed torque for the joints, damping for the links.
 
     The slow part gives the joint errors of the rigid model a bandwidth and a damping ratio. The
     fast part returns the links to the slow manifold with the linear-quadratic gain of the boundary
     layer. Both use the state that the Kalman filter of `LQG` estimates.
-
-    Args:
-        arm, posture, options: arguments of `LQG`: ``schedule``, ``measured``, ``disturbance``,
-            ``torque_limit``, ``sample_time``.
-        bandwidth: rad/s of the joint errors, one number or one for each joint.
-        damping_ratio: of the joint errors, one number or one for each joint.
-        acceptable: mapping from outputs of `linearize` that depend on bending only to their
-            acceptable deviations, as for `LQG`; by default 10 mm of ``link_tip_deflection`` and
-            0.1 m/s of its rate.
-        acceptable_torque: N m of the fast part, as for `LQG`.
 
     Attributes:
         fast_designs: the `FastDesign` of each posture of the grid.
@@ -83,35 +69,22 @@ class Composite(LQG):
     Siciliano and Book 1988.
     """
 
-    name = "composite"
     references: ClassVar[str] = "SicilianoBook1988"
 
-    def __init__(
-        self,
-        arm: Arm,
-        posture: ArrayLike | None = None,
-        *,
-        bandwidth: ArrayLike = 4.0,
-        damping_ratio: ArrayLike = 1.0,
-        acceptable: Mapping[str, ArrayLike] | None = None,
-        sample_time: float = 1e-3,
-        **options: Any,
-    ) -> None:
-        where = "Composite"
-        for unknown in ("integral", "preview", "nominal"):
-            if options.get(unknown) is not None and options[unknown] is not False:
-                problem = Problem(
-                    where, unknown, "is not supported", hint=f"`LQG` has `{unknown}`."
-                )
-                raise InputError(problem)
-        if check_kind(where, "arm", arm, Arm).dof == arm.joints:
+    integral: ClassVar[None] = None  # type: ignore[misc]
+    preview: ClassVar[float] = 0.0  # type: ignore[misc]
+    nominal: ClassVar[None] = None  # type: ignore[misc]
+
+    def __post_init__(self) -> None:
+        where, arm = "Composite", self.arm
+        if arm.dof == arm.joints:
             raise InputError(Problem(where, "arm", "is rigid"))
-        self.bandwidth = scales(where, "bandwidth", bandwidth, arm.joints)
-        self.damping_ratio = scales(where, "damping_ratio", damping_ratio, arm.joints)
-        if acceptable is None:
-            acceptable = {"link_tip_deflection": 0.01, "link_tip_deflection_rate": 0.1}
-        self.acceptable = check_names(where, "acceptable", acceptable, BENDING, arm)
-        super().__init__(arm, posture, sample_time=sample_time, **{**options, "preview": 0.0})
+        weighted = self.acceptable or {"link_tip_deflection": 0.01, "link_tip_deflection_rate": 0.1}
+        self.acceptable = check_names(where, "acceptable", weighted, BENDING, arm)
+        super().__post_init__()
+
+    def _regulated(self) -> None:
+        """See `LQG`; the regulator of both parts replaces that of `LQG`."""
 
     @property
     def epsilon(self) -> float:
@@ -127,9 +100,10 @@ class Composite(LQG):
         """Design both parts at a posture, and combine them into one gain; (C.34) to (C.37)."""
         from scipy.linalg import eigvals
 
+        weighted = self.acceptable or {}
         arm, joints, elastic = self.arm, self.arm.joint_index, self._model.elastic
         rest = equilibrium(arm, item.posture)
-        model = linearize(arm, rest, outputs=tuple(self.acceptable))
+        model = linearize(arm, rest, outputs=tuple(weighted))
         M, k = model.mass, elastic.size
         K = model.stiffness[np.ix_(elastic, elastic)]
         flexibility = np.asarray(np.linalg.inv(K), dtype=np.float64)
@@ -139,8 +113,8 @@ class Composite(LQG):
         moved = np.append(elastic, arm.dof + elastic)
         A = np.block([[np.zeros((k, k)), np.eye(k)], [-pull, -drag]])
         A, B = held(A, model.B[moved], self.sample_time)
-        size = sizes_of(where, "acceptable", model, self.acceptable)
-        wanted = rows_of(model, tuple(self.acceptable))[:, moved] / size[:, None]
+        size = sizes_of(where, "acceptable", model, weighted)
+        wanted = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
         price = np.diag(self.wishes.acceptable_torque**-2.0)
         weighed = wanted.T @ wanted
         stiffness, energy = bending(arm, model, self.wishes.acceptable_torque)

@@ -6,30 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
-from flexarm.arguments import check_kind, check_limits
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Needs, Reference
-from flexarm.control.gains import check_gains, check_joints, check_sample_time
+from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
 from flexarm.control_design.rigid_model import RigidModel
-from flexarm.controllers.follower import JointFollower, check_feedforward
-from flexarm.errors import InputError, Problem, shown
+from flexarm.controllers.follower import JointFollower
+from flexarm.model.drives.joint import ComputedTorqueParameters
 
 
-class ComputedTorque(JointFollower):
+class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
     """Computed torque with the rigid model of an arm.
-
-    Args:
-        arm: model of the arm; the controller uses its rigid counterpart.
-        frequency_hz: natural frequency of each joint's error, Hz, one number or one per joint.
-        damping_ratio: damping ratio of each joint's error, one number or one per joint, not
-            negative.
-        feedforward: None for feedback linearisation, with the torques of the model at the measured
-            angles and rates; or a function of time that returns torques (joints,) N m to follow
-            the reference, such as the ``torque`` of `tip_inversion` together with its
-            ``reference``. The mass matrix of the model then converts only the errors to torques.
-        sample_time: s, positive.
 
     Without a reference the controller keeps the angles of its first measurement. On a rigid arm the
     errors satisfy a linear equation of second order, (C.2). The model has no flexible links, so on
@@ -40,31 +29,19 @@ class ComputedTorque(JointFollower):
             negative or not finite, or the length of a list differs from the number of joints.
     """
 
-    name = "computed_torque"
     memory = ()
 
-    def __init__(
-        self,
-        arm: Arm,
-        frequency_hz: ArrayLike,
-        damping_ratio: ArrayLike = 1.0,
-        *,
-        feedforward: Callable[[float], ArrayLike] | None = None,
-        sample_time: float = 1e-3,
-    ) -> None:
-        super().__init__()
-        where = "ComputedTorque"
-        self.arm = check_kind(where, "arm", arm, Arm)
-        self.frequency_hz = check_limits(where, "frequency_hz", frequency_hz)
-        if not np.all(np.isfinite(self.frequency_hz)):
-            raise InputError(Problem(where, "frequency_hz", "be finite", shown(frequency_hz)))
-        self.damping_ratio = check_gains(where, "damping_ratio", damping_ratio)
-        lists = {"frequency_hz": self.frequency_hz, "damping_ratio": self.damping_ratio}
-        check_joints(where, arm.joints, **lists)
-        self.sample_time = check_sample_time(where, sample_time)
-        check_feedforward(where, feedforward)
-        self.feedforward = feedforward
-        self._model = RigidModel(arm)
+    feedforward: Callable[[float], ArrayLike] | None = Field(
+        default=None,
+        description="None for feedback linearisation, with the torques of the model at the "
+        "measured angles and rates; or a function of time that returns torques (joints,) N m to "
+        "follow the reference, such as the ``torque`` of `tip_inversion` together with its "
+        "``reference``. The mass matrix of the model then converts only the errors to torques.",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._model = RigidModel(self.arm)
         omega = 2.0 * np.pi * self.frequency_hz
         self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
@@ -18,26 +16,19 @@ from flexarm.control.base import (
     needs_of,
     report_of,
 )
-from flexarm.control.gains import Gains
+from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
 from flexarm.control_design.rigid_parameters import RigidParameters
 from flexarm.loop_analysis.linear_controller import memory_of
+from flexarm.model.drives.around import DisturbanceObserverParameters
 
 
-class DisturbanceObserver(Controller):
+class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
     """Generalised-momentum observer that compensates disturbance torques at the joints.
 
     De Luca and Mattone, Actuator failure detection and isolation using generalized momenta, ICRA
     2003; (C.52) to (C.54). The estimate is the torque that the rigid model does not explain, passed
     through a first-order filter. It needs neither accelerations nor the inverse mass matrix.
-
-    Args:
-        arm: model of the arm.
-        inner: the controller whose torque is corrected; both have the same sample time.
-        cutoff: Hz, one number or one per joint, cutoff of that filter. It should be below the
-            lowest frequency of the links, because bending acts as a disturbance, too.
-        compensation: fraction of the estimate that is subtracted from the torque, from 0 (observe
-            only) to 1.
 
     The observer uses the measured "torque" if an instrument reads it, and the requested torque
     otherwise.
@@ -47,26 +38,13 @@ class DisturbanceObserver(Controller):
             is not a controller.
     """
 
-    name = "disturbance_observer"
+    inner: Controller
 
-    def __init__(
-        self, arm: Arm, inner: Controller, cutoff: ArrayLike = 5.0, compensation: float = 1.0
-    ) -> None:
-        arm, gains = (
-            check_kind("DisturbanceObserver", "arm", arm, Arm),
-            Gains("DisturbanceObserver"),
-        )
-        gains.controller("inner", inner)
-        self.arm, self.inner = arm, inner
-        self.cutoff = gains.each("cutoff", cutoff, arm.joints, positive=True)
-        self.compensation = gains.one("compensation", compensation)
-        if self.compensation > 1.0:
-            gains.refuse("compensation", "be at most 1", compensation)
-        gains.done()
-        self._model = RigidParameters("DisturbanceObserver", arm)
-        self._estimate = np.zeros(arm.joints)
+    def __post_init__(self) -> None:
+        self._model = RigidParameters("DisturbanceObserver", self.arm)
+        self._estimate = np.zeros(self.arm.joints)
         self._last: FloatArray | None = None
-        self._asked = np.zeros(arm.joints)
+        self._asked = np.zeros(self.arm.joints)
 
     @property
     def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]

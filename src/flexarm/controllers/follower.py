@@ -5,21 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from flexarm.control.base import Controller, FloatArray, Measurement, Reference
 from flexarm.control.feedforward import SampledFeedforward
+from flexarm.control.parametrised import Parametrised
 from flexarm.errors import InputError, Problem, shown
 
 
-class JointFollower(Controller):
-    """Base of joint controllers that follow a reference, or keep the first angles without one.
+class JointFollower(Parametrised, Controller):
+    """Base of joint controllers that follow a reference, or keep the first angles without one."""
 
-    A subclass sets ``sample_time`` and ``feedforward``.
-    """
+    feedforward: Callable[[float], ArrayLike] | None = Field(
+        default=None,
+        description="Function of time that returns torques (joints,) N m, such as "
+        "``rigid_torque(arm, motion)``; None for none. It is evaluated in the middle of each "
+        "sample.",
+    )
 
-    feedforward: Callable[[float], ArrayLike] | None
-
-    def __init__(self) -> None:
+    def __post_init__(self) -> None:
+        if self.feedforward is not None and not callable(self.feedforward):
+            rule = "be a function of time that returns torques, or None"
+            problem = Problem(type(self).__name__, "feedforward", rule, shown(self.feedforward))
+            raise InputError(problem)
         self._held: FloatArray | None = None
         self._ahead: SampledFeedforward | None = None
 
@@ -49,14 +57,3 @@ class JointFollower(Controller):
             later = 0.5 * self.sample_time
             self._ahead = SampledFeedforward(self.feedforward, self.sample_time, later)
         return self._ahead(t)
-
-
-def check_feedforward(where: str, value: object) -> None:
-    """Check that a feedforward is a function or None.
-
-    Raises:
-        InputError: if it is neither callable nor None.
-    """
-    if value is not None and not callable(value):
-        rule = "be a function of time that returns torques, or None"
-        raise InputError(Problem(where, "feedforward", rule, shown(value)))

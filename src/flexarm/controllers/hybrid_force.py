@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from flexarm.arguments import check_kind
-from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Reference
-from flexarm.control.gains import Gains
+from flexarm.control.base import Measurement
 from flexarm.control_design.task_plan import Asked
+from flexarm.control_design.task_space import TaskState
 from flexarm.controllers.task_controller import TaskController, felt_force
+from flexarm.model.drives.force import HybridForceParameters
 
 #: Limit of the integral, relative to the requested force. It prevents windup without contact,
 #: which would make the tip hit the surface.
 _MOST_CORRECTION = 0.5
 
 
-class HybridForce(TaskController):
+class HybridForce(HybridForceParameters, TaskController):
     """Position control along a surface, force control normal to it (Raibert and Craig 1981).
 
     Along the surface the tip of the rigid model follows the reference as a mass, a spring and a
@@ -23,20 +22,6 @@ class HybridForce(TaskController):
     (`pressed_motion`) supplies the torque that the bent arm needs to press at rest. Without contact
     the tip approaches the surface at ``approach_speed``. Theory page "control-force", (F.1) to
     (F.7).
-
-    Args:
-        arm: model of the arm.
-        frequency: rad/s, natural frequency of the error along the surface.
-        damping_ratio: damping ratio of that error.
-        path_integral: 1/s, integral gain of that error. It compensates unmodelled friction within
-            about its inverse.
-        force_integral: 1/s, integral gain of the force error. It is the bandwidth of the force
-            control and should be below the lowest frequency of the arm in contact.
-        force_proportional: proportional gain of the force error.
-        normal_damping: N s/m, damping of the tip of the rigid model normal to the surface.
-        approach_speed: m/s, speed of approach without contact.
-        touch_force: N, measured force below which there is no contact.
-        sample_time: s.
 
     The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
     the first contact. If the reference has no force, or there is no reference, the joints follow
@@ -47,34 +32,11 @@ class HybridForce(TaskController):
             positive.
     """
 
-    name = "hybrid_force"
     memory = ("_sum", "_x_sum", "_y_sum")
 
-    def __init__(
-        self,
-        arm: Arm,
-        frequency: float = 8.0,
-        damping_ratio: float = 1.0,
-        path_integral: float = 2.0,
-        force_integral: float = 10.0,
-        force_proportional: float = 0.0,
-        normal_damping: float = 20.0,
-        approach_speed: float = 0.1,
-        touch_force: float = 0.2,
-        sample_time: float = 1e-3,
-    ) -> None:
-        arm, gains = check_kind("HybridForce", "arm", arm, Arm), Gains("HybridForce")
-        self.frequency = gains.one("frequency", frequency, positive=True)
-        self.damping_ratio = gains.one("damping_ratio", damping_ratio)
-        self.path_integral = gains.one("path_integral", path_integral)
-        self.force_integral = gains.one("force_integral", force_integral)
-        self.force_proportional = gains.one("force_proportional", force_proportional)
-        self.normal_damping = gains.one("normal_damping", normal_damping)
-        self.approach_speed = gains.one("approach_speed", approach_speed, positive=True)
-        self.touch_force = gains.one("touch_force", touch_force)
-        sample_time = gains.one("sample_time", sample_time, positive=True)
-        gains.done()
-        super().__init__(arm, sample_time, self.frequency)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._posture_frequency = self.frequency
         self._sum, self._touched = 0.0, False
         self._x_sum, self._y_sum = 0.0, 0.0
 
@@ -84,14 +46,10 @@ class HybridForce(TaskController):
         self._sum, self._touched = 0.0, False
         self._x_sum, self._y_sum = 0.0, 0.0
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = measurement.joint_angle, measurement.joint_rate
-        asked = self._plan.at(t, angle, reference)
-        state = self._task.at(angle, rate)
+    def _law(
+        self, asked: Asked, state: TaskState, measurement: Measurement
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
         nx, ny = asked.normal_x, asked.normal_y
-        if not (nx or ny):
-            return self._joints_follow(asked, state, angle, rate)
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
@@ -107,16 +65,11 @@ class HybridForce(TaskController):
         self._x_sum += gain * x_off
         self._y_sum += gain * y_off
         push = self._push(asked, measurement, nx * x_slip + ny * y_slip)
-        return self._task.torque(
-            state,
-            (
-                asked.x_acceleration + x_pull - across * nx,
-                asked.y_acceleration + y_pull - across * ny,
-            ),
-            (-push * nx, -push * ny),
-            self._posture(asked, angle, rate),
-            asked.pressing,
+        acceleration = (
+            asked.x_acceleration + x_pull - across * nx,
+            asked.y_acceleration + y_pull - across * ny,
         )
+        return acceleration, (-push * nx, -push * ny)
 
     def _push(self, asked: Asked, measurement: Measurement, slip: float) -> float:
         """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""

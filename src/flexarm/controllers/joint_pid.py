@@ -3,38 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import KW_ONLY
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from pydantic import Field
 
-from flexarm.arguments import check_flag, check_kind, check_limits
+from flexarm.arguments import check_flag, check_limits
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Needs, Reference
-from flexarm.control.gains import check_gains, check_joints, check_sample_time
+from flexarm.control.gains import joint_problems
 from flexarm.control.requirements import JOINTS, joints_of
 from flexarm.control_design.gravity_compensation import SaggingArm
 from flexarm.control_design.rigid_model import RigidModel
-from flexarm.controllers.follower import JointFollower, check_feedforward
+from flexarm.controllers.follower import JointFollower
 from flexarm.errors import InputError, Problem
+from flexarm.model.drives.joint import JointPIDParameters
 
 
-class JointPID(JointFollower):
+class JointPID(JointFollower, JointPIDParameters):
     """Proportional, integral and derivative feedback of each joint angle; gravity compensation.
-
-    Args:
-        proportional: gain (N m/rad), one number or one per joint, not negative.
-        derivative: gain (N m s/rad), one number or one per joint, not negative.
-        integral: gain (N m/(rad s)), one number or one per joint, not negative; zero for a PD
-            controller.
-        arm: model for gravity compensation at the measured angles; None for no compensation.
-        sag: whether the compensation includes the sag of the links under gravity; if False, the
-            links are straight.
-        torque_limit: N m, largest requested torque, one number or one per joint. At the limit the
-            integral is not advanced in the direction of more torque (anti-windup).
-        sample_time: s, positive.
-        feedforward: function of time that returns torques (joints,) N m, as in `JointPD`; None for
-            none.
 
     Without a reference the controller keeps the angles of its first measurement. Theory page:
     (C.1).
@@ -45,40 +33,38 @@ class JointPID(JointFollower):
             joints of ``arm``.
     """
 
-    name = "joint_pid"
     memory = ("_sum",)
 
-    def __init__(
-        self,
-        proportional: ArrayLike,
-        derivative: ArrayLike,
-        integral: ArrayLike = 0.0,
-        *,
-        arm: Arm | None = None,
-        sag: bool = False,
-        torque_limit: ArrayLike = math.inf,
-        sample_time: float = 1e-3,
-        feedforward: Callable[[float], ArrayLike] | None = None,
-    ) -> None:
-        super().__init__()
-        where = "JointPID"
-        self.proportional = check_gains(where, "proportional", proportional)
-        self.derivative = check_gains(where, "derivative", derivative)
-        self.integral = check_gains(where, "integral", integral)
-        self.torque_limit = check_limits(where, "torque_limit", torque_limit)
+    _: KW_ONLY
+    arm: Arm | None = Field(
+        default=None,
+        description="Model for gravity compensation at the measured angles; None for no "
+        "compensation.",
+    )
+    sag: bool = Field(
+        default=False,
+        description="Whether the compensation includes the sag of the links under gravity; if "
+        "False, the links are straight.",
+    )
+    torque_limit: Any = Field(
+        default=math.inf,
+        description="Largest requested torque (N m), one number or one per joint. At the limit the "
+        "integral is not advanced in the direction of more torque (anti-windup).",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        where, arm = "JointPID", self.arm
+        self.torque_limit = check_limits(where, "torque_limit", self.torque_limit)
         self._limited = bool(np.any(np.isfinite(self.torque_limit)))
-        self.sample_time = check_sample_time(where, sample_time)
-        check_feedforward(where, feedforward)
-        self.feedforward = feedforward
-        self.arm, self.sag = arm, check_flag(where, "sag", sag)
+        self.sag = check_flag(where, "sag", self.sag)
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
-            check_kind(where, "arm", arm, Arm)
-            gains = {"proportional": self.proportional, "derivative": self.derivative}
-            limits = {"integral": self.integral, "torque_limit": self.torque_limit}
-            check_joints(where, arm.joints, **gains, **limits)
-            self._weight = SaggingArm(arm) if sag else RigidModel(arm)
-        elif sag:
+            limits = {"torque_limit": self.torque_limit}
+            if problems := joint_problems(where, arm.joints, limits):
+                raise InputError(*problems)
+            self._weight = SaggingArm(arm) if self.sag else RigidModel(arm)
+        elif self.sag:
             raise InputError(Problem(where, "arm", "is required with sag"))
         self._sum: FloatArray | float = 0.0
 
@@ -100,7 +86,7 @@ class JointPID(JointFollower):
         """See ``Controller.update``."""
         angle, rate = self._wanted(t, measurement, reference)
         error: FloatArray = angle - measurement.joint_angle
-        torque = self.proportional * error + self._sum
+        torque: FloatArray = self.proportional * error + self._sum
         torque = torque + self.derivative * (rate - measurement.joint_rate)
         if self._weight is not None:
             torque = torque + self._weight.gravity_torque(measurement.joint_angle)
@@ -109,7 +95,7 @@ class JointPID(JointFollower):
         if not self._limited:
             self._sum = self._sum + self.integral * (self.sample_time * error)
             return torque
-        given = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
+        given: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
         taken = (torque == given) | (error * torque < 0.0)
         self._sum = self._sum + taken * self.integral * (self.sample_time * error)
         return given

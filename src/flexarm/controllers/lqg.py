@@ -4,72 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import KW_ONLY
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
-from flexarm.arguments import check_kind, check_nonnegative
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
 from flexarm.control.gains import check_sample_time
+from flexarm.control.parametrised import OfArm
 from flexarm.control_design.default_requirements import wishes_of
 from flexarm.control_design.flexible_model import FlexibleModel
 from flexarm.control_design.linear_design import (
     Design,
     design,
     preview_gain,
-    scales,
 )
 from flexarm.control_design.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
 from flexarm.control_design.posture_grid import Interpolated, PostureGrid
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array
 from flexarm.loop_analysis.margin_design import for_margin
 from flexarm.loop_analysis.margins import loop_at
+from flexarm.model.drives.linear import LQGParameters
 
-#: Number of intervals of the preview, and its largest length, s.
-_NODES, _LONGEST = 64, 60.0
-
-#: Largest recovery and uncertainty. Beyond it rounding errors dominate a design.
-_MOST_UNSURE = 1e6
+#: Number of intervals of the preview.
+_NODES = 64
 
 
-class LQG(Controller):
+class LQG(LQGParameters, OfArm, Controller):
     """Linear-quadratic feedback of the state of a flexible arm, estimated by a Kalman filter.
 
     The design uses `linearize` at rest in a posture, sampled exactly. The elastic forces along the
     reference are known in advance, and the preview compensates them optimally.
-
-    Args:
-        arm: model of the arm.
-        posture: (joints,) rad, posture of the design; zeros by default.
-        schedule: for each joint None, or increasing angles (rad). Gains are designed on the grid of
-            these angles, with the other angles of ``posture``, and interpolated.
-        acceptable: mapping from outputs of `linearize` to their acceptable deviations, in their
-            units, which determine the weights (Bryson's rule). By default 10 mrad of
-            ``joint_angle``, 10 mm of ``tip`` and 0.2 rad/s of ``joint_rate``.
-        acceptable_torque: N m, one number or one for each joint; by default the torque that
-            accelerates each joint of the rigid model by 10 rad/s^2.
-        measured: mapping from readings, out of ``joint_angle``, ``joint_rate``, ``strain`` and
-            ``tip``, to the standard deviations of their noise. By default 0.1 mrad of joint
-            angles, and 2e-5 of strain if the arm has gauges.
-        disturbance: mapping from inputs of `linearize` that act as unmeasured disturbances to their
-            standard deviations. By default a tenth of the acceptable torque for ``torque``, and
-            for ``tip_force`` a fifth of the largest acceptable torque over the length of the arm.
-        integral: True, or the output whose deviation is integrated: "joint_angle" or "tip" (which
-            must then be measured), or a mapping from it to its acceptable integral (rad s, m s).
-        recovery: loop-transfer recovery: fictitious torque noise of the filter, relative to
-            ``acceptable_torque``. A larger value brings the margins closer to those of a regulator
-            that measures the whole state, and amplifies noise (Doyle and Stein 1981).
-        rigidity_uncertainty: relative error of the stiffness of the links for which the design is
-            robust, such as 0.3. The filter then includes elastic forces of this relative size as
-            noise, and the regulator damps vibrations more (Tahk and Speyer 1987).
-        torque_limit: N m, one number or one for each joint, or None.
-        preview: s, span of the reference that is known in advance.
-        nominal: result of ``simulate`` that replaces the reference as nominal motion.
-        sample_time: s. Setting it later repeats the design.
 
     Attributes:
         designs: the `Design` of each posture of the grid.
@@ -80,61 +50,32 @@ class LQG(Controller):
         EquilibriumError: if the arm has no equilibrium at a posture.
     """
 
-    name = "lqg"
     memory = ("_known", "_whole")
     references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 
-    def __init__(
-        self,
-        arm: Arm,
-        posture: ArrayLike | None = None,
-        *,
-        schedule: Sequence[ArrayLike | None] | None = None,
-        acceptable: Mapping[str, ArrayLike] | None = None,
-        acceptable_torque: ArrayLike | None = None,
-        measured: Mapping[str, ArrayLike] | None = None,
-        disturbance: Mapping[str, ArrayLike] | None = None,
-        integral: bool | str | Mapping[str, ArrayLike] | None = None,
-        recovery: float = 0.0,
-        rigidity_uncertainty: float = 0.0,
-        torque_limit: ArrayLike | None = None,
-        preview: float = 0.5,
-        nominal: Any = None,
-        sample_time: float = 1e-3,
-    ) -> None:
-        where = type(self).__name__
-        self.arm = check_kind(where, "arm", arm, Arm)
-        given = np.zeros(arm.joints) if posture is None else posture
-        self.posture = check_array(where, "posture", given, (arm.joints,))
-        self.schedule = schedule
-        self.wishes = wishes_of(
-            where, arm, self.posture, acceptable, acceptable_torque, measured, disturbance, integral
-        )
-        self.wishes = replace(
-            self.wishes,
-            recovery=check_nonnegative(where, "recovery", recovery, _MOST_UNSURE),
-            rigidity_uncertainty=check_nonnegative(
-                where, "rigidity_uncertainty", rigidity_uncertainty, _MOST_UNSURE
-            ),
-        )
-        self.torque_limit = (
-            None
-            if torque_limit is None
-            else scales(where, "torque_limit", torque_limit, arm.joints)
-        )
-        self.preview = float(check_array(where, "preview", preview, ()))
-        if not 0.0 <= self.preview <= _LONGEST:
-            rule = f"be from 0 to {_LONGEST:g} s"
-            raise InputError(Problem(where, "preview", rule, shown(preview)))
-        self.nominal = nominal
+    _: KW_ONLY
+    nominal: Any = Field(
+        default=None,
+        description="Result of ``simulate`` that replaces the reference as nominal motion.",
+    )
+
+    def __post_init__(self) -> None:
+        where, arm = type(self).__name__, self.arm
+        self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
+        self.wishes = wishes_of(where, arm, self, self._regulated())
         self._model = FlexibleModel(arm)
         self._strains = strain_matrix(arm)
-        self._grid = PostureGrid(where, self.posture, schedule)
+        self._grid = PostureGrid(where, self.posture, self.schedule)
         with one_warning() as bent:
-            self.sample_time = sample_time
+            # The constructor leaves the number in the dictionary of the object, under the property.
+            self.sample_time = vars(self).pop("sample_time")
         warn_of_first(bent)
 
-    @property
+    def _regulated(self) -> Mapping[str, Any] | None:
+        """Return the acceptable deviations that the regulator is designed for; None: defaults."""
+        return self.acceptable
+
+    @property  # type: ignore[misc]
     def sample_time(self) -> float:
         """Time between samples, s."""
         return self._sample_time
@@ -235,7 +176,7 @@ class LQG(Controller):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         n, m = self._states, self._joints
-        found = self.posture if self.nominal is not None else np.asarray(measurement.joint_angle)
+        found = np.asarray(measurement.joint_angle if self.nominal is None else self.posture)
         nominal = self._motion.at(t, found, reference)
         self._arrays.move(nominal.angle)
         for name, places in self._places:

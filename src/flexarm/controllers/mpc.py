@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_count
-from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Reference
-from flexarm.control_design.linear_design import Design, scales
+from flexarm.control_design.linear_design import Design
 from flexarm.controllers.lqg import LQG
-from flexarm.errors import InputError, Problem
+from flexarm.model.drives.linear import MPCParameters
 
-_MOST_STEPS = 500
 #: Largest relative excesses of a plan over a limit. Rounding causes 1e-8 if feedback requests
 #: hundreds of times the limits. Plans above the first are counted, those above the second not used.
 _TOLERANCE, _ACCEPTED = 1e-6, 1e-2
@@ -23,20 +17,12 @@ _TOLERANCE, _ACCEPTED = 1e-6, 1e-2
 _MOST_CHANGES = 10
 
 
-class MPC(LQG):
+class MPC(MPCParameters, LQG):
     """Linear model predictive control with limits of torques and of their rates.
 
     At every sample the controller computes the torques over the horizon with the least cost within
     the limits, and applies the first. The cost beyond the horizon is that of the regulator, so the
     torques are exactly those of `LQG` if no limit is active.
-
-    Args:
-        arm, posture, options: as for `LQG`.
-        torque_limit: N m, one number or one for each joint.
-        torque_rate: N m/s, largest rate of change of torques from sample to sample, one number or
-            one for each joint, or None.
-        horizon: number of samples, 1 to 500.
-        sample_time: s.
 
     Attributes:
         limited: number of samples of the last run at which a limit was active over the horizon.
@@ -53,37 +39,13 @@ class MPC(LQG):
     three counts are attributes of results: ``mpc_limited``, ``mpc_inaccurate``, ``mpc_fallback``.
     """
 
-    name = "mpc"
     memory = LQG.memory
     references = "LawsonHanson1974"
 
-    def __init__(
-        self,
-        arm: Arm,
-        posture: ArrayLike | None = None,
-        *,
-        torque_limit: ArrayLike,
-        torque_rate: ArrayLike | None = None,
-        horizon: int = 40,
-        sample_time: float = 5e-3,
-        **options: Any,
-    ) -> None:
-        self.horizon = check_count("MPC", "horizon", horizon, most=_MOST_STEPS)
-        self.torque_rate = torque_rate
-        super().__init__(
-            arm, posture, torque_limit=torque_limit, sample_time=sample_time, **options
-        )
-
     def _prepare(self, where: str) -> None:
         joints = self.arm.joints
-        if self.torque_limit is None:
-            raise InputError(Problem(where, "torque_limit", "is missing"))
         self._most = self.torque_limit
-        self._rate_step = (
-            None
-            if self.torque_rate is None
-            else self.sample_time * scales(where, "torque_rate", self.torque_rate, joints)
-        )
+        self._rate_step = None if self.torque_rate is None else self.sample_time * self.torque_rate
         super()._prepare(where)
         self._difference = np.eye(self.horizon * joints) - np.eye(self.horizon * joints, k=-joints)
 

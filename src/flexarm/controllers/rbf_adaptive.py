@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind
-from flexarm.arm import Arm
-from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
-from flexarm.control.gains import Gains
+from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control_design.rigid_parameters import RigidParameters
-from flexarm.controllers.sliding import SlidingVariable
-from flexarm.errors import is_count
+from flexarm.controllers.sliding import SlidingController
+from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.adaptation import network_torque
+from flexarm.model.drives.uncertain import RBFAdaptiveParameters
 
 #: Largest number of Gaussians; more of them take longer than a sample time.
 _MOST_CENTRES = 10_000
 
 
-class RBFAdaptive(Controller):
+class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
     """Adaptive control with a neural network that learns the inverse dynamics; (C.49) to (C.51).
 
     Ge, Lee and Harris, Adaptive Neural Network Control of Robotic Manipulators, 1998; Lewis,
@@ -30,59 +25,23 @@ class RBFAdaptive(Controller):
     angles multiply the signals in which the dynamics are linear: accelerations, products of rates,
     a constant for gravity, rates and signs of rates.
 
-    Args:
-        arm: gives the number of joints, and with ``prior`` the rigid model.
-        bandwidth: 1/s, one number or one per joint: decay rate of angle errors on s = 0.
-        damping: N m s/rad, one number or one per joint: gain of s.
-        adaptation: adaptation gain of the weights, positive.
-        lower, upper: rad, (joints,): bounds of the joint angles of the motion.
-        centres: number of Gaussians along each joint angle, one number or one per joint; 1 for a
-            joint whose angle does not affect the dynamics, such as the first one without gravity.
-            Their width is their spacing.
-        leakage: 1/s, decay rate of the weights (sigma modification).
-        e_modification: 1/rad, decay rate of the weights per norm of s.
-        prior: whether to add the torque of the arm's rigid model, so that the network learns the
-            remainder.
-        strain_gain, washout, sample_time: as in ``Adaptive``.
-
     Raises:
         InputError: if a number is negative or not finite, ``upper`` is less than ``lower``, or
             there are too many Gaussians.
     """
 
-    name = "rbf_adaptive"
-
-    def __init__(
-        self,
-        arm: Arm,
-        bandwidth: ArrayLike,
-        damping: ArrayLike,
-        adaptation: float,
-        lower: ArrayLike,
-        upper: ArrayLike,
-        centres: int | Sequence[int] = 5,
-        leakage: float = 0.0,
-        e_modification: float = 0.01,
-        prior: bool = False,
-        strain_gain: ArrayLike = 0.0,
-        washout: float = 0.5,
-        sample_time: float = 1e-3,
-    ) -> None:
-        arm, gains = check_kind("RBFAdaptive", "arm", arm, Arm), Gains("RBFAdaptive")
-        joints = arm.joints
-        self.arm, self.prior = arm, gains.flag("prior", prior)
-        self._sliding = SlidingVariable(gains, arm, bandwidth, strain_gain, washout)
-        self.bandwidth, self.strain_gain = self._sliding.bandwidth, self._sliding.strain_gain
-        self.washout = self._sliding.washout
-        self.damping = gains.each("damping", damping, joints)
-        self.adaptation = gains.one("adaptation", adaptation, positive=True)
-        self.leakage = gains.one("leakage", leakage)
-        self.e_modification = gains.one("e_modification", e_modification)
-        self.sample_time = gains.one("sample_time", sample_time, positive=True)
-        self.lower, self.upper = _box(gains, lower, upper, joints)
-        self.centres = _counts(gains, centres, joints)
-        gains.done()
-        self._model = RigidParameters("RBFAdaptive", arm) if self.prior else None
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        joints = self.arm.joints
+        if np.any(self.upper < self.lower):
+            value = shown(self.upper)
+            raise InputError(Problem("RBFAdaptive", "upper", "be at least lower", value))
+        counts = self.centres.tolist()
+        if math.prod(counts) > _MOST_CENTRES:
+            rule = f"give at most {_MOST_CENTRES} Gaussians in all"
+            raise InputError(Problem("RBFAdaptive", "centres", rule, shown(counts)))
+        self.centres = tuple(counts)
+        self._model = RigidParameters("RBFAdaptive", self.arm) if self.prior else None
         self._centres, self._sharpness = _grid(self.lower, self.upper, self.centres)
         self._pairs = np.triu_indices(joints)
         self._signals = np.ones(1 + 3 * joints + len(self._pairs[0]))
@@ -97,11 +56,7 @@ class RBFAdaptive(Controller):
     def reset(self) -> None:
         """Reset the weights to zero."""
         self._weights[:] = 0.0
-        self._sliding.reset(self.sample_time)
-
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
-        return self._sliding.needs(self.arm)
+        super().reset()
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
@@ -138,27 +93,6 @@ class RBFAdaptive(Controller):
 
 #: Rate over which the sign of a rate is smoothed, rad/s.
 SIGN_RATE = 0.05
-
-
-def _box(
-    gains: Gains, lower: ArrayLike, upper: ArrayLike, joints: int
-) -> tuple[FloatArray, FloatArray]:
-    ends = []
-    for name, value in (("lower", lower), ("upper", upper)):
-        ends.append(gains.each(name, value, joints, negative=True))
-    if np.any(ends[1] < ends[0]):
-        gains.refuse("upper", "be at least lower", upper)
-    return ends[0], ends[1]
-
-
-def _counts(gains: Gains, centres: int | Sequence[int], joints: int) -> tuple[int, ...]:
-    counts: list[Any] = list(centres) if isinstance(centres, list | tuple) else [centres] * joints
-    whole = all(map(is_count, counts))
-    if not whole or len(counts) != joints or math.prod(counts) > _MOST_CENTRES:
-        rule = f"be one whole number or {joints} of them, at least 1, with a product of at most "
-        gains.refuse("centres", rule + f"{_MOST_CENTRES}", centres)
-        return (1,) * joints
-    return tuple(int(k) for k in counts)
 
 
 def _grid(

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Needs, Reference
-from flexarm.control.gains import Gains
+from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
+from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
+from flexarm.errors import InputError, Problem, shown
 
 #: Cutoff (Hz) of the low-pass filter of the curvature, which limits noise in its rate.
 _NOISE_CUTOFF = 100.0
@@ -27,26 +28,24 @@ class SlidingVariable:
     """
 
     def __init__(
-        self, gains: Gains, arm: Arm, bandwidth: ArrayLike, strain_gain: ArrayLike, washout: float
+        self, where: str, arm: Arm, bandwidth: FloatArray, strain_gain: FloatArray, washout: float
     ) -> None:
-        self.bandwidth = gains.each("bandwidth", bandwidth, arm.joints, positive=True)
-        self.strain_gain = gains.each("strain_gain", strain_gain, arm.joints)
-        self.washout = gains.one("washout", washout, positive=True)
+        self.bandwidth, self.strain_gain, self.washout = bandwidth, strain_gain, washout
         self._gauge = np.zeros(arm.joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.joints)
         self._fed = bool(np.any(self.strain_gain > 0.0))
         for joint in np.flatnonzero(self.strain_gain > 0.0):
-            self._find_gauge(gains, arm, int(joint))
+            self._find_gauge(where, arm, int(joint))
         self.reset(1.0)
 
-    def _find_gauge(self, gains: Gains, arm: Arm, joint: int) -> None:
+    def _find_gauge(self, where: str, arm: Arm, joint: int) -> None:
         """Select the gauge nearest to the root of the joint's link."""
         link = arm.joint_numbers[joint] - 1
         own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
         if not own:
             rule = f"be 0 at joint {link + 1}: its link has no gauge off the neutral axis"
-            gains.refuse("strain_gain", rule, float(self.strain_gain[joint]))
-            return
+            value = shown(float(self.strain_gain[joint]))
+            raise InputError(Problem(where, "strain_gain", rule, value))
         self._gauge[joint] = min(own)[1]
         self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
 
@@ -92,3 +91,24 @@ class SlidingVariable:
         self._slow += self._forget_slow * (bent - self._slow)
         self.reference_rate = self.reference_rate + self._fast
         self.reference_acceleration = self.reference_acceleration + step / self._sample_time
+
+
+class SlidingController(OfArm, Controller):
+    """Base of controllers with a `SlidingVariable`.
+
+    A subclass has the parameters ``bandwidth``, ``strain_gain`` and ``washout``, in its own order.
+    """
+
+    def __post_init__(self) -> None:
+        own: Any = self
+        self._sliding = SlidingVariable(
+            type(self).__name__, self.arm, own.bandwidth, own.strain_gain, own.washout
+        )
+
+    def reset(self) -> None:
+        """Clear the state of the previous run."""
+        self._sliding.reset(self.sample_time)
+
+    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+        """See ``Controller.needs``."""
+        return self._sliding.needs(self.arm)

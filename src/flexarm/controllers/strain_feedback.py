@@ -2,39 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
-from flexarm.arguments import check_each, check_positive
+from flexarm.arguments import check_each
 from flexarm.arm import Arm
 from flexarm.control.base import FloatArray, Measurement, Needs, Reference
-from flexarm.control.gains import check_gains, check_sample_time
 from flexarm.control.requirements import JOINTS, joints_of
-from flexarm.controllers.follower import JointFollower, check_feedforward
+from flexarm.controllers.follower import JointFollower
 from flexarm.errors import InputError, Problem, check_array
 from flexarm.hardware.instruments import filter_of
+from flexarm.model.drives.joint import StrainFeedbackParameters
 
 
-class StrainFeedback(JointFollower):
+class StrainFeedback(JointFollower, StrainFeedbackParameters):
     """Proportional and derivative feedback of each joint angle, and of strains at gauges.
 
     The torque is that of `JointPD` minus ``strain`` times the strains and ``strain_rate`` times
     their rates. With a large derivative gain the joint rates follow the strains, which is direct
     strain feedback.
-
-    Args:
-        proportional: gain (N m/rad), one number or one per joint, not negative.
-        derivative: gain (N m s/rad), one number or one per joint, not negative.
-        strain: gains (N m): one number or one per joint, where gauge k acts on joint k; or a matrix
-            (joints, gauges). Positive gains add damping if the distances of the gauges are
-            positive.
-        strain_rate: gains (N m s), in the same form.
-        rate_cutoff: Hz, cutoff of the filtered difference that computes the rates of strain.
-        sample_time: s, positive.
-        feedforward: function of time that returns torques (joints,) N m, as in `JointPD`; None for
-            none.
 
     Without a reference the controller keeps the angles of its first measurement. The poles of the
     sampled loop show whether gains are stable: theory page, (C.11) and (C.12).
@@ -48,30 +37,19 @@ class StrainFeedback(JointFollower):
         S. S. Ge, T. H. Lee and G. Zhu, IEEE Trans. Robotics and Automation 14 (1998) 179-185.
     """
 
-    name = "strain_feedback"
     memory = ("_last", "_rate")
 
-    def __init__(
-        self,
-        proportional: ArrayLike,
-        derivative: ArrayLike,
-        strain: ArrayLike,
-        strain_rate: ArrayLike = 0.0,
-        *,
-        rate_cutoff: float = 100.0,
-        sample_time: float = 1e-3,
-        feedforward: Callable[[float], ArrayLike] | None = None,
-    ) -> None:
-        super().__init__()
-        where = "StrainFeedback"
-        self.proportional = check_gains(where, "proportional", proportional)
-        self.derivative = check_gains(where, "derivative", derivative)
-        self.strain = _of_gauges(where, "strain", strain)
-        self.strain_rate = _of_gauges(where, "strain_rate", strain_rate)
-        self.rate_cutoff = check_positive(where, "rate_cutoff", rate_cutoff)
-        self.sample_time = check_sample_time(where, sample_time)
-        check_feedforward(where, feedforward)
-        self.feedforward = feedforward
+    strain: Any = Field(
+        description="Gains (N m): one number or one per joint, where gauge k acts on joint k; or a "
+        "matrix (joints, gauges). Positive gains add damping if the distances of the gauges are "
+        "positive."
+    )
+    strain_rate: Any = Field(default=0.0, description="Gains (N m s), in the same form.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.strain = _of_gauges("StrainFeedback", "strain", self.strain)
+        self.strain_rate = _of_gauges("StrainFeedback", "strain_rate", self.strain_rate)
         self._last: FloatArray | None = None
         self._rate = np.zeros(0)
 

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, Needs, Reference
+from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
 from flexarm.control_design.task_plan import Asked, TaskPlan
 from flexarm.control_design.task_space import TaskSpace, TaskState
 from flexarm.hardware.measurement import FloatArray, Measurement
 
 
-class TaskController(Controller):
-    """Base of controllers of the tip of a rigid model in contact with a surface.
+class TaskController(OfArm, Controller):
+    """Base of controllers of the tip of a rigid model in contact with a surface."""
 
-    Attributes:
-        arm: model of the arm. sample_time: s.
-    """
-
-    def __init__(self, arm: Arm, sample_time: float, posture_frequency: float) -> None:
-        self.arm = arm
-        self.sample_time = sample_time
-        self._posture_frequency = posture_frequency
+    def __post_init__(self) -> None:
         self._reads_force = True
-        self._task = TaskSpace(arm)
-        self._plan = TaskPlan(arm, sample_time)
+        self._posture_frequency = 0.0  # of joint errors, rad/s; a subclass sets it
+        self._task = TaskSpace(self.arm)
+        self._plan = TaskPlan(self.arm, self.sample_time)
 
     def reset(self) -> None:
         """Clear the reference, and the angles that are kept without one."""
@@ -33,6 +30,26 @@ class TaskController(Controller):
         """Return the requirements: a reference that presses needs a measured force."""
         presses = self._reads_force and hasattr(reference, "contact_force")
         return Needs(self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        angle, rate = measurement.joint_angle, measurement.joint_rate
+        asked = self._plan.at(t, angle, reference)
+        state = self._task.at(angle, rate)
+        if not (asked.normal_x or asked.normal_y):
+            return self._joints_follow(asked, state, angle, rate)
+        acceleration, force = self._law(asked, state, measurement)
+        posture = self._posture(asked, angle, rate)
+        return self._task.torque(state, acceleration, force, posture, asked.pressing)
+
+    @abstractmethod
+    def _law(
+        self, asked: Asked, state: TaskState, measurement: Measurement
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the acceleration (m/s^2) of the tip of the rigid model, and the force (N) on it.
+
+        The reference presses on a surface.
+        """
 
     def _joints_follow(
         self, asked: Asked, state: TaskState, angle: FloatArray, rate: FloatArray

@@ -14,22 +14,19 @@ from flexarm.control.base import (
     needs_of,
     report_of,
 )
-from flexarm.control.gains import Gains
+from flexarm.control.parametrised import Parametrised
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.model.drives.around import EstimatorParameters
 
 #: Entries of the measurement that the filter supplies to the inner controller.
 _TOLD = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
 
 
-class EstimatorController(Controller):
+class EstimatorController(Parametrised, EstimatorParameters, Controller):
     """Controller that passes the estimates of an ``ExtendedKalmanFilter`` to an inner controller.
 
     The measurement of the inner controller has the estimated ``joint_angle`` and ``joint_rate``,
     ``q`` (dof,), ``qd`` (dof,) and ``payload_mass`` (1,) kg, and the other readings unchanged.
-
-    Args:
-        estimator: the filter; it uses the sample time of the inner controller.
-        inner: any controller.
 
     The filter predicts with the measured "torque" if an instrument reads it, and with the requested
     torque otherwise.
@@ -39,15 +36,10 @@ class EstimatorController(Controller):
             controller.
     """
 
-    name = "estimator"
+    estimator: ExtendedKalmanFilter
+    inner: Controller
 
-    def __init__(self, estimator: ExtendedKalmanFilter, inner: Controller) -> None:
-        gains = Gains("EstimatorController")
-        if not isinstance(estimator, ExtendedKalmanFilter):
-            gains.refuse("estimator", "be an ExtendedKalmanFilter", estimator)
-        gains.controller("inner", inner)
-        gains.done()
-        self.estimator, self.inner = estimator, inner
+    def __post_init__(self) -> None:
         self._asked: FloatArray | None = None
 
     @property

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from flexarm.arguments import (
     check_kind,
@@ -18,7 +19,7 @@ from flexarm.arguments import (
 )
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
-from flexarm.control.gains import Gains
+from flexarm.control.parametrised import OfArm
 from flexarm.control_design.rigid_model import RigidModel
 from flexarm.errors import (
     InputError,
@@ -39,6 +40,7 @@ from flexarm.hardware.measurement import FloatArray, Measurement
 from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.sampled_step import SampledStep
 from flexarm.model import Instrument
+from flexarm.model.drives.around import FilterParameters
 from flexarm.model.variation import varied_spec
 
 #: Ratio of the standard deviation of joint angles before the first reading to that of the reading.
@@ -64,7 +66,7 @@ class Estimates(NamedTuple):
     consistent: bool
 
 
-class ExtendedKalmanFilter:
+class ExtendedKalmanFilter(FilterParameters, OfArm):
     """Extended Kalman filter for joint angles, rates, modal coordinates and payload mass.
 
     Between samples the nonlinear equations of the arm propagate the estimate, and their exact
@@ -73,19 +75,6 @@ class ExtendedKalmanFilter:
     extended Kalman filter, until one is left. Use the filter in a loop with
     ``EstimatorController``, on a record with ``run``, or in your own loop: ``reset``, then
     ``correct`` and ``predict`` alternately.
-
-    Args:
-        arm: model of the arm. One or two modes per link are enough.
-        instruments: instruments of "joint_angle" (required), "joint_rate", "strain" or a `Sensor`;
-            their noise and resolution determine their weights.
-        torque_noise: N m, one number or one per joint, standard deviation of an error of the torque
-            that is drawn independently at each sample. It represents all errors of the model.
-        payload_deviation: kg, standard deviation of the arm's payload mass; 0 for a known payload.
-            A large value raises the initial mean, because masses are not negative.
-        payload_drift: kg/s^0.5, intensity of a random walk of the payload mass.
-        rate_deviation: rad/s, standard deviation of the initial joint rates.
-        energy_deviation: J, expected initial energy of vibration in each mode.
-        sample_time: s.
 
     Attributes:
         innovation: mean of the normalised innovations squared over the last 100 samples, about one
@@ -99,28 +88,16 @@ class ExtendedKalmanFilter:
     The filter starts at the first readings of the encoders, with links at rest under gravity.
     """
 
-    def __init__(
-        self,
-        arm: Arm,
-        instruments: Sequence[Instrument],
-        torque_noise: ArrayLike = 0.1,
-        payload_deviation: float = 0.0,
-        payload_drift: float = 0.0,
-        rate_deviation: float = 0.1,
-        energy_deviation: float = 0.01,
-        sample_time: float = 1e-3,
-    ) -> None:
-        where, gains = "ExtendedKalmanFilter", Gains("ExtendedKalmanFilter")
-        arm = check_kind(where, "arm", arm, Arm)
-        instruments = check_list_of(where, "instruments", instruments, Instrument)
-        self.torque_noise = gains.each("torque_noise", torque_noise, arm.joints)
-        self.payload_deviation = gains.one("payload_deviation", payload_deviation)
-        self.payload_drift = gains.one("payload_drift", payload_drift)
-        self.rate_deviation = gains.one("rate_deviation", rate_deviation)
-        self.energy_deviation = gains.one("energy_deviation", energy_deviation)
-        self.sample_time = gains.one("sample_time", sample_time, positive=True)
-        gains.done()
-        self.arm, self.instruments = arm, tuple(instruments)
+    instruments: Sequence[Instrument] = Field(
+        description='Instruments of "joint_angle" (required), "joint_rate", "strain" or a '
+        "`Sensor`; their noise and resolution determine their weights."
+    )
+    sample_time: float = Field(default=1e-3, description="Time between samples (s).")
+
+    def __post_init__(self) -> None:
+        where, arm = "ExtendedKalmanFilter", self.arm
+        listed = check_list_of(where, "instruments", self.instruments, Instrument)
+        self.instruments = tuple(listed)
         self._readings = PredictedReadings(where, arm, self.instruments)
         self._step: SampledStep | None = None
         self._made_for = 0.0

@@ -14,8 +14,8 @@ from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.base import (
     Controller,
     Reference,
+    check_controller,
     check_reference,
-    controller_problem,
     needs_of,
 )
 from flexarm.errors import InputError, Problem, check_array, shown
@@ -190,9 +190,7 @@ def _plants(
     Raises:
         InputError: if the controller does not declare its memory, or an arm does not fit it.
     """
-    problem = controller_problem(_WHERE, "controller", controller)
-    if problem is not None:
-        raise InputError(problem)
+    check_controller(_WHERE, "controller", controller)
     if memory_of(controller) is None:
         rule = "does not declare its memory, the attributes that it keeps between samples"
         raise InputError(Problem(_WHERE, "controller", rule))

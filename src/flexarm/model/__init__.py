@@ -10,12 +10,8 @@ from flexarm.model.contacts import SurfaceTable as SurfaceTable
 from flexarm.model.contacts import Wall as Wall
 from flexarm.model.damping import ModalDamping as ModalDamping
 from flexarm.model.damping import RayleighDamping as RayleighDamping
-from flexarm.model.drives import ComputedTorqueDrive as ComputedTorqueDrive
-from flexarm.model.drives import JointPDDrive as JointPDDrive
-from flexarm.model.drives import JointPIDDrive as JointPIDDrive
 from flexarm.model.drives import NoDrive as NoDrive
 from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
-from flexarm.model.drives import StrainFeedbackDrive as StrainFeedbackDrive
 from flexarm.model.drives import TorqueDrive as TorqueDrive
 from flexarm.model.events import EventSpec as EventSpec
 from flexarm.model.events import JointEvent as JointEvent

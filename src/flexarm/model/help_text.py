@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
+
+from flexarm.model.quantities import Typed
 
 if TYPE_CHECKING:
     from flexarm.model.checks import Record
@@ -30,7 +32,8 @@ def type_text(annotation: Any) -> str:
     if annotation is NoneType:
         return "None"
     if origin is Annotated:
-        return type_text(parts[0])
+        numbers = (item.annotation for item in parts[1:] if isinstance(item, Typed))
+        return type_text(next(numbers, parts[0]))
     if origin in (Union, UnionType):
         return " | ".join(dict.fromkeys(map(type_text, parts)))
     if origin is Literal:
@@ -69,9 +72,17 @@ def signature_of(record: type[Record]) -> inspect.Signature:
 
 def docstring_of(record: type[Record], text: str) -> str:
     """Return the docstring of a record followed by its fields, with units, and its errors."""
-    lines = [inspect.cleandoc(text), "", "Args:"]
-    for name, field in record.model_fields.items():
-        entry = f"{name}: {field.description or type_text(field.annotation)}"
-        lines += textwrap.wrap(entry, _WIDTH, initial_indent="    ", subsequent_indent=" " * 8)
+    fields = record.model_fields.items()
+    entries = {name: field.description or type_text(field.annotation) for name, field in fields}
+    lines = [inspect.cleandoc(text), "", *args_text(entries)]
     lines += ["", "Raises:", "    ModelError: if a value is invalid; every problem is listed."]
     return "\n".join(lines)
+
+
+def args_text(entries: Mapping[str, str]) -> list[str]:
+    """Return the lines of the section "Args:" of a docstring."""
+    lines = ["Args:"]
+    for name, text in entries.items():
+        entry = f"{name}: {text}"
+        lines += textwrap.wrap(entry, _WIDTH, initial_indent="    ", subsequent_indent=" " * 8)
+    return lines

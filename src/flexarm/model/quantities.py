@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
@@ -19,8 +20,14 @@ T = TypeVar("T")
 
 
 def plain(value: Any) -> Any:
-    """Return the plain numbers or lists of a NumPy scalar or array, without importing NumPy."""
-    convert = getattr(value, "tolist", None)
+    """Return the plain numbers or lists of a number or array of NumPy, or of an xarray or a table.
+
+    This does not import NumPy.
+    """
+    if isinstance(value, type):
+        return value
+    array = getattr(value, "to_numpy", None)
+    convert = getattr(array() if callable(array) else value, "tolist", None)
     return convert() if callable(convert) else value
 
 
@@ -85,7 +92,7 @@ class Names(dict[str, T]):
 
 
 def _named(value: Any) -> Any:
-    if not isinstance(value, dict) or not value:
+    if not isinstance(value, Mapping) or not value:
         raise refuse("be a mapping with at least one name", value)
     wrong = next((name for name in value if not isinstance(name, str)), None)
     if wrong is not None:
@@ -113,7 +120,19 @@ def _one_or_many(value: Any) -> str:
     return "<list>" if isinstance(plain(value), list | tuple) else "<number>"
 
 
+def _interval(value: Any) -> Any:
+    given = plain(value)
+    numbers = given if isinstance(given, list | tuple) else ()
+    right = all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
+    if not right or len(numbers) != 2 or not numbers[0] <= numbers[1]:
+        raise refuse("be two numbers in increasing order", given)
+    return given
+
+
 if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
     # Input types, so that type checkers accept lists; tuples are stored.
     Listed = Annotated[Sequence[T], ...]
     Named = Annotated[Mapping[str, T], ...]
@@ -133,6 +152,7 @@ Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain)]
 Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain)]
 Word = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
 Identifier = Annotated[Word, AfterValidator(_identifier)]
+Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
 OneOrMany = Annotated[
     Annotated[T, Tag("<number>")] | Annotated[Listed[T], Tag("<list>")],
     Discriminator(_one_or_many),
@@ -145,3 +165,48 @@ if not TYPE_CHECKING:
     _Limit = Annotated[float, Field(gt=0), BeforeValidator(_limit)]
     Limit = Annotated[_Limit | None, AfterValidator(_unlimited)]
     Limits = Annotated[OneOrMany[_Limit] | None, AfterValidator(_unlimited)]
+
+
+@dataclass(frozen=True, eq=False)
+class Typed:
+    """Type of the input for a parameter without a static type: ``Annotated[Any, Typed(...)]``."""
+
+    of: Any
+
+    @property
+    def annotation(self) -> Any:
+        """The type of the input."""
+        return self.of
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return handler.generate_schema(self.annotation)
+
+
+class OneOrEach(Typed):
+    """One number or a list of them.
+
+    A constructor in Python takes arrays, too, and its object keeps an array. No static type covers
+    all of them.
+    """
+
+    @property
+    def annotation(self) -> Any:
+        """The type of the input."""
+        several: Any = OneOrMany
+        return several[self.of]
+
+
+class PerJoint(OneOrEach):
+    """One number for all joints of the arm, or a list with one for each."""
+
+
+class ListPerJoint(PerJoint):
+    """A list with one value for each joint of the arm."""
+
+    @property
+    def annotation(self) -> Any:
+        """The type of the input."""
+        several: Any = Listed
+        return several[self.of]

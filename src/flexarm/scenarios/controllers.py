@@ -13,7 +13,7 @@ from flexarm.controllers import CONTROLLERS
 from flexarm.errors import InputError, Problem
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.model import Hardware
-from flexarm.model.drives import ControllerDrive, FilterSpec
+from flexarm.model.drives import ControllerDrive
 from flexarm.motion import Motion
 from flexarm.scenarios.file_errors import told_inside
 from flexarm.scenarios.initial_state import Start, feedforward
@@ -71,17 +71,17 @@ def _inner(drive: ControllerDrive, around: Around) -> dict[str, Any]:
         return {"inner": controller_of(drive, around)}
 
 
-def _estimator(spec: FilterSpec, around: Around) -> dict[str, Any]:
+def _estimator(spec: Any, around: Around) -> dict[str, Any]:
     instruments = spec.instruments
     if instruments is None:
         instruments = (around.hardware and around.hardware.instruments) or ()
     if not instruments:
         rule = "are required, because the hardware has none"
         raise InputError(Problem("drive", "estimator.instruments", rule))
-    names = ("torque_noise", "payload_deviation", "payload_drift", "rate_deviation")
-    options = {name: getattr(spec, name) for name in (*names, "energy_deviation")}
+    options = {name: getattr(spec, name) for name in type(spec).model_fields}
+    options["instruments"] = list(instruments)
     with told_inside("estimator"):
-        return {"estimator": ExtendedKalmanFilter(around.arm, list(instruments), **options)}
+        return {"estimator": ExtendedKalmanFilter(around.arm, **options)}
 
 
 #: Functions that convert the value of a key to arguments, for keys that are not arguments.

@@ -19,7 +19,7 @@ from flexarm.arguments import (
 )
 from flexarm.arm import Arm
 from flexarm.bending import too_far_bent
-from flexarm.control.base import Controller, Reference, check_reference, controller_problem
+from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
 from flexarm.engine.impacts import run_through_impacts
@@ -350,8 +350,7 @@ def _check_objects(
             raise InputError(Problem(where, "hardware", "requires a controller"))
     if controller is None:
         return
-    if (problem := controller_problem(where, "controller", controller)) is not None:
-        raise InputError(problem)
+    check_controller(where, "controller", controller)
     check_positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
 
 

@@ -210,8 +210,11 @@ def test_strain_feedback_damps_as_the_poles_of_the_linear_loop_say():
     ("change", "words"),
     [
         ({"bandwidth": 0.0}, "bandwidth must be greater than 0"),
-        ({"damping": [1.0, 2.0, 3.0]}, "damping must be one number, or 2 numbers"),
-        ({"damping": [1.0, -2.0]}, "damping must be at least 0"),
+        (
+            {"damping": [1.0, 2.0, 3.0]},
+            "damping must have length 2, one value for each joint, got 3",
+        ),
+        ({"damping": [1.0, -2.0]}, "damping[1] must be at least 0"),
         ({"adaptation": np.nan}, "adaptation"),
         ({"parameters": ["payload.weight"]}, "payload.weight"),
         ({"parameters": ["payload.mass", "payload.mass"]}, "once"),

@@ -240,7 +240,6 @@ def test_composite_follows_and_damps(arm):
         ({"bandwidth": 0.0}, "bandwidth"),
         ({"damping_ratio": [1.0, 1.0, 1.0]}, "damping_ratio"),
         ({"acceptable": {"tip": 0.01}}, "tip"),
-        ({"integral": True}, "integral"),
     ],
     ids=lambda value: str(value),
 )

@@ -120,7 +120,7 @@ def test_modification_keeps_weights_bounded_under_what_it_cannot_learn():
         ({"centres": 1000}, "centres"),
         ({"lower": 2.0}, "upper must be at least lower"),
         ({"upper": "wide"}, "upper"),
-        ({"lower": [0.0, np.inf]}, "lower[1] must be finite"),
+        ({"lower": [0.0, np.inf]}, "lower[1] must be a finite number"),
     ],
 )
 def test_wrong_arguments_are_told(change, words):

@@ -88,7 +88,7 @@ def test_wrong_arguments_are_told_at_once():
         fa.SlidingMode(rigid_arm(), 1.0, 0.0, {"payload.mass": -1.0}, reaching=0.0)
     text = str(caught.value)
     assert len(caught.value.problems) == 3
-    for words in ("boundary_layer", "uncertainty of payload.mass", "reaching"):
+    for words in ("boundary_layer", "uncertainty.payload.mass", "reaching"):
         assert words in text
     with pytest.raises(fa.InputError, match=r"payload\.size"):
         fa.SlidingMode(rigid_arm(), 1.0, 0.1, {"payload.size": 1.0})

@@ -7,7 +7,6 @@ from flexarm.model import (
     ArmSpec,
     Box,
     Circle,
-    ComputedTorqueDrive,
     FactorTable,
     FollowingJoint,
     Gauge,
@@ -16,8 +15,6 @@ from flexarm.model import (
     Joint,
     JointEvent,
     JointMotionSpec,
-    JointPDDrive,
-    JointPIDDrive,
     LineMotionSpec,
     Link,
     Load,
@@ -31,7 +28,6 @@ from flexarm.model import (
     RunSettings,
     Scenario,
     SectionTable,
-    StrainFeedbackDrive,
     TabulatedJoint,
     TipEvent,
     TorqueDrive,
@@ -39,12 +35,7 @@ from flexarm.model import (
 )
 from flexarm.model.drives import (
     CONTROLLED,
-    AdaptiveDrive,
-    DisturbanceObserverDrive,
-    EstimatorDrive,
     FilterSpec,
-    HybridForceDrive,
-    LQGDrive,
     balances,
 )
 from flexarm.model.hardware import Instrument
@@ -283,7 +274,7 @@ def scenarios(draw):
     ]
     if motion is not None:
         pd = st.builds(
-            JointPDDrive,
+            CONTROLLED["joint_pd"],
             proportional=gains,
             derivative=gains,
             feedforward=st.sampled_from(["none", "rigid_inverse_dynamics"][: 1 if presses else 2]),
@@ -292,25 +283,26 @@ def scenarios(draw):
         drives += [
             *([] if presses else [st.just(RigidInverseDynamicsDrive())]),
             pd,
-            st.builds(HybridForceDrive, frequency=positive),
+            st.builds(CONTROLLED["hybrid_force"], frequency=positive),
             st.builds(
-                LQGDrive,
+                CONTROLLED["lqg"],
                 posture=st.none() | each,
                 measured=st.dictionaries(st.sampled_from(["tip", "strain"]), positive, min_size=1),
                 integral=st.sampled_from([None, True, "tip", {"joint_angle": 0.1}]),
             ),
             st.builds(
-                AdaptiveDrive,
+                CONTROLLED["adaptive"],
                 bandwidth=positive,
                 damping=gains,
                 adaptation=not_negative,
                 parameters=st.sampled_from(["links", ["payload.mass", "link_1.inertia"]]),
-                bounds=st.none() | st.dictionaries(st.just("payload.mass"), pairs, min_size=1),
+                bounds=st.none()
+                | st.dictionaries(st.just("payload.mass"), pairs.map(sorted), min_size=1),
             ),
-            st.builds(DisturbanceObserverDrive, inner=pd, compensation=ratios),
+            st.builds(CONTROLLED["disturbance_observer"], inner=pd, compensation=ratios),
             st.builds(
-                EstimatorDrive,
-                inner=st.builds(DisturbanceObserverDrive, inner=pd),
+                CONTROLLED["estimator"],
+                inner=st.builds(CONTROLLED["disturbance_observer"], inner=pd),
                 estimator=st.builds(
                     FilterSpec,
                     instruments=st.none()
@@ -318,15 +310,17 @@ def scenarios(draw):
                 ),
             ),
             st.builds(
-                JointPIDDrive,
+                CONTROLLED["joint_pid"],
                 proportional=gains,
                 derivative=gains,
                 integral=gains,
                 torque_limit=st.none() | positive,
                 sample_time=positive,
             ),
-            st.builds(ComputedTorqueDrive, frequency_hz=positive, damping_ratio=gains),
-            st.builds(StrainFeedbackDrive, proportional=gains, derivative=gains, strain=gains),
+            st.builds(CONTROLLED["computed_torque"], frequency_hz=positive, damping_ratio=gains),
+            st.builds(
+                CONTROLLED["strain_feedback"], proportional=gains, derivative=gains, strain=gains
+            ),
         ]
     drive = draw(st.one_of(drives))
     moved = (

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, get_args
+from typing import TYPE_CHECKING, Any
 
-from pydantic import Field
-
-from flexarm.model.drives.around import DisturbanceObserverDrive, EstimatorDrive, FilterSpec
+from flexarm.model.drives.around import AROUND, FilterSpec
 from flexarm.model.drives.base import ControllerDrive
-from flexarm.model.drives.force import AdmittanceDrive, HybridForceDrive, ImpedanceDrive
-from flexarm.model.drives.joint import (
-    ComputedTorqueDrive,
-    JointPDDrive,
-    JointPIDDrive,
-    StrainFeedbackDrive,
-)
-from flexarm.model.drives.linear import CompositeDrive, LQGDrive, MPCDrive
-from flexarm.model.drives.registry import Alone
+from flexarm.model.drives.registry import ALONE, one_of
 from flexarm.model.drives.torques import NoDrive, RigidInverseDynamicsDrive, TorqueDrive
-from flexarm.model.drives.uncertain import AdaptiveDrive, RBFAdaptiveDrive, SlidingModeDrive
 
-_Controllers = Alone | DisturbanceObserverDrive | EstimatorDrive
-Drive = Annotated[
-    RigidInverseDynamicsDrive | TorqueDrive | NoDrive | _Controllers, Field(discriminator="kind")
-]
 #: Drives that are controllers, by their kind.
 CONTROLLED: dict[str, type[ControllerDrive]] = {
-    record.model_fields["kind"].default: record for record in get_args(_Controllers)
+    record.model_fields["kind"].default: record for record in (*ALONE, *AROUND)
 }
+if TYPE_CHECKING:
+    Drive = Any
+else:
+    Drive = one_of((RigidInverseDynamicsDrive, TorqueDrive, NoDrive, *CONTROLLED.values()))
+# A record can be pickled only if its module has it.
+globals().update({record.__name__: record for record in (*CONTROLLED.values(), FilterSpec)})
 
 
 def balances(drive: object) -> bool:
@@ -37,26 +28,11 @@ def balances(drive: object) -> bool:
 
 __all__ = [
     "CONTROLLED",
-    "AdaptiveDrive",
-    "AdmittanceDrive",
-    "CompositeDrive",
-    "ComputedTorqueDrive",
     "ControllerDrive",
-    "DisturbanceObserverDrive",
     "Drive",
-    "EstimatorDrive",
     "FilterSpec",
-    "HybridForceDrive",
-    "ImpedanceDrive",
-    "JointPDDrive",
-    "JointPIDDrive",
-    "LQGDrive",
-    "MPCDrive",
     "NoDrive",
-    "RBFAdaptiveDrive",
     "RigidInverseDynamicsDrive",
-    "SlidingModeDrive",
-    "StrainFeedbackDrive",
     "TorqueDrive",
     "balances",
 ]

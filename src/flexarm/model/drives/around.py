@@ -2,80 +2,86 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from flexarm.model.checks import Record
-from flexarm.model.drives.base import ControllerDrive
-from flexarm.model.drives.registry import Alone
+from flexarm.model.drives.base import ControllerParameters, drive_of
+from flexarm.model.drives.parameters import Parameters, parameters_of, record_of
+from flexarm.model.drives.registry import ALONE, one_of
 from flexarm.model.hardware import Instrument
-from flexarm.model.quantities import Fraction, Listed, NonNegative, OneOrMany, Positive
+from flexarm.model.quantities import Fraction, Listed, NonNegative, PerJoint, Positive, Typed
 
 
-class DisturbanceObserverDrive(ControllerDrive):
+class DisturbanceObserverParameters(ControllerParameters):
     """Disturbance observer: subtracts torques that the rigid model does not explain.
 
     The corrected torques are those of an inner controller.
     """
 
-    kind: Literal["disturbance_observer"] = "disturbance_observer"
-    inner: Alone = Field(
-        discriminator="kind",
-        description="The controller whose torque is corrected; its sample time is this one's.",
+    name = "disturbance_observer"
+    inner: Annotated[Any, Typed(one_of(ALONE))] = Field(
+        description="The controller whose torque is corrected; both have the same sample time."
     )
-    cutoff: OneOrMany[Positive] = Field(
+    cutoff: Annotated[Any, PerJoint(Positive)] = Field(
         default=5.0,
-        description="Of the filter that the estimate follows as, one for all joints or one each "
-        "(Hz).",
+        description="Cutoff of the filter of the estimate, one for all joints or one each; it "
+        "should be below the lowest frequency of the links, because bending acts as a "
+        "disturbance, too (Hz).",
     )
     compensation: Fraction = Field(
-        default=1.0, description="Part of the estimate that is taken off; 0 only watches."
+        default=1.0,
+        description="Fraction of the estimate that is subtracted from the torque; 0 observes only.",
     )
 
-    per_joint: ClassVar[tuple[str, ...]] = ("cutoff",)
 
-    def balances(self) -> bool:
-        """See `ControllerDrive.balances`."""
-        return self.inner.balances()
-
-
-class FilterSpec(Record):
+class FilterParameters(Parameters):
     """An extended Kalman filter for the bending of the arm and its payload."""
 
-    instruments: Listed[Instrument] | None = Field(
+    instruments: Annotated[Any, Typed(Listed[Instrument] | None)] = Field(
         default=None,
-        description="What is read; all of the hardware's instruments where left out.",
+        description="Instruments of the filter; all of the hardware's where left out.",
     )
-    torque_noise: OneOrMany[NonNegative] = Field(
+    torque_noise: Annotated[Any, PerJoint(NonNegative)] = Field(
         default=0.1,
-        description="Standard deviation of an error of the torque, drawn anew at each sample: all "
-        "that the model leaves out (N m).",
+        description="Standard deviation of an error of the torque that is drawn independently at "
+        "each sample, one for all joints or one each: it represents all errors of the model (N m).",
     )
     payload_deviation: NonNegative = Field(
         default=0.0,
-        description="Standard deviation of the payload's mass (kg); 0 where it is known.",
+        description="Standard deviation of the payload mass, 0 for a known payload (kg). A large "
+        "value raises the initial mean, because masses are not negative.",
     )
     payload_drift: NonNegative = Field(
-        default=0.0, description="By which that mass wanders (kg/s^0.5)."
+        default=0.0, description="Intensity of a random walk of the payload mass (kg/s^0.5)."
     )
     rate_deviation: NonNegative = Field(
-        default=0.1, description="Standard deviation of the joint rates at the start (rad/s)."
+        default=0.1, description="Standard deviation of the initial joint rates (rad/s)."
     )
     energy_deviation: NonNegative = Field(
-        default=0.01, description="Energy of vibration expected in each mode at the start (J)."
+        default=0.01, description="Expected initial energy of vibration in each mode (J)."
     )
 
 
-class EstimatorDrive(ControllerDrive):
+FilterSpec = record_of(
+    "FilterSpec",
+    FilterParameters.__doc__ or "",
+    parameters_of(FilterParameters),
+)
+_OBSERVED = drive_of(DisturbanceObserverParameters)
+
+
+class EstimatorParameters(ControllerParameters):
     """An inner controller whose measurement is the estimate of a Kalman filter."""
 
-    kind: Literal["estimator"] = "estimator"
-    estimator: FilterSpec = Field(default=FilterSpec(), description="The filter.")
-    inner: Alone | DisturbanceObserverDrive = Field(
-        discriminator="kind", description="The controller; its sample time is this one's."
+    name = "estimator"
+    estimator: Annotated[Any, Typed(FilterSpec)] = Field(
+        default=FilterSpec(), description="The filter; it has the sample time of the controller."
+    )
+    inner: Annotated[Any, Typed(one_of((*ALONE, _OBSERVED)))] = Field(  # type: ignore[misc]
+        description="The controller that receives the estimate."
     )
 
-    def balances(self) -> bool:
-        """See `ControllerDrive.balances`."""
-        return self.inner.balances()
+
+#: Controllers that contain another one.
+AROUND = (_OBSERVED, drive_of(EstimatorParameters))

@@ -3,118 +3,129 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal
+from dataclasses import KW_ONLY
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from flexarm.model.checks import Given
 from flexarm.model.drives.base import (
-    ControllerDrive,
+    ControllerParameters,
     Derivative,
     Feedforward,
     Proportional,
     SampleTime,
 )
-from flexarm.model.quantities import NonNegative, Number, OneOrMany, Positive
+from flexarm.model.quantities import NonNegative, Number, PerJoint, Positive
 from flexarm.model.wording import Fault
 
 
-class JointPDDrive(ControllerDrive):
+class JointPDParameters(ControllerParameters):
     """Joint PD control: a proportional-derivative controller at each joint along the motion."""
 
-    kind: Literal["joint_pd"] = "joint_pd"
+    name = "joint_pd"
     proportional: Proportional
     derivative: Derivative
-    feedforward: Feedforward = "none"
     sample_time: SampleTime = 0.001
 
-    per_joint: ClassVar[tuple[str, ...]] = ("proportional", "derivative")
+
+class JointPDKeys(JointPDParameters):
+    """Keys of the drive `joint_pd`."""
+
+    feedforward: Feedforward = "none"
 
 
-class JointPIDDrive(ControllerDrive):
+class JointPIDParameters(ControllerParameters):
     """Joint PID control along the motion, with optional gravity compensation."""
 
-    kind: Literal["joint_pid"] = "joint_pid"
+    name = "joint_pid"
     proportional: Proportional
     derivative: Derivative
-    integral: OneOrMany[NonNegative] = Field(
+    integral: Annotated[Any, PerJoint(NonNegative)] = Field(
         default=0.0,
         description="Torque per angle error and time, one for all joints or one each "
         "(N m/(rad s)).",
     )
+    _: KW_ONLY
+    sample_time: SampleTime = 0.001
+
+
+class JointPIDKeys(JointPIDParameters):
+    """Keys of the drive `joint_pid`."""
+
     gravity: Literal["none", "rigid", "sag"] = Field(
         default="none",
         description="Weight that is balanced at the measured angles: none, that of the rigid arm, "
         "or that of the arm with links that sag.",
     )
-    torque_limit: OneOrMany[Positive] | None = Field(
+    torque_limit: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
         description="Largest torque asked for, one for all joints or one each (N m); no limit by "
         "default.",
     )
     feedforward: Feedforward = "none"
-    sample_time: SampleTime = 0.001
-
-    per_joint: ClassVar[tuple[str, ...]] = (
-        "proportional",
-        "derivative",
-        "integral",
-        "torque_limit",
-    )
 
     @classmethod
-    def _faults(cls, given: Given) -> Iterator[Fault]:
+    def _file_faults(cls, given: Given) -> Iterator[Fault]:
         twice = given.has("gravity") and given.gravity != "none"
         if twice and given.has("feedforward") and given.feedforward != "none":
             rule = f"cannot be combined with feedforward {given.feedforward}"
             yield Fault(("gravity",), rule)
 
-    def balances(self) -> bool:
-        """See `ControllerDrive.balances`."""
-        return self.gravity != "none"
+    @staticmethod
+    def _file_balances(drive: Any) -> bool:
+        return bool(drive.gravity != "none")
 
 
-class ComputedTorqueDrive(ControllerDrive):
+class ComputedTorqueParameters(ControllerParameters):
     """Computed torque of the rigid model along the motion."""
 
-    kind: Literal["computed_torque"] = "computed_torque"
-    frequency_hz: OneOrMany[Positive] = Field(
+    name = "computed_torque"
+    frequency_hz: Annotated[Any, PerJoint(Positive)] = Field(
         description="Natural frequency of the error, one for all joints or one each (Hz)."
     )
-    damping_ratio: OneOrMany[NonNegative] = Field(
-        default=1.0, description="Of the error, one for all joints or one each."
+    damping_ratio: Annotated[Any, PerJoint(NonNegative)] = Field(
+        default=1.0, description="Damping ratio of the error, one for all joints or one each."
     )
+    _: KW_ONLY
+    sample_time: SampleTime = 0.001
+
+
+class ComputedTorqueKeys(ComputedTorqueParameters):
+    """Keys of the drive `computed_torque`."""
+
     feedforward: Literal["none", "rigid_inverse_dynamics"] = Field(
         default="none",
         description="Torque along the motion in place of the model's at the measured angles.",
     )
-    sample_time: SampleTime = 0.001
 
-    per_joint: ClassVar[tuple[str, ...]] = ("frequency_hz", "damping_ratio")
-
-    def balances(self) -> bool:
-        """See `ControllerDrive.balances`."""
-        return self.feedforward == "none"
+    @staticmethod
+    def _file_balances(drive: Any) -> bool:
+        return bool(drive.feedforward == "none")
 
 
-class StrainFeedbackDrive(ControllerDrive):
+class StrainFeedbackParameters(ControllerParameters):
     """Joint PD control with feedback of the strain at one gauge per joint."""
 
-    kind: Literal["strain_feedback"] = "strain_feedback"
+    name = "strain_feedback"
     proportional: Proportional
     derivative: Derivative
-    strain: OneOrMany[Number] = Field(
-        description="Torque per strain of the gauge of the same place, one for all joints or one "
+    strain: Annotated[Any, PerJoint(Number)] = Field(
+        description="Torque per strain of the gauge with the same index, one for all joints or one "
         "each (N m)."
     )
-    strain_rate: OneOrMany[Number] = Field(
+    strain_rate: Annotated[Any, PerJoint(Number)] = Field(
         default=0.0,
         description="Torque per rate of strain, one for all joints or one each (N m s).",
     )
+    _: KW_ONLY
     rate_cutoff: Positive = Field(
-        default=100.0, description="Of the filter that differentiates strains (Hz)."
+        default=100.0, description="Cutoff of the filter that differentiates strains (Hz)."
     )
-    feedforward: Feedforward = "none"
     sample_time: SampleTime = 0.001
 
-    per_joint: ClassVar[tuple[str, ...]] = ("proportional", "derivative", "strain", "strain_rate")
+
+class StrainFeedbackKeys(StrainFeedbackParameters):
+    """Keys of the drive `strain_feedback`."""
+
+    feedforward: Feedforward = "none"

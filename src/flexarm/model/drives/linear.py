@@ -2,182 +2,152 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Mapping
+from dataclasses import KW_ONLY
+from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from flexarm.model.drives.base import ControllerDrive, Posture, SampleTime
+from flexarm.model.drives.base import ControllerParameters, SampleTime
 from flexarm.model.quantities import (
-    Count,
     Flag,
     Listed,
+    ListPerJoint,
     Named,
-    NonNegative,
     Number,
-    OneOrMany,
+    OneOrEach,
+    PerJoint,
     Positive,
     Word,
+    finite,
+    plain,
 )
-
-Schedule = Annotated[
-    Listed[Listed[Number] | None] | None,
-    Field(
-        description="For each joint nothing, or rising angles: designs on the grid of them, gains "
-        "interpolated between (rad)."
-    ),
-]
-AcceptableTorque = Annotated[
-    OneOrMany[Positive] | None,
-    Field(
-        description="Torque that counts as much, one for all joints or one each (N m); what gives "
-        "the rigid arm 10 rad/s^2 where left out."
-    ),
-]
-Measured = Annotated[
-    Named[OneOrMany[Positive]] | None,
-    Field(
-        description="What is measured, of joint_angle, joint_rate, strain and tip, and the "
-        "standard deviation of its noise; joint angles to 0.1 mrad and strain to 2e-5 where left "
-        "out."
-    ),
-]
-Disturbance = Annotated[
-    Named[OneOrMany[Positive]] | None,
-    Field(
-        description="Inputs that act unseen, such as torque and tip_force, and their standard "
-        "deviations; parts of the acceptable torque where left out."
-    ),
-]
-TorqueLimit = Annotated[
-    OneOrMany[Positive] | None,
-    Field(
-        description="Largest torque asked for, one for all joints or one each (N m); none where "
-        "left out."
-    ),
-]
-Acceptable = Annotated[
-    Named[OneOrMany[Positive]] | None,
-    Field(
-        description="Outputs and the deviation of each that counts as much as the others'; 10 mrad "
-        "of joint_angle, 10 mm of tip and 0.2 rad/s of joint_rate where left out."
-    ),
-]
 
 
 def _flag_word_or_names(value: Any) -> str:
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return "<names>"
     return "<word>" if isinstance(value, str) else "<flag>"
 
 
+_PositiveNumbers = Annotated[Any, OneOrEach(Positive)]
 _Integral = Annotated[
     Annotated[Flag, Tag("<flag>")]
     | Annotated[Word, Tag("<word>")]
-    | Annotated[Named[OneOrMany[Positive]], Tag("<names>")],
+    | Annotated[Named[_PositiveNumbers], Tag("<names>")],
     Discriminator(_flag_word_or_names),
 ]
-Integral = Annotated[
-    _Integral | None,
-    Field(
-        description="Whether the deviation of joint angles is fed back integrated; or which, "
-        "joint_angle or tip, with the integral that is acceptable (rad s, m s)."
-    ),
-]
-Preview = Annotated[
-    NonNegative, Field(description="Time for which the reference is known ahead (s).")
-]
 
 
-Recovery = Annotated[
-    NonNegative,
-    Field(
-        description="Loop-transfer recovery: fictitious torque noise of the filter, in parts of "
-        "acceptable_torque."
-    ),
-]
-RigidityUncertainty = Annotated[
-    NonNegative,
-    Field(description="Relative error of the links' stiffness to be robust against, such as 0.3."),
-]
+# Beyond the upper bound rounding errors dominate a design.
+_Robustness = Annotated[float, Field(ge=0, le=1e6), BeforeValidator(finite)]
+_Preview = Annotated[float, Field(ge=0, le=60), BeforeValidator(finite)]
+_Horizon = Annotated[int, Field(strict=True, ge=1, le=500), BeforeValidator(plain)]
 
 
-class LQGDrive(ControllerDrive):
+class LinearParameters(ControllerParameters):
+    """Parameters of all controllers that are designed on linear models of the flexible arm."""
+
+    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
+        default=None, description="Joint angles of the design; zero where left out (rad)."
+    )
+    _: KW_ONLY
+    schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = Field(
+        default=None,
+        description="For each joint nothing, or increasing angles: designs on the grid of these "
+        "angles, between which gains are interpolated (rad).",
+    )
+    acceptable_torque: Annotated[Any, PerJoint(Positive)] | None = Field(
+        default=None,
+        description="Acceptable torque, one for all joints or one each (N m); the torque that "
+        "accelerates each joint of the rigid model by 10 rad/s^2 where left out.",
+    )
+    measured: Named[_PositiveNumbers] | None = Field(
+        default=None,
+        description="Readings, out of joint_angle, joint_rate, strain and tip, and the standard "
+        "deviations of their noise; joint angles with 0.1 mrad, and strain with 2e-5 if the arm "
+        "has gauges, where left out.",
+    )
+    disturbance: Named[_PositiveNumbers] | None = Field(
+        default=None,
+        description="Inputs that act as unmeasured disturbances, such as torque and tip_force, "
+        "and their standard deviations; where left out, a tenth of the acceptable torque, and as "
+        "tip_force a fifth of the largest one over the length of the arm.",
+    )
+    recovery: _Robustness = Field(
+        default=0.0,
+        description="Loop-transfer recovery: fictitious torque noise of the filter, relative to "
+        "acceptable_torque. A larger value brings the margins closer to those of a regulator that "
+        "measures the whole state, and amplifies noise (Doyle and Stein 1981).",
+    )
+    rigidity_uncertainty: _Robustness = Field(
+        default=0.0,
+        description="Relative error of the stiffness of the links for which the design is robust, "
+        "such as 0.3: elastic forces of this relative size are noise of the filter, and the "
+        "regulator damps vibrations more (Tahk and Speyer 1987).",
+    )
+    torque_limit: Annotated[Any, PerJoint(Positive)] | None = Field(
+        default=None,
+        description="Largest requested torque, one for all joints or one each (N m); no limit "
+        "where left out.",
+    )
+    sample_time: SampleTime = 0.001
+
+
+class LQGParameters(LinearParameters):
     """LQG: state feedback of the flexible arm by a linear-quadratic regulator and Kalman filter."""
 
-    kind: Literal["lqg"] = "lqg"
-    posture: Posture = None
-    schedule: Schedule = None
-    acceptable: Acceptable = None
-    acceptable_torque: AcceptableTorque = None
-    measured: Measured = None
-    disturbance: Disturbance = None
-    integral: Integral = None
-    recovery: Recovery = 0.0
-    rigidity_uncertainty: RigidityUncertainty = 0.0
-    torque_limit: TorqueLimit = None
-    preview: Preview = 0.5
-    sample_time: SampleTime = 0.001
-
-    per_joint: ClassVar[tuple[str, ...]] = (
-        "posture",
-        "schedule",
-        "acceptable_torque",
-        "torque_limit",
+    name = "lqg"
+    _: KW_ONLY
+    acceptable: Named[_PositiveNumbers] | None = Field(
+        default=None,
+        description="Acceptable deviations of outputs of linear models by name, which determine "
+        "the weights (Bryson's rule); 10 mrad of joint_angle, 10 mm of tip and 0.2 rad/s of "
+        "joint_rate where left out.",
+    )
+    integral: _Integral | None = Field(
+        default=None,
+        description="Whether the deviation of joint angles is fed back integrated; or the output, "
+        "joint_angle or tip (which must be measured); or a mapping from it to its acceptable "
+        "integral (rad s, m s).",
+    )
+    preview: _Preview = Field(
+        default=0.5, description="Span of the reference that is known in advance (s)."
     )
 
 
-class MPCDrive(ControllerDrive):
+class MPCParameters(LQGParameters):
     """MPC: the regulator of `lqg` with limits of torque and torque rate."""
 
-    kind: Literal["mpc"] = "mpc"
-    posture: Posture = None
-    torque_limit: OneOrMany[Positive] = Field(
+    name = "mpc"
+    _: KW_ONLY
+    torque_limit: Annotated[Any, PerJoint(Positive)] = Field(
         description="Largest torque, one for all joints or one each (N m)."
     )
-    torque_rate: OneOrMany[Positive] | None = Field(
+    torque_rate: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
-        description="Fastest change of torque, one for all joints or one each (N m/s); any where "
-        "left out.",
+        description="Largest rate of change of torques from sample to sample, one for all joints "
+        "or one each (N m/s); no limit where left out.",
     )
-    horizon: Count = Field(default=40, description="Number of samples looked ahead, 1 to 500.")
-    schedule: Schedule = None
-    acceptable: Acceptable = None
-    acceptable_torque: AcceptableTorque = None
-    measured: Measured = None
-    disturbance: Disturbance = None
-    integral: Integral = None
-    recovery: Recovery = 0.0
-    rigidity_uncertainty: RigidityUncertainty = 0.0
-    preview: Preview = 0.5
+    horizon: _Horizon = Field(default=40, description="Number of samples looked ahead.")
     sample_time: SampleTime = 0.005
 
-    per_joint: ClassVar[tuple[str, ...]] = (*LQGDrive.per_joint, "torque_rate")
 
-
-class CompositeDrive(ControllerDrive):
+class CompositeParameters(LinearParameters):
     """Composite control: computed torque for slow joint motion, damping for fast link vibration."""
 
-    kind: Literal["composite"] = "composite"
-    posture: Posture = None
-    bandwidth: OneOrMany[Positive] = Field(
-        default=4.0, description="Of the joint errors, one for all joints or one each (rad/s)."
+    name = "composite"
+    _: KW_ONLY
+    bandwidth: Annotated[Any, PerJoint(Positive)] = Field(
+        default=4.0,
+        description="Bandwidth of the joint errors, one for all joints or one each (rad/s).",
     )
-    damping_ratio: OneOrMany[Positive] = Field(
-        default=1.0, description="Of the joint errors, one for all joints or one each."
+    damping_ratio: Annotated[Any, PerJoint(Positive)] = Field(
+        default=1.0,
+        description="Damping ratio of the joint errors, one for all joints or one each.",
     )
-    acceptable: Named[OneOrMany[Positive]] | None = Field(
+    acceptable: Named[_PositiveNumbers] | None = Field(
         default=None,
-        description="Outputs that bending alone decides and the deviation of each that counts as "
-        "much as the others'; 10 mm of link_tip_deflection and 0.1 m/s of "
-        "link_tip_deflection_rate where left out.",
+        description="Acceptable deviations of outputs that depend on bending only, by name; 10 mm "
+        "of link_tip_deflection and 0.1 m/s of link_tip_deflection_rate where left out.",
     )
-    acceptable_torque: AcceptableTorque = None
-    schedule: Schedule = None
-    measured: Measured = None
-    disturbance: Disturbance = None
-    recovery: Recovery = 0.0
-    rigidity_uncertainty: RigidityUncertainty = 0.0
-    torque_limit: TorqueLimit = None
-    sample_time: SampleTime = 0.001
-
-    per_joint: ClassVar[tuple[str, ...]] = (*LQGDrive.per_joint, "bandwidth", "damping_ratio")

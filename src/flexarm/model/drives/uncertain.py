@@ -2,76 +2,89 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from flexarm.model.drives.base import (
-    Bandwidth,
-    ControllerDrive,
-    SampleTime,
-    StrainGain,
-    Washout,
-)
+from flexarm.model.drives.base import ControllerParameters, SampleTime
 from flexarm.model.quantities import (
     Count,
     Flag,
+    Interval,
     Named,
     NonNegative,
     Number,
+    OneOrEach,
     OneOrMany,
-    Pair,
+    PerJoint,
     Positive,
     Word,
 )
 
+Bandwidth = Annotated[
+    Any,
+    PerJoint(Positive),
+    Field(description="Decay rate of angle errors, one for all joints or one each (1/s)."),
+]
 Damping = Annotated[
-    OneOrMany[NonNegative],
+    Any,
+    PerJoint(NonNegative),
     Field(description="Torque per error of rate, one for all joints or one each (N m s/rad)."),
 ]
+StrainGain = Annotated[
+    Any,
+    PerJoint(NonNegative),
+    Field(
+        description="Joint rate per curvature at the root of the joint's link, which needs a "
+        "gauge: damps vibration (rad/s per 1/m)."
+    ),
+]
+Washout = Annotated[Positive, Field(description="Cutoff of the high-pass filter of that (Hz).")]
 
 
-class AdaptiveDrive(ControllerDrive):
+class AdaptiveParameters(ControllerParameters):
     """Adaptive control: computed torque of a rigid model whose parameters are estimated online."""
 
-    kind: Literal["adaptive"] = "adaptive"
+    name = "adaptive"
     bandwidth: Bandwidth
     damping: Damping
-    adaptation: OneOrMany[NonNegative] = Field(
-        description="How fast parameters move, one for all or one each: the parameter's unit "
-        "squared per (N m rad)."
+    adaptation: Annotated[Any, OneOrEach(NonNegative)] = Field(
+        description="Adaptation gains, one for all parameters or one each, in the unit of the "
+        "parameter squared per (N m rad)."
     )
     parameters: OneOrMany[Word] = Field(
         default="payload",
-        description="What is learned: payload, links or friction, or a list of names such as "
-        "payload.mass, link_2.inertia, joint_1.coulomb.",
+        description="Parameters to adapt: payload (its mass), links (mass, first moment and "
+        "inertia of each) or friction (viscous and Coulomb of each joint), or a list of names "
+        "such as payload.mass, link_2.inertia, joint_1.coulomb.",
     )
-    bounds: Named[Pair] | None = Field(
+    bounds: Named[Interval] | None = Field(
         default=None,
         description="Lowest and largest value of parameters by name; at least 0 where left out.",
     )
     initial: Named[NonNegative] | None = Field(
-        default=None, description="Values to begin with in place of the arm's, by name."
+        default=None, description="Initial estimates by name, in place of the values of the arm."
     )
     leakage: NonNegative = Field(
-        default=0.0, description="Pulls estimates back to where they began (1/s)."
+        default=0.0,
+        description="Decay rate of the estimates to their initial values: sigma modification "
+        "(1/s).",
     )
     dead_zone: NonNegative = Field(
-        default=0.0, description="Error of rate below which nothing is learned (rad/s)."
+        default=0.0,
+        description="Norm of the rate errors below which the estimates are constant (rad/s).",
     )
     strain_gain: StrainGain = 0.0
     washout: Washout = 0.5
     sample_time: SampleTime = 0.001
 
-    per_joint: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "strain_gain")
 
-
-class SlidingModeDrive(ControllerDrive):
+class SlidingModeParameters(ControllerParameters):
     """Sliding-mode control: torque of the rigid model plus a robust switching torque."""
 
-    kind: Literal["sliding_mode"] = "sliding_mode"
+    name = "sliding_mode"
     bandwidth: Bandwidth
-    boundary_layer: OneOrMany[Positive] = Field(
+    boundary_layer: Annotated[Any, PerJoint(Positive)] = Field(
         description="Error of rate within which the torque does not switch, one for all joints or "
         "one each (rad/s)."
     )
@@ -79,64 +92,51 @@ class SlidingModeDrive(ControllerDrive):
         default=None,
         description="Largest error of parameters, by names such as payload.mass or link_2.mass.",
     )
-    disturbance: OneOrMany[NonNegative] = Field(
+    disturbance: Annotated[Any, PerJoint(NonNegative)] = Field(
         default=0.0,
-        description="What else may push, at most, one for all joints or one each (N m).",
+        description="Bound of other disturbance torques, one for all joints or one each (N m).",
     )
-    reaching: OneOrMany[Positive] = Field(
+    reaching: Annotated[Any, PerJoint(Positive)] = Field(
         default=0.1,
-        description="Switching torque beyond the bounds, one for all joints or one each (N m).",
+        description="Excess of the switching torque over the bounds, one for all joints or one "
+        "each (N m).",
     )
     damping: Damping = 0.0
     strain_gain: StrainGain = 0.0
     washout: Washout = 0.5
     sample_time: SampleTime = 0.001
 
-    per_joint: ClassVar[tuple[str, ...]] = (
-        "bandwidth",
-        "boundary_layer",
-        "disturbance",
-        "reaching",
-        "damping",
-        "strain_gain",
-    )
 
-
-class RBFAdaptiveDrive(ControllerDrive):
+class RBFAdaptiveParameters(ControllerParameters):
     """Adaptive control by a network of radial basis functions that learns the required torque."""
 
-    kind: Literal["rbf_adaptive"] = "rbf_adaptive"
+    name = "rbf_adaptive"
     bandwidth: Bandwidth
     damping: Damping
-    adaptation: Positive = Field(description="How fast the network learns.")
-    lower: OneOrMany[Number] = Field(
+    adaptation: Positive = Field(description="Adaptation gain of the weights.")
+    lower: Annotated[Any, PerJoint(Number)] = Field(
         description="Smallest joint angle of the motion, one for all joints or one each (rad)."
     )
-    upper: OneOrMany[Number] = Field(
+    upper: Annotated[Any, PerJoint(Number)] = Field(
         description="Largest joint angle of the motion, one for all joints or one each (rad)."
     )
-    centres: OneOrMany[Count] = Field(
+    centres: Annotated[Any, PerJoint(Count)] = Field(
         default=5,
         description="Gaussians along each joint angle, one number for all joints or one each; 1 "
-        "for a joint whose angle changes nothing.",
+        "for a joint whose angle does not affect the dynamics, such as the first one without "
+        "gravity. Their width is their spacing.",
     )
-    leakage: NonNegative = Field(default=0.0, description="Forgets what was learned (1/s).")
+    leakage: NonNegative = Field(
+        default=0.0, description="Decay rate of the weights: sigma modification (1/s)."
+    )
     e_modification: NonNegative = Field(
-        default=0.01, description="Forgets it the faster, the larger the error of rate (1/rad)."
+        default=0.01, description="Decay rate of the weights per norm of the rate errors (1/rad)."
     )
     prior: Flag = Field(
         default=False,
-        description="Whether the arm's rigid model is added, so that the network learns the rest.",
+        description="Whether to add the torque of the arm's rigid model, so that the network "
+        "learns the remainder.",
     )
     strain_gain: StrainGain = 0.0
     washout: Washout = 0.5
     sample_time: SampleTime = 0.001
-
-    per_joint: ClassVar[tuple[str, ...]] = (
-        "bandwidth",
-        "damping",
-        "lower",
-        "upper",
-        "centres",
-        "strain_gain",
-    )

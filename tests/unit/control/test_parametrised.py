@@ -1,0 +1,121 @@
+"""Constructors of controllers, made from the declared parameters."""
+
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+import xarray as xr
+from rigid_loops import rigid_arm
+
+import flexarm as fa
+from flexarm.model.drives import CONTROLLED
+
+
+def test_arguments_by_position_and_by_name_are_the_same():
+    by_position = fa.JointPD([8.0, 3.0], 0.8, 0.004, np.sin)
+    by_name = fa.JointPD(
+        feedforward=np.sin, sample_time=0.004, derivative=0.8, proportional=[8.0, 3.0]
+    )
+    for made in (by_position, by_name):
+        assert made.sample_time == 0.004
+        assert made.feedforward is np.sin
+        np.testing.assert_array_equal(made.proportional, [8.0, 3.0])
+    assert list(inspect.signature(fa.JointPD).parameters) == [
+        "proportional",
+        "derivative",
+        "sample_time",
+        "feedforward",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fa.JointPD(1.0), "JointPD: missing a required argument: 'derivative'"),
+        (lambda: fa.JointPD(1.0, 1.0, integral=1.0), "JointPD: got an unexpected keyword"),
+        (lambda: fa.LQG(rigid_arm(), [0.0, 0.0], None), "LQG: too many positional arguments"),
+        (lambda: fa.Composite(rigid_arm(), integral=True), "Composite: got an unexpected"),
+    ],
+)
+def test_wrong_calls_name_the_class(make, words):
+    with pytest.raises(TypeError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(
+    "value",
+    [3.0, 3, np.float32(3.0), np.array(3.0), [3.0, 3.0], (3, 3.0), xr.DataArray([3.0, 3.0])],
+    ids=str,
+)
+def test_numbers_for_each_joint_become_an_array(value):
+    made = fa.Adaptive(rigid_arm(), 2.0, value, 0.1)
+    assert made.damping.dtype == np.float64
+    np.testing.assert_array_equal(made.damping, [3.0, 3.0])
+
+
+def test_defaults_for_each_joint_become_an_array_too():
+    np.testing.assert_array_equal(fa.SlidingMode(rigid_arm(), 1.0, 0.1).reaching, [0.1, 0.1])
+
+
+def test_an_object_does_not_share_the_array_of_its_caller():
+    gains = np.array([8.0, 3.0])
+    made = fa.JointPD(gains, gains)
+    gains[:] = 0.0
+    np.testing.assert_array_equal(made.proportional, [8.0, 3.0])
+
+
+def test_problems_of_values_lists_and_objects_are_reported_together():
+    with pytest.raises(fa.InputError) as caught:
+        fa.DisturbanceObserver("arm", "PD", [1.0, -1.0], compensation=2.0)
+    names = [problem.name for problem in caught.value.problems]
+    assert names == ["arm", "inner", "cutoff[1]", "compensation"]
+    with pytest.raises(fa.InputError) as caught:
+        fa.Adaptive(rigid_arm(), [1.0] * 3, -1.0, 0.1)
+    assert [problem.name for problem in caught.value.problems] == ["damping", "bandwidth"]
+
+
+def test_a_file_and_the_constructor_report_the_same_rule():
+    kind = CONTROLLED["hybrid_force"]
+    with pytest.raises(fa.InputError) as of_file:
+        kind(frequency=-1.0, touch_force="much")
+    with pytest.raises(fa.InputError) as of_class:
+        fa.HybridForce(rigid_arm(), frequency=-1.0, touch_force="much")
+    rules = [[(p.name, p.rule) for p in e.value.problems] for e in (of_file, of_class)]
+    assert rules[0] == rules[1]
+    assert len(rules[0]) == 2
+
+
+class Own(fa.JointPD):
+    """A controller of a user, whose annotations declare attributes."""
+
+    seen: int
+    log: "NameOfAnotherModule"  # noqa: F821
+
+    def __init__(self, gain):
+        super().__init__(gain, 0.1 * gain)
+        self.seen = 0
+
+
+def test_a_subclass_of_a_user_has_its_own_constructor():
+    made = Own(10.0)
+    assert made.proportional == 10.0
+    assert made.derivative == 1.0
+    assert list(inspect.signature(Own).parameters) == ["gain"]
+    assert Own.__doc__ == "A controller of a user, whose annotations declare attributes."
+
+
+def test_the_docstring_has_every_argument_with_its_unit():
+    text = inspect.getdoc(fa.HybridForce)
+    assert text.index("Position control") < text.index("Args:") < text.index("Raises:")
+    for name in inspect.signature(fa.HybridForce).parameters:
+        assert f"\n    {name}: " in text
+    assert "force_integral: Integral gain of the force error" in text
+    assert "(N s/m)" in text
+
+
+@pytest.mark.parametrize("kind", ["lqg", "estimator"])
+def test_drives_can_be_pickled(kind):
+    inner = {"inner": {"kind": "lqg"}} if kind == "estimator" else {"posture": [0.1]}
+    drive = CONTROLLED[kind](**inner)
+    assert pickle.loads(pickle.dumps(drive)) == drive
