@@ -177,7 +177,7 @@ def test_check_says_what_is_in_a_study(path):
             "kind: strain_feedback\n    strain: 1",
             ("study.yaml:2: arm must have the 2 gauges that strain_feedback reads, got 0."),
         ),
-        ("there: {kind: joint, ", "there: {kind: pressed, ", "motions.there.path must be given"),
+        ("there: {kind: joint, ", "there: {kind: pressed, ", "motions.there.path is missing"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(path, old, new, words):

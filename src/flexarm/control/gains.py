@@ -25,7 +25,7 @@ def check_sample_time(where: str, value: float) -> float:
 
 def joint_problems(where: str, joints: int, given: Mapping[str, object]) -> list[Problem]:
     """Return a problem for each list that does not have one value for each joint."""
-    rule = f"have one value for each of the {joints} joints"
+    rule = f"have length {joints}, one value for each joint"
     lengths = {name: length_of(value) for name, value in given.items()}
     wrong = {name: length for name, length in lengths.items() if length not in (None, joints)}
-    return [Problem(where, name, rule, f"{length} long") for name, length in wrong.items()]
+    return [Problem(where, name, rule, str(length)) for name, length in wrong.items()]

@@ -37,7 +37,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
         self.parameters = _listed(self.arm, self.parameters)
         self._model = RigidParameters("Adaptive", self.arm, self.parameters)
         if not self.parameters:
-            raise InputError(Problem("Adaptive", "parameters", "name one at least", "[]"))
+            raise InputError(Problem("Adaptive", "parameters", "name at least one", "[]"))
         bounds, initial = self.bounds or {}, self.initial or {}
         self._check_names(bounds=bounds, initial=initial)
         count = len(self.parameters)
@@ -52,7 +52,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
         self._torque = np.zeros(self.arm.joints)
 
     def _check_names(self, **given: Mapping[str, Any]) -> None:
-        rule = f"be names out of {', '.join(self.parameters)}"
+        rule = f"be names from {', '.join(self.parameters)}"
         problems = [
             Problem("Adaptive", argument, rule, shown(name), nearest(name, self.parameters))
             for argument, named in given.items()

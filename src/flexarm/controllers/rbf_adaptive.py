@@ -38,7 +38,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
             raise InputError(Problem("RBFAdaptive", "upper", "be at least lower", value))
         counts = self.centres.tolist()
         if math.prod(counts) > _MOST_CENTRES:
-            rule = f"give at most {_MOST_CENTRES} Gaussians in all"
+            rule = f"have a product of at most {_MOST_CENTRES}"
             raise InputError(Problem("RBFAdaptive", "centres", rule, shown(counts)))
         self.centres = tuple(counts)
         self._model = RigidParameters("RBFAdaptive", self.arm) if self.prior else None
