@@ -277,7 +277,6 @@ _UPDATE = {
 _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Arm": (arm, _ARM),
-    "Contact": (contact, {"place": {"arm": arm}}),
     "ExtendedKalmanFilter": (
         kalman_filter,
         {
@@ -308,7 +307,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Modes": (lambda: fa.modes(arm()), {"curves": {"stations": 3}, "displacements": {}}),
     "Motors": (
         fa.Motors,
-        {"allowed": {"torque": [0.0, 0.0], "rate": [0.0, 0.0]}, "check_joints": {"joints": 2}},
+        {"allowed": {"torque": [0.0, 0.0], "rate": [0.0, 0.0]}},
     ),
     "Plant": (
         lambda: fa.Plant(arm(), 0.005),
