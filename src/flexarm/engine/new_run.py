@@ -25,9 +25,6 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.loads import Load, acting_loads
 
-#: Tolerance of a torque approximation, as a fraction of the integrator's tolerance.
-TORQUE_SHARE = 1e-2
-
 
 def new_run(
     where: str,
@@ -69,9 +66,8 @@ def new_run(
     acting = acting_loads(arm, where, tip_force, loads)
 
     def loads_of(relative: float) -> LoadHistory:
-        share = max(relative * TORQUE_SHARE, 1e-12)
         return load_history(
-            arm, acting, base_acceleration, duration, share, touching, where, breaks, spacing
+            arm, acting, base_acceleration, duration, relative, touching, where, breaks, spacing
         )
 
     return Run(

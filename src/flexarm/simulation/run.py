@@ -25,13 +25,7 @@ from flexarm.control.base import Controller, Reference, check_reference, control
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
 from flexarm.engine.impacts import run_through_impacts
-from flexarm.engine.new_run import (
-    ATOL,
-    RTOL,
-    TORQUE_SHARE,
-    initial_state,
-    new_run,
-)
+from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
@@ -391,14 +385,14 @@ def _history(
 
     The start of prescribed joints is set in ``state``.
     """
-    share, joints = max(relative * TORQUE_SHARE, 1e-12), arm.joints
+    joints = arm.joints
     if torque is None:
         history = PiecewiseCubic.constant(np.zeros(joints))
     elif isinstance(torque, PiecewiseCubic):
         history = torque.held_to(duration)
     elif callable(torque):
         check_function("simulate", "torque", torque)
-        history = function_history(torque, duration, joints, share, breaks, spacing=1.0 / rate)
+        history = function_history(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
     else:
         history = sampled_torque(torque, rate, duration, joints, interpolation, breaks)
-    return prescribe(arm, prescribed, state, history, duration, share, breaks, 1.0 / rate)
+    return prescribe(arm, prescribed, state, history, duration, relative, breaks, 1.0 / rate)
