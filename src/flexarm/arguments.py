@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from difflib import get_close_matches
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, nearest, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -145,9 +144,7 @@ def check_choice(where: str, name: str, value: object, choices: Collection[str])
     if isinstance(value, str) and value in choices:
         return value
     rule = "be one of " + ", ".join(map(repr, choices))
-    near = get_close_matches(value, choices, n=1) if isinstance(value, str) else []
-    hint = f"Did you mean {near[0]!r}?" if near else ""
-    raise InputError(Problem(where, name, rule, shown(value), hint))
+    raise InputError(Problem(where, name, rule, shown(value), nearest(value, choices)))
 
 
 def check_path(where: str, name: str, value: object) -> Path:

@@ -144,9 +144,11 @@ def assemble(spec: ArmSpec) -> Assembly:
             places += [(body, 1 + j) for j in range(shapes.w2.size)]
             start, rows = start + shapes.length, rows + count
             body += 1
+    constants = constants_of_links(spec, pieces)
+    place_joints_and_payload(constants, spec, pieces, seats)
     stride = 1 + max(piece.shapes.w2.size for piece in pieces)
     return Assembly(
-        constants=_arm_constants(spec, pieces, seats),
+        constants=constants,
         pieces=tuple(pieces),
         seats=tuple(seats),
         link_body=np.array(link_body, dtype=np.intp),
@@ -161,23 +163,18 @@ def _kept_segments(link: Link, where: str) -> tuple[LinkConstants, ...]:
         InputError: as in ``assemble``, with the place of this link.
     """
     try:
-        return _of_links(link)
+        return _segments(link)
     except (InputError, TypeError):  # TypeError: a link that contains a list has no hash
-        return tuple(_segments(link, where))
+        return _segments.__wrapped__(link, where)
 
 
 @lru_cache(maxsize=64)
-def _of_links(link: Link) -> tuple[LinkConstants, ...]:
-    """Return the read-only constants of a link, with a cache of recently used links."""
-    return tuple(_segments(link, "arm.links"))
-
-
-def _segments(link: Link, where: str) -> list[LinkConstants]:
-    """Compute the constants of the segments of a link, from its root outwards."""
+def _segments(link: Link, where: str = "arm.links") -> tuple[LinkConstants, ...]:
+    """Compute the read-only constants of the segments of a link, from its root outwards."""
     beam = link.beam()
     columns = (beam.mass_per_length, beam.rotary_inertia_per_length or ())
     if not link.flexible:
-        return [rigid_constants(beam.x, *columns, elements=link.elements, where=where)]
+        return (rigid_constants(beam.x, *columns, elements=link.elements, where=where),)
     rigidity, shear = np.array(beam.flexural_rigidity), beam.shear_rigidity
     count = link.segments
     segments = []
@@ -196,13 +193,7 @@ def _segments(link: Link, where: str) -> list[LinkConstants]:
                 where=where,
             )
         )
-    return segments
-
-
-def _arm_constants(spec: ArmSpec, pieces: list[Piece], seats: list[Seat]) -> ArmConstants:
-    constants = constants_of_links(spec, pieces)
-    place_joints_and_payload(constants, spec, pieces, seats)
-    return constants
+    return tuple(segments)
 
 
 def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:

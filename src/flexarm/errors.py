@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,21 @@ _SHORT = _Short()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = 4
 _SHORT.maxlevel = 3
+
+# Common symbols for our keys, which are too short or too different for a spelling comparison.
+_SYNONYMS = {
+    "e": "youngs_modulus",
+    "ei": "flexural_rigidity",
+    "g": "gravity",
+    "i": "second_moment",
+    "kga": "shear_rigidity",
+    "l": "length",
+    "mu": "mass_per_length",
+    "nel": "elements",
+    "nu": "poissons_ratio",
+    "rho": "density",
+    "rhoa": "mass_per_length",
+}
 
 _MOST_LINES = 50  # maximum number of lines of a message; `problems` contains all
 
@@ -66,6 +81,38 @@ def few(values: Any, most: int = 4) -> str:
     """Format the first numbers of an array on one line for a repr, with four digits each."""
     first = ", ".join(f"{value + 0.0:.4g}" for value in values[:most])
     return f"{first}, ..." if len(values) > most else first
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return a sentence with the key or choice most similar to `word`, or with all of them."""
+    import difflib
+
+    choices = list(known)
+    synonym = _SYNONYMS.get(word.lower())
+    if synonym in choices:
+        return f"Did you mean {synonym!r}?"
+    by_case = {choice.lower(): choice for choice in choices}
+    near = difflib.get_close_matches(word.lower(), by_case)
+    if near:
+        # Among equally similar ones take the one with the same beginning: arm for arn, not run.
+        best = max(near, key=lambda choice: _likeness(word.lower(), choice))
+        return f"Did you mean {by_case[best]!r}?"
+    return f"Known: {', '.join(choices)}." if choices else ""
+
+
+def nearest(word: object, known: Iterable[str]) -> str:
+    """Return a sentence with the choice most similar to `word`, or an empty string."""
+    near = suggestion(word, known) if isinstance(word, str) else ""
+    return near if near.startswith("Did") else ""
+
+
+def _likeness(word: str, choice: str) -> tuple[float, int]:
+    """Return the similarity of two words, and the number of equal letters at their beginning."""
+    import difflib
+
+    ratio = difflib.SequenceMatcher(a=choice, b=word).ratio()
+    alike = [a == b for a, b in zip(word, choice, strict=False)]
+    return ratio, [*alike, False].index(False)
 
 
 def is_count(value: object) -> bool:

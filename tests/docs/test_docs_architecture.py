@@ -50,3 +50,20 @@ def test_tree_of_the_tests_is_complete() -> None:
 def test_every_file_is_short() -> None:
     for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")]:
         assert len(path.read_text(encoding="utf-8").splitlines()) < 400, path
+
+
+def test_functions_on_the_two_ways_exist_and_are_as_many_as_stated() -> None:
+    page = (ROOT / PAGE).read_text(encoding="utf-8")
+    section = page.partition("### Two values on their way")[2].partition("\n## ")[0]
+    sources = [p.read_text(encoding="utf-8") for p in (ROOT / "src" / "flexarm").rglob("*.py")]
+    defined = {name for text in sources for name in re.findall(r"def (\w+)\(", text)}
+    ways = re.findall(
+        r"\*\*[^*]*: (\d+) functions\.\*\*(.*?)\n\((\d+) more:(.*?)\)\n", section, re.S
+    )
+    assert len(ways) == 2
+    values = r"^(?!Link$|E I|PiecewiseCubic$|w2$|ArmConstants$)"
+    for stated, acting, more, handing in ways:
+        for count, text in ((stated, acting), (more, handing)):
+            names = [n for n in re.findall(r"`([\w.]+)`", text) if re.match(values, n)]
+            assert {n.rpartition(".")[2] for n in names} <= defined, names
+            assert len(names) == int(count), names

@@ -187,13 +187,10 @@ def link_constants(
     Raises:
         InputError: if the mass matrix is not positive definite, or numbers overflow.
     """
-    table = BeamTable(
-        np.asarray(x, dtype=np.float64),
-        np.asarray(flexural_rigidity, dtype=np.float64),
-        np.asarray(mass_per_length, dtype=np.float64),
-        np.asarray(rotary_inertia_per_length, dtype=np.float64),
-        None if shear_rigidity is None else np.asarray(shear_rigidity, dtype=np.float64),
-    )
+    columns = [x, flexural_rigidity, mass_per_length, rotary_inertia_per_length]
+    if shear_rigidity is not None:
+        columns.append(shear_rigidity)
+    table = BeamTable(*np.array(columns, dtype=np.float64))
     with _in_range(where, table):
         return _flexible_constants(table, elements, modes, where)
 

@@ -22,9 +22,6 @@ from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 
-#: Tolerance of a torque approximation, as a fraction of the integrator's tolerance.
-TORQUE_SHARE = 1e-2
-
 
 def new_run(
     where: str,
@@ -62,8 +59,7 @@ def new_run(
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:
-        share = max(relative * TORQUE_SHARE, 1e-12)
-        return load_history(arm, environment, duration, share, touching, where, breaks, spacing)
+        return load_history(arm, environment, duration, relative, touching, where, breaks, spacing)
 
     return Run(
         arm=arm,

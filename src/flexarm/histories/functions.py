@@ -12,6 +12,8 @@ from flexarm.errors import InputError, Problem, check_array
 from flexarm.histories.piecewise import FloatArray, PiecewiseCubic
 from flexarm.user_functions import FunctionError, call, first_failure
 
+#: Allowed error of the cubics, as a fraction of the integrator's tolerance, and its lower limit.
+_SHARE, _LEAST = 1e-2, 1e-12
 #: Limit on the pieces being halved at once. A few jumps keep a few pieces open, noise keeps all.
 _MOST_PIECES = 50_000
 #: Initial number of pieces of a function of time.
@@ -44,13 +46,15 @@ def function_history(
 ) -> PiecewiseCubic:
     """Approximate a function ``t -> (columns,)`` by cubics, as accurately as the run requires.
 
-    Each piece is halved until the cubic through four of its points agrees with three more to
-    ``relative`` of the largest value. Where halving does not reach this, the function jumps or
-    has a kink, and the integrator stops there. Then the function is compared with the cubics every
-    ``spacing``, and approximated again around each instant at which they differ. A feature that is
-    shorter than ``shortest_feature`` of the result, and away from ``breaks``, may be missed.
+    Each piece is halved until the cubic through four of its points agrees with three more to a
+    hundredth of ``relative`` times the largest value. Where halving does not reach this, the
+    function jumps or has a kink, and the integrator stops there. Then the function is compared with
+    the cubics every ``spacing``, and approximated again around each instant at which they differ. A
+    feature that is shorter than ``shortest_feature`` of the result, and away from ``breaks``, may
+    be missed.
 
     Args:
+        relative: relative tolerance of the run.
         breaks: times (s) of kinks or jumps, in addition to ``function.breaks`` if it exists.
         name: name of the function, for messages.
         where: name of the calling function, for messages.
@@ -61,7 +65,8 @@ def function_history(
         InputError: if the function does not return ``columns`` finite numbers or is rough
             everywhere, or the breaks are not a list of numbers.
     """
-    follower = _Follower(function, duration, columns, relative, name, where)
+    allowed = max(relative * _SHARE, _LEAST)
+    follower = _Follower(function, duration, columns, allowed, name, where)
     given = breaks, getattr(function, "breaks", ())
     known = np.concatenate([check_array(where, "breaks", part, (-1,)) for part in given])
     known = known[(known > 0.0) & (known < duration)]

@@ -22,6 +22,7 @@ from flexarm.linear.modal import modes
 from flexarm.motion.chain import RigidChain
 from flexarm.motion.dynamics_along import dynamics_along
 from flexarm.motion.motion import JointState, Motion, check_motion
+from flexarm.motion.smoothing import window_points
 from flexarm.motion.tip_constraint import TipConstraint
 
 if TYPE_CHECKING:
@@ -105,12 +106,7 @@ class QuasiStaticReference(Motion):
     def _averages(self, times: FloatArray) -> list[FloatArray]:
         """Return the averaged bending and its two derivatives, those of the window; (C.15)."""
         half = 0.5 * self.smoothing
-        away = np.clip(times[:, None] - np.array(self.motion.breaks), -half, half)
-        edges = np.sort(np.pad(away, ((0, 0), (1, 1)), constant_values=((0, 0), (-half, half))))
-        nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
-        middle, reach = 0.5 * (edges[:, 1:] + edges[:, :-1]), 0.5 * np.diff(edges, axis=1)
-        ages = (middle[:, :, None] + reach[:, :, None] * nodes).reshape(len(times), -1)
-        shares = (reach[:, :, None] * weights).reshape(ages.shape) / self.smoothing
+        ages, shares = window_points(times, self.motion.breaks, (-half, half), _POINTS)
         bent = self._bent(times[:, None] - ages)
         turn = 2.0 * np.pi / self.smoothing
         moving = (times >= self.start_time) & (times < self.end_time)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -129,48 +129,30 @@ class Link(Record):
         Returns:
             A table from 0 to `length` with at least two points and a column of rotary inertia,
             which is zero if it is switched off. `shear_rigidity` is set for the Timoshenko element
-            only. A rigid link may have neither `flexural_rigidity` nor `shear_rigidity`.
-        """
-        x, rigidity, mass, rotary, shear = self.columns()
-        if self.rotary_inertia is False or rotary is None:
-            rotary = (0.0,) * len(x)
-        # The fields of this link are valid, so its table needs no second validation.
-        return SectionTable.model_construct(
-            x=x,
-            flexural_rigidity=rigidity,
-            mass_per_length=mass,
-            rotary_inertia_per_length=rotary,
-            shear_rigidity=shear if self.element == "timoshenko" else None,
-        )
-
-    def columns(
-        self,
-    ) -> tuple[_Column, _Column | None, _Column, _Column | None, _Column | None]:
-        """Return x, flexural rigidity, mass, rotary inertia per length, and shear rigidity.
-
-        These are the columns of `beam` without validation, so that the numbers may be symbols.
+            only. A rigid link may have neither `flexural_rigidity` nor `shear_rigidity`. It is not
+            validated, because the fields of this link are, and because they may be symbols.
         """
         if self.table is not None:
+            columns = dict(self.table)
             # The last point may differ from the length by rounding in the user's computation.
-            x = (*self.table.x[:-1], self.length)
-            return (
-                x,
-                self.table.flexural_rigidity,
-                self.table.mass_per_length,
-                self.table.rotary_inertia_per_length,
-                self.table.shear_rigidity,
-            )
-        rigidity, mass = self.flexural_rigidity, self.mass_per_length
-        rotary, shear = self.rotary_inertia_per_length, self.shear_rigidity
-        if self.material is not None and self.section is not None:
-            rigidity = self.material.youngs_modulus * self.section.second_moment
-            mass = self.material.density * self.section.area
-            rotary = self.material.density * self.section.second_moment
-            effective = self.section.shear_coefficient * self.section.area
-            shear = self.material.shear_modulus * effective
-        assert mass is not None  # validation requires a description
-        x = (0.0, self.length)
-        return x, _twice(rigidity), (mass, mass), _twice(rotary), _twice(shear)
+            columns["x"] = (*self.table.x[:-1], self.length)
+        else:
+            values = {name: getattr(self, name) for name in _CONSTANTS}
+            if self.material is not None and self.section is not None:
+                effective = self.section.shear_coefficient * self.section.area
+                values = {
+                    "flexural_rigidity": self.material.youngs_modulus * self.section.second_moment,
+                    "mass_per_length": self.material.density * self.section.area,
+                    "rotary_inertia_per_length": self.material.density * self.section.second_moment,
+                    "shear_rigidity": self.material.shear_modulus * effective,
+                }
+            columns = {k: None if v is None else (v, v) for k, v in values.items()}
+            columns["x"] = (0.0, self.length)
+        if self.rotary_inertia is False or columns["rotary_inertia_per_length"] is None:
+            columns["rotary_inertia_per_length"] = (0.0,) * len(columns["x"])
+        if self.element != "timoshenko":
+            columns["shear_rigidity"] = None
+        return SectionTable.model_construct(**columns)
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -190,13 +172,6 @@ class Link(Record):
                 if gauge.station > given.length:
                     rule = f"be at most {given.length:.9g}, the length of the link"
                     yield Fault(("gauges", i, "station"), rule, shown(gauge.station))
-
-
-_Column = Sequence[float]
-
-
-def _twice(value: float | None) -> _Column | None:
-    return None if value is None else (value, value)
 
 
 def _description_faults(given: Given) -> Iterator[Fault]:

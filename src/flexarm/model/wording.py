@@ -15,26 +15,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from flexarm.errors import Problem, shown
+from flexarm.errors import nearest as nearest
+from flexarm.errors import suggestion as suggestion
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 Path = tuple[str | int, ...]
-
-# Common symbols for our keys, which are too short or too different for a spelling comparison.
-_SYNONYMS = {
-    "e": "youngs_modulus",
-    "ei": "flexural_rigidity",
-    "g": "gravity",
-    "i": "second_moment",
-    "kga": "shear_rigidity",
-    "l": "length",
-    "mu": "mass_per_length",
-    "nel": "elements",
-    "nu": "poissons_ratio",
-    "rho": "density",
-    "rhoa": "mass_per_length",
-}
 
 
 @dataclass(frozen=True)
@@ -79,38 +66,6 @@ def path_of(text: str) -> Path:
     """Return the path for a text of `path_text`."""
     parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
     return tuple(int(number) if number else word for number, word in parts)
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return a sentence with the key or choice most similar to `word`, or with all of them."""
-    import difflib
-
-    choices = list(known)
-    synonym = _SYNONYMS.get(word.lower())
-    if synonym in choices:
-        return f"Did you mean {synonym!r}?"
-    by_case = {choice.lower(): choice for choice in choices}
-    near = difflib.get_close_matches(word.lower(), by_case)
-    if near:
-        # Among equally similar ones take the one with the same beginning: arm for arn, not run.
-        best = max(near, key=lambda choice: _likeness(word.lower(), choice))
-        return f"Did you mean {by_case[best]!r}?"
-    return f"Known: {', '.join(choices)}." if choices else ""
-
-
-def nearest(word: object, known: Iterable[str]) -> str:
-    """Return a sentence with the choice most similar to `word`, or an empty string."""
-    near = suggestion(word, known) if isinstance(word, str) else ""
-    return near if near.startswith("Did") else ""
-
-
-def _likeness(word: str, choice: str) -> tuple[float, int]:
-    """Return the similarity of two words, and the number of equal letters at their beginning."""
-    import difflib
-
-    ratio = difflib.SequenceMatcher(a=choice, b=word).ratio()
-    alike = [a == b for a, b in zip(word, choice, strict=False)]
-    return ratio, [*alike, False].index(False)
 
 
 def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:

@@ -136,8 +136,6 @@ class Document:
         if node.tag not in _TAGS:
             tag = node.tag.removeprefix(_TAG)
             self._report(node, path, f"has the tag {shown(tag)}; tags are not supported")
-        if isinstance(node, yaml.ScalarNode):
-            return _SCALARS.get(node.tag, str)(node.value), 1
         if isinstance(node, yaml.SequenceNode):
             # Numbers of long tables need neither a path nor protection against aliases.
             items = [
@@ -147,14 +145,15 @@ class Document:
                 for i, item in enumerate(node.value)
             ]
             return [value for value, _ in items], 1 + sum(size for _, size in items)
-        assert isinstance(node, yaml.MappingNode)
-        self._check_keys(node, path)
-        entries = {
-            key: self._sized(value, (*path, key))
-            for key, (_, value) in self._entries_of(node).items()
-        }
-        size = 1 + sum(size for _, size in entries.values())
-        return {key: value for key, (value, _) in entries.items()}, size
+        if isinstance(node, yaml.MappingNode):
+            self._check_keys(node, path)
+            entries = {
+                key: self._sized(value, (*path, key))
+                for key, (_, value) in self._entries_of(node).items()
+            }
+            size = 1 + sum(size for _, size in entries.values())
+            return {key: value for key, (value, _) in entries.items()}, size
+        return _SCALARS.get(node.tag, str)(node.value), 1
 
     def _entries_of(self, mapping: yaml.MappingNode) -> Entries:
         """Return key and value nodes by key; own keys override merged ones (``<<``)."""

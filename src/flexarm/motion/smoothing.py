@@ -5,7 +5,7 @@ Theory page "position control", (C.9) and (C.10).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -83,13 +83,30 @@ class SmoothedMotion(Motion):
 
     def _points(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the ages (T, k), s, and the weights (T, k) of the points of quadrature."""
-        ago = np.clip(times[:, None] - np.array(self.motion.breaks), 0.0, self.span)
-        edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), (0, self.span))))
-        nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
-        middle, half = 0.5 * (edges[:, 1:] + edges[:, :-1]), 0.5 * np.diff(edges, axis=1)
-        ages = (middle[:, :, None] + half[:, :, None] * nodes).reshape(len(times), -1)
-        shares = (half[:, :, None] * weights).reshape(ages.shape) / self.span
+        ages, shares = window_points(times, self.motion.breaks, (0.0, self.span), _POINTS)
         return ages, shares * WINDOWS[self.window](ages / self.span)
+
+
+def window_points(
+    times: Floats, breaks: Sequence[float], window: tuple[float, float], count: int
+) -> tuple[Floats, Floats]:
+    """Return the points of Gauss quadrature over a window around each time, between the breaks.
+
+    Args:
+        times: (T,) s. breaks: (b,) s, where the averaged function is not smooth.
+        window: first and last age, s, counted back from each time.
+        count: points between two neighbouring breaks.
+
+    Returns:
+        Ages (T, k), s, and shares (T, k) of the window, whose sum is 1.
+    """
+    ago = np.clip(times[:, None] - np.array(breaks), *window)
+    edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), window)))
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    middle, half = 0.5 * (edges[:, 1:] + edges[:, :-1]), 0.5 * np.diff(edges, axis=1)
+    ages = (middle[:, :, None] + half[:, :, None] * nodes).reshape(len(times), -1)
+    shares = (half[:, :, None] * weights).reshape(ages.shape) / (window[1] - window[0])
+    return ages, shares
 
 
 def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> SmoothedMotion:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arguments import check_times
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, nearest, shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -190,6 +189,5 @@ def timing_law(where: str, profile: str | TimingLaw) -> TimingLaw:
     if isinstance(profile, str) and profile in TIMING_LAWS:
         return TIMING_LAWS[profile]
     rule = f"be a TimingLaw or one of {', '.join(map(repr, TIMING_LAWS))}"
-    near = get_close_matches(profile, TIMING_LAWS, n=1) if isinstance(profile, str) else []
-    hint = f"Did you mean {near[0]!r}?" if near else ""
+    hint = nearest(profile, TIMING_LAWS)
     raise InputError(Problem(where, "profile", rule, shown(profile), hint))

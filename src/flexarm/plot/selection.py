@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexarm.arguments import check_dataset
 from flexarm.engine.channels import CHANNELS
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, nearest, shown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,8 +74,7 @@ def signals_of(where: str, name: str, result: xr.Dataset, channel: object) -> Si
     plain, bracket, part = channel.partition("[")
     known = [str(key) for key, data in result.data_vars.items() if _plottable(data)]
     if plain not in known:
-        near = get_close_matches(plain, known, n=1, cutoff=0.5)
-        hint = f"Did you mean {near[0]!r}?" if near else f"It has {', '.join(known[:8])}, ..."
+        hint = nearest(plain, known) or f"It has {', '.join(known[:8])}, ..."
         if plain in CHANNELS:
             hint = _missing_hint(plain)
         raise InputError(Problem(where, name, "be a channel of the result", shown(channel), hint))

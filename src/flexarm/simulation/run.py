@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,13 +24,7 @@ from flexarm.control.base import Controller, Reference, check_controller, check_
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
 from flexarm.engine.impacts import run_through_impacts
-from flexarm.engine.new_run import (
-    ATOL,
-    RTOL,
-    TORQUE_SHARE,
-    initial_state,
-    new_run,
-)
+from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
@@ -234,19 +229,18 @@ def simulate(
                 warn_caller(unstable, UnstableLoopWarning)
             result = _closed_loop(run, loop, unstable)
         else:
-
-            def history_of(relative: float) -> PiecewiseCubic:
-                share = max(relative * TORQUE_SHARE, 1e-12)
-                history = _history(
-                    torque, duration, rate, arm.joints, share, torque_interpolation, known
-                )
-                if not prescribed:
-                    return history
-                return prescribe(
-                    simulated, prescribed, state, history, duration, share, known, 1.0 / rate
-                )
-
             run.prescribed = tuple(prescribed or ())
+            history_of = partial(
+                _history,
+                simulated,
+                torque,
+                prescribed or {},
+                state,
+                duration,
+                rate,
+                torque_interpolation,
+                known,
+            )
             result = _open_loop(run, history_of)
     if result.attrs["warning"]:
         warn_caller(result.attrs["warning"], LargeDeflectionWarning)
@@ -373,19 +367,28 @@ def _initial_state(
 
 
 def _history(
+    arm: Arm,
     torque: Torque | None,
+    prescribed: Prescribed,
+    state: FloatArray,
     duration: float,
     rate: float,
-    joints: int,
-    relative: float,
     interpolation: str,
     breaks: FloatArray,
+    relative: float,
 ) -> PiecewiseCubic:
+    """Return torques and prescribed accelerations for a relative tolerance of the run.
+
+    The start of prescribed joints is set in ``state``.
+    """
+    joints = arm.joints
     if torque is None:
-        return PiecewiseCubic.constant(np.zeros(joints))
-    if isinstance(torque, PiecewiseCubic):
-        return torque.held_to(duration)
-    if callable(torque):
+        history = PiecewiseCubic.constant(np.zeros(joints))
+    elif isinstance(torque, PiecewiseCubic):
+        history = torque.held_to(duration)
+    elif callable(torque):
         check_function("simulate", "torque", torque)
-        return function_history(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
-    return sampled_torque(torque, rate, duration, joints, interpolation, breaks)
+        history = function_history(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
+    else:
+        history = sampled_torque(torque, rate, duration, joints, interpolation, breaks)
+    return prescribe(arm, prescribed, state, history, duration, relative, breaks, 1.0 / rate)

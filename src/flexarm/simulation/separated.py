@@ -15,7 +15,6 @@ from flexarm.arm import Arm
 from flexarm.assemble import FloatArray
 from flexarm.bending import too_far_deviated
 from flexarm.engine.new_run import RTOL as CLOSE
-from flexarm.engine.new_run import TORQUE_SHARE
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -116,9 +115,9 @@ def simulate_separated(
     if added_torque is not None:
         check_function(where, "added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
-        share, name = min(allowed, CLOSE) * TORQUE_SHARE, "added_torque"
+        relative, name = min(allowed, CLOSE), "added_torque"
         added = function_history(
-            added_torque, until, arm.joints, share, breaks, name, where, 1.0 / frequency
+            added_torque, until, arm.joints, relative, breaks, name, where, 1.0 / frequency
         )
         attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":

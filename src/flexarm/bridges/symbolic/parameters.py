@@ -113,8 +113,10 @@ def _scales(link: Link, changed: Link) -> dict[str, Any]:
     if changed is link:
         return {}
     factors = {}
-    columns = zip(("length", "rigidity", "mass"), link.columns(), changed.columns(), strict=False)
-    for law, before, after in columns:
+    tables = link.beam(), changed.beam()
+    laws = {"length": "x", "rigidity": "flexural_rigidity", "mass": "mass_per_length"}
+    for law, column in laws.items():
+        before, after = (getattr(table, column) for table in tables)
         if before is None or after is None:
             continue
         place = next((k for k in reversed(range(len(before))) if before[k]), None)
