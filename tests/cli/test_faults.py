@@ -316,15 +316,8 @@ def test_the_content_of_a_file_that_is_not_an_arm_is_not_printed(content, tmp_pa
     )
 
 
-def test_a_kind_that_is_a_list_beside_hardware(tmp_path):
-    path = tmp_path / "file.yaml"
-    path.write_text(GOOD.replace("rigid_inverse_dynamics", "[1]") + "hardware: {seed: 1}\n")
-    outcome = invoke("check", path)
-    assert outcome.exit_code == 2
-    assert "drive.kind must be one of" in outcome.stderr
-
-
 LINK = "flexarm: 1\narm: {{gravity: [0.0, -9.81], links: [{{{}}}]}}\n"
+#: Links whose dimensions have powers and products that overflow or vanish.
 UNREASONABLE = {
     "short": "length: 1.0e-300, flexural_rigidity: 10.0, mass_per_length: 0.3",
     "short, with shear": (
@@ -338,19 +331,30 @@ UNREASONABLE = {
 }
 
 
-@pytest.mark.parametrize("command", ["check", "modes", "linearize"])
-@pytest.mark.parametrize("what", UNREASONABLE)
-def test_dimensions_whose_powers_overflow_are_refused(what, command, tmp_path):
-    path = tmp_path / "arm.yaml"
-    path.write_text(LINK.format(UNREASONABLE[what]))
+REFUSED = {
+    "a kind that is a list, beside hardware": (
+        "check",
+        GOOD.replace("rigid_inverse_dynamics", "[1]") + "hardware: {seed: 1}\n",
+        "drive.kind must be one of",
+    ),
+    "an arm without inertia": (
+        "linearize",
+        LINK.format("length: 1.0e-300, flexible: false, mass_per_length: 1.0"),
+        "a joint feels no inertia",
+    ),
+    **{
+        f"{command}: {what}": (command, LINK.format(link), "dimensions whose powers and products")
+        for what, link in UNREASONABLE.items()
+        for command in ("check", "modes", "linearize")
+    },
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_files_that_no_command_can_use_are_refused(case, tmp_path):
+    command, text, words = REFUSED[case]
+    path = tmp_path / "file.yaml"
+    path.write_text(text)
     outcome = invoke(command, path)
     assert outcome.exit_code == 2
-    assert "must have dimensions whose powers and products" in outcome.stderr
-
-
-def test_an_arm_without_inertia_has_no_linear_model(tmp_path):
-    path = tmp_path / "arm.yaml"
-    path.write_text(LINK.format("length: 1.0e-300, flexible: false, mass_per_length: 1.0"))
-    outcome = invoke("linearize", path)
-    assert outcome.exit_code == 2
-    assert "a joint feels no inertia" in outcome.stderr
+    assert words in outcome.stderr

@@ -1,6 +1,7 @@
 """Coefficients of the Runge-Kutta methods: every order condition, and no typing error."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -91,10 +92,15 @@ def test_error_estimates_vanish_only_up_to_their_order(name):
         assert largest_miss(order + 1, estimate, A, exact=0.0)[0] > 1e-6
 
 
-@every
-@pytest.mark.parametrize("field", ["A", "b", "c", "error", "dense"])
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [
+        *itertools.product(METHODS, ["A", "b", "c", "error", "dense"]),
+        *itertools.product(PAIRS, ["explicit", "implicit", "c", "error"]),
+    ],
+)
 def test_a_single_wrong_coefficient_cannot_be_constructed(name, field):
-    tableau = METHODS[name]().tableau
+    tableau = METHODS[name]().tableau if name in METHODS else PAIRS[name]
     array = getattr(tableau, field)
     for place in zip(*np.nonzero(array), strict=True):
         wrong = array.copy()
@@ -171,18 +177,6 @@ def test_coupled_order_conditions_up_to_the_claimed_order(name):
     for A in both:
         assert largest_miss(order + 1, b, A)[0] > 1e-5
         assert largest_miss(order, estimate, A, exact=0.0)[0] > 1e-5
-
-
-@every_pair
-@pytest.mark.parametrize("field", ["explicit", "implicit", "c", "error"])
-def test_a_single_wrong_coefficient_of_a_pair_cannot_be_constructed(name, field):
-    tableau = PAIRS[name]
-    array = getattr(tableau, field)
-    for place in zip(*np.nonzero(array), strict=True):
-        wrong = array.copy()
-        wrong[place] *= 1.0 + 1e-7
-        with pytest.raises(ValueError, match="Tableau: "):
-            dataclasses.replace(tableau, **{field: wrong})
 
 
 @every_pair
