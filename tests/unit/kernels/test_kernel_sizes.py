@@ -8,9 +8,7 @@ import numpy as np
 import flexarm as fa
 from arm_states import parts, state_array, tip_loads
 from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.composite_body import mass_matrix
 from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
-from flexarm.kernels.newton_euler import inverse_dynamics
 
 
 def two_link_arm(theory="second_order"):
@@ -39,27 +37,21 @@ def test_sizes_count_bodies_and_modes():
 
 
 def test_compile_time_sizes_give_the_same_numbers():
-    """In the second-order theory: the linear one leaves loops empty that are tested here."""
+    """Of the forward dynamics, the kernel that runs with them, in the second-order theory.
+
+    The linear theory leaves loops empty that are tested here.
+    """
     arm = two_link_arm()
     sizes, constants, work = parts(arm)
     fixed, other = compile_time_sizes(constants), new_workspace(constants)
     rng = np.random.default_rng(2)
-    q, qd, qdd = rng.normal(size=(3, arm.dof)) * [[0.02], [0.5], [1.0]]
+    q, qd = rng.normal(size=(2, arm.dof)) * [[0.02], [0.5]]
     state = state_array(arm, q, qd)
     torque, loads = rng.normal(size=2), tip_loads(arm, rng.normal(size=3))
     forward_dynamics(sizes, constants, state, torque, loads, work)
     forward_dynamics(fixed, constants, state, torque, loads, other)
     # Unrolled sums may be added in another order and fused: rounding of a few dozen terms.
     np.testing.assert_allclose(other.acceleration, work.acceleration, rtol=1e-11)
-    acceleration = arm.padded(qdd)
-    inverse_dynamics(sizes, constants, state, acceleration, loads, work)
-    inverse_dynamics(fixed, constants, state, acceleration, loads, other)
-    np.testing.assert_allclose(other.force, work.force, rtol=0, atol=1e-13 * abs(work.force).max())
-    np.testing.assert_allclose(other.wrench, work.wrench, rtol=1e-12)
-    M, same = np.zeros((2, 2, 5, 2, 5))
-    mass_matrix(sizes, constants, state, work, M)
-    mass_matrix(fixed, constants, state, other, same)
-    np.testing.assert_allclose(same, M, rtol=0, atol=1e-14 * abs(M).max())
 
 
 def test_compile_time_sizes_give_the_same_motion():
