@@ -7,6 +7,8 @@ WORKERS ?= 2
 PIP_OPTIONS ?=
 # Seed of the random examples; without one they are the same in every run.
 SEED ?=
+# With FULL=1 the suite simulates all runs of the longest tables on pages, not a sample of them.
+FULL ?=
 # Interpreters of `make test-pythons`: those on the path that start.
 PYTHONS ?= $(foreach v,3.11 3.12 3.13 3.14,$(shell python$(v) -c "import sys; print(sys.executable)" 2>/dev/null))
 # Inputs for each test of `make fuzz`.
@@ -41,9 +43,9 @@ demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper
 
 test: lint suite ## check everything: lint, then the whole test suite
 
-suite: $(VENV)/.ready-dev ## the whole test suite alone; SEED=7 draws other random examples
+suite: $(VENV)/.ready-dev ## the whole test suite alone; SEED=7 draws other random examples, FULL=1 runs all of the long pages
 	$(BIN)/flexarm warmup # once, before parallel workers compile the same kernels each
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
+	FULL_PAGES=$(FULL) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
 		$(if $(SEED),--hypothesis-profile=random --hypothesis-seed=$(SEED))
 
 test-lowest: ## the suite with the lowest versions of all dependencies

@@ -80,6 +80,7 @@ class Arm(Dynamics):
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
+        self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
 
     def rigid(self) -> Arm:
@@ -156,7 +157,7 @@ class Arm(Dynamics):
         state, body_poses, _ = self._poses("Arm.shape", q)
         points = np.zeros((self.links * stations, 2))
         axis_points(
-            run_time_sizes(self.assembly.constants),
+            self._sizes,
             state,
             body_poses,
             placed.body,
@@ -181,8 +182,7 @@ class Arm(Dynamics):
         shape = (2, self.assembly.bodies, 1 + self.assembly.modes)
         states = check_last_axes("Arm.strains", "states", states, shape, axes=4)
         strains = np.zeros((len(states), len(self.gauges)), dtype=states.dtype)
-        sizes = run_time_sizes(self.assembly.constants)
-        gauge_strains(sizes, states, self._gauge_bodies, self._gauge_rows, strains)
+        gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
 
     def section_forces(

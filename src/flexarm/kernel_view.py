@@ -32,6 +32,16 @@ _SHARED: dict[str, tuple[_Kernel, ...]] = {
 _known: dict[tuple[int | str, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
 
 
+class _Entries(dict[_Kernel, Entry]):
+    """Cached entry points by kernel.
+
+    A copy has its own entry points of the same kernels, because Numba takes 40 ms to copy a kernel.
+    """
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Entries:
+        return _Entries((kernel, Entry(kernel)) for kernel in self)
+
+
 class KernelView:
     """Sizes, constants, workspace and cached entry points of one arm.
 
@@ -57,7 +67,7 @@ class KernelView:
         key = (*map(len, sizes), constants.body.dtype.char, number)
         shared = {kernel: Entry(kernel) for kernel in _SHARED.get(number, ())}
         self.sizes, shared = _known.setdefault(key, (sizes, shared))
-        self._entries = dict(shared)
+        self._entries = _Entries(shared)
 
     def call(self, kernel: _Kernel, *arguments: Any) -> None:
         """Call a kernel with sizes, constants and ``arguments``.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,13 +140,22 @@ def _point(
     piece = arm.assembly.piece_at(link, station)
     if load.station is None:
         piece = arm.assembly.pieces_of(link)[-1]
-    x = np.array([min(station - piece.start, piece.shapes.length)])
-    shapes = piece.shapes
-    row, slope = shapes.deflection(x)[0], shapes.rotation(x)[0]  # a moment acts on the rotation
+    shapes, x = piece.shapes, float(min(station - piece.start, piece.shapes.length))
+    row, slope, matrix = _shapes_at(shapes, x)
     if load.station is None:
         row, slope = shapes.P, shapes.dP
-    matrix = shortening_matrices(shapes, x)[0]
-    return piece.body, 1.0, float(x[0]), row, slope, matrix, load
+    return piece.body, 1.0, x, row, slope, matrix, load
+
+
+@lru_cache(maxsize=128)
+def _shapes_at(shapes: LinkConstants, x: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return deflections (m,), rotations (m,) and shortening (m, m) of the shapes at x (m).
+
+    A search for an equilibrium places the same points hundreds of times.
+    """
+    at = np.array([x])
+    # A moment acts on the rotation.
+    return shapes.deflection(at)[0], shapes.rotation(at)[0], shortening_matrices(shapes, at)[0]
 
 
 def _spread(

@@ -212,7 +212,7 @@ def test_ramming_the_wall_still_earns_something():
         ({"friction": (0.1, 0.2, 0.3)}, "friction must be"),
         ({"place": -0.1}, "place must be at least 0"),
         ({"damping": -1.0}, "damping must be at least 0"),
-        ({"exponent": 0.5}, "exponent must be at least 1, but is 0.5"),
+        ({"exponent": 0.5}, "exponent must be at least 1, got 0.5"),
     ],
     ids=str,
 )

@@ -6,7 +6,9 @@ Blocks of a page run in order, in one empty folder and one Python namespace:
   line they are saved under that name for the blocks below. Other ``yaml`` blocks show keys of an
   arm, a link or a scenario and are tried on the arm of two links below.
 - ``python`` blocks are executed. With ``requires=NAME`` in the head line a block needs another
-  program: it runs in a test of its own, which is skipped where the program is not installed.
+  program: it runs in a test of its own, which is skipped where the program is not installed. With
+  ``runs=sample`` its ``fa.compare`` simulates two plants for each controller, and these cells of
+  its output are compared; ``FULL_PAGES=1`` (``make suite FULL=1``) simulates all of them.
 - ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the exit
   status expected. ``make`` lines must name a chore of the Makefile.
 - a ``text`` block right after one that ran is its output; ``...`` stands for anything.
@@ -16,6 +18,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import shutil
@@ -25,13 +28,17 @@ from typing import Any
 import pytest
 import yaml
 from docs_pages import ROOT, Block, blocks, pages
+from sampled_comparison import SampledComparison, fits_sample
 from typer.testing import CliRunner
 
+import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario, locate_study
 
 RUNNING = ("yaml", "python", "bash")
 PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
+#: All runs of all tables, not a sample of those of the longest.
+FULL = bool(os.environ.get("FULL_PAGES"))
 #: Commands that only tests of their own run: this one loads all the machine code that there is.
 ELSEWHERE = {"warmup"}  # tests/cli/test_warmup.py
 _LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 1.0}
@@ -72,13 +79,15 @@ def run_blocks(page: str, program: str = "") -> None:
     """Run the blocks of a page, and those that require ``program``."""
     scope: dict[str, Any] = {"__name__": "__main__"}
     printed: str | None = None
+    sampled = False
     for block in blocks(page):
         if block.option("requires") not in ("", program):
             printed = None
             continue
         if block.language == "text" and printed is not None:
-            assert_output(block, printed)
+            assert_output(block, printed, sampled)
         printed = run(block, scope) if block.language in RUNNING else None
+        sampled = is_sampled(block)
 
 
 def run(block: Block, scope: dict[str, Any]) -> str:
@@ -90,14 +99,23 @@ def run(block: Block, scope: dict[str, Any]) -> str:
         return ""
     # Empty lines in front give tracebacks the line numbers of the page.
     source = "\n" * (block.line - 1) + block.text
-    with contextlib.redirect_stdout(io.StringIO()) as stream:
+    with contextlib.redirect_stdout(io.StringIO()) as stream, pytest.MonkeyPatch.context() as patch:
+        if is_sampled(block):
+            patch.setattr(fa, "compare", SampledComparison())
         exec(compile(source, str(ROOT / block.page), "exec"), scope)
     return stream.getvalue()
 
 
-def assert_output(block: Block, printed: str) -> None:
-    pieces = [re.escape(piece) for piece in tidy(block.text).split("...")]
-    fits = re.fullmatch(".*?".join(pieces), tidy(printed), flags=re.DOTALL)
+def is_sampled(block: Block) -> bool:
+    return block.option("runs") == "sample" and not FULL
+
+
+def assert_output(block: Block, printed: str, sampled: bool = False) -> None:
+    if sampled:
+        fits = fits_sample(tidy(printed), tidy(block.text))
+    else:
+        pieces = [re.escape(piece) for piece in tidy(block.text).split("...")]
+        fits = bool(re.fullmatch(".*?".join(pieces), tidy(printed), flags=re.DOTALL))
     assert fits, f"{block}: the page says\n{block.text}\nbut this was printed:\n{printed}"
 
 
@@ -162,3 +180,19 @@ def read_fragment(block: Block, content: dict[str, Any]) -> None:
     path = Path("fragment.yaml")
     path.write_text(text)
     load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    ("printed", "fits"),
+    [
+        ("PD 79.0 131.1 1.7x  nan  nanx", True),
+        ("PD 79.1 131.1 1.7x  nan  nanx", False),  # another number
+        ("PI 79.0 131.1 1.7x  nan  nanx", False),  # another word
+        ("PD 79.0 131.1 1.7x  nan", False),
+        ("PD nan nan nanx nan nanx", False),  # nothing of the row was simulated
+        ("PD 79.0 131.1 1.7x 93.3 1.2x", False),  # no sample
+        ("PD 79.0 131.1 1.7x nan nanx\nPD", False),
+    ],
+)
+def test_a_sample_fits_where_its_numbers_do(printed: str, fits: bool) -> None:
+    assert fits_sample(printed, "PD       79.0 131.1   1.7x  93.3   1.2x") is fits

@@ -1,12 +1,14 @@
 """The study files in ``examples/studies`` run, and what comes out is what they say."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flexarm as fa
-from flexarm.model import locate_study
+from default_runs import PROMISED, DefaultRun, record
 
 STUDIES = Path(__file__).parents[2] / "examples" / "studies"
 
@@ -22,9 +24,27 @@ def test_every_file_says_what_it_shows(path):
     assert f"flexarm compare examples/studies/{path.name}" in text
 
 
+@cache
+def study(name: str) -> tuple[xr.Dataset, list[DefaultRun]]:
+    """The table of a study and its runs, made once for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        runs = record(patch)
+        return fa.run_study(STUDIES / f"{name}.yaml", progress=False), runs
+
+
+@pytest.mark.parametrize("name", ["drives", "wipe"])
+def test_default_tolerances_keep_their_promise(name):
+    """One run of each drive, on the plants in turn: these differ in their parameters only."""
+    table, runs = study(name)
+    drives, plants, references = table.failure.shape
+    assert len(runs) == table.failure.size, "a run that failed, or was made elsewhere"
+    assert (drives >= plants, references) == (True, 1), "a plant without a run in the sample"
+    chosen = [runs[drive * plants + drive % plants] for drive in range(drives)]
+    assert 0.0 < max(run.error() for run in chosen) <= PROMISED
+
+
 def test_feedback_and_feedforward_together_hold_up():
-    study = locate_study(STUDIES / "drives.yaml")[0]
-    table = fa.run_study(study, progress=False)
+    table, _ = study("drives")
     assert (table.failure == "").all()
     error = table.tip_error_rms.sel(reference="line", plant="payload doubled")
     best = error.sel(controller="joint PD and rigid torque")
@@ -34,7 +54,7 @@ def test_feedback_and_feedforward_together_hold_up():
 
 @pytest.fixture(scope="module")
 def wiped():
-    return fa.run_study(STUDIES / "wipe.yaml", progress=False).sel(reference="wipe")
+    return study("wipe")[0].sel(reference="wipe")
 
 
 def test_force_controllers_keep_the_force_on_every_arm(wiped):

@@ -99,7 +99,6 @@ def test_wrong_values_raise_errors_that_name_them(call):
     check_call(name, wrong)
 
 
-@pytest.mark.parametrize("value", sorted(WRONG))
 @pytest.mark.parametrize(
     ("name", "argument"),
     [
@@ -109,5 +108,10 @@ def test_wrong_values_raise_errors_that_name_them(call):
         if not (argument == "axes" and (name.endswith("_figure") or name == "styled"))
     ],
 )
-def test_figures_of_wrong_values_raise_errors_that_name_them(name, argument, value):
-    check_call(name, {argument: value})
+def test_figures_of_wrong_values_raise_errors_that_name_them(name, argument):
+    for value in sorted(WRONG):
+        try:
+            check_call(name, {argument: value})
+        except Exception as error:
+            error.add_note(f"{argument}: {value}")
+            raise

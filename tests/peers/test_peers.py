@@ -10,6 +10,7 @@ import dataclasses
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,21 +105,21 @@ def test_mujoco_tends_to_the_same_path(mujoco_arm: ModuleType, case: Case) -> No
 
 
 @pytest.mark.parametrize("case", SHORT, ids=["arm", "pendulum"])
-def test_pinocchio_moves_the_same_bars(
-    mujoco_arm: ModuleType, pinocchio_arm: ModuleType, case: Case
+@pytest.mark.parametrize(
+    ("program", "setting"),
+    [
+        # Both of order 4 in their steps; MuJoCo holds the torque over each of them.
+        ("pinocchio_arm", {"step": 2.5e-4}),
+        # A tolerance of 1e-4 a step keeps them so close, on the Table I arm over 2 s as well.
+        ("drake_arm", {"accuracy": 1e-4}),
+    ],
+)
+def test_the_same_bars_move_in_the_same_way(
+    program: str, setting: dict[str, float], mujoco_arm: ModuleType, case: Case, request: Any
 ) -> None:
     theirs = mujoco_arm.tip(case, segments=8, step=1e-4)
-    # Both of order 4 in their steps; MuJoCo holds the torque over each of them.
-    assert distance(pinocchio_arm.tip(case, segments=8, step=2.5e-4), theirs) < 1e-6
-
-
-@pytest.mark.parametrize("case", SHORT, ids=["arm", "pendulum"])
-def test_drake_moves_the_same_bars(
-    mujoco_arm: ModuleType, drake_arm: ModuleType, case: Case
-) -> None:
-    theirs = mujoco_arm.tip(case, segments=8, step=1e-4)
-    # A relative tolerance of 1e-4 a step keeps them so close, on the Table I arm over 2 s as well.
-    assert distance(drake_arm.tip(case, segments=8, accuracy=1e-4), theirs) < 1e-6
+    found = request.getfixturevalue(program).tip(case, segments=8, **setting)
+    assert distance(found, theirs) < 1e-6
 
 
 @pytest.mark.parametrize(

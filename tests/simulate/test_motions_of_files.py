@@ -67,16 +67,6 @@ def test_shaped_motions(made, keys, options):
     assert_same(found.motion, fa.smoothed(fa.shaped(plain, found.arm, **options), 0.2))
 
 
-def test_a_mode_that_is_not_there_is_told_at_its_key(tmp_path):
-    path = tmp_path / "run.yaml"
-    path.write_text(
-        ARM + "motion:\n  kind: joint\n  start: [0.2, -0.4]\n  end: [0.5, 0.0]\n  duration: 0.5\n"
-        "  shaping:\n    modes: [99]\nrun: {duration: 0.1}\n"
-    )
-    with pytest.raises(fa.InputError, match=r"run\.yaml:14: motion\.shaping\.modes must"):
-        fa.run_scenario(path)
-
-
 def test_a_force_over_time_goes_through_its_values_at_rest():
     force = _over_time(ForceTable(times=[0.0, 1.0, 3.0], values=[2.0, 6.0, 0.0]))
     # The quintic from rest to rest has half of the way behind it at half time.
@@ -155,10 +145,33 @@ def test_where_angles_are_given_it_starts_there(made):
     np.testing.assert_array_equal(found.options["initial"], found.arm.rest([1.3, -1.4]))
 
 
-def test_a_path_out_of_reach_is_told_at_its_key(tmp_path):
+#: Text of the file after the arm; the place and the key that the error names.
+IMPOSSIBLE = {
+    "a mode that does not exist": (
+        """motion:
+  kind: joint
+  start: [0.2, -0.4]
+  end: [0.5, 0.0]
+  duration: 0.5
+  shaping:
+    modes: [99]
+run: {duration: 0.1}
+""",
+        r"run\.yaml:14: motion\.shaping\.modes must",
+    ),
+    "a path out of reach": (
+        PRESSED.replace("end: [1.5, 0.7]", "end: [1.5, 2.4]"),
+        r"run\.yaml:10: motion\.path\.end must",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", IMPOSSIBLE)
+def test_an_impossible_motion_is_reported_at_its_key(case, tmp_path):
+    text, words = IMPOSSIBLE[case]
     path = tmp_path / "run.yaml"
-    path.write_text(ARM + PRESSED.replace("end: [1.5, 0.7]", "end: [1.5, 2.4]"))
-    with pytest.raises(fa.InputError, match=r"run\.yaml:10: motion\.path\.end must"):
+    path.write_text(ARM + text)
+    with pytest.raises(fa.InputError, match=words):
         fa.run_scenario(path)
 
 

@@ -35,13 +35,6 @@ def test_a_tip_force_pulls_like_the_torque_of_its_lever():
     np.testing.assert_allclose(twisted.joint_angle, driven.joint_angle, rtol=1e-9, atol=1e-18)
 
 
-def test_sizes_known_to_the_compiler_give_the_same_motion():
-    arm = one_link(gravity=(0.0, -9.81))
-    free, fixed = (fa.simulate(arm, 0.3, specialized=given) for given in (False, True))
-    # The same formulas, added in another order: rounding grows over the run.
-    np.testing.assert_allclose(fixed.tip, free.tip, atol=1e-9)
-
-
 def test_a_scenario_stays_with_its_result(tmp_path):
     text = (
         "flexarm: 1\n"

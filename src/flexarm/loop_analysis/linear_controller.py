@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,9 +43,13 @@ class HeldReference:
     def __init__(self, reference: Any, t: float, rate: float = 0.0) -> None:
         self._reference, self._t, self._rate = reference, t, rate
 
+    @cached_property
+    def _angle(self) -> Any:
+        return self._reference.joint_angle(self._t)
+
     def joint_angle(self, t: Any) -> FloatArray:
         """Return the constant joint angles, (joints,) or (T, joints), rad."""
-        return _tiled(self._reference.joint_angle(self._t), t)
+        return _tiled(self._angle, t)
 
     def joint_rate(self, t: Any) -> FloatArray:
         """Return the joint rates, all equal to ``rate``, rad/s."""

@@ -120,11 +120,3 @@ def test_a_full_mesh_is_followed_at_steps_of_the_slow_motion() -> None:
 def test_an_impossible_radius_is_refused(radius) -> None:
     with pytest.raises(fa.InputError, match="GeneralizedAlpha: spectral_radius must"):
         GeneralizedAlpha(spectral_radius=radius)
-
-
-def test_a_step_too_long_for_the_motion_ends_with_its_reason() -> None:
-    rigid = {"mass_per_length": 1.0, "flexible": False}
-    links = [fa.Link(length=0.8, **rigid), fa.Link(length=0.5, **rigid)]
-    arm = fa.Arm(links=links, gravity=(0.0, -9.81))
-    with pytest.raises(fa.SimulationError, match=r"could not be solved.*too long.*smaller step"):
-        fa.simulate(arm, 20.0, integrator="generalized_alpha", step=2.0)

@@ -40,18 +40,20 @@ def test_the_estimate_is_within_a_factor_of_three_of_the_elastica(theory, load, 
         assert true / 3.0 < estimate < 3.0 * true
 
 
+@pytest.mark.parametrize(
+    ("links", "elements", "segments", "load", "high"),
+    [
+        # A force to which the linear theory responds with a deflection of two lengths.
+        pytest.param(1, 1, 1, 6.0 * FORCE, 3.0, id="absurd"),
+        # A bent link displaces the one that it carries; its slope under a moment is exact.
+        pytest.param(2, 2, 2, 0.3 * FORCE, 3.5, id="two links, force"),
+        pytest.param(2, 2, 2, 0.6 * MOMENT, 3.5, id="two links, moment"),
+    ],
+)
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_the_estimate_still_holds_where_the_theory_is_absurd(theory):
-    """A force that the linear theory answers with two lengths of deflection."""
-    estimate, true = off(strip(theory, elements=1), 6.0 * FORCE)
-    assert true / 3.0 < estimate < 3.0 * true
-
-
-@pytest.mark.parametrize("load", [0.3 * FORCE, 0.6 * MOMENT], ids=["force", "moment"])
-def test_a_bent_link_displaces_the_one_it_carries(load):
-    for theory in ("linear", "second_order"):
-        estimate, true = off(strip(theory, 2, elements=2, segments=2), load)
-        assert true / 3.0 < estimate < 3.5 * true  # the slope under a moment is exact
+def test_the_estimate_of_other_arms(theory, links, elements, segments, load, high):
+    estimate, true = off(strip(theory, links, elements=elements, segments=segments), load)
+    assert true / 3.0 < estimate < high * true
 
 
 def analyses(arm):
@@ -87,17 +89,15 @@ def test_an_equilibrium_carries_its_warning_into_what_uses_it():
         assert len(caught) == 1
 
 
-def test_modes_along_sagging_postures_warn_once():
+@pytest.mark.parametrize(
+    "use",
+    [lambda arm: fa.track_modes(arm, [[0.0], [0.1], [0.2]], sag=True, count=2), fa.linearize],
+    ids=["modes along postures", "linearize"],
+)
+def test_analyses_that_find_sagging_equilibria_warn_once(use):
     arm = fa.Arm(links=[fa.Link(**STRIP, elements=2)], gravity=(0.0, -30.0))
     with pytest.warns(fa.LargeDeflectionWarning) as caught:
-        fa.track_modes(arm, [[0.0], [0.1], [0.2]], sag=True, count=2)
-    assert len(caught) == 1
-
-
-def test_linearize_warns_once_of_the_equilibrium_that_it_finds_itself():
-    arm = fa.Arm(links=[fa.Link(**STRIP, elements=2)], gravity=(0.0, -30.0))
-    with pytest.warns(fa.LargeDeflectionWarning) as caught:
-        fa.linearize(arm)
+        use(arm)
     assert len(caught) == 1
 
 
