@@ -91,7 +91,7 @@ def report(
         "", arm, result, start + times, wishes, ghost, asked, touched, fitted(histories)
     )
     player = fragment([scene], fps, speed, _BESIDE)
-    text = render(engine, result, arm, asked, histories, title, notes, player)
+    text = render(engine, result, arm, asked, histories, title, notes, player, magnify)
     if place is not None:
         write_text(text, place)
     return text

@@ -67,6 +67,7 @@ def render(
     title: str,
     notes: str,
     player: str,
+    magnify: float,
 ) -> str:
     """Return the page of a report.
 
@@ -74,7 +75,7 @@ def render(
         engine: from `template_engine`.
         reference: motion to compute errors from, or None.
         histories: of the tables, with all samples.
-        player: HTML fragment that plays the arm.
+        player: HTML fragment that plays the arm, with its bending drawn ``magnify`` times as large.
     """
     scenario = scenario_of(result)
     tables = [energies_table(result)] if "kinetic_energy" in result else []
@@ -87,6 +88,7 @@ def render(
         failure=_clean(str(result.attrs.get("failure", ""))),
         warnings=[_clean(text) for text in warnings_of(result)],
         player=player,
+        magnify=magnify,
         figures=key_figures(result, arm, reference),
         about=[*about_arm(arm), *(about_run(scenario) if scenario else [])],
         run=run_facts(result),

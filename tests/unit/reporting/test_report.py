@@ -115,6 +115,11 @@ def test_the_histories_are_those_of_the_result():
     assert [history["title"] for history in scene_of(chosen)["histories"]] == ["Tip", "Torque"]
 
 
+def test_magnified_bending_is_stated():
+    assert "is drawn 20 times as large" in words_of(fa.report(controlled(), magnify=20.0))
+    assert "times as large" not in words_of(fa.report(controlled()))
+
+
 def test_extreme_values():
     time = np.array([0.0, 0.1, 0.2])
     values = np.array([[0.0, 1.0], [-3.0, np.nan], [1.5, 2.0]])

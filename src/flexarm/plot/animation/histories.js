@@ -55,7 +55,7 @@ function backdrop(history, labelled, span, width, height, ratio) {
     line(draw, times.map((t, i) => [t, values[from + i]]), toX, toY, history.colors[j], 1.5);
   });
   draw.restore();
-  const digits = Math.min(8, Math.max(0, 2 - Math.floor(Math.log10(range[1] - range[0]))));
+  const digits = Math.min(8, Math.max(0, 3 - Math.floor(Math.log10(range[1] - range[0]))));
   const toTime = (x) => span[0] + Math.min(1, Math.max(0, (x - box.left) / box.width)) * (span[1] - span[0]);
   return { picture, box, range, toX, toY, toTime, digits };
 }
