@@ -13,11 +13,13 @@ FULL ?=
 PYTHONS ?= $(foreach v,3.11 3.12 3.13 3.14,$(shell python$(v) -c "import sys; print(sys.executable)" 2>/dev/null))
 # Inputs for each test of `make fuzz`.
 EXAMPLES ?= 1000
+# For packages of the system; empty for the user root.
+AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 # Numerical libraries that start a thread per core slow each other down beside parallel tests.
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite test-lowest test-pythons dist lint format bench fuzz peers gallery clean
+.PHONY: help demo test suite test-lowest test-pythons dist lint format browser bench fuzz peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -75,6 +77,13 @@ format: $(VENV)/.ready-dev ## put the code into the project's format
 
 fuzz: $(VENV)/.ready-dev ## damaged files and wrong calls: make fuzz EXAMPLES=10000
 	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal tests/fuzz
+
+# Debian has it as a package; elsewhere Playwright fetches its own.
+browser: $(VENV)/.ready-dev ## install headless Chromium, for the tests that open pages
+	if command -v apt-get > /dev/null && $(AS_ROOT) apt-get update --quiet && \
+		apt-cache show chromium-headless-shell > /dev/null 2>&1; \
+	then $(AS_ROOT) apt-get install --yes --no-install-recommends chromium-headless-shell fonts-dejavu-core; \
+	else $(BIN)/python -m playwright install --only-shell chromium; fi
 
 bench: $(VENV)/.ready-dev ## measure speed; tables and figures in docs/performance
 	$(BIN)/python -m benchmarks

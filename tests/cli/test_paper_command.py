@@ -1,5 +1,6 @@
 """``flexarm paper`` writes every figure, the data and the numbers."""
 
+import html
 import os
 
 import numpy as np
@@ -14,8 +15,9 @@ from flexarm.paper import paper_scenario
 from flexarm.plot.paper_data import FIGURE_NAMES
 
 
-def reproduce(folder):
-    outcome = CliRunner().invoke(app, ["paper", "--out", str(folder)], catch_exceptions=False)
+def reproduce(folder, *options):
+    given = ["paper", "--out", str(folder), *options]
+    outcome = CliRunner().invoke(app, given, catch_exceptions=False)
     assert outcome.exit_code == 0
     assert outcome.stderr == ""
     return outcome.stdout
@@ -80,10 +82,16 @@ def no_processes(monkeypatch):
 
 def test_without_other_processes_the_figures_are_the_same(done, tmp_path, monkeypatch):
     no_processes(monkeypatch)
-    reproduce(tmp_path)
+    reproduce(tmp_path, "--report")
     folder, _ = done
     for path in folder.glob("*.png"):
         assert (tmp_path / path.name).read_bytes() == path.read_bytes()
+    assert {p.name for p in tmp_path.iterdir()} - {p.name for p in folder.iterdir()} == {
+        "report.html"
+    }
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert (tmp_path / "numbers.txt").read_text(encoding="utf-8").strip() in html.unescape(page)
+    assert len(page.encode()) < 5_000_000
 
 
 @pytest.mark.parametrize("trouble", ["one core", "no processes"])

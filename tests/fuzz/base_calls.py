@@ -245,6 +245,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
     "quasi_static_reference": _MOVE,
     "read_result": {"path": lambda: folder() / "result.nc"},
+    "report": {"result": result},
     "rigid_torque": _MOVE,
     "run_scenario": {"scenario": lambda: folder() / "scenario.yaml"},
     "run_study": {"study": lambda: folder() / "study.yaml"},

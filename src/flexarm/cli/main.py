@@ -62,11 +62,14 @@ def paper(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for figures and data.")] = Path(
         "flexarm-paper"
     ),
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write report.html: the arm plays, all numbers.")
+    ] = False,
 ) -> None:
     """Reproduce the paper: its arm, its figures 3 to 16, and a table of numbers."""
     from flexarm.cli.paper import reproduce
 
-    reproduce(out)
+    reproduce(out, report)
 
 
 @app.command()
@@ -205,6 +208,35 @@ def linearize(
     from flexarm.cli.linearize import show_linear
 
     show_linear(arm, angles, inputs, outputs, count, out, plot)
+
+
+@app.command()
+@failures_told()
+def report(
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT.nc", help="Result of `flexarm run --out`.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The .html file; by default beside the result."),
+    ] = None,
+    title: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Title; by default the name of the file.")
+    ] = None,
+    magnify: Annotated[
+        float,
+        typer.Option(
+            metavar="FACTOR", min=0, max=10_000, help="Factor on the drawn bending of the links."
+        ),
+    ] = 1.0,
+    rigid: Annotated[
+        bool, typer.Option("--rigid", help="Also draw the rigid arm at the same joint angles.")
+    ] = False,
+) -> None:
+    """Write a report of a result: one HTML page in which the arm plays, with all numbers."""
+    from flexarm.cli.report import report_file
+
+    report_file(result, out, title, magnify, rigid)
 
 
 @app.command()

@@ -34,13 +34,21 @@ tip error: distance of the flexible arm's tip from the rigid arm's
 """
 
 
-def reproduce(folder: Path) -> None:
+def reproduce(folder: Path, with_report: bool = False) -> None:
     """Write figures, data and numbers of the paper's example to ``folder``; print the numbers.
 
+    Args:
+        with_report: whether to write ``report.html``, the report of the flexible arm.
+
     Raises:
-        InputError: if the folder is not writable.
+        InputError: if the folder is not writable, or a report is requested and Jinja2 is not
+            installed.
     """
     check_folder("flexarm paper", "--out", folder)
+    if with_report:
+        from flexarm.reporting.document import template_engine
+
+        template_engine("flexarm paper")
     with Drawing() as drawing:
         # Import here, because the other processes load Matplotlib at the same time.
         from flexarm.output import write_result
@@ -62,7 +70,16 @@ def reproduce(folder: Path) -> None:
         write_text(_as_text(report), folder / "numbers.txt")
         text = (files("flexarm") / "library" / "paper.yaml").read_text(encoding="utf-8")
         write_text(text, folder / "paper.yaml")
+        if with_report:
+            _write_report(slow, _as_text(report), folder / "report.html")
     console().print(f"figures, data and numbers in {folder}", soft_wrap=True)
+
+
+def _write_report(case: PaperCase, numbers: str, path: Path) -> None:
+    from flexarm.reporting import report
+
+    title = "The paper's arm along a line"
+    report(case.flexible, path, title=title, notes=numbers, rigid=case.rigid)
 
 
 def _report(slow: PaperCase, fast: PaperCase) -> Iterator[RenderableType]:

@@ -16,7 +16,7 @@ from flexarm.output import FIGURE_SUFFIXES, FORMATS, write_figure, write_result
 from flexarm.places import check_place
 from flexarm.plot.animation.video import check_animation_place
 from flexarm.scenarios.scenario import prepare
-from flexarm.simulation.compare import INCONSISTENT, inconsistent
+from flexarm.simulation.compare import warnings_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,11 +50,8 @@ def run_file(path: Path, out: Path | None, plot: Path | None, animation: Path | 
         raise
     screen = console()
     screen.print(facts(_summary(result)))
-    for name in ("unstable_loop", "warning"):
-        if result.attrs[name]:
-            warn(result.attrs[name])
-    if inconsistent(result):
-        warn(INCONSISTENT)
+    for text in warnings_of(result):
+        warn(text)
     if out is not None:
         write_result(result, out)
         screen.print(f"result in {out}", soft_wrap=True)

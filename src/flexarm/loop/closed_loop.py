@@ -38,7 +38,7 @@ class ClosedLoop:
         if problems:
             raise InputError(*problems)
         self._run = run
-        self._controller = controller
+        self.controller = controller
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         self._ticks = Ticks(run, controller.sample_time, hardware)
         self._runaway = RunawayWatch(run.arm)
@@ -56,7 +56,7 @@ class ClosedLoop:
                 raises or does not return finite torques.
         """
         run, ticks = self._run, self._ticks
-        self._controller.reset()
+        self.controller.reset()
         # Skip a last sample time that lies before the end by rounding alone.
         while ticks.time < run.duration * (1.0 - 1e-12):
             torque = self._update(ticks.time, ticks.measure())
@@ -80,7 +80,7 @@ class ClosedLoop:
             self.measured.append(measurement)
         started = time.perf_counter()
         try:
-            given = self._controller.update(t, measurement, self._reference)
+            given = self.controller.update(t, measurement, self._reference)
         except Exception as error:
             reason = f"the controller failed with {type(error).__name__}: {error}"
             raise SimulationError(t, reason, "", run.state()) from error
@@ -103,7 +103,7 @@ class ClosedLoop:
 
     def report(self) -> dict[str, float]:
         """Return the controller's own report on its run."""
-        return report_of(self._controller)
+        return report_of(self.controller)
 
     def readings(self) -> Mapping[str, FloatArray]:
         """Return the readings of the hardware's instruments by name: (ticks, k)."""

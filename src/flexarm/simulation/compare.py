@@ -204,9 +204,7 @@ def comparison(
             if result.attrs["ended_by"] != DURATION:  # metrics of a shorter run are not comparable
                 failures[index] = f"ended by the event {result.attrs['ended_by']!r}"
                 continue
-            told = [unstable[index], result.attrs["warning"]]
-            told += [INCONSISTENT] * inconsistent(result)
-            bent[index] = " ".join(item for item in told if item)
+            bent[index] = " ".join(warnings_of(result))
             for name, value in metrics_of(result, arm, reference, settling).items():
                 values[name][index] = value
     table = xr.Dataset(coords={dim: list(names[dim]) for dim in _DIMS})
@@ -222,6 +220,12 @@ def comparison(
 def inconsistent(result: xr.Dataset) -> bool:
     """Return whether the estimator of a run fails its consistency test."""
     return bool(result.attrs.get("estimator_consistent", 1) == 0)
+
+
+def warnings_of(result: xr.Dataset) -> list[str]:
+    """Return the warnings of a run, from the attributes of its result."""
+    found = [str(result.attrs.get(name, "")) for name in ("unstable_loop", "warning")]
+    return [text for text in found if text] + [INCONSISTENT] * inconsistent(result)
 
 
 def _unstable(result: xr.Dataset | None) -> str:

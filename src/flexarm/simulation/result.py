@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -38,6 +39,14 @@ _texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
 def package_version() -> str:
     """Return the version of this package, cached because the look-up takes a millisecond."""
     return version("flexarm")
+
+
+@cache
+def software_versions() -> str:
+    """Return the versions of Python and the numerical packages, and the platform, as one line."""
+    packages = [f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "xarray")]
+    system = f"{platform.system()} {platform.machine()}"
+    return ", ".join([f"Python {platform.python_version()}", *packages, system])
 
 
 def arm_text(arm: Arm) -> str:
@@ -77,7 +86,8 @@ def make_result(
         ):
             labels = _labels_of[arm] = _new_labels(arm, times, shapes)
         dataset = labels.dataset.copy(data=values)
-    dataset.attrs = {**attributes, "arm": arm_text(arm)}
+    software = {"flexarm_version": package_version(), "software": software_versions()}
+    dataset.attrs = {**software, **attributes, "arm": arm_text(arm)}
     return dataset
 
 
@@ -109,9 +119,12 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
 def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     """Add the data of a closed loop to the result.
 
-    These are ``torque_command`` (time, joint) and, with hardware, ``measured_NAME`` for each
-    reading over ``tick``, the number of the sample time, with the coordinate ``tick_time`` (s).
+    These are attributes of the controller, ``torque_command`` (time, joint) and, with hardware,
+    ``measured_NAME`` for each reading over ``tick``, the number of the sample time, with the
+    coordinate ``tick_time`` (s).
     """
+    dataset.attrs["controller"] = type(loop.controller).__name__
+    dataset.attrs["sample_time"] = float(loop.controller.sample_time)
     dataset.attrs["controller_calls"] = len(loop.ticks)
     dataset.attrs["controller_seconds"] = loop.seconds
     dataset.attrs |= loop.report()

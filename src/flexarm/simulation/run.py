@@ -53,7 +53,7 @@ from flexarm.model.events import DURATION, FAILURE
 from flexarm.model.scenario import sample_fault
 from flexarm.observe import contact_channels
 from flexarm.simulation.interrupted_runs import computed_until_failure
-from flexarm.simulation.result import add_loop, make_result, package_version
+from flexarm.simulation.result import add_loop, make_result
 from flexarm.stations import check_stations
 from flexarm.user_functions import call
 
@@ -296,7 +296,6 @@ def _result(
     reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
     attributes: dict[str, Any] = {
-        "flexarm_version": package_version(),
         "integrator": integrator.name,
         "integrator_reason": reason,
         "rtol": run.tolerance.relative,

@@ -33,7 +33,7 @@ from flexarm.linear.smooth import SmoothMatrices
 from flexarm.model.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
-from flexarm.simulation.result import make_result, package_version
+from flexarm.simulation.result import make_result
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -137,7 +137,6 @@ def simulate_separated(
         dq, dqd = path.at(times)
         attributes |= {"steps": len(path.edges) - 1, "step": float(np.max(np.diff(path.edges)))}
     attributes |= {
-        "flexarm_version": package_version(),
         "integrator": "gauss6" if method == "dynamic" else "quasi_static",
         "references": "HairerWanner1996" if method == "dynamic" else "",
     }

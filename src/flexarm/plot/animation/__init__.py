@@ -11,21 +11,18 @@ from flexarm.arguments import (
     check_count,
     check_dataset,
     check_flag,
-    check_list_of,
     check_nonnegative,
     check_positive,
 )
-from flexarm.arm import Arm
-from flexarm.control.base import check_reference
-from flexarm.errors import FlexarmError, InputError, Problem, shown
+from flexarm.errors import InputError, Problem, shown
 from flexarm.model import Contact
 from flexarm.places import AnyPath, write_text, write_whole
 from flexarm.plot.animation.page import inline, page
-from flexarm.plot.animation.scene import Scene, Wishes, scene_of
+from flexarm.plot.animation.scene import Scene, Wishes, scene_of, thin
+from flexarm.plot.animation.surroundings import surroundings
 from flexarm.plot.animation.video import check_animation_place, find_ffmpeg, gif, gif_delay, mp4
-from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result, scenario_of
+from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
 from flexarm.plot.selection import named_results, several
-from flexarm.scenarios.motions import motion_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,6 +31,8 @@ if TYPE_CHECKING:
 
 _WHERE = "animate"
 _MOST_FRAMES, _MOST_RESULTS, _MOST_HISTORIES = 20_000, 4, 6
+#: Intervals of a history whose extreme values are drawn, about one for two columns of a screen.
+_INTERVALS = 450
 
 
 class Animation:
@@ -59,7 +58,7 @@ class Animation:
 
     def _repr_html_(self) -> str:
         histories = len(self.scenes[0].histories)
-        height = 620 if len(self.scenes) == 1 else 480 + 175 * histories
+        height = 650 if len(self.scenes) == 1 else 510 + 175 * histories
         return inline(self.html(), height)
 
     def pictures(self) -> Iterator[Picture]:
@@ -150,10 +149,6 @@ def animate(
         check_flag(_WHERE, "torque", torque),
     )
     width = check_count(_WHERE, "width", width, 320, 7680)
-    if contacts is not None:
-        contacts = check_list_of(_WHERE, "contacts", contacts, Contact)
-    if reference is not None:
-        check_reference(_WHERE, reference)
     times = _times(named, fps, speed)
     scenes = []
     for name, result in named.items():
@@ -162,7 +157,7 @@ def animate(
         if len(histories) > _MOST_HISTORIES:
             rule = f"be at most {_MOST_HISTORIES} channels"
             raise InputError(Problem(_WHERE, "channels", rule, shown(len(histories))))
-        asked, touched = _of_scenario(arm, result)
+        asked, touched = surroundings(_WHERE, arm, result, reference, contacts)
         scenes.append(
             scene_of(
                 name,
@@ -171,9 +166,9 @@ def animate(
                 float(result["time"].values[0]) + times,
                 wishes,
                 rigid_result(_WHERE, rigid, arm, result),
-                asked if reference is None else _fitting(reference, arm),
-                touched if contacts is None else contacts,
-                histories,
+                asked,
+                touched,
+                [thin(signals, _INTERVALS) for signals in histories],
             )
         )
     if len({len(scene.histories) for scene in scenes}) > 1:
@@ -209,28 +204,3 @@ def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndar
 
 def _empty(channels: object) -> bool:
     return isinstance(channels, list | tuple) and not channels
-
-
-def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
-    """Return motion and contacts of a result's scenario, if it has one."""
-    scenario = scenario_of(result)
-    if scenario is None or len(scenario.arm.links) != arm.links:
-        return None, []
-    try:
-        return motion_of(arm, scenario), scenario.contacts
-    except FlexarmError:  # the plant differs from the arm of the scenario
-        return None, scenario.contacts
-
-
-def _fitting(reference: Any, arm: Arm) -> Any:
-    """Return a reference with the arm's number of joints or with its own tip path.
-
-    Raises:
-        InputError: if it has a different number of joints.
-    """
-    if getattr(reference, "tip", None) is None:
-        angles = np.asarray(reference.joint_angle(0.0))
-        if angles.shape != (arm.joints,):
-            rule = f"move the {arm.joints} joints of the arm"
-            raise InputError(Problem(_WHERE, "reference", rule, f"one for {angles.size} joints"))
-    return reference

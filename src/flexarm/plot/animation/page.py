@@ -16,6 +16,8 @@ from flexarm.plot.animation.scene import Scene
 from flexarm.plot.drawn_arm import FloatArray
 from flexarm.plot.palette import series_colors
 
+#: Parts of the player's script, in their order.
+_SCRIPTS = ("canvas.js", "arm.js", "histories.js", "player.js")
 #: Resolution of lengths: 1e-4 of the width of the view, a tenth of a pixel.
 _PARTS = 1e4
 
@@ -29,19 +31,30 @@ def page(scenes: Sequence[Scene], fps: float, speed: float, title: str) -> str:
     """
     head = f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
     head += '</title><meta name="viewport" content="width=device-width, initial-scale=1">'
-    head += f"<style>{_text('player.css')}</style></head>\n<body>"
+    head += f"<style>{style()}</style></head>\n<body>"
     return f"{head}{fragment(scenes, fps, speed)}</body></html>\n"
 
 
-def fragment(scenes: Sequence[Scene], fps: float, speed: float) -> str:
-    """Return the player as a fragment of a page, whose style sheet is ``player.css``."""
+def style() -> str:
+    """Return the style sheet of the player."""
+    return _text("player.css")
+
+
+def fragment(scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None) -> str:
+    """Return the player as a fragment of a page with the style sheet `style`.
+
+    Args:
+        beside: number of histories beside the arm, the others are below it; None for all.
+    """
     data = {"fps": fps, "speed": speed, "scenes": [_data(scene) for scene in scenes]}
+    data["beside"] = max(len(scene.histories) for scene in scenes) if beside is None else beside
+    script = "".join(_text(name) for name in _SCRIPTS)
     # A title may contain "</script>", so write "<" as an escape sequence.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         '<div class="flexarm-player"></div>'
         f'<script type="application/json" class="flexarm-data">{text}</script>'
-        f"<script>{_text('player.js')}</script>"
+        f'<script>(function () {{\n"use strict";\n{script}}})();</script>'
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -91,10 +91,14 @@ def scene_of(
     """Create the scene of a result at times (F,) s, which may exceed those of the result."""
     time = result["time"].values
     now = np.clip(times, time[0], time[-1])
-    links = shapes_of(arm, at_times(time, result["q"].values, now), wishes.magnify, STATIONS)
+    q = at_times(time, result["q"].values, now)
+    links = shapes_of(arm, q, wishes.magnify, stations_of(arm.links))
     path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
-    q = at_times(time, result["q"].values, path_times)
-    path = shapes_of(arm, q, wishes.magnify, 2)[:, -1, -1]
+    if wishes.magnify == 1.0 and "tip" in result:
+        path = at_times(time, result["tip"].values, path_times)
+    else:
+        q = at_times(time, result["q"].values, path_times)
+        path = shapes_of(arm, q, wishes.magnify, 2)[:, -1, -1]
     straight = None if ghost is None else _thinned(ghost.shapes(now))
     asked = None
     if reference is not None:
@@ -131,9 +135,14 @@ def scene_of(
         path_times=path_times,
         reference=asked,
         solids=tuple(solid_of(contact.surface, view) for contact in contacts),
-        histories=tuple(_thin(signals) for signals in histories),
+        histories=tuple(histories),
         view=view,
     )
+
+
+def stations_of(links: int) -> int:
+    """Return the number of points drawn along each link, fewer for arms with many links."""
+    return min(STATIONS, max(5, 4 * STATIONS // links))
 
 
 def _view(points: FloatArray) -> FloatArray:
@@ -179,24 +188,17 @@ def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: fl
     return drawn
 
 
-def _thin(signals: Signals) -> Signals:
-    """Return a history with about as many points as a screen shows, including all peaks.
+def thin(signals: Signals, intervals: int) -> Signals:
+    """Return a history with few enough points for a picture, including all peaks.
 
     For each interval the first sample and the extreme values of every line are kept.
     """
-    count = len(signals.time)
-    if count <= 3 * _MOST_POINTS:
+    count, lines = signals.values.shape
+    if count <= intervals * (1 + 2 * lines):
         return signals
     keep = {0, count - 1}
-    for chunk in np.array_split(np.arange(count), _MOST_POINTS // 2):
+    for chunk in np.array_split(np.arange(count), intervals):
         values = signals.values[chunk]
         keep |= {int(chunk[0]), *chunk[values.argmin(axis=0)], *chunk[values.argmax(axis=0)]}
     chosen = np.array(sorted(keep))
-    return Signals(
-        signals.name,
-        signals.time[chosen],
-        signals.values[chosen],
-        signals.unit,
-        signals.labels,
-        signals.keys,
-    )
+    return replace(signals, time=signals.time[chosen], values=signals.values[chosen])

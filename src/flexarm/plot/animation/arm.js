@@ -1,0 +1,91 @@
+// The arm at the current time; on paper its postures at several times.
+const POSTURES = 9; // on paper
+
+// Draw the scene's arm in the square `view`: middle and half of the side, m.
+function drawArm(scene, canvas, middle, half, frame, span) {
+  const [draw, width, height] = context(canvas);
+  const side = Math.min(width - 64, height - 72);
+  const box = { left: 52, top: 28, width: side, height: side };
+  const x = [middle[0] - half, middle[0] + half], y = [middle[1] - half, middle[1] + half];
+  const [toX, toY] = axes(draw, box, x, y, "x [m]", "y [m]", [6, 6]);
+  const entries = [];
+  let title = scene.title;
+  draw.save();
+  draw.beginPath(); draw.rect(box.left, box.top, box.width, box.height); draw.clip();
+  drawSurroundings(draw, scene, toX, toY, side);
+  if (scene.reference) {
+    line(draw, scene.reference, toX, toY, GREEN, 1.5, [6, 4]);
+    entries.push(["reference", GREEN, [6, 4]]);
+  }
+  if (printing) {
+    const shown = framesWithin(scene.times, span);
+    frame = shown[shown.length - 1];
+    const times = [scene.times[shown[0]], scene.times[frame]].map((t) => Number(t.toPrecision(4)));
+    title = (title ? title + ", " : "") + "t = " + times.join(" to ") + " s";
+    shown.slice(0, -1).forEach((k, place) => {
+      draw.globalAlpha = 0.25 + 0.35 * place / shown.length;
+      drawLinks(draw, scene, k, toX, toY, side / (2 * half));
+    });
+    draw.globalAlpha = 1;
+  }
+  const tip = scene.links[frame][scene.links[frame].length - 1].slice(-1)[0];
+  if (scene.path) {
+    const gone = scene.path.filter((_, k) => scene.pathTimes[k] <= scene.times[frame]);
+    line(draw, gone.concat([tip]), toX, toY, VERMILLION, 1.5);
+    entries.push(["tip", VERMILLION]);
+  }
+  if (scene.ghost) {
+    for (const link of scene.ghost[frame]) line(draw, link, toX, toY, GREY, 1.8, [6, 3]);
+    entries.push(["rigid", GREY, [6, 3]]);
+  }
+  drawLinks(draw, scene, frame, toX, toY, side / (2 * half));
+  if (scene.arrows && !printing) {
+    for (const arrow of scene.arrows[frame]) line(draw, arrow, toX, toY, PURPLE, 2.2);
+    entries.push(["torque", PURPLE]);
+  }
+  for (const [px, py] of scene.joints[frame]) dot(draw, toX(px), toY(py), 4, "white", INK);
+  dot(draw, toX(tip[0]), toY(tip[1]), scene.payload ? 6 : 2.5, scene.payload ? ORANGE : INK);
+  if (scene.goal) {
+    const [gx, gy] = [toX(scene.goal[frame][0]), toY(scene.goal[frame][1])];
+    line(draw, [[gx - 4, gy - 4], [gx + 4, gy + 4]], (v) => v, (v) => v, GREEN, 1.5);
+    line(draw, [[gx - 4, gy + 4], [gx + 4, gy - 4]], (v) => v, (v) => v, GREEN, 1.5);
+  }
+  draw.restore();
+  legend(draw, entries, box.left + side, 14);
+  draw.fillStyle = INK;
+  draw.textAlign = "right";
+  draw.textBaseline = "top";
+  draw.fillText(title, box.left + side - 6, box.top + 6);
+}
+
+function drawSurroundings(draw, scene, toX, toY, side) {
+  for (const [course, behind] of scene.solids) {
+    draw.fillStyle = SOLID;
+    draw.beginPath();
+    course.concat(behind.slice().reverse()).forEach(([px, py]) => draw.lineTo(toX(px), toY(py)));
+    draw.fill();
+    line(draw, course, toX, toY, INK, 1.5);
+  }
+  const foot = 0.028 * side;
+  draw.fillStyle = "#BFBFBF";
+  draw.beginPath();
+  draw.moveTo(toX(0), toY(0)); draw.lineTo(toX(0) - foot, toY(0) + 1.4 * foot);
+  draw.lineTo(toX(0) + foot, toY(0) + 1.4 * foot); draw.closePath(); draw.fill();
+}
+
+function drawLinks(draw, scene, frame, toX, toY, scale) {
+  draw.lineCap = "round";
+  scene.links[frame].forEach((link, k) => {
+    line(draw, link, toX, toY, scene.bends[k] ? BLUE : INK, Math.max(4, scale * scene.depths[k]));
+  });
+  draw.lineCap = "butt";
+}
+
+// A few frames, evenly spaced in a span of time, or in the whole run.
+function framesWithin(times, span) {
+  const inside = times.map((_, k) => k).filter((k) => !span || (times[k] >= span[0] && times[k] <= span[1]));
+  if (inside.length === 0) return [times.length - 1];
+  const count = Math.min(POSTURES, inside.length);
+  const place = (k) => inside[Math.round(k * (inside.length - 1) / Math.max(1, count - 1))];
+  return Array.from({ length: count }, (_, k) => place(k));
+}

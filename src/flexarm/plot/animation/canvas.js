@@ -1,0 +1,125 @@
+// Colours, and what arms and histories have in common on their canvases.
+const BLUE = "#0072B2", VERMILLION = "#D55E00", GREEN = "#009E73", PURPLE = "#CC79A7";
+const ORANGE = "#E69F00", INK = "#262626", GREY = "#8C8C8C", GRID = "#E3E3E3", SOLID = "#D9D9D9";
+let printing = false; // whether the page is laid out for paper
+
+function add(parent, tag, name, text) {
+  const made = document.createElement(tag);
+  if (name) made.className = name;
+  if (text) made.textContent = text;
+  parent.appendChild(made);
+  return made;
+}
+
+function ticks(low, high, most) {
+  const raw = (high - low) / most, power = Math.pow(10, Math.floor(Math.log10(raw)));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((k) => k >= raw * 0.999);
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  return found.map((value) => [value, Math.abs(value) < 1e5 ? value.toFixed(Math.min(digits, 8)) : value.toPrecision(3)]);
+}
+
+// Clear a canvas of a size in CSS pixels, with `ratio` dots for each of them.
+function prepare(canvas, width, height, ratio) {
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const draw = canvas.getContext("2d");
+  draw.setTransform(ratio, 0, 0, ratio, 0, 0);
+  draw.clearRect(0, 0, width, height);
+  draw.font = "12px system-ui, sans-serif";
+  draw.lineJoin = "round";
+  return draw;
+}
+
+// Lines are sharp on every screen, and on paper at 300 dots per inch.
+function context(canvas) {
+  const ratio = printing ? 300 / 96 : window.devicePixelRatio || 1;
+  const width = canvas.clientWidth, height = canvas.clientHeight;
+  return [prepare(canvas, width, height, ratio), width, height, ratio];
+}
+
+// Draw the grid and its labels in a box; return the maps from values to pixels.
+function axes(draw, box, x, y, labelX, labelY, most) {
+  const toX = (v) => box.left + (v - x[0]) / (x[1] - x[0]) * box.width;
+  const toY = (v) => box.top + (y[1] - v) / (y[1] - y[0]) * box.height;
+  draw.lineWidth = 1;
+  draw.fillStyle = INK;
+  draw.strokeStyle = GRID;
+  draw.textAlign = "center";
+  draw.textBaseline = "top";
+  for (const [v, text] of ticks(x[0], x[1], most[0])) {
+    draw.beginPath(); draw.moveTo(toX(v), box.top); draw.lineTo(toX(v), box.top + box.height); draw.stroke();
+    draw.fillText(text, toX(v), box.top + box.height + 4);
+  }
+  draw.textAlign = "right";
+  draw.textBaseline = "middle";
+  for (const [v, text] of ticks(y[0], y[1], most[1])) {
+    draw.beginPath(); draw.moveTo(box.left, toY(v)); draw.lineTo(box.left + box.width, toY(v)); draw.stroke();
+    draw.fillText(text, box.left - 5, toY(v));
+  }
+  draw.strokeStyle = INK;
+  draw.beginPath();
+  draw.moveTo(box.left, box.top); draw.lineTo(box.left, box.top + box.height);
+  draw.lineTo(box.left + box.width, box.top + box.height); draw.stroke();
+  draw.textAlign = "center";
+  draw.textBaseline = "bottom";
+  if (labelX) draw.fillText(labelX, box.left + box.width / 2, box.top + box.height + 33);
+  draw.save();
+  draw.translate(12, box.top + box.height / 2);
+  draw.rotate(-Math.PI / 2);
+  draw.textBaseline = "middle";
+  draw.fillText(labelY, 0, 0);
+  draw.restore();
+  return [toX, toY];
+}
+
+function line(draw, points, toX, toY, color, width, dash) {
+  draw.strokeStyle = color;
+  draw.lineWidth = width;
+  draw.setLineDash(dash || []);
+  draw.beginPath();
+  let on = false;
+  for (const [x, y] of points) {
+    if (x === null || y === null) { on = false; continue; }
+    if (on) draw.lineTo(toX(x), toY(y)); else draw.moveTo(toX(x), toY(y));
+    on = true;
+  }
+  draw.stroke();
+  draw.setLineDash([]);
+}
+
+function dot(draw, x, y, radius, fill, edge) {
+  draw.beginPath();
+  draw.arc(x, y, radius, 0, 2 * Math.PI);
+  draw.fillStyle = fill;
+  draw.fill();
+  if (edge) { draw.strokeStyle = edge; draw.lineWidth = 1; draw.stroke(); }
+}
+
+// Entries in a row, from the right: [text, color, dash, number, width of all such numbers].
+function legend(draw, entries, right, y) {
+  draw.textBaseline = "middle";
+  let x = right;
+  for (const [text, color, dash, number, reserved] of entries.slice().reverse()) {
+    draw.fillStyle = INK;
+    if (number) {
+      draw.textAlign = "right";
+      draw.fillText(number, x, y);
+      x -= reserved + 6;
+    }
+    draw.textAlign = "left";
+    x -= draw.measureText(text).width;
+    draw.fillText(text, x, y);
+    x -= 22;
+    line(draw, [[x, y], [x + 17, y]], (v) => v, (v) => v, color, 2, dash);
+    x -= 10;
+  }
+}
+
+function legendWidth(draw, entries) {
+  const width = ([text, , , number, reserved]) => draw.measureText(text).width + 32 + (number ? reserved + 6 : 0);
+  return entries.reduce((sum, entry) => sum + width(entry), 0);
+}

@@ -1,0 +1,102 @@
+// Channels over time, with a cursor at the current time and a span of time that all of them show.
+const CLOSEST = 2e-4; // shortest span, as a fraction of the run
+
+function spanOf(times) {
+  const last = times[times.length - 1];
+  return last > times[0] ? [times[0], last] : [times[0], times[0] + 1];
+}
+
+// Index of the first time that is not before t; the number of times if there is none.
+function indexAt(times, t) {
+  let low = 0, high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] < t - 1e-9) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+
+// Value of a line at time t, or null where it has none.
+function valueAt(times, values, t) {
+  const i = Math.min(indexAt(times, t), times.length - 1), h = Math.max(0, i - 1);
+  if (values[i] === null || values[h] === null) return null;
+  const span = times[i] - times[h];
+  return values[h] + (span > 0 ? Math.min(1, (t - times[h]) / span) : 1) * (values[i] - values[h]);
+}
+
+// Lowest and highest value between two indices, with a margin.
+function rangeOf(lines, first, last) {
+  let low = Infinity, high = -Infinity;
+  for (const values of lines) {
+    for (let i = first; i <= last; i++) {
+      if (values[i] === null) continue;
+      if (values[i] < low) low = values[i];
+      if (values[i] > high) high = values[i];
+    }
+  }
+  if (low > high) return [-1, 1];
+  const spare = 0.07 * (high - low) || 0.1 * Math.abs(high) || 1;
+  return [low - spare, high + spare];
+}
+
+// Everything but the cursor, which is drawn once for a span and size.
+function backdrop(history, labelled, span, width, height, ratio) {
+  const picture = document.createElement("canvas");
+  const draw = prepare(picture, width, height, ratio);
+  const box = { left: 62, top: 24, width: width - 74, height: height - (labelled ? 64 : 46) };
+  const from = Math.max(0, indexAt(history.time, span[0]) - 1);
+  const to = Math.min(history.time.length - 1, indexAt(history.time, span[1]));
+  const range = rangeOf(history.lines, from, to);
+  const [toX, toY] = axes(draw, box, span, range, labelled ? "time [s]" : "", history.label, [6, 4]);
+  draw.save();
+  draw.beginPath(); draw.rect(box.left, box.top, box.width, box.height); draw.clip();
+  const times = history.time.slice(from, to + 1);
+  history.lines.forEach((values, j) => {
+    line(draw, times.map((t, i) => [t, values[from + i]]), toX, toY, history.colors[j], 1.5);
+  });
+  draw.restore();
+  const digits = Math.min(8, Math.max(0, 3 - Math.floor(Math.log10(range[1] - range[0]))));
+  const toTime = (x) => span[0] + Math.min(1, Math.max(0, (x - box.left) / box.width)) * (span[1] - span[0]);
+  return { picture, box, range, toX, toY, toTime, digits };
+}
+
+function drawHistory(history, labelled, canvas, now, zoom) {
+  const [draw, width, height, ratio] = context(canvas);
+  const span = zoom || spanOf(history.time), key = [width, height, ratio, ...span].join();
+  if (canvas.key !== key) {
+    canvas.key = key;
+    canvas.still = backdrop(history, labelled, span, width, height, ratio);
+  }
+  const { picture, box, range, toX, toY, digits } = canvas.still;
+  draw.drawImage(picture, 0, 0, width, height);
+  const values = history.lines.map((values) => valueAt(history.time, values, now));
+  if (!printing && now >= span[0] && now <= span[1]) {
+    line(draw, [[now, range[0]], [now, range[1]]], toX, toY, INK, 1);
+    values.forEach((value, j) => {
+      if (value !== null) dot(draw, toX(now), toY(value), 3.2, history.colors[j]);
+    });
+  }
+  if (canvas.drag) {
+    const [from, to] = canvas.drag;
+    draw.fillStyle = "rgba(0, 114, 178, 0.15)";
+    draw.fillRect(Math.min(from, to), box.top, Math.abs(to - from), box.height);
+  }
+  drawNames(draw, history, values, box, digits, range);
+}
+
+// Title at the left; names at the right with their values, as far as they fit.
+function drawNames(draw, history, values, box, digits, range) {
+  draw.fillStyle = INK;
+  draw.textAlign = "left";
+  draw.textBaseline = "middle";
+  draw.fillText(history.title, box.left, 12);
+  const free = box.width - draw.measureText(history.title).width - 12;
+  const width = Math.max(...range.map((value) => draw.measureText(value.toFixed(digits)).width));
+  const text = (value) => (value === null ? "–" : value.toFixed(digits));
+  const plain = history.labels.map((label, j) => [label, history.colors[j]]);
+  const full = plain.map(([label, color], j) => [label, color, null, text(values[j]), width]);
+  const wanted = plain.length > 1 ? [plain, [plain[0], plain[plain.length - 1]]] : [[]];
+  if (!printing) wanted.unshift(full);
+  const shown = wanted.find((entries) => legendWidth(draw, entries) <= free);
+  if (shown) legend(draw, shown, box.left + box.width, 12);
+}

@@ -1,0 +1,47 @@
+"""Headless Chromium for tests that open pages; without one they skip and say how to install it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+_HOW = "`make browser` installs one"
+_NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    """The browser of the system, or else that of Playwright."""
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason=f"no browser test: Playwright is not installed; {_HOW}"
+    )
+    with playwright.sync_playwright() as tools:
+        found = [path for path in map(shutil.which, _NAMES) if path]
+        path = found[0] if found else tools.chromium.executable_path
+        if not os.path.exists(path):
+            pytest.skip(f"no browser test: there is no Chromium; {_HOW}")
+        # Chromium refuses its sandbox to the user root.
+        root = hasattr(os, "geteuid") and os.geteuid() == 0
+        browser = tools.chromium.launch(
+            executable_path=path, args=["--no-sandbox"] if root else [], timeout=180_000
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def screen(chromium: Any) -> Iterator[Any]:
+    """A page of 1200 by 900 pixels without a network; the test fails if its script fails."""
+    context = chromium.new_context(viewport={"width": 1200, "height": 900}, offline=True)
+    context.set_default_timeout(120_000)  # ms: stops a test that hangs, on a busy machine too
+    page = context.new_page()
+    failures: list[str] = []
+    page.on("pageerror", lambda error: failures.append(str(error)))
+    page.on("console", lambda line: failures.append(line.text) if line.type == "error" else None)
+    yield page
+    context.close()
+    assert failures == []
