@@ -43,7 +43,7 @@ def template_engine(where: str) -> Any:
         import jinja2
     except ImportError:
         hint = "Install it with: pip install 'flexarm[report]'."
-        raise InputError(Problem(where, "Jinja2", "be installed", "missing", hint)) from None
+        raise InputError(Problem(where, "Jinja2", "is not installed", hint=hint)) from None
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(_text),
         autoescape=True,
