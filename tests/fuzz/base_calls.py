@@ -224,13 +224,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Wall": {"point": [0.0, -3.0], "normal": [0.0, 1.0]},
     "animate": {"results": result, "fps": 2.0, "width": 320},
     "campbell": {"arm": spinning, "spin": [0.0, 1.0], "count": 1},
-    "circle_motion": {
-        "arm": arm,
-        "center": [1.0, 0.2],
-        "start": [1.0, 0.4],
-        "angle": 1.0,
-        "duration": 1.0,
-    },
     "citation": {"result": result},
     "compare": {
         "arm": arm,
@@ -241,10 +234,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "contact_event": {"arm": arm, "contact": contact},
     "equilibrium": {"arm": arm},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
-    "inverse_kinematics": {"arm": arm, "point": [1.0, 0.2]},
     "joint_event": {"arm": arm, "joint": 1, "angle": 0.2},
-    "joint_motion": {"arm": arm, "start": start, "end": end, "duration": 1.0},
-    "line_motion": {"arm": arm, "start": [1.0, 0.2], "end": [1.0, 0.4], "duration": 1.0},
     "linearize": {"arm": arm},
     "linearize_along": {**_MOVE, "rate": 3.0},
     "load_arm": {"path": lambda: folder() / "arm.yaml"},
@@ -262,7 +252,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "simulate": {"arm": arm, "duration": 0.01, "rate": 500.0},
     "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
     "smoothed": {"motion": motion, "duration": 0.1},
-    "spline_motion": {"arm": arm, "points": [[1.0, 0.2], [1.0, 0.4]], "duration": 1.0},
     "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},
     "to_casadi": {"arm": arm, "parameters": ["payload.mass"]},
     "to_jax": {"arm": arm, "parameters": ["payload.mass"]},
@@ -273,12 +262,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     },
     "track_modes": {"arm": arm, "along": [start, end], "count": 2, "samples": 2},
     "varied": {"arm": arm},
-    "via_point_motion": {
-        "arm": arm,
-        "points": [[1.0, 0.2], [1.0, 0.4], [0.8, 0.6]],
-        "duration": 1.0,
-        "blend": 0.01,
-    },
     "write_result": {"result": result, "path": lambda: folder() / "written.nc"},
 }
 
