@@ -90,10 +90,14 @@ from .model import SurfaceTable as SurfaceTable
 from .model import Tube as Tube
 from .model import Wall as Wall
 from .model import load_scenario as load_scenario
+from .motion import circle_motion as circle_motion
+from .motion import inverse_kinematics as inverse_kinematics
 from .motion import joint_motion as joint_motion
 from .motion import line_motion as line_motion
 from .motion import rigid_torque as rigid_torque
 from .motion import smoothed as smoothed
+from .motion import spline_motion as spline_motion
+from .motion import via_point_motion as via_point_motion
 from .output import read_result as read_result
 from .output import save_linear as save_linear
 from .output import write_result as write_result

@@ -32,6 +32,11 @@ def long_line():
     return fa.line_motion(three, (1.2, 0.8), (0.8, 1.2), 1.0, profile="trapezoidal")
 
 
+@cache
+def spline():
+    return fa.spline_motion(two_links(), [(1.2, 0.8), (0.8, 1.2), (0.1, 1.3)], 1.0)
+
+
 def joints(profile):
     return fa.joint_motion(two_links(), [0.2, -0.4], [0.9, 0.5], 0.8, profile, start_time=0.1)
 
@@ -60,6 +65,12 @@ MOTIONS = {
     "joint, trapezoidal": lambda: joints("trapezoidal"),
     "line": line,
     "line of three links": long_line,
+    "spline": spline,
+    "via points": lambda: fa.via_point_motion(two_links(), [(1, 0.5), (1, 1), (0, 1)], 1.0),
+    "circle": lambda: fa.circle_motion(two_links(), (0.8, 0.8), (1.0, 0.8), -6.0, 1.0),
+    "quasi-static on a spline": lambda: fa.quasi_static_reference(two_links(), spline()),
+    "smoothed spline": lambda: fa.smoothed(spline(), 0.2),
+    "shaped spline": lambda: fa.shaped(spline(), two_links()),
     "smoothed": lambda: fa.smoothed(long_line(), 0.2),
     "shaped": lambda: fa.shaped(line(), two_links()),
     "quasi-static": lambda: fa.quasi_static_reference(two_links(), line()),

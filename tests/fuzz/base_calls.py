@@ -235,8 +235,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "equilibrium": {"arm": arm},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
     "joint_event": {"arm": arm, "joint": 1, "angle": 0.2},
-    "joint_motion": {"arm": arm, "start": start, "end": end, "duration": 1.0},
-    "line_motion": {"arm": arm, "start": [1.0, 0.2], "end": [1.0, 0.4], "duration": 1.0},
     "linearize": {"arm": arm},
     "linearize_along": {**_MOVE, "rate": 3.0},
     "load_arm": {"path": lambda: folder() / "arm.yaml"},

@@ -11,6 +11,7 @@ import flexarm.plot
 from flexarm.model.checks import Record
 from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
 from fuzz.figure_calls import FIGURES
+from fuzz.motion_calls import MOTIONS
 
 #: Classes whose methods are called by a run.
 _CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")
@@ -21,7 +22,7 @@ Call = tuple[Callable[..., Any], dict[str, Any]]
 def calls() -> dict[str, Callable[[], Call]]:
     """Return every call by name: what makes its callable and its arguments, the latter anew."""
     found: dict[str, Callable[[], Call]] = {}
-    made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS}
+    made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS, **MOTIONS}
     for name, given in made.items():
         found[name] = lambda name=name, given=given: (getattr(fa, name), _values(given))
     for name, given in FIGURES.items():

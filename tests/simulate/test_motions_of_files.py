@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.model import load_scenario
+from flexarm.model import load_scenario, locate_scenario
 from flexarm.model.motions import ForceTable
 from flexarm.scenarios.motions import _over_time
 from flexarm.scenarios.scenario import prepare
@@ -262,3 +262,60 @@ def test_the_filter_reads_the_hardware_where_it_names_nothing(made):
     (instrument,) = found.options["controller"].estimator.instruments
     assert (instrument.signal, instrument.noise) == ("joint_angle", 1e-4)
     found.run()
+
+
+POINTS = [(2.0, 0.5), (1.6, 1.2), (0.4, 1.6)]
+
+
+@pytest.mark.parametrize(
+    ("keys", "function", "arguments"),
+    [
+        ("kind: via_points, points: POINTS", fa.via_point_motion, {"points": POINTS}),
+        (
+            "kind: via_points, points: POINTS, blend: 0.1, elbow: down, start_time: 0.2",
+            fa.via_point_motion,
+            {"points": POINTS, "blend": 0.1, "elbow": "down", "start_time": 0.2},
+        ),
+        (
+            "kind: spline, points: POINTS, profile: trapezoidal",
+            fa.spline_motion,
+            {"points": POINTS, "profile": "trapezoidal"},
+        ),
+        (
+            "kind: circle, center: [1.2, 0.6], start: [1.6, 0.6], angle: -5",
+            fa.circle_motion,
+            {"center": (1.2, 0.6), "start": (1.6, 0.6), "angle": -5.0},
+        ),
+    ],
+)
+def test_paths_of_the_tip(made, keys, function, arguments):
+    points = [list(point) for point in POINTS]
+    keys = keys.replace("POINTS", str(points))
+    found = made(f"motion: {{{keys}, duration: 1.5}}\nrun: {{duration: 0.1}}\n")
+    assert_same(found.motion, function(found.arm, duration=1.5, **arguments))
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        (
+            "{kind: spline,\n  points: [[2, 0.5],\n    [9, 0]],\n  duration: 1}",
+            r"run\.yaml:10: motion\.points\[1\] must lie within the reach of 2.4142 m",
+        ),
+        ("{kind: spline, points: [[2, 0.5]], duration: 1}", "motion.points must hold at least two"),
+        (
+            "{kind: circle, center: [0, 1], start: [1, 1], angle: 0, duration: 1}",
+            "motion.angle must differ from 0",
+        ),
+        (
+            "{kind: circle, center: [0, 1], start: [1, 1], angle: 5, duration: 1}",
+            r"run\.yaml:8: motion\.arc must stay more than 0.4142",
+        ),
+        ("{kind: polygon, points: [[2, 0.5], [1, 1]], duration: 1}", "motion.kind must be one of"),
+    ],
+)
+def test_paths_that_are_refused_at_their_key(tmp_path, motion, message):
+    path = tmp_path / "run.yaml"
+    path.write_text(f"{ARM}motion: {motion}\nrun: {{duration: 1}}\n")
+    with pytest.raises(fa.InputError, match=message):
+        prepare(*locate_scenario(path))

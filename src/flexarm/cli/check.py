@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexarm.arm import Arm
+from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import ModelError
@@ -30,15 +31,16 @@ def check_file(path: Path) -> None:
     if is_study:
         study = PreparedStudy(*locate_study(document))
         unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
-        found = [*about_arm(study.arm), *_about_study(study.study)]
+        found = [*about_arm(study.arm), *_about_study(study.study), *about_vibration(study.arm)]
     elif located is None:
         arm = Arm(load_arm_spec(document))
-        found = about_arm(arm)
+        found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
     else:
         scenario, where = located
         prepared = prepare(scenario, where)
-        unstable = list(filter(None, [prepared.unstable_loop()]))
-        found = [*about_arm(prepared.arm), *about_run(scenario)]
+        poles = prepared.loop_poles()
+        unstable = list(filter(None, [prepared.unstable_loop(poles)]))
+        found = [*about_arm(prepared.arm), *about_run(scenario), *about_prepared(prepared, poles)]
     screen = console()
     screen.print(facts(found))
     for text in unstable:
@@ -58,7 +60,7 @@ def _scenario(document: Document) -> tuple[Scenario, Where] | None:
     try:
         return locate_scenario(document)
     except ModelError as error:
-        if all((problem.name, problem.value) != ("run", "missing") for problem in error.problems):
+        if all((problem.name, problem.rule) != ("run", "is missing") for problem in error.problems):
             raise
         # A missing run means an arm file or an incomplete scenario; the other keys decide.
         if document.value.keys() <= {"flexarm", "arm"}:

@@ -1,19 +1,28 @@
-"""Motions of a scenario: the tip along a line, joints between postures, pressing on a surface."""
+"""Motions of a scenario: the tip along a path, joints between postures, pressing on a surface."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, length_of, plain
 from flexarm.model.shaping import ShapingSpec, SmoothingSpec
-from flexarm.model.wording import Fault, look
+from flexarm.model.wording import Fault, look, refuse
 
 Profile = Literal["quintic", "trapezoidal"]
+
+
+def _two_points(value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if len(value) < 2:
+        raise refuse("have at least two points", list(value))
+    return value
+
+
+Points = Annotated[Listed[Pair], AfterValidator(_two_points)]
 
 
 class _Timing(Record):
@@ -30,17 +39,60 @@ class _Timing(Record):
     )
 
 
-class LineMotionSpec(_Timing):
-    """Motion of the rigid arm's tip along a straight line."""
+class _TipTiming(_Timing):
+    """Base of motions of the tip, with the posture."""
 
-    kind: Literal["line"] = "line"
-    start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
-    end: Pair = Field(description="Tip at the end [x, y], world frame (m).")
     elbow: Literal["up", "down"] = Field(
         default="up",
         description="Which of the two postures: elbow to the left (up) or to the right (down) of "
         "the line from the base to the tip.",
     )
+
+
+class LineMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip along a straight line."""
+
+    kind: Literal["line"] = "line"
+    start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
+    end: Pair = Field(description="Tip at the end [x, y], world frame (m).")
+
+
+class ViaPointMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip along lines between points, with rounded corners."""
+
+    kind: Literal["via_points"] = "via_points"
+    points: Points = Field(description="Where the lines meet [[x, y], ...], world frame (m).")
+    blend: Positive | None = Field(
+        default=None,
+        description="Distance from each corner at which the tip leaves the lines (m); a quarter "
+        "of the shorter line where left out.",
+    )
+
+
+class SplineMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip on a smooth curve through points."""
+
+    kind: Literal["spline"] = "spline"
+    points: Points = Field(
+        description="Where the tip passes [[x, y], ...], world frame (m); the curve is closed if "
+        "the last equals the first."
+    )
+
+
+class CircleMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip on a circle."""
+
+    kind: Literal["circle"] = "circle"
+    center: Pair = Field(description="Centre of the circle [x, y], world frame (m).")
+    start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
+    angle: Number = Field(
+        description="Angle about the centre, counter-clockwise (rad); negative the other way."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("angle") and given.angle == 0.0:
+            yield Fault(("angle",), "differ from 0", "0")
 
 
 class JointMotionSpec(_Timing):
@@ -51,7 +103,9 @@ class JointMotionSpec(_Timing):
     end: Listed[Number] = Field(description="Relative joint angles at the end (rad).")
 
 
-PathSpec = Annotated[LineMotionSpec | JointMotionSpec, Field(discriminator="kind")]
+TipMotionSpec = LineMotionSpec | ViaPointMotionSpec | SplineMotionSpec | CircleMotionSpec
+PlainMotionSpec = TipMotionSpec | JointMotionSpec
+PathSpec = Annotated[PlainMotionSpec, Field(discriminator="kind")]
 
 
 class ForceTable(Record):
@@ -110,9 +164,7 @@ class PressedMotionSpec(Record):
             yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
 
 
-MotionSpec = Annotated[
-    LineMotionSpec | JointMotionSpec | PressedMotionSpec, Field(discriminator="kind")
-]
+MotionSpec = Annotated[PlainMotionSpec | PressedMotionSpec, Field(discriminator="kind")]
 
 
 def motion_faults(given: Given) -> Iterator[Fault]:

@@ -7,9 +7,10 @@ are text (90 and true in YAML 1.1), ``010`` is ten.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from yaml.composer import Composer
@@ -17,6 +18,9 @@ from yaml.resolver import Resolver
 
 from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.wording import Path, path_text
+
+if TYPE_CHECKING:
+    from flexarm.model.changes import Change
 
 #: Parser of libyaml; None if PyYAML was built without it.
 CParser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", None)
@@ -89,10 +93,12 @@ class Document:
         file: path of the file, as given by the user.
         value: content of the file as plain Python values.
         problems: problems of the content as YAML that did not prevent reading.
+        changes: values that replaced those of the file, of which a later one prevails.
     """
 
     def __init__(self, file: FilePath, root: yaml.Node) -> None:
         self.file = file
+        self.changes: tuple[Change, ...] = ()
         self.problems: list[Problem] = []
         self._root = root
         # By node: aliases have the node of their anchor, and nested merges take exponential time.
@@ -101,8 +107,20 @@ class Document:
         self._open: set[int] = set()
         self.value = self._sized(root, ())[0]
 
+    def changed(self, value: Any, changes: Sequence[Change]) -> Document:
+        """Return this document with another value, and the changes that led to it."""
+        other = copy(self)
+        other.value, other.changes = value, (*self.changes, *changes)
+        return other
+
     def where(self, path: Path) -> str:
-        """Return ``file:line`` of the value at a path, or of the nearest container of it."""
+        """Return ``file:line`` of the value at a path, or of the nearest container of it.
+
+        For a value that was replaced, return the change.
+        """
+        for change in reversed(self.changes):
+            if path[: len(change.path)] == change.path:
+                return change.told
         node, line = self._root, self._root.start_mark.line
         for part in path:
             if isinstance(node, yaml.MappingNode):

@@ -1,8 +1,8 @@
-"""Inverse kinematics of a rigid chain: relative joint angles for a position of the tip.
+"""Inverse kinematics of a rigid arm: relative joint angles for a position of the tip.
 
-Two links have a closed-form solution with two elbow branches. Longer arms are redundant: damped
-least squares starts from a given posture, and without one a posture is constructed link by link in
-closed form. A point out of reach raises an error with the reach and the distance.
+Two links have a closed-form solution with two elbow branches. Longer arms are redundant: a posture
+is constructed link by link in closed form, or the nearest to a given posture is found. A point out
+of reach raises an error with the reach and the distance.
 """
 
 from __future__ import annotations
@@ -12,22 +12,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.motion.kinematics import tip_jacobian, tip_position
+from flexarm.motion.chain import RigidChain, rigid_chain
+from flexarm.motion.nearest_posture import nearest_posture
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from flexarm.arm import Arm
 
     Floats = NDArray[np.float64]
 
 REACH_TOLERANCE = 1e-9
 """Points this fraction of the reach outside count as on the boundary: a nanometre per metre."""
-POINT_TOLERANCE = 1e-13
-"""Distance to the point, as a fraction of the reach, at which the iteration has arrived: a few
-hundred times the rounding of one tip position."""
-STUCK_DAMPING = 1e9
-"""Damping, relative to the reach squared, at which a step is too short to change the tip."""
-MAX_ITERATIONS = 500
-"""Damped least squares needs 5 to 30 steps, a few hundred close to a boundary."""
 ELBOWS = ("up", "down")
 
 
@@ -41,40 +37,62 @@ def reach_limits(lengths: Floats) -> tuple[float, float]:
 
 
 def inverse_kinematics(
-    lengths: ArrayLike,
-    point: ArrayLike,
-    elbow: str = "up",
-    posture: ArrayLike | None = None,
-    where: str = "inverse_kinematics",
+    arm: Arm, point: ArrayLike, elbow: str = "up", posture: ArrayLike | None = None
 ) -> Floats:
-    """Return relative joint angles (n,) (rad) that place the tip of a rigid chain at `point`.
+    """Return relative joint angles (n,) (rad) that place the tip of the rigid arm at a point.
 
     Args:
-        lengths: link lengths (n,), m.
+        arm: only its link lengths are used, so it may be flexible or rigid.
         point: world (x, y), m.
         elbow: for two links, `"up"` is the branch with theta_2 <= 0 and `"down"` its mirror image
             with theta_2 >= 0. For more links without a posture, the side of the line from base to
             point on which the arm is: `"up"` is the left side in the direction of the point.
-        posture: for three links or more, relative joint angles (n,) at which the search starts; the
-            solution is near it and `elbow` is not used.
-        where: name of the calling function, for messages.
+        posture: for three links or more, relative joint angles (n,) rad; the result is then the
+            nearest solution: the sum of the squared differences from them is a minimum, to which
+            the descents from this posture and from those of both elbows lead. `elbow` is not used.
 
     Returns:
-        The angles, each in [-pi, pi], except that a search from a posture keeps its full turns.
+        The angles, each in [-pi, pi], except that those nearest to a posture keep its full turns.
 
     Raises:
-        InputError: if the point is out of reach, an argument has the wrong shape or is not finite,
-            or the search from `posture` does not converge.
+        InputError: if the point is out of reach, or an argument has the wrong shape or is not
+            finite.
     """
-    lengths = check_array(where, "lengths", lengths, (-1,))
-    if len(lengths) == 0 or np.min(lengths) <= 0.0:
-        raise InputError(Problem(where, "lengths", "be greater than 0", shown(lengths.tolist())))
-    point = check_array(where, "point", point, (2,))
+    where = "inverse_kinematics"
+    chain = rigid_chain(where, arm)
+    target = check_array(where, "point", point, (2,))
     check_elbow(where, elbow)
-    check_reach(where, "point", lengths, point)
-    if posture is not None:
-        return _from_posture(where, lengths, point, posture)
-    return _wrapped(built_posture(lengths, point, elbow))
+    check_reach(where, "point", chain, target)
+    return posture_at(where, chain, target, elbow, posture)
+
+
+def posture_at(
+    where: str, chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike | None
+) -> Floats:
+    """Return joint angles (n,) of a rigid chain for a point (2,) within reach.
+
+    Args:
+        where: name of the calling function, for messages.
+        chain, point, elbow, posture: see `inverse_kinematics`.
+
+    Raises:
+        InputError: if the posture has the wrong shape, is not finite, or is not permitted.
+    """
+    lengths, target = chain.lengths, point - chain.base
+    if posture is None:
+        return _wrapped(built_posture(lengths, target, elbow) - chain.offset)
+    seed = check_array(where, "posture", posture, (len(lengths),))
+    if len(lengths) < 3:
+        rule = "is not supported for an arm of one or two links"
+        hint = "Choose the posture with elbow='up' or 'down'."
+        raise InputError(Problem(where, "posture", rule, hint=hint))
+    bars = seed + chain.offset
+    built = [built_posture(lengths, target, elbow) for elbow in ELBOWS]
+    starts = [angles + _full_turns(bars - angles) for angles in built]
+    if _on_boundary(lengths, target):
+        # The only posture is straight or folded, and a search would converge slowly to it.
+        return starts[0] - chain.offset
+    return nearest_posture(lengths, target, bars, starts) - chain.offset
 
 
 def check_elbow(where: str, elbow: str) -> None:
@@ -83,13 +101,13 @@ def check_elbow(where: str, elbow: str) -> None:
         raise InputError(Problem(where, "elbow", "be 'up' or 'down'", shown(elbow)))
 
 
-def check_reach(where: str, name: str, lengths: Floats, point: Floats) -> None:
+def check_reach(where: str, name: str, chain: RigidChain, point: Floats) -> None:
     """Raise if a point (2,) is outside the ring (for one link the circle) of reachable points."""
-    inner, outer = reach_limits(lengths)
-    distance = float(np.hypot(*point))
+    inner, outer = reach_limits(chain.lengths)
+    distance = float(np.hypot(*(point - chain.base)))
     slack = REACH_TOLERANCE * outer
     value = f"({point[0]:.6g}, {point[1]:.6g}), {distance:.6g} m from it"
-    if len(lengths) == 1 and abs(distance - outer) > slack:
+    if len(chain.lengths) == 1 and abs(distance - outer) > slack:
         rule = f"lie on the circle of radius {outer:.6g} m about the base"
         hint = "The tip of a one-link arm stays on that circle."
         raise InputError(Problem(where, name, rule, value, hint))
@@ -154,54 +172,6 @@ def built_posture(lengths: Floats, point: Floats, elbow: str) -> Floats:
     return np.array([absolute[0], *np.diff(absolute), bend])
 
 
-def damped_least_squares(lengths: Floats, point: Floats, posture: Floats) -> tuple[Floats, float]:
-    """Move the tip of `posture` (n,) to `point` (2,); return the posture and its tip error (m).
-
-    Steps J^T (J J^T + d I)^-1 e. The damping d increases after a step that does not reduce the
-    error and decreases otherwise, so the last steps are Newton steps (least norm, quadratic).
-
-    References:
-        C. W. Wampler, IEEE Trans. Syst. Man Cybern. 16 (1986) 93-101.
-        Y. Nakamura and H. Hanafusa, J. Dyn. Syst. Meas. Control 108 (1986) 163-171.
-    """
-    scale = float(np.sum(lengths))
-    angles = np.array(posture)
-    error = point - tip_position(lengths, angles)
-    miss = float(np.hypot(*error))
-    damping = 1e-2
-    for _ in range(MAX_ITERATIONS):
-        if miss <= POINT_TOLERANCE * scale or damping > STUCK_DAMPING:
-            break
-        jacobian = tip_jacobian(lengths, angles)
-        weights = jacobian @ jacobian.T + damping * scale**2 * np.eye(2)
-        trial = angles + jacobian.T @ np.linalg.solve(weights, error)
-        trial_error = point - tip_position(lengths, trial)
-        trial_miss = float(np.hypot(*trial_error))
-        if trial_miss < miss:
-            angles, error, miss = trial, trial_error, trial_miss
-            damping = max(damping * 0.1, 1e-18)
-        else:
-            damping *= 10.0
-    return angles, miss
-
-
-def _from_posture(where: str, lengths: Floats, point: Floats, posture: ArrayLike) -> Floats:
-    seed = check_array(where, "posture", posture, (len(lengths),))
-    if len(lengths) < 3:
-        rule = "is not supported for an arm of one or two links"
-        hint = "Choose the posture with elbow='up' or 'down'."
-        raise InputError(Problem(where, "posture", rule, hint=hint))
-    if _on_boundary(lengths, point):
-        # The only posture is straight or folded, and the search would converge slowly to it.
-        return _wrapped(built_posture(lengths, point, "up"))
-    angles, miss = damped_least_squares(lengths, point, seed)
-    if miss > REACH_TOLERANCE * float(np.sum(lengths)):
-        rule = f"be one from which the search reaches ({point[0]:.6g}, {point[1]:.6g})"
-        hint = f"The search stopped {miss:.3g} m away: bend the posture, or leave it out."
-        raise InputError(Problem(where, "posture", rule, shown(seed.tolist()), hint))
-    return angles
-
-
 def _on_boundary(lengths: Floats, point: Floats) -> bool:
     inner, outer = reach_limits(lengths)
     distance = float(np.hypot(*point))
@@ -213,3 +183,8 @@ def _wrapped(angles: Floats) -> Floats:
     """Return the angles in [-pi, pi]; those already in this interval are returned unchanged."""
     inside = np.abs(angles) <= np.pi
     return np.where(inside, angles, np.pi - np.mod(np.pi - angles, 2.0 * np.pi))
+
+
+def _full_turns(angles: Floats) -> Floats:
+    """Return the angles rounded to full turns."""
+    return 2.0 * np.pi * np.round(angles / (2.0 * np.pi))

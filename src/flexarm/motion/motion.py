@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
+#: Breaks nearer than this fraction of the duration are one.
+_SAME_TIME = 1e-9
+
+
 class JointState(NamedTuple):
     """Relative joint angles (rad), rates (rad/s) and accelerations (rad/s^2), shapes (..., n)."""
 
@@ -122,7 +126,8 @@ class Motion(ABC):
 class PathMotion(Motion):
     """A path through joint space with a timing law.
 
-    A subclass sets the attributes and defines `path`.
+    A subclass sets the attributes and defines `path`, and `path_breaks` if it has any. The path is
+    twice continuously differentiable.
 
     Attributes:
         law: timing law.
@@ -135,10 +140,24 @@ class PathMotion(Motion):
         """Return q, dq/ds and d2q/ds2, each (T, n), at path fractions `s` (T,) in [0, 1]."""
 
     @property
+    def path_breaks(self) -> tuple[float, ...]:
+        """Increasing s between 0 and 1 at which a third derivative of the path may jump."""
+        return ()
+
+    @property
     def breaks(self) -> tuple[float, ...]:
-        """Start, end, and the times between them at which the timing law is not smooth, s."""
-        inner = (self.start_time + self.duration * u for u in self.law.breaks[1:-1])
-        return (self.start_time, *inner, self.end_time)
+        """Start, end, and the times between them at which law or path is not smooth, s."""
+        return self._breaks
+
+    @cached_property
+    def _breaks(self) -> tuple[float, ...]:
+        own = self._edges
+        if not self.path_breaks:
+            return tuple(own.tolist())
+        passed = self.start_time + self.duration * self.law.inverse(np.array(self.path_breaks))
+        # A break of law and path at the same time is one break, in spite of rounding.
+        apart = np.abs(passed[:, None] - own).min(axis=1) > _SAME_TIME * self.duration
+        return tuple(np.sort(np.concatenate([own, passed[apart]])).tolist())
 
     def at(self, times: Floats) -> JointState:
         """See `Motion.at`; computed by the chain rule."""
@@ -156,7 +175,9 @@ class PathMotion(Motion):
 
     @cached_property
     def _edges(self) -> Floats:
-        return np.array(self.breaks)
+        """Breaks of the timing law, s."""
+        inner = (self.start_time + self.duration * u for u in self.law.breaks[1:-1])
+        return np.array([self.start_time, *inner, self.end_time])
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,6 +101,15 @@ class TimingLaw:
         falling = (rows[..., power] for power in reversed(range(rows.shape[-1])))
         return _differentiated(falling, local, np.zeros_like(local))
 
+    def inverse(self, s: Floats) -> Floats:
+        """Return time fractions u (k,) at which the law passes path fractions `s` (k,)."""
+        low, high = np.zeros(len(s)), np.ones(len(s))
+        for _ in range(60):  # bisection to rounding: the law never decreases
+            middle = 0.5 * (low + high)
+            late = self(middle).s >= s
+            low, high = np.where(late, low, middle), np.where(late, middle, high)
+        return high
+
     @cached_property
     def _table(self) -> Floats:
         """Coefficients of all pieces, padded, of the rest after the law, and of that before it."""

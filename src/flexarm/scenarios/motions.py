@@ -12,11 +12,30 @@ from flexarm.arm import Arm
 from flexarm.control_design.input_shaping import shaped
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.pressed import PressedMotion, pressed_motion
-from flexarm.model import LineMotionSpec, Scenario
+from flexarm.model import Scenario
 from flexarm.model.contacts import RoundWall, Surface, Wall
-from flexarm.model.motions import ForceTable, JointMotionSpec, PressedMotionSpec
-from flexarm.motion import Motion, TimingLaw, joint_motion, line_motion, quintic, smoothed
+from flexarm.model.motions import ForceTable, PlainMotionSpec, PressedMotionSpec
+from flexarm.motion import (
+    Motion,
+    TimingLaw,
+    circle_motion,
+    joint_motion,
+    line_motion,
+    quintic,
+    smoothed,
+    spline_motion,
+    via_point_motion,
+)
 from flexarm.scenarios.file_errors import told_inside
+
+#: Functions of the Python interface by kind; their arguments have the names of the keys.
+_MOTIONS: dict[str, Callable[..., Motion]] = {
+    "line": line_motion,
+    "via_points": via_point_motion,
+    "spline": spline_motion,
+    "circle": circle_motion,
+    "joint": joint_motion,
+}
 
 #: Types of motion that a scenario may request.
 Asked = Motion | PressedMotion
@@ -35,14 +54,10 @@ def motion_of(arm: Arm, scenario: Scenario) -> Asked | None:
     return None if asked is None else _plain(arm, asked)
 
 
-def _plain(arm: Arm, asked: LineMotionSpec | JointMotionSpec) -> Motion:
-    common: dict[str, Any] = {"profile": asked.profile, "start_time": asked.start_time}
-    motion: Motion
-    if isinstance(asked, LineMotionSpec):
-        common["elbow"] = asked.elbow
-        motion = line_motion(arm, asked.start, asked.end, asked.duration, **common)
-    else:
-        motion = joint_motion(arm, asked.start, asked.end, asked.duration, **common)
+def _plain(arm: Arm, asked: PlainMotionSpec) -> Motion:
+    make = _MOTIONS[asked.kind]
+    around = {"kind", "shaping", "smoothing"}
+    motion = make(arm, **{k: getattr(asked, k) for k in type(asked).model_fields.keys() - around})
     if asked.shaping is not None:
         options = {name: getattr(asked.shaping, name) for name in type(asked.shaping).model_fields}
         with told_inside("shaping"):

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from flexarm.arm import Arm
-from flexarm.model import AccelerationTable, LineMotionSpec, Scenario
-from flexarm.model.motions import JointMotionSpec, PressedMotionSpec
+from flexarm.model import AccelerationTable, Scenario
+from flexarm.model.motions import (
+    CircleMotionSpec,
+    JointMotionSpec,
+    LineMotionSpec,
+    PlainMotionSpec,
+    PressedMotionSpec,
+)
 
 _MOST_LINKS_SHOWN = 12
 _SURFACES = {"wall": "wall", "round": "circle", "table": "tabulated surface"}
@@ -64,14 +72,25 @@ def about_run(scenario: Scenario) -> list[tuple[str, str]]:
     return rows
 
 
-def _way(motion: LineMotionSpec | JointMotionSpec) -> str:
+def _way(motion: PlainMotionSpec) -> str:
     changed = [name for name in ("shaping", "smoothing") if getattr(motion, name) is not None]
     also = "".join(f", with {name}" for name in changed)
-    if isinstance(motion, LineMotionSpec):
-        (x, y), (to_x, to_y) = motion.start, motion.end
-        line = f"line from ({x:g}, {y:g}) to ({to_x:g}, {to_y:g}) m"
-        return f"{line} in {motion.duration:g} s, within reach{also}"
-    return f"joints, in {motion.duration:g} s{also}"
+    match motion:
+        case JointMotionSpec():
+            return f"joints, in {motion.duration:g} s{also}"
+        case LineMotionSpec():
+            path = f"line from {_point(motion.start)} to {_point(motion.end)} m"
+        case CircleMotionSpec():
+            path = f"circle about {_point(motion.center)} m by {motion.angle:g} rad"
+        case _:
+            ends = f"{_point(motion.points[0])} to {_point(motion.points[-1])} m"
+            kind = motion.kind.replace("_", " ")
+            path = f"{kind} from {ends}, {len(motion.points)} points"
+    return f"{path} in {motion.duration:g} s, within reach{also}"
+
+
+def _point(point: Sequence[float]) -> str:
+    return f"({point[0]:g}, {point[1]:g})"
 
 
 def _count(number: int, name: str) -> str:

@@ -39,7 +39,13 @@ from flexarm.model.drives import (
     balances,
 )
 from flexarm.model.hardware import Instrument
-from flexarm.model.motions import ForceTable, PressedMotionSpec
+from flexarm.model.motions import (
+    CircleMotionSpec,
+    ForceTable,
+    PressedMotionSpec,
+    SplineMotionSpec,
+    ViaPointMotionSpec,
+)
 from flexarm.model.shaping import ShapingSpec, SmoothingSpec
 
 numbers = st.floats(-1e6, 1e6)
@@ -247,10 +253,15 @@ def scenarios(draw):
         "shaping": st.none() | shapings,
         "smoothing": st.none() | st.builds(SmoothingSpec, duration=positive),
     }
+    of_the_tip = {"elbow": st.sampled_from(["up", "down"]), **timing}
+    points = st.lists(pairs, min_size=2, max_size=4)
     plain = st.one_of(
         st.builds(JointMotionSpec, start=each, end=each, **timing),
+        st.builds(LineMotionSpec, start=pairs, end=pairs, **of_the_tip),
+        st.builds(ViaPointMotionSpec, points=points, blend=st.none() | positive, **of_the_tip),
+        st.builds(SplineMotionSpec, points=points, **of_the_tip),
         st.builds(
-            LineMotionSpec, start=pairs, end=pairs, elbow=st.sampled_from(["up", "down"]), **timing
+            CircleMotionSpec, center=pairs, start=pairs, angle=numbers.filter(bool), **of_the_tip
         ),
     )
     pressed = st.builds(

@@ -5,7 +5,15 @@ import pytest
 from motion_checks import Links, derivative, smooth_times
 
 from flexarm.errors import InputError
-from flexarm.motion import TIMING_LAWS, joint_motion, line_motion, trapezoidal
+from flexarm.motion import (
+    TIMING_LAWS,
+    circle_motion,
+    joint_motion,
+    line_motion,
+    spline_motion,
+    trapezoidal,
+    via_point_motion,
+)
 
 FOUR_LINKS = (0.9, 0.7, 0.5, 0.6)
 
@@ -31,12 +39,45 @@ def line_of_four_from_posture(**timing):
     return line_motion(Links(FOUR_LINKS), [1.5, 0.8], [1.6, -0.9], posture=posture, **timing)
 
 
+def circle_of_two_about_the_base(**timing):
+    return circle_motion(Links(), [0.2, -0.1], [1.6, 0.3], -7.0, **timing)
+
+
+def circle_of_four(**timing):
+    return circle_motion(Links(FOUR_LINKS), [1.2, 0.4], [1.6, 0.4], 4.0, **timing)
+
+
+def spline_of_two(**timing):
+    return spline_motion(Links(), [[2.0, 0.5], [1.6, 1.2], [0.5, 1.5], [-0.8, 1.6]], **timing)
+
+
+def closed_spline_of_four(**timing):
+    points = [[1.5, 0.2], [1.2, 0.9], [0.7, 0.6], [1.5, 0.2]]
+    return spline_motion(Links(FOUR_LINKS), points, elbow="down", **timing)
+
+
+def via_points_of_two(**timing):
+    points = [[2.0, 0.5], [1.6, 1.2], [0.2, 1.5], [-0.8, 1.6]]
+    return via_point_motion(Links(), points, blend=0.4, **timing)
+
+
+def via_points_of_four(**timing):
+    points = [[1.5, 0.2], [1.2, 1.1], [0.3, 0.6]]
+    return via_point_motion(Links(FOUR_LINKS), points, blend=0.3, **timing)
+
+
 MOTIONS = [
     joints_of_three,
     line_of_two,
     line_of_two_behind,
     line_of_four,
     line_of_four_from_posture,
+    circle_of_two_about_the_base,
+    circle_of_four,
+    spline_of_two,
+    closed_spline_of_four,
+    via_points_of_two,
+    via_points_of_four,
 ]
 LAWS = [*TIMING_LAWS.values(), trapezoidal(0.5)]
 
@@ -52,9 +93,13 @@ def motion(make, request):
 
 
 def test_breaks_span_the_motion(motion):
-    expected = [0.7 + 2.5 * u for u in motion.law.breaks]
-    np.testing.assert_allclose(motion.breaks, expected, rtol=1e-15)
-    assert motion.breaks[-1] == motion.end_time
+    of_the_law = {0.7 + 2.5 * u for u in motion.law.breaks[:-1]} | {motion.end_time}
+    assert of_the_law <= set(motion.breaks)
+    others = np.array(sorted(set(motion.breaks) - of_the_law))
+    s = motion.law((others - 0.7) / 2.5).s
+    # A time of 2 s rounds to 4e-16, at up to 0.8 path fractions per second.
+    np.testing.assert_allclose(s, motion.path_breaks, rtol=0, atol=1e-15)
+    assert list(motion.breaks) == sorted(set(motion.breaks))
 
 
 def test_rests_before_and_after(motion):
@@ -98,7 +143,10 @@ def test_both_sides_of_a_break_can_be_asked_for(make):
         np.testing.assert_allclose(left.angle, right.angle, rtol=0, atol=1e-12)
         np.testing.assert_allclose(left.rate, right.rate, rtol=0, atol=1e-12)
         jump = np.max(np.abs(left.acceleration - right.acceleration))
-        assert jump > 0.1, f"the acceleration should jump at break {k}"
+        if any(abs(time - 0.1 - 1.3 * u) < 1e-9 for u in motion.law.breaks):
+            assert jump > 0.1, f"the acceleration should jump at break {k}"
+        else:  # of the path
+            assert jump < 1e-9 * np.max(np.abs(right.acceleration))
 
 
 def test_scalars_and_arrays_agree(motion):

@@ -16,7 +16,7 @@ from flexarm.bridges.gymnasium_env.reach import joint_range
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.model import Contact, Wall
 from flexarm.motion import line_motion
-from flexarm.motion.lines import LineMotion
+from flexarm.motion.tip_motion import TipMotion
 
 #: Start time and duration of the sliding motion, s.
 _TOUCHDOWN, _SLIDE = 0.5, 2.0
@@ -83,7 +83,7 @@ class TrackForceEnv(ArmEnv):
     #: Larger than in the other tasks, because pressing requires more torque than moving.
     laboratory_torque: ClassVar[tuple[float, float]] = (20.0, 12.0)
     extra_signals: ClassVar[tuple[str, ...]] = ("contact_force",)
-    motion: LineMotion
+    motion: TipMotion
     normal: FloatArray
 
     def __init__(
@@ -166,7 +166,7 @@ class TrackForceEnv(ArmEnv):
         before = (_GAP + max(drawn["place"], 0.0)) * self.normal
         return self._along(self.motion.start + before, self.motion.end + before).joint_angle(0.0)
 
-    def _along(self, start: FloatArray, end: FloatArray) -> LineMotion:
+    def _along(self, start: FloatArray, end: FloatArray) -> TipMotion:
         return line_motion(self.arm, start, end, _SLIDE, start_time=_TOUCHDOWN)
 
     def _facing(self, start: FloatArray, end: FloatArray) -> FloatArray:

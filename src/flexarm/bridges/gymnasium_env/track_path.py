@@ -13,7 +13,7 @@ from flexarm.bridges.gymnasium_env.picture import Scene
 from flexarm.bridges.gymnasium_env.reach import joint_range
 from flexarm.errors import InputError, Problem
 from flexarm.motion import line_motion
-from flexarm.motion.lines import LineMotion
+from flexarm.motion.tip_motion import TipMotion
 
 #: Bounds of a line's length (fraction of the reach) and of the mean speed (reaches per second).
 _LENGTH, _SPEED = (0.15, 0.4), (0.2, 0.4)
@@ -41,7 +41,7 @@ class TrackPathEnv(ArmEnv):
 
     scale: ClassVar[float] = 0.02
     option_names: ClassVar[tuple[str, ...]] = ("start", "end", "duration")
-    motion: LineMotion
+    motion: TipMotion
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""
@@ -76,7 +76,7 @@ class TrackPathEnv(ArmEnv):
         )
         return motion.joint_angle(0.0)
 
-    def _drawn(self) -> LineMotion:
+    def _drawn(self) -> TipMotion:
         """Draw a random line that the arm can follow at its speed."""
         rng, reach = self.np_random, reach_of(self.arm)
         for _ in range(_TRIES):

@@ -1,0 +1,275 @@
+"""Paths p(s) of the tip in the plane: lines, rounded polygons, splines and circular arcs.
+
+Between two neighbouring breaks a path is smooth; at a break p, dp/ds and d2p/ds2 are continuous.
+
+A corner of a polygon with unit directions u and v before and after it is rounded from a distance d
+before it to d after it. With l the length covered since the start of the corner and x = l / (2 d),
+
+    dp/dl = u + (v - u) (3 x^2 - 2 x^3),
+
+so the curvature is zero at both ends, the tip slows down in the corner, and it passes the corner at
+a distance of 3/16 d |v - u|.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm.arguments import check_positive
+from flexarm.errors import InputError, Problem, check_array, shown
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.interpolate import PPoly
+
+    Floats = NDArray[np.float64]
+
+#: Corners start by default at this fraction of the shorter of their two sides; half is the most.
+CORNER = 0.25
+#: Sides and gaps below this fraction of the whole length are left out.
+_NEGLIGIBLE = 1e-12
+
+
+class PathPoint(NamedTuple):
+    """Points p (m) and their derivatives dp/ds and d2p/ds2, (T, 2) each, world axes."""
+
+    point: Floats
+    slope: Floats
+    curve: Floats
+
+
+class TipPath(ABC):
+    """A path p(s) of the tip, 0 <= s <= 1.
+
+    Attributes:
+        title: name of the path in messages.
+        marks: names of points in messages, with their s.
+    """
+
+    title: str
+    marks: dict[str, float]
+
+    @property
+    @abstractmethod
+    def breaks(self) -> tuple[float, ...]:
+        """Increasing s between 0 and 1 (both excluded) at which a third derivative may jump."""
+
+    @property
+    @abstractmethod
+    def fastest(self) -> float:
+        """Upper bound of |dp/ds|, m."""
+
+    @abstractmethod
+    def at(self, s: Floats) -> PathPoint:
+        """Return points and derivatives at `s` (T,)."""
+
+    @abstractmethod
+    def extremes(self, center: Floats) -> Floats:
+        """Return s (k,) that include all extremes of the distance from a point (2,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialPath(TipPath):
+    """A path of polynomials: a line, a rounded polygon or a spline.
+
+    Attributes:
+        pieces: polynomials of s with values (2,), twice continuously differentiable.
+    """
+
+    title: str
+    marks: dict[str, float]
+    pieces: PPoly
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """See `TipPath.breaks`."""
+        return tuple(self.pieces.x[1:-1].tolist())
+
+    @property
+    def fastest(self) -> float:
+        """See `TipPath.fastest`; the sum of the terms' magnitudes in each piece."""
+        width, c = np.diff(self.pieces.x), self.pieces.c
+        powers = np.arange(len(c) - 1, 0, -1)
+        terms = (
+            powers[:, None]
+            * np.hypot(*c[:-1].transpose(2, 0, 1))
+            * width ** (powers - 1.0)[:, None]
+        )
+        return float(terms.sum(axis=0).max())
+
+    def at(self, s: Floats) -> PathPoint:
+        """See `TipPath.at`."""
+        return PathPoint(*(self.pieces(s, order) for order in range(3)))
+
+    def extremes(self, center: Floats) -> Floats:
+        """See `TipPath.extremes`: the roots of (p - center) . dp/ds, and the ends of the pieces."""
+        found = [self.pieces.x]
+        for k, start in enumerate(self.pieces.x[:-1]):
+            product = np.zeros(1)
+            for values, middle in zip(self.pieces.c[:, k].T, center, strict=True):
+                value = np.poly1d(values) - middle
+                product = np.polyadd(product, (value * value.deriv()).coeffs)
+            # Real parts of complex roots are further points of the path and do no harm.
+            roots = start + np.real(np.roots(product))
+            found.append(np.clip(roots, start, self.pieces.x[k + 1]))
+        return np.concatenate(found)
+
+
+@dataclass(frozen=True, eq=False)
+class ArcPath(TipPath):
+    """A circular arc: center + radius (cos, sin)(first + s angle)."""
+
+    title: str
+    marks: dict[str, float]
+    center: Floats
+    radius: float
+    first: float
+    angle: float
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """None."""
+        return ()
+
+    @property
+    def fastest(self) -> float:
+        """See `TipPath.fastest`."""
+        return self.radius * abs(self.angle)
+
+    def at(self, s: Floats) -> PathPoint:
+        """See `TipPath.at`."""
+        turned = self.first + s * self.angle
+        out = self.radius * np.stack([np.cos(turned), np.sin(turned)], axis=-1)
+        along = np.stack([-out[:, 1], out[:, 0]], axis=-1)
+        return PathPoint(self.center + out, self.angle * along, -(self.angle**2) * out)
+
+    def extremes(self, center: Floats) -> Floats:
+        """See `TipPath.extremes`: the ends, and the points in line with both centres."""
+        away = self.center - center
+        direction = float(np.arctan2(away[1], away[0]))
+        turned = np.mod(direction + np.array([0.0, np.pi]) - self.first, 2.0 * np.pi)
+        if self.angle < 0.0:
+            turned = turned - 2.0 * np.pi
+        return np.concatenate([[0.0, 1.0], np.clip(turned / self.angle, 0.0, 1.0)])
+
+
+def line_path(where: str, start: ArrayLike, end: ArrayLike) -> PolynomialPath:
+    """Return the straight line between two world points (2,), m.
+
+    Raises:
+        InputError: if a point has the wrong shape or is not finite.
+    """
+    start, end = check_array(where, "start", start, (2,)), check_array(where, "end", end, (2,))
+    marks = {"start": 0.0, "end": 1.0}
+    pieces = _polynomials([0.0, 1.0], [[start, end - start]])
+    return PolynomialPath("line from start to end", marks, pieces)
+
+
+def polygon_path(where: str, points: ArrayLike, blend: float | None) -> PolynomialPath:
+    """Return straight lines between world points (k, 2), m, with rounded corners.
+
+    Args:
+        blend: distance (m) from each corner at which the path leaves the lines; None: a quarter of
+            the shorter of the two lines.
+
+    Raises:
+        InputError: if the points are not two or more, each different from the one before it, or the
+            corners do not fit on the lines.
+    """
+    corners = _different(where, points)
+    sides = np.diff(corners, axis=0)
+    lengths = np.hypot(*sides.T)
+    units = sides / lengths[:, None]
+    room = np.minimum(lengths[:-1], lengths[1:])
+    reach = CORNER * room
+    if blend is not None:
+        reach = np.full_like(room, check_positive(where, "blend", blend, "m"))
+        tight = int(np.argmin(room)) if room.size else 0
+        if room.size and reach[tight] > 0.5 * room[tight]:
+            rule = f"be at most {0.5 * room[tight]:.6g} m, half of the shorter line at a corner"
+            hint = f"That corner is points[{tight + 1}]."
+            raise InputError(Problem(where, "blend", rule, shown(blend), hint))
+    total = float(lengths.sum())
+    edges, rows = [0.0], []
+    for k, unit in enumerate(units):
+        before = reach[k - 1] if k > 0 else 0.0
+        after = reach[k] if k < len(reach) else 0.0
+        straight = lengths[k] - before - after
+        if straight > _NEGLIGIBLE * total:
+            rows.append([corners[k] + before * unit, total * unit])
+            edges.append(edges[-1] + straight / total)
+        if k < len(reach):
+            turn, width = units[k + 1] - unit, 2.0 * after
+            bend = [total**3 / width**2 * turn, -0.5 * total**4 / width**3 * turn]
+            rows.append([corners[k + 1] - after * unit, total * unit, 0.0 * unit, *bend])
+            edges.append(edges[-1] + width / total)
+    edges[-1] = 1.0
+    marks = {"points[0]": 0.0, f"points[{len(corners) - 1}]": 1.0}
+    return PolynomialPath("path along the points", marks, _polynomials(edges, rows))
+
+
+def spline_path(where: str, points: ArrayLike) -> PolynomialPath:
+    """Return the cubic spline through world points (k, 2), m, over the lengths of its chords.
+
+    It is closed, without a corner, if the last point equals the first.
+
+    Raises:
+        InputError: if the points are not two or more, each different from the one before it.
+    """
+    from scipy.interpolate import CubicSpline
+
+    knots = _different(where, points)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(knots, axis=0).T))])
+    s = along / along[-1]
+    closed = bool(np.all(knots[0] == knots[-1]))
+    pieces = CubicSpline(s, knots, bc_type="periodic" if closed else "not-a-knot")
+    marks = {f"points[{k}]": float(part) for k, part in enumerate(s)}
+    return PolynomialPath("path through the points", marks, pieces)
+
+
+def arc_path(where: str, center: ArrayLike, start: ArrayLike, angle: float) -> ArcPath:
+    """Return the circular arc from a world point (2,), m, about a centre, by an angle (rad).
+
+    Raises:
+        InputError: if the start is at the centre, or the angle is zero or not finite.
+    """
+    center = check_array(where, "center", center, (2,))
+    start = check_array(where, "start", start, (2,))
+    angle = float(check_array(where, "angle", angle, ()))
+    out = start - center
+    radius = float(np.hypot(*out))
+    if radius == 0.0:
+        raise InputError(Problem(where, "start", "differ from the center", shown(start.tolist())))
+    if angle == 0.0:
+        raise InputError(Problem(where, "angle", "differ from 0", shown(angle)))
+    first = float(np.arctan2(out[1], out[0]))
+    return ArcPath("arc", {"start": 0.0}, center, radius, first, angle)
+
+
+def _different(where: str, points: ArrayLike) -> Floats:
+    """Return two or more points (k, 2) of which neighbours differ."""
+    array = check_array(where, "points", points, (-1, 2))
+    if len(array) < 2:
+        rule = "have at least two points"
+        raise InputError(Problem(where, "points", rule, str(len(array))))
+    gaps = np.hypot(*np.diff(array, axis=0).T)
+    near = np.flatnonzero(gaps <= _NEGLIGIBLE * gaps.sum())
+    if near.size:
+        name, rule = f"points[{near[0] + 1}]", "differ from the previous point"
+        raise InputError(Problem(where, name, rule, shown(array[near[0] + 1].tolist())))
+    return array
+
+
+def _polynomials(edges: list[float], rows: list[list[Floats]]) -> PPoly:
+    """Return polynomials from coefficients of rising powers of s since the start of a piece."""
+    from scipy.interpolate import PPoly
+
+    most = max(len(row) for row in rows)
+    table = np.zeros((most, len(rows), 2))
+    for k, row in enumerate(rows):
+        table[most - len(row) :, k] = row[::-1]
+    return PPoly(table, np.array(edges))
