@@ -31,12 +31,14 @@ def test_version():
     assert outcome.stdout == f"flexarm {fa.__version__}\n"
 
 
-@pytest.mark.parametrize("command", ["paper", "run", "check", "modes", "linearize", "schema"])
+@pytest.mark.parametrize(
+    "command", ["paper", "run", "check", "modes", "linearize", "schema", "init"]
+)
 def test_help_names_every_command_and_its_options(command):
     assert command in invoke("--help").stdout
     outcome = invoke(command, "--help")
     assert outcome.exit_code == 0
-    if command != "check":
+    if command not in ("check", "init"):
         assert "--out" in outcome.stdout or "--csv" in outcome.stdout
 
 
@@ -48,6 +50,51 @@ def test_check_says_what_it_found(good):
     assert "link 2 0.5 m, 0.2 kg, 1 element, 2 modes" in words
     assert "line from (0.8, 0.2) to (0.2, 0.8) m in 0.05 s, within reach" in words
     assert words.endswith("ok")
+
+
+def test_check_gives_frequencies_sample_time_integrator_and_stability(good):
+    """The numbers are those of the Python interface, and of a single joint in closed form."""
+    good.write_text(
+        "flexarm: 1\n"
+        "arm:\n"
+        "  links:\n"
+        "    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}\n"
+        "motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}\n"
+        "drive: {kind: joint_pd, proportional: 2.0, derivative: 0.4, sample_time: 0.002}\n"
+        "run: {duration: 1.0, integrator: rk4, step: 1.0e-4}\n"
+    )
+    words = " ".join(invoke("check", good).stdout.split())
+    arm = fa.load_arm(good)
+    frequency = fa.modes(arm).frequency_hz
+    # A clamped-free beam: 3.516 sqrt(EI / mu) / (2 pi L^2).
+    assert frequency[0] == pytest.approx(3.516 * np.sqrt(20.0) / (2.0 * np.pi), rel=1e-3)
+    told = ", ".join(f"{value:.4g}" for value in frequency[:3])
+    assert f"frequencies {told} Hz with the joints locked, at the start" in words
+    longest = float(words.partition("sample time ")[2].partition(" ms")[0])
+    # Rounded down to two digits: 12 in place of 12.7.
+    assert 0.18 < 2.0 * np.pi * frequency[0] * 1e-3 * longest <= 0.2
+    assert "; this one has 2 ms" in words
+    assert "integrator rk4; dormand_prince_8 is recommended: order 8 with step control" in words
+    growth = fa.loop_margins(fa.JointPD(2.0, 0.4, sample_time=0.002), arm, [[0.0]]).growth
+    time = f"decays tenfold in {np.log(10.0) / -float(growth[0, 0]):.2g} s"
+    for when in ("at the start", "at the end of the motion"):
+        assert f"stable {when}: the slowest pole, at " in words
+    assert words.count(time) == 2
+
+
+def test_check_reports_a_growing_pole(good):
+    good.write_text(
+        "flexarm: 1\n"
+        "arm:\n"
+        "  links:\n"
+        "    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}\n"
+        "motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}\n"
+        "drive: {kind: joint_pd, proportional: 2.0, derivative: 2.0, sample_time: 0.1}\n"
+        "run: {duration: 1.0}\n"
+    )
+    outcome = invoke("check", good)
+    assert "unstable at the start: the fastest pole" in " ".join(outcome.stdout.split())
+    assert "warning: the sampled loop is unstable at the start" in outcome.stderr
 
 
 def test_check_knows_segments(good):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexarm.arm import Arm
+from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import ModelError
@@ -45,15 +46,16 @@ def check_file(path: Path) -> None:
     if is_study:
         study = PreparedStudy(*locate_study(document))
         unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
-        found = [*_about_arm(study.arm), *_about_study(study.study)]
+        found = [*_about_arm(study.arm), *_about_study(study.study), *about_vibration(study.arm)]
     elif located is None:
         arm = Arm(load_arm_spec(document))
-        found = _about_arm(arm)
+        found = [*_about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
     else:
         scenario, where = located
         prepared = prepare(scenario, where)
-        unstable = list(filter(None, [prepared.unstable_loop()]))
-        found = [*_about_arm(prepared.arm), *_about_run(scenario)]
+        poles = prepared.loop_poles()
+        unstable = list(filter(None, [prepared.unstable_loop(poles)]))
+        found = [*_about_arm(prepared.arm), *_about_run(scenario), *about_prepared(prepared, poles)]
     screen = console()
     screen.print(facts(found))
     for text in unstable:

@@ -80,6 +80,23 @@ def warmup() -> None:
 
 @app.command()
 @failures_told()
+def init(
+    folder: Annotated[
+        Path, typer.Argument(metavar="[FOLDER]", help="Where to write; created if missing.")
+    ] = Path(),
+    links: Annotated[int, typer.Option(min=1, max=8, help="Number of links.")] = 2,
+    gravity: Annotated[
+        bool, typer.Option("--gravity", help="The arm moves in a vertical plane.")
+    ] = False,
+) -> None:
+    """Write a commented arm and scenario to start from: arm.yaml and scenario.yaml."""
+    from flexarm.cli.init import write_starting_files
+
+    write_starting_files(folder, links, gravity)
+
+
+@app.command()
+@failures_told()
 def run(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.yaml", help="What to simulate.")],
     out: Annotated[
@@ -91,11 +108,31 @@ def run(
     animate: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save an animation: .mp4, .gif or .html.")
     ] = None,
+    sets: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Change a value of the file, such as arm.links[0].length=1.2; repeatable.",
+        ),
+    ] = None,
+    duration: Annotated[
+        str | None, typer.Option(metavar="SECONDS", help="Simulate this long instead.")
+    ] = None,
+    integrator: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Use this integrator instead.")
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print the summary as JSON, and nothing else.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print warnings and errors only.")] = False,
 ) -> None:
     """Simulate a scenario file."""
-    from flexarm.cli.run import run_file
+    from flexarm.cli.run import run_file, run_options
 
-    run_file(scenario, out, plot, animate)
+    files = (out, plot, animate)
+    options = run_options(files, sets or [], duration, integrator, json=json, quiet=quiet)
+    run_file(scenario, options)
 
 
 @app.command()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,23 @@ _OF_CONTACTS = ("contact_force", "contact_gap")
 _STEP = 1e-5
 
 
-def instability(
+class LoopPole(NamedTuple):
+    """The fastest growing, or slowest decaying, pole of a sampled loop at one posture.
+
+    Attributes:
+        when: the time of the posture, in words.
+        growth: 1/s; negative for a decay.
+        frequency: Hz.
+        magnitude: of the pole of the sampled loop.
+    """
+
+    when: str
+    growth: float
+    frequency: float
+    magnitude: float
+
+
+def loop_poles(
     arm: Arm,
     plant: Arm,
     controller: Controller,
@@ -45,12 +61,11 @@ def instability(
     contacts: Sequence[Contact],
     initial: FloatArray,
     duration: float,
-) -> str:
-    """Describe an instability of the sampled loop at the start or end of a motion; empty if none.
+) -> list[LoopPole]:
+    """Return the dominant pole of the sampled loop at the start and at the end of a motion.
 
-    An instability that grows less than tenfold within the run is ignored. Not analysed are
-    controllers that do not declare their memory, cannot be copied or fail in the analysis, and
-    instruments that read a `Sensor` or a torque.
+    Not analysed, and left out, are controllers that do not declare their memory, cannot be copied
+    or fail in the analysis, and instruments that read a `Sensor` or a torque.
 
     Args:
         arm: the controller's model of the plant.
@@ -61,27 +76,59 @@ def instability(
         MemoryNameError: if the controller's ``memory`` names an attribute that it does not have.
     """
     if memory_of(controller) is None:
-        return ""
+        return []
     instruments = instruments_of(plant, hardware, len(contacts))
     signals = signals_of(instruments)
     if any(isinstance(item, Sensor) or item == "torque" for item in signals):
-        return ""
+        return []
     bare = [replace(contact, friction=0.0) for contact in contacts]
+    found = []
     for t, when in _times(reference, duration):
         try:
             with one_warning():  # the run itself warns of its states
-                growth, frequency, size = _worst(
+                worst = _worst(
                     (arm, plant), controller, reference, hardware, bare, initial, t, instruments
                 )
         except MemoryNameError:
             raise
         except Exception:  # the run itself reports a missing equilibrium or a failing controller
             continue
+        found.append(LoopPole(when, *worst))
+    return found
+
+
+def instability(
+    arm: Arm,
+    plant: Arm,
+    controller: Controller,
+    reference: Reference | None,
+    hardware: Hardware | None,
+    contacts: Sequence[Contact],
+    initial: FloatArray,
+    duration: float,
+) -> str:
+    """Describe an instability of the sampled loop; empty if there is none or it is not analysed.
+
+    See `loop_poles` for the arguments and errors.
+    """
+    poles = loop_poles(arm, plant, controller, reference, hardware, contacts, initial, duration)
+    return describe_instability(poles, controller.sample_time, duration)
+
+
+def describe_instability(poles: Sequence[LoopPole], sample_time: float, duration: float) -> str:
+    """Describe the first unstable one of the poles of `loop_poles`; empty if none is.
+
+    An instability that grows less than tenfold within the run is ignored.
+
+    Args:
+        sample_time, duration: of the controller and of the run, s.
+    """
+    for when, growth, frequency, magnitude in poles:
         if growth * duration > np.log(_NOTICED):
             return (
-                f"the sampled loop is unstable {when}: a pole of magnitude {size:.4g} at "
+                f"the sampled loop is unstable {when}: a pole of magnitude {magnitude:.4g} at "
                 f"{frequency:.3g} Hz grows tenfold every {np.log(10.0) / growth:.2g} s. Lower the "
-                f"gains or the sample time of {controller.sample_time:g} s, or design for this "
+                f"gains or the sample time of {sample_time:g} s, or design for this "
                 "arm; see docs/how-to/robust-loops.md."
             )
     return ""

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from flexarm.arguments import check_path
 from flexarm.errors import ModelError, Problem, shown
+from flexarm.model.changes import changed
 from flexarm.model.checks import Record, faults_of
 from flexarm.model.read_bytes import read_bytes
 from flexarm.model.scenario import Scenario
@@ -252,7 +253,8 @@ def _holder_of_arm(
             value = f"{shown(named)}, which has no key `flexarm`"
             problems.append(Problem(here, "arm", "name an arm file", value))
             return None
-        return _holder_of_arm(_parsed(other, text), problems, came_from)
+        inside = [c for c in document.changes if c.path[0] == "arm" and len(c.path) > 1]
+        return _holder_of_arm(changed(_parsed(other, text), inside), problems, came_from)
     except ModelError as error:
         told = f"It is named in {here}."
         problems += [replace(p, hint=f"{p.hint} {told}".strip()) for p in error.problems]

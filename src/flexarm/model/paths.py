@@ -29,7 +29,7 @@ def number_at(where: str, name: str, record: Record, path: object) -> float:
     if not isinstance(path, str):
         hint = "A path is text such as 'links[0].flexural_rigidity' or 'payload.mass'."
         raise InputError(Problem(where, name, rule, shown(path), hint))
-    parts = _parts(path)
+    parts = parts_of(path)
     value: Any = record if parts else None
     walked = ""
     for part in parts:
@@ -58,7 +58,7 @@ def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
     Raises:
         ModelError: if the changed record is invalid.
     """
-    changed: R = _with(record, _parts(path), value, checked)
+    changed: R = _with(record, parts_of(path), value, checked)
     return changed
 
 
@@ -76,7 +76,7 @@ def _number_paths(value: Any, walked: str) -> Iterator[str]:
             yield from _number_paths(inside, path)
 
 
-def _parts(path: str) -> list[str | int]:
+def parts_of(path: str) -> list[str | int]:
     """Split a path into names and indices; return an empty list if it is invalid."""
     parts: list[str | int] = []
     end = 0

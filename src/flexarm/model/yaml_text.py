@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from yaml.composer import Composer
@@ -18,6 +18,9 @@ from yaml.resolver import Resolver
 
 from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.wording import Path, path_text
+
+if TYPE_CHECKING:
+    from flexarm.model.changes import Change
 
 #: Parser of libyaml; None if PyYAML was built without it.
 CParser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", None)
@@ -119,6 +122,7 @@ class Document:
         file: path of the file, as given by the user.
         value: content of the file as plain Python values.
         problems: problems of the content as YAML that did not prevent reading.
+        changes: values that replaced those of the file, of which a later one prevails.
     """
 
     file: FilePath
@@ -126,9 +130,16 @@ class Document:
     problems: list[Problem]
     _root: yaml.Node = field(repr=False)
     _entries: _EntriesByNode = field(repr=False)
+    changes: tuple[Change, ...] = ()
 
     def where(self, path: Path) -> str:
-        """Return ``file:line`` of the value at a path, or of the nearest container of it."""
+        """Return ``file:line`` of the value at a path, or of the nearest container of it.
+
+        For a value that was replaced, return the change.
+        """
+        for change in reversed(self.changes):
+            if path[: len(change.path)] == change.path:
+                return change.told
         node, line = self._root, self._root.start_mark.line
         for part in path:
             if isinstance(node, yaml.MappingNode):

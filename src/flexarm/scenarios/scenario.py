@@ -19,7 +19,7 @@ from flexarm.errors import InputError, SimulationError
 from flexarm.histories.torques import constant_torque, sampled_torque
 from flexarm.loads import Load
 from flexarm.loop.requirements import misfits
-from flexarm.loop.stability import instability
+from flexarm.loop.stability import LoopPole, describe_instability, loop_poles
 from flexarm.model import (
     EventSpec,
     RigidInverseDynamicsDrive,
@@ -61,13 +61,23 @@ class Prepared:
     text: str
     events: Sequence[EventSpec] = ()
 
-    def unstable_loop(self, plant: Arm | None = None) -> str:
-        """Describe an unstable sampled loop of the arm, or a ``plant``; empty text if stable."""
+    def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
+        """Describe an unstable one of the `loop_poles`; empty text if none is."""
+        return describe_instability(poles, self.sample_time or 0.0, self.options["duration"])
+
+    @property
+    def sample_time(self) -> float | None:
+        """Sample time of the controller, s; None without a controller."""
+        controller = self.options.get("controller")
+        return None if controller is None else float(controller.sample_time)
+
+    def loop_poles(self, plant: Arm | None = None) -> list[LoopPole]:
+        """Return the dominant poles of the sampled loop, see `flexarm.loop.stability`."""
         options = self.options
         if "controller" not in options:
-            return ""
+            return []
         simulated = plant or self.arm
-        return instability(
+        return loop_poles(
             self.arm,
             simulated,
             options["controller"],

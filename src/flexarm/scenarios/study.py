@@ -73,7 +73,7 @@ class PreparedStudy:
     def unstable_loops(self) -> dict[str, str]:
         """Describe the unstable sampled loops, by "drive on plant along motion"."""
         found = {
-            f"{drive} on {plant} along {motion}": prepared.unstable_loop(arm)
+            f"{drive} on {plant} along {motion}": prepared.unstable_loop(prepared.loop_poles(arm))
             for (drive, motion), prepared in self._prepared.items()
             for plant, (arm, _) in self.plants.items()
         }

@@ -1,0 +1,98 @@
+"""Rows of ``flexarm check``: frequencies, sample time, integrator, and the sampled loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.engine.contact_setup import contacts_of_run, touch_frequency
+from flexarm.engine.impacts import ATOL, RTOL
+from flexarm.engine.integrator_choice import choose_integrator
+from flexarm.engine.tolerance import tolerance_of
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import modes
+from flexarm.loop.stability import LoopPole
+from flexarm.scenarios.scenario import Prepared
+
+Rows = list[tuple[str, str]]
+
+#: Phase (rad) by which the fastest mode to control turns in a sample: the middle of 0.1 to 0.6, the
+#: range of K. J. Astrom and B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall
+#: 1997, for the poles of a sampled loop.
+_PHASE = 0.2
+_MOST_FREQUENCIES = 4
+
+
+def about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
+    """Return the rows of a scenario."""
+    arm, options = prepared.arm, prepared.options
+    angles = arm.joint_angles(options["initial"])
+    rows = about_vibration(arm, angles, prepared.sample_time)
+    rows += about_integrator(arm, options)
+    if prepared.sample_time is not None:
+        rows.append(("loop", _stability(poles)))
+    return rows
+
+
+def about_vibration(
+    arm: Arm, angles: FloatArray | None = None, sample_time: float | None = None
+) -> Rows:
+    """Return the lowest frequencies with locked joints, and the sample time that suits them.
+
+    Args:
+        angles: posture (joints,), rad; zero by default.
+        sample_time: of the controller, s.
+    """
+    found = modes(arm, angles).frequency_hz
+    found = found[found > 0.0]
+    if not found.size:
+        return []
+    where = "at joint angles of zero" if angles is None else "at the start"
+    told = ", ".join(f"{frequency:.4g}" for frequency in found[:_MOST_FREQUENCIES])
+    rows = [("frequencies", f"{told} Hz with the joints locked, {where}")]
+    mode = min(arm.joints, found.size)
+    if mode:
+        longest = _PHASE / (2.0 * np.pi * found[mode - 1])
+        text = f"{_rounded_down(1e3 * longest):g} ms or less for a controller: "
+        text += f"{2.0 * np.pi / _PHASE:.0f} samples in a period of mode {mode}"
+        if sample_time is not None:
+            text += f"; this one has {1e3 * sample_time:g} ms"
+        rows.append(("sample time", text))
+    return rows
+
+
+def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
+    """Return the integrator of a run with these arguments of ``simulate``, and the reason."""
+    given = options or {}
+    q = np.asarray(given.get("initial", np.zeros(arm.dof)))
+    state = arm.padded(np.stack([q, np.zeros(arm.dof)]))
+    tolerance = tolerance_of(arm, state, given.get("atol", ATOL), given.get("rtol", RTOL))
+    touch = touch_frequency(contacts_of_run(arm, given.get("contacts", ()), state, "check"))
+    choice = choose_integrator("auto", None, arm, tolerance, touch, "check")
+    text = f"{choice.integrator.name} is recommended: {choice.reason}"
+    asked = given.get("integrator", "auto")
+    return [("integrator", text if asked == "auto" else f"{asked}; {text}")]
+
+
+def _stability(poles: Sequence[LoopPole]) -> str:
+    """Describe the sampled loop at the start and at the end of a motion."""
+    if not poles:
+        return "not analysed: the controller or an instrument does not permit it"
+    return "; ".join(_pole(pole) for pole in poles)
+
+
+def _pole(pole: LoopPole) -> str:
+    grows = pole.growth > 0.0
+    time = np.log(10.0) / max(abs(pole.growth), 1e-12)
+    changes = f"the {'fastest' if grows else 'slowest'} pole, at {pole.frequency:.3g} Hz,"
+    changes += f" {'grows' if grows else 'decays'} tenfold in {time:.2g} s"
+    return f"{'unstable' if grows else 'stable'} {pole.when}: {changes}"
+
+
+def _rounded_down(number: float) -> float:
+    """Return a positive number rounded down to two digits."""
+    unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
+    return float(np.floor(number / unit + 1e-9) * unit)

@@ -1,0 +1,167 @@
+"""``flexarm init``, and the options of ``flexarm run`` that change a run without editing."""
+
+import json
+
+import numpy as np
+import pytest
+from scenarios import GOOD
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+from flexarm.cli.starting_files import MOST_LINKS
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+@pytest.fixture
+def good(tmp_path):
+    path = tmp_path / "good.yaml"
+    path.write_text(GOOD)
+    return path
+
+
+@pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])
+@pytest.mark.parametrize("links", [1, 2, 3, MOST_LINKS])
+def test_what_init_writes_passes_the_check_without_a_warning(tmp_path, links, gravity):
+    folder = tmp_path / "new" / "arm"
+    outcome = invoke("init", folder, "--links", links, *gravity)
+    assert outcome.exit_code == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["arm.yaml", "scenario.yaml"]
+    for name in ("arm.yaml", "scenario.yaml"):
+        checked = invoke("check", folder / name)
+        assert (checked.exit_code, checked.stderr) == (0, "")
+        assert checked.stdout.endswith("ok\n")
+    arm = fa.load_arm(folder / "arm.yaml")
+    assert arm.links == links
+    assert np.sum(arm.lengths) == pytest.approx(2.0, abs=1e-3)
+    assert arm.spec.gravity == (0.0, -9.81 if gravity else 0.0)
+    # The sample time written is within the recommended one.
+    words = " ".join(checked.stdout.split()).partition("sample time ")[2].split()
+    assert float(words[words.index("has") + 1]) <= float(words[0])
+
+
+@pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])
+def test_what_init_writes_runs_at_once_and_ends_where_it_should(tmp_path, gravity):
+    assert invoke("init", tmp_path, *gravity).exit_code == 0
+    outcome = invoke("run", tmp_path / "scenario.yaml", "--json")
+    assert (outcome.exit_code, outcome.stderr) == (0, "")
+    told = json.loads(outcome.stdout)
+    assert told["warnings"] == []
+    # The loop has no integral action: it leaves 1 cm where gravity bends the links.
+    assert np.hypot(*np.subtract(told["tip"], [0.7, 1.2])) < (0.01 if gravity else 0.003)
+    assert told["largest_link_tip_deflection"][0] > 0.005
+
+
+def test_init_overwrites_nothing(tmp_path):
+    (tmp_path / "scenario.yaml").write_text("mine")
+    outcome = invoke("init", tmp_path)
+    assert outcome.exit_code == 2
+    assert "scenario.yaml' must not exist yet, but is there." in outcome.stderr
+    assert (tmp_path / "scenario.yaml").read_text() == "mine"
+    assert not (tmp_path / "arm.yaml").exists()
+
+
+def test_init_refuses_a_folder_that_is_a_file(good):
+    outcome = invoke("init", good)
+    assert outcome.exit_code == 2
+    assert "must be a folder to write in" in outcome.stderr
+
+
+def test_set_changes_what_the_file_would_change(good, tmp_path):
+    options = ["--set", "arm.links[1].length=0.6", "--set", "run={duration: 0.02, rate: 500}"]
+    out = tmp_path / "set.nc"
+    assert invoke("run", good, *options, "--out", out, "--quiet").stdout == ""
+    edited = tmp_path / "edited.yaml"
+    assert GOOD.count("length: 0.5") == 1
+    text = GOOD.replace("length: 0.5", "length: 0.6")
+    edited.write_text(text.partition("run:")[0] + "run: {duration: 0.02, rate: 500}\n")
+    wanted = fa.run_scenario(edited)
+    found = fa.read_result(out)
+    np.testing.assert_array_equal(found["tip"], wanted["tip"])
+    assert found.attrs["scenario"] == wanted.attrs["scenario"]
+
+
+def test_a_later_set_and_missing_keys(good):
+    options = ["--set", "initial.joint_angle=[0.1, 0.2]", "--set", "run.rate=50"]
+    options += ["--set", "motion=", "--set", "drive={kind: none}", "--set", "run.rate=100"]
+    told = json.loads(invoke("run", good, *options, "--duration", "0.05", "--json").stdout)
+    assert told["samples"] == 6
+    assert told["changes"][-1] == "--duration 0.05"
+    np.testing.assert_allclose(told["joint_angle"], [0.1, 0.2], rtol=0, atol=1e-9)
+
+
+def test_set_reaches_an_arm_in_its_own_file(tmp_path):
+    assert invoke("init", tmp_path).exit_code == 0
+    scenario = tmp_path / "scenario.yaml"
+    options = ["--duration", "0.01", "--json"]
+    one = json.loads(invoke("run", scenario, *options).stdout)
+    # Links 1 and 2 of the file share their values by an alias: only one of them changes.
+    changed = invoke("run", scenario, *options, "--set", "arm.links[1].length=0.9")
+    assert changed.exit_code == 0
+    np.testing.assert_allclose(json.loads(changed.stdout)["tip"], one["tip"], rtol=0, atol=2e-2)
+    refused = invoke("run", scenario, "--set", "arm.links[1].length=-1")
+    assert refused.exit_code == 2
+    (line,) = refused.stderr.splitlines()
+    told = "arm.links[1].length must be greater than 0, but is -1."
+    assert line == f"--set arm.links[1].length=-1: {told}"
+    other = tmp_path / "other.yaml"
+    other.write_text((tmp_path / "arm.yaml").read_text().replace("length: 1.0", "length: 0.2"))
+    refused = invoke("run", scenario, "--set", "arm=other.yaml")
+    assert refused.exit_code == 2
+    assert "motion.start must lie within the reach of 0.4 m" in refused.stderr
+
+
+def test_the_integrator_of_the_command_line(good):
+    told = json.loads(invoke("run", good, "--integrator", "rk4", "--json").stdout)
+    assert told["integrator"] == "rk4"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--set", "run.durtion=1"], "run.durtion must be a known key, but is unknown. Did you me"),
+        (["--set", "arm.links[7].length=1"], "arm.links[7] must be one of the 2 entries, which"),
+        (["--set", "run[0]=1"], "run must be a list, but is "),
+        (["--set", "run.rate.x=1"], "run.rate must be a mapping of keys to values, but is "),
+        (["--set", "arm.links=[1,"], "arm.links must be YAML, but is broken"),
+        (["--set", "arm.links"], "--set must be a key path and a value, such as run.duration=3"),
+        (["--set", "arm..links=1"], "--set must be a key path and a value"),
+        (["--duration", "-1"], "--duration -1: run.duration must be greater than 0, but is -1."),
+        (["--duration", "long"], "--duration long: run.duration must be a number, but is 'long'"),
+        (["--integrator", "euler"], "--integrator euler: run.integrator must be one of 'auto'"),
+        (["--set", "motion.end=[9, 9]"], "--set motion.end=[9, 9]: motion.end must lie within"),
+    ],
+)
+def test_wrong_changes_have_the_words_of_the_file(good, options, message):
+    outcome = invoke("run", good, *options)
+    assert outcome.exit_code == 2
+    assert outcome.stdout == ""
+    assert message in outcome.stderr
+    told = " ".join(options)
+    assert outcome.stderr.startswith((f"{told}: ", "flexarm run: --set must"))
+
+
+def test_json_is_alone_on_the_standard_output(good, tmp_path):
+    out = tmp_path / "run.nc"
+    outcome = invoke("run", good, "--json", "--out", out)
+    told = json.loads(outcome.stdout)
+    result = fa.read_result(out)
+    assert told["files"] == {"result": str(out)}
+    assert told["samples"] == result.sizes["time"]
+    assert told["end_time"] == float(result.time[-1])
+    np.testing.assert_array_equal(told["tip"], result.tip[-1])
+    largest = np.abs(result.link_tip_deflection).max("time")
+    np.testing.assert_array_equal(told["largest_link_tip_deflection"], largest)
+    assert told["ended_by"] == "duration"
+
+
+def test_quiet_prints_warnings_only(good):
+    soft = ["--set", "arm.links[0].flexural_rigidity=0.05", "--set", "drive={kind: none}"]
+    soft += ["--set", "arm.gravity=[0, -9.81]", "--duration", "0.3"]
+    outcome = invoke("run", good, *soft, "--quiet")
+    assert outcome.exit_code == 0
+    assert outcome.stdout == ""
+    assert outcome.stderr.startswith("warning: link 1 deflects by")
