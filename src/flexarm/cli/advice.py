@@ -9,13 +9,13 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.engine.contact_setup import contacts_of_run, touch_frequency
+from flexarm.engine.impacts import ATOL, RTOL
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.tolerance import tolerance_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.loop.stability import LoopPole
 from flexarm.scenarios.scenario import Prepared
-from flexarm.simulation.run import ATOL, RTOL
 
 Rows = list[tuple[str, str]]
 

@@ -98,7 +98,8 @@ def two_link_path(chain: RigidChain, path: TipPath, elbow: str) -> Posture:
 def _turned(old: Floats, new: Floats) -> Floats:
     """Return the angles (T,) from vectors to others, (T, 2) each, in [-pi, pi]."""
     across = old[:, 0] * new[:, 1] - old[:, 1] * new[:, 0]
-    return np.arctan2(across, np.sum(old * new, axis=-1))
+    turned: Floats = np.arctan2(across, np.sum(old * new, axis=-1))
+    return turned
 
 
 def _two_link_posture(

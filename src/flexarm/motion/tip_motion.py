@@ -58,12 +58,14 @@ class TipMotion(PathMotion):
     @property
     def start(self) -> Floats:
         """World point at which the path starts (2,), m."""
-        return self.tip_path.at(np.zeros(1)).point[0]
+        point: Floats = self.tip_path.at(np.zeros(1)).point[0]
+        return point
 
     @property
     def end(self) -> Floats:
         """World point at which the path ends (2,), m."""
-        return self.tip_path.at(np.ones(1)).point[0]
+        point: Floats = self.tip_path.at(np.ones(1)).point[0]
+        return point
 
     @property
     def path_breaks(self) -> tuple[float, ...]:
@@ -145,7 +147,7 @@ def _check_margins(where: str, chain: RigidChain, path: TipPath) -> None:
             rule = f"stay less than {outer - margin:.9g} m from the base"
             value = f"a farthest point of {_place(points[far], distances[far])}"
         hint = "The straight arm cannot follow a path."
-        raise InputError(Problem(where, *(named or [path.title])[:1], rule, value, hint))
+        raise InputError(Problem(where, [*named, path.title][0], rule, value, hint))
     # Without a hole, three links or more can pass the base; only their posture may be singular.
     if (inner == 0.0 and len(chain.lengths) > 2) or distances[near] >= inner + margin:
         return
