@@ -100,7 +100,7 @@ def test_predicted_readings_are_those_of_the_linear_model():
         x[: arm.dof],
         x[arm.dof :],
         torque,
-        outputs=["strain", ACCELEROMETER.signal, "joint_angle", velocity],
+        outputs=["strain", ACCELEROMETER.output, "joint_angle", velocity],
     )
     np.testing.assert_allclose(values, model.output, rtol=1e-11, atol=1e-13)
     np.testing.assert_allclose(slopes, model.C, rtol=1e-10, atol=1e-10)
