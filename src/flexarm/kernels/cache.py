@@ -74,7 +74,7 @@ def merged(function: F) -> F:
     Only kernels can call it, as with ``apart``. Use it in hot loops; elsewhere, an ordinary call
     compiles faster.
     """
-    options = {"forceinline": True, "pipeline_class": MergedCompiler}
+    options: dict[str, Any] = {"forceinline": True, "pipeline_class": MergedCompiler}
     return _closed(_decorate(function, no_cpython_wrapper=True, **options))
 
 

@@ -25,7 +25,8 @@ from numba.core.types.functions import BaseFunction
 _BUILT_IN = {"_operator", "builtins", "math"}
 #: Signatures that kernels have used, by function and types of the arguments.
 _signatures: dict[tuple[Any, ...], Any] = {}
-_resolve = BaseFunction.get_call_type
+_functions: Any = BaseFunction
+_resolve = _functions.get_call_type
 
 
 def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
@@ -39,7 +40,7 @@ def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
     return found
 
 
-class KernelCompiler(Compiler):  # type: ignore[misc]
+class KernelCompiler(Compiler):
     """Numba's compiler with a memory for the signatures of operators.
 
     Numba would otherwise try up to ten candidates for each sum and each product, twice. Python's
@@ -48,13 +49,13 @@ class KernelCompiler(Compiler):  # type: ignore[misc]
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function; the caller holds the lock of the compiler."""
-        others, collecting = BaseFunction.get_call_type, gc.isenabled()
-        BaseFunction.get_call_type = _remembered
+        others, collecting = _functions.get_call_type, gc.isenabled()
+        _functions.get_call_type = _remembered
         gc.disable()
         try:
-            return super().compile_extra(function)
+            return super().compile_extra(function)  # type: ignore[no-untyped-call]
         finally:
-            BaseFunction.get_call_type = others
+            _functions.get_call_type = others
             if collecting:
                 gc.enable()
 
@@ -65,13 +66,14 @@ class MergedCompiler(KernelCompiler):
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function; the caller holds the lock of the compiler."""
         context = self.state.targetctx
-        self.state.library = _MergedLibrary(context.codegen(), function.__qualname__)
+        new_library: Any = _MergedLibrary
+        self.state.library = new_library(context.codegen(), function.__qualname__)
         self.state.library.context = context
         self.state.library.enable_object_caching()
         return super().compile_extra(function)
 
 
-class _MergedLibrary(JITCodeLibrary):  # type: ignore[misc]
+class _MergedLibrary(JITCodeLibrary):
     """Code of a merged kernel; only Numba's variables for the kernel become machine code."""
 
     context: Any
@@ -84,13 +86,14 @@ class _MergedLibrary(JITCodeLibrary):  # type: ignore[misc]
         for function in code.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 function.linkage = "linkonce_odr"
-        variables = self._codegen._create_empty_module(self.name)
+        codegen: Any = self._codegen
+        variables = codegen._create_empty_module(self.name)
         for variable in code.global_variables:
             if variable.name.startswith("_ZN08NumbaEnv"):
                 self.context.declare_env_global(variables, variable.name)
         self._shared_module, self._final_module = code, llvm.parse_assembly(str(variables))
         self._final_module.name = code.name
-        super()._finalize_final_module()
+        super()._finalize_final_module()  # type: ignore[no-untyped-call]
 
 
 class Reference(NamedTuple):
