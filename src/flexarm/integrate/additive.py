@@ -20,7 +20,7 @@ from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
-from flexarm.kernels.cache import compiled, inner, merged
+from flexarm.kernels.cache import apart, compiled, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
@@ -42,13 +42,14 @@ class AdditiveRecord(NamedTuple):
 @merged
 def soften_for(system: System, softened: ArmConstants, damping: float, stiffness: float) -> None:
     """Add ``damping`` (s) times D and ``stiffness`` (s^2) times K to the mass matrix."""
+    sizes = system.sizes
     c = system.constants
     added = system.work.force  # scratch
-    for i in range(len(system.sizes.bodies)):
+    for i in range(len(sizes.bodies)):
         added[i, 0] = damping * c.body[i, JOINT_DAMPING] + stiffness * c.body[i, JOINT_STIFFNESS]
-        for j in range(len(system.sizes.modes)):
+        for j in range(len(sizes.modes)):
             added[i, 1 + j] = damping * c.mode[i, j, MODE_DAMPING] + stiffness * c.mode[i, j, W2]
-    add_to_diagonal(system.sizes, c, added, softened)
+    add_to_diagonal(sizes, c, added, softened)
 
 
 @merged
@@ -58,23 +59,25 @@ def shift_forces(system: System, smooth: Array, q: Array, v: Array, torque: Arra
     ``smooth`` has shape (2, n, 1 + m). Forces on joints are added to ``torque``, forces on modes
     are written to ``work.force``.
     """
+    sizes = system.sizes
     c = system.constants
-    for i in range(len(system.sizes.bodies)):
+    for i in range(len(sizes.bodies)):
         torque[i] += c.body[i, FREE] * (
             c.body[i, JOINT_STIFFNESS] * (smooth[0, i, 0] - q[i, 0])
             + c.body[i, JOINT_DAMPING] * (smooth[1, i, 0] - v[i, 0])
         )
-        for j in range(len(system.sizes.modes)):
+        for j in range(len(sizes.modes)):
             system.work.force[i, 1 + j] = c.mode[i, j, W2] * (
                 smooth[0, i, 1 + j] - q[i, 1 + j]
             ) + c.mode[i, j, MODE_DAMPING] * (smooth[1, i, 1 + j] - v[i, 1 + j])
 
 
-@inner
+@apart
 def additive_step(
     system: System, record: AdditiveRecord, memory: Memory, t: float, h: float
 ) -> None:
     """Fill ``stages[1:s]`` from ``stages[0]``, and write the new point to ``memory.new``."""
+    sizes, work = system.sizes, system.work
     AE, AI, c, known, stages = (
         record.explicit, record.implicit, record.c, record.known, record.stages,
     )  # fmt: skip
@@ -85,23 +88,20 @@ def additive_step(
         soften_for(system, record.softened, h * gamma, h * gamma * h * gamma)
         memory.clock[SOFTENED] = h
     for k in range(1, s):
-        combine(system.sizes, state, stages, AE, k, k, h, smooth)
-        combine(system.sizes, state, stages, AI, k, k, h, known)
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
+        combine(sizes, state, stages, AE, k, k, h, smooth)
+        combine(sizes, state, stages, AI, k, k, h, known)
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
                 known[0, i, j] += h * gamma * known[1, i, j]
         drive_at(system, t + c[k] * h, c[k] == 1.0, torque)
         shift_forces(system, smooth, known[0], known[1], torque)
-        solve_implicit(
-            system.sizes, record.softened, smooth, system.work.force, torque, system.drive.loads,
-            system.work,
-        )  # fmt: skip
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
-                change = system.work.acceleration[i, j]
+        solve_implicit(sizes, record.softened, smooth, work.force, torque, system.drive.loads, work)
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                change = work.acceleration[i, j]
                 stages[k, 0, i, j] = known[1, i, j] + h * gamma * change
                 stages[k, 1, i, j] = change
-    combine(system.sizes, state, stages, AE, s, s, h, smooth)
+    combine(sizes, state, stages, AE, s, s, h, smooth)
 
 
 @compiled
@@ -114,6 +114,7 @@ def advance_additive(
     max_steps: int,
 ) -> int:
     """Step to ``until``, by the rules of ``base.Integrator``."""
+    sizes = system.sizes
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
@@ -122,7 +123,7 @@ def advance_additive(
     state, new, torque, stages = memory.state, memory.new, memory.torque, record.stages
     clock, counts = memory.clock, memory.counts
     s = record.error.shape[1] - 1
-    t = begin_call(system.sizes, memory)
+    t = begin_call(sizes, memory)
     if t >= until:
         return DONE
     slope_at(system, t, from_right, state, torque, stages, zero)
@@ -145,10 +146,10 @@ def advance_additive(
         if status != DONE:
             return status
         samples_between(system, tolerance, memory, stages, t, h, t_new)
-        end_step(system.sizes, memory, new, t_new)
+        end_step(sizes, memory, new, t_new)
         for level in range(2):
-            for i in range(len(system.sizes.bodies)):
-                for j in range(1 + len(system.sizes.modes)):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
                     stages[0, level, i, j] = stages[s, level, i, j]
         t = t_new
         choose_step(clock, h, record.order, lands)

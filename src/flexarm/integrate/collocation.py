@@ -75,10 +75,11 @@ class CollocationRecord(NamedTuple):
 @merged
 def _guess(system: System, record: CollocationRecord, row: int) -> None:
     """Write the initial guess of the stages' accelerations, from those of earlier steps."""
+    sizes = system.sizes
     stages, earlier = record.stages, record.earlier
     for k in range(stages.shape[0]):
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
                 total = 0.0
                 for p in range(earlier.shape[0]):
                     total += record.guess[row, k, p] * earlier[p, i, j]
@@ -100,15 +101,16 @@ def _sweep(
     h: float,
 ) -> float:  # fmt: skip
     """Update the accelerations of all stages; return the largest change over its tolerance."""
+    sizes, work = system.sizes, system.work
     k = system.constants
-    state, torque, force = memory.state, memory.torque, system.work.force
+    state, torque, force = memory.state, memory.torque, work.force
     stages, inner, change = record.stages, record.inner, record.change
     pull, drag = record.pull, record.drag
     worst: float = 0.0
     for s in range(stages.shape[0]):
         drive_at(system, t + record.c[s] * h, False, torque)
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
                 rise = record.c[s] * state[1, i, j]
                 rate = 0.0
                 for p in range(stages.shape[0]):
@@ -118,15 +120,13 @@ def _sweep(
                 inner[1, i, j] = state[1, i, j] + h * rate
             added = h * drag * k.body[i, JOINT_DAMPING] + h * h * pull * k.body[i, JOINT_STIFFNESS]
             torque[i] += k.body[i, FREE] * added * stages[s, i, 0]
-            for j in range(len(system.sizes.modes)):
+            for j in range(len(sizes.modes)):
                 added = h * drag * k.mode[i, j, MODE_DAMPING] + h * h * pull * k.mode[i, j, W2]
                 force[i, 1 + j] = added * stages[s, i, 1 + j]
-        solve_implicit(
-            system.sizes, record.softened, inner, force, torque, system.drive.loads, system.work
-        )
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
-                x = system.work.acceleration[i, j]
+        solve_implicit(sizes, record.softened, inner, force, torque, system.drive.loads, work)
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                x = work.acceleration[i, j]
                 change[0, 0, i, j] = h * h * pull * (x - stages[s, i, j])
                 change[0, 1, i, j] = h * drag * (x - stages[s, i, j])
                 stages[s, i, j] = x
@@ -162,9 +162,10 @@ def _solve(
 @merged
 def _new_point(system: System, record: CollocationRecord, memory: Memory, h: float) -> None:
     """Compute the new point by compensated summation."""
+    sizes = system.sizes
     stages, lost = record.stages, record.lost
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             rise = memory.state[1, i, j]
             rate = 0.0
             for p in range(stages.shape[0]):
@@ -187,6 +188,7 @@ def advance_collocation(
     max_steps: int,
 ) -> int:
     """Step to ``until``, by the rules of ``base.Integrator``."""
+    sizes = system.sizes
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     last = int(np.int64(1))
@@ -195,7 +197,7 @@ def advance_collocation(
     clock, counts, torque = memory.clock, memory.counts, memory.torque
     stages, earlier, ends = record.stages, record.earlier, record.ends
     count = stages.shape[0]
-    t = begin_call(system.sizes, memory)
+    t = begin_call(sizes, memory)
     for _ in range(max_steps):
         if t >= until:
             break
@@ -208,8 +210,8 @@ def advance_collocation(
             slope_at(system, t, from_right, memory.state, torque, ends, zero)
             counts[EVALUATIONS] += 1
             for p in range(2 * count):
-                for i in range(len(system.sizes.bodies)):
-                    for j in range(1 + len(system.sizes.modes)):
+                for i in range(len(sizes.bodies)):
+                    for j in range(1 + len(sizes.modes)):
                         earlier[p, i, j] = ends[0, 1, i, j]
         h = clock[LENGTH]
         t_new, _lands = step_of_span(clock)
@@ -219,7 +221,7 @@ def advance_collocation(
             status = INERTIA_LOST
         if status == DONE:
             _new_point(system, record, memory, h)
-            status = followed(system.sizes, tolerance, memory.new, h)
+            status = followed(sizes, tolerance, memory.new, h)
         if status != DONE:
             return status
 
@@ -229,10 +231,10 @@ def advance_collocation(
             slope_at(system, t_new, from_left, memory.new, torque, ends, last)
             counts[EVALUATIONS] += 2
             samples_between(system, tolerance, memory, ends, t, h, t_new)
-        end_step(system.sizes, memory, memory.new, t_new)
+        end_step(sizes, memory, memory.new, t_new)
         for p in range(count):
-            for i in range(len(system.sizes.bodies)):
-                for j in range(1 + len(system.sizes.modes)):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
                     earlier[p, i, j] = earlier[count + p, i, j]
                     earlier[count + p, i, j] = stages[p, i, j]
         t = t_new

@@ -40,7 +40,7 @@ from flexarm.integrate.status import DONE, INERTIA_LOST, NOT_FOLLOWED, PAUSED
 from flexarm.integrate.steps import begin_span, followed, inertia_left, step_of_span
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
 from flexarm.kernels.articulated_body import solve_implicit
-from flexarm.kernels.cache import compiled, inner, merged
+from flexarm.kernels.cache import apart, compiled, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
@@ -84,6 +84,7 @@ def _predict(system: System, record: CowellRecord, memory: Memory, k: int, h: fl
     rate without the new acceleration. ``work.force`` and ``memory.torque`` receive the differences
     of bending, spring and damping forces between the two.
     """
+    sizes = system.sizes
     past, rise, known = record.past, record.rise, record.start.known
     r0 = k & 3
     r1 = (k - 1) & 3
@@ -92,8 +93,8 @@ def _predict(system: System, record: CowellRecord, memory: Memory, k: int, h: fl
     per_step = 1.0 / h
     square = h * h
     c = system.constants
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             q0 = past[r0, 0, i, j]
             v0 = past[r0, 1, i, j]
             a0 = square * past[r0, 2, i, j]
@@ -140,11 +141,12 @@ def _predict(system: System, record: CowellRecord, memory: Memory, k: int, h: fl
 @merged
 def _correct(system: System, record: CowellRecord, k: int, h: float) -> None:
     """Compute point k + 1 from its accelerations."""
+    sizes = system.sizes
     past, known = record.past, record.start.known
     old = k & 3
     new = (k + 1) & 3
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             x = system.work.acceleration[i, j]
             beta = BETA
             gamma = GAMMA
@@ -158,7 +160,7 @@ def _correct(system: System, record: CowellRecord, k: int, h: float) -> None:
             past[new, 2, i, j] = x
 
 
-@inner
+@apart
 def _remember(
     sizes: Sizes, stiff: Array, past: Array, rise: Array, k: int, h: float, state: Array,
     stage: Array,
@@ -200,7 +202,7 @@ def _follows(
     return not (missed[0] > least and missed[0] > _MISSED * missed[1])
 
 
-@inner
+@apart
 def _between(
     sizes: Sizes, tolerance: Tolerance, stiff: Array, past: Array, k: int, h: float, x: float,
     sample: Array,
@@ -243,6 +245,7 @@ def advance_cowell(
     max_steps: int,
 ) -> int:
     """Step to ``until``, by the rules of ``base.Integrator``."""
+    sizes, work, drive = system.sizes, system.work, system.drive
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
@@ -251,8 +254,8 @@ def advance_cowell(
     past, rise, stiff, missed = record.past, record.rise, record.stiff, record.missed
     known, stages = record.start.known, record.start.stages
     last_stage = stages.shape[0] - 1
-    t = begin_call(system.sizes, memory)
-    piece = piece_of(system.drive.breaks, t, from_left)
+    t = begin_call(sizes, memory)
+    piece = piece_of(drive.breaks, t, from_left)
     for _ in range(max_steps):
         if t >= until:
             break
@@ -260,7 +263,7 @@ def advance_cowell(
             longest = clock[STEP]
             # A shorter step may resolve a mode that was stiff, which then requires a shorter one.
             while True:
-                begin_span(system.drive.stops, t, until, longest, clock)
+                begin_span(drive.stops, t, until, longest, clock)
                 longest = longest_step(
                     system, memory.state, memory.new, known, torque, stiff, record.bounds,
                     clock[LENGTH], clock[END] - clock[START],
@@ -270,32 +273,31 @@ def advance_cowell(
             soften(system, record.softened, stiff, clock[LENGTH])
             slope_at(system, t, from_right, memory.state, torque, stages, zero)
             counts[EVALUATIONS] += 1
-            _remember(system.sizes, stiff, past, rise, zero, 0.0, memory.state, stages[0])
+            _remember(sizes, stiff, past, rise, zero, 0.0, memory.state, stages[0])
         h = clock[LENGTH]
         k = int(clock[PLACE])
         t_new, lands = step_of_span(clock)
         new = past[(k + 1) & 3]
         if k < _STARTED:
             additive_step(system, record.start, memory, t, h)
-            status = followed(system.sizes, tolerance, memory.new, h)
+            status = followed(sizes, tolerance, memory.new, h)
             if status != DONE:
                 return status
             slope_at(system, t_new, from_left, memory.new, torque, stages, zero)
             counts[EVALUATIONS] += last_stage
-            _remember(system.sizes, stiff, past, rise, k + 1, h, memory.new, stages[0])
+            _remember(sizes, stiff, past, rise, k + 1, h, memory.new, stages[0])
         else:
-            piece = piece_after(system.drive.breaks, t_new, piece)
+            piece = piece_after(drive.breaks, t_new, piece)
             torque_in(system, piece, t_new, torque)
-            if system.drive.factor_coefficients.shape[2] > 0:
+            if drive.factor_coefficients.shape[2] > 0:
                 loads_at(system, t_new, lands)
             _predict(system, record, memory, k, h)
             solve_implicit(
-                system.sizes, record.softened, memory.new, system.work.force, torque,
-                system.drive.loads, system.work,
-            )  # fmt: skip
+                sizes, record.softened, memory.new, work.force, torque, drive.loads, work
+            )
             counts[EVALUATIONS] += 1
             _correct(system, record, k, h)
-            status = followed(system.sizes, tolerance, new, h)
+            status = followed(sizes, tolerance, new, h)
             if status != DONE:
                 return status
             missed[2] += 1.0
@@ -303,7 +305,7 @@ def advance_cowell(
             return INERTIA_LOST
         if missed[2] >= _LOOK:
             missed[2] = 0.0
-            copy_state(system.sizes, new, memory.new)
+            copy_state(sizes, new, memory.new)
             slope_at(system, t_new, from_left, memory.new, torque, stages, last_stage)
             counts[EVALUATIONS] += 1
             if not _follows(system, tolerance, past, k + 1, h, stages[last_stage], missed):
@@ -311,11 +313,11 @@ def advance_cowell(
         sample = sample_before(memory, t_new)
         while sample >= 0:
             _between(
-                system.sizes, tolerance, stiff, past, k + 1, h,
+                sizes, tolerance, stiff, past, k + 1, h,
                 (memory.sample_times[sample] - t) / h, memory.samples[sample],
             )  # fmt: skip
             sample = sample_before(memory, t_new)
-        end_step(system.sizes, memory, new, t_new)
+        end_step(sizes, memory, new, t_new)
         t = t_new
         clock[PLACE] += 1.0
     return DONE if t >= until else PAUSED

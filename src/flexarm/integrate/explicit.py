@@ -48,6 +48,7 @@ def advance_explicit(
     max_steps: int,
 ) -> int:
     """Step to ``until``, by the rules of ``base.Integrator``."""
+    sizes = system.sizes
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
@@ -59,7 +60,7 @@ def advance_explicit(
     last = s
     if record.error[0, s] != 0.0 or not adaptive:
         last = s + 1
-    t = begin_call(system.sizes, memory)
+    t = begin_call(sizes, memory)
     if t >= until:
         return DONE
     slope_at(system, t, from_right, state, torque, stages, zero)
@@ -71,19 +72,19 @@ def advance_explicit(
             h = min(h, LONGEST / tolerance.fastest)
         t_new, h, lands = step_landing(system.drive.stops, t, h, until)
         for k in range(1, last):
-            combine(system.sizes, state, stages, A, k, k, h, new)
+            combine(sizes, state, stages, A, k, k, h, new)
             t_stage = t + c[k] * h
             if k == s:
                 t_stage = t_new
             # The dynamics is inlined only here, because its code is long.
             rates_of(system, t_stage, c[k] == 1.0, new, torque, stages, k)
         if last == s:
-            combine(system.sizes, state, stages, A, s, s, h, new)
+            combine(sizes, state, stages, A, s, s, h, new)
         counts[EVALUATIONS] += last - 1
         if adaptive:
             status = judge_step(system, tolerance, memory, stages, record.error, record.order, t, h)
         else:
-            status = followed(system.sizes, tolerance, new, h)
+            status = followed(sizes, tolerance, new, h)
         if status == PAUSED:
             continue
         if status != DONE:
@@ -103,17 +104,17 @@ def advance_explicit(
         while sample >= 0:
             out = memory.samples[sample]
             for k in range(extra, rows):
-                combine(system.sizes, state, stages, A, k, k, h, out)
+                combine(sizes, state, stages, A, k, k, h, out)
                 slope_at(system, t + c[k] * h, from_left, out, torque, stages, k)
                 counts[EVALUATIONS] += 1
             extra = rows
             dense_weights(record.dense, (memory.sample_times[sample] - t) / h, record.weights)
-            combine(system.sizes, state, stages, record.weights, zero, rows, h, out)
+            combine(sizes, state, stages, record.weights, zero, rows, h, out)
             sample = sample_before(memory, t_new)
-        end_step(system.sizes, memory, new, t_new)
+        end_step(sizes, memory, new, t_new)
         for level in range(2):
-            for i in range(len(system.sizes.bodies)):
-                for j in range(1 + len(system.sizes.modes)):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
                     stages[0, level, i, j] = stages[s, level, i, j]
         t = t_new
         if adaptive:

@@ -66,10 +66,11 @@ def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -
     ``state`` and ``new`` (2, n, 1 + m) are the ends of a step of length h; the last evaluation of
     the dynamics must be the one at ``new``.
     """
+    sizes = system.sizes
     c = system.constants
     longest = h
-    for _ in range(len(system.sizes.joint_laws)):
-        for i in range(len(system.sizes.bodies)):
+    for _ in range(len(sizes.joint_laws)):
+        for i in range(len(sizes.bodies)):
             stiffness = c.body[i, STOP_STIFFNESS] * c.body[i, FREE]
             if stiffness <= 0.0:
                 continue

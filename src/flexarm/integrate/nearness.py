@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.cache import apart, merged
 from flexarm.kernels.contact import (
     BEND,
     DAMPING,
@@ -97,7 +97,7 @@ def step_on(contacts: Contacts) -> None:
             contacts.seen[0, k, column] = contacts.seen[1, k, column]
 
 
-@inner
+@apart
 def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
     """Return the longest step (s) that skips no contact, or h if the step of length h is accepted.
 

@@ -70,12 +70,13 @@ def _carry_over(system: System, record: NewmarkRecord, old_h: float, h: float) -
     It approximates the acceleration at a time that differs from the step's end by a fraction of the
     step. ``known[0]`` contains the acceleration before the jump.
     """
+    sizes = system.sizes
     averaged = record.averaged
     ratio = 0.0
     if old_h > 0.0:
         ratio = min(h / old_h, _GROWTH)
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             rest = averaged[i, j] - record.known[0, i, j]
             averaged[i, j] = record.ends[0, 1, i, j] + ratio * rest
 
@@ -83,10 +84,11 @@ def _carry_over(system: System, record: NewmarkRecord, old_h: float, h: float) -
 @merged
 def _predict(system: System, record: NewmarkRecord, memory: Memory, h: float) -> None:
     """Predict the new point, and compute ``known``, its part without the new acceleration."""
+    sizes = system.sizes
     c, state, smooth, known = system.constants, memory.state, memory.new, record.known
     alpha_m, alpha_f, beta, gamma = record.alpha_m, record.alpha_f, record.beta, record.gamma
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             q = state[0, i, j]
             v = state[1, i, j]
             a = record.ends[0, 1, i, j]
@@ -114,15 +116,16 @@ def _pass(
 
     Returns the largest change over the allowed error.
     """
+    sizes, work = system.sizes, system.work
     smooth, known, change = memory.new, record.known, record.change
     shift_forces(system, smooth, known[0], known[1], memory.torque)
     solve_implicit(
-        system.sizes, record.softened, smooth, system.work.force, memory.torque,
-        system.drive.loads, system.work,
+        sizes, record.softened, smooth, work.force, memory.torque,
+        system.drive.loads, work,
     )  # fmt: skip
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
-            x = system.work.acceleration[i, j]
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            x = work.acceleration[i, j]
             q = known[0, i, j] + kappa * x
             v = known[1, i, j] + lag * x
             change[0, 0, i, j] = q - smooth[0, i, j]
@@ -171,13 +174,14 @@ def advance_newmark(
     max_steps: int,
 ) -> int:
     """Step to ``until``, by the rules of ``base.Integrator``."""
+    sizes = system.sizes
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_right = bool(np.bool_(False))
     clock, counts, new = memory.clock, memory.counts, memory.new
     averaged, ends = record.averaged, record.ends
     share = _share(record)
-    t = begin_call(system.sizes, memory)
+    t = begin_call(sizes, memory)
     for _ in range(max_steps):
         if t >= until:
             break
@@ -190,8 +194,8 @@ def advance_newmark(
                     system, record.softened, h * record.gamma * share, h * record.beta * share * h
                 )
                 clock[SOFTENED] = h
-            for i in range(len(system.sizes.bodies)):
-                for j in range(1 + len(system.sizes.modes)):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
                     record.known[0, i, j] = ends[0, 1, i, j]
             slope_at(system, t, from_right, memory.state, memory.torque, ends, zero)
             counts[EVALUATIONS] += 1
@@ -201,23 +205,23 @@ def advance_newmark(
         _predict(system, record, memory, h)
         status = _solve(system, tolerance, record, memory, t_new, lands, h)
         if status == DONE:
-            status = followed(system.sizes, tolerance, new, h)
+            status = followed(sizes, tolerance, new, h)
         if status == DONE and not inertia_left(system):
             status = INERTIA_LOST
         if status != DONE:
             return status
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
                 ends[0, 0, i, j] = memory.state[1, i, j]
                 ends[1, 0, i, j] = new[1, i, j]
                 ends[1, 1, i, j] = system.work.acceleration[i, j]
         samples_between(system, tolerance, memory, ends, t, h, t_new)
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
                 rest = record.alpha_f * ends[0, 1, i, j] - record.alpha_m * averaged[i, j]
                 averaged[i, j] = share * ends[1, 1, i, j] + rest / (1.0 - record.alpha_m)
                 ends[0, 1, i, j] = ends[1, 1, i, j]
-        end_step(system.sizes, memory, new, t_new)
+        end_step(sizes, memory, new, t_new)
         t = t_new
         clock[PLACE] += 1.0
     return DONE if t >= until else PAUSED

@@ -15,7 +15,7 @@ import numpy as np
 from flexarm.integrate.base import System
 from flexarm.integrate.cowell_formulas import BETA, GAMMA, STIFF_BETA, STIFF_GAMMA
 from flexarm.kernels.articulated_body import implicit_dynamics
-from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.cache import apart, merged
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
@@ -39,7 +39,7 @@ _ITERATIONS = 25
 _NEAR = 0.5
 
 
-@inner
+@apart
 def _largest(
     system: System, stiff: Array, of_damping: bool, state: Array, bent: float, rest: Array,
     direction: Array, unforced: Array, torque: Array,
@@ -50,38 +50,39 @@ def _largest(
     necessary on fine meshes, where the residual inertia of (R.7) is so small that even the
     stiffness of slow modes causes a fast vibration of a joint against its link.
     """
-    c, force = system.constants, system.work.force
-    for i in range(len(system.sizes.bodies)):
+    sizes, work = system.sizes, system.work
+    c, force = system.constants, work.force
+    for i in range(len(sizes.bodies)):
         torque[i] = 0.0
-        for j in range(1 + len(system.sizes.modes)):
+        for j in range(1 + len(sizes.modes)):
             rest[0, i, j] = bent * state[0, i, j]
             rest[1, i, j] = 0.0
             force[i, j] = 0.0
-    implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
-            unforced[i, j] = system.work.acceleration[i, j]
+    implicit_dynamics(sizes, c, rest, force, torque, system.drive.loads, work)
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            unforced[i, j] = work.acceleration[i, j]
             direction[i, j] = 1.0
     square: float = 0.0
     for _ in range(_ITERATIONS):
         size: float = 0.0
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
                 size += direction[i, j] * direction[i, j]
         square = math.sqrt(size)
         if square == 0.0:
             return 0.0
-        for i in range(len(system.sizes.bodies)):
+        for i in range(len(sizes.bodies)):
             pull = c.body[i, JOINT_DAMPING] if of_damping else c.body[i, JOINT_STIFFNESS]
             torque[i] = -c.body[i, FREE] * pull * direction[i, 0] / square
-            for j in range(len(system.sizes.modes)):
+            for j in range(len(sizes.modes)):
                 pull = c.mode[i, j, MODE_DAMPING] if of_damping else c.mode[i, j, W2]
                 pull *= 1.0 - stiff[i, 1 + j]
                 force[i, 1 + j] = -pull * direction[i, 1 + j] / square
-        implicit_dynamics(system.sizes, c, rest, force, torque, system.drive.loads, system.work)
-        for i in range(len(system.sizes.bodies)):
-            for j in range(1 + len(system.sizes.modes)):
-                direction[i, j] = system.work.acceleration[i, j] - unforced[i, j]
+        implicit_dynamics(sizes, c, rest, force, torque, system.drive.loads, work)
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                direction[i, j] = work.acceleration[i, j] - unforced[i, j]
     return square
 
 
@@ -93,7 +94,7 @@ def _stable_step(square: float, rate: float, stable: float) -> float:
     return 1.0 / (half + root) if half + root > 0.0 else 0.0
 
 
-@inner
+@apart
 def longest_step(
     system: System, state: Array, rest: Array, known: Array, torque: Array, stiff: Array,
     bounds: Array, h: float, span: float,
@@ -104,13 +105,14 @@ def longest_step(
     may reach it and straight arms vibrate fastest. ``rest`` and ``known`` (2, n, 1 + m) and
     ``torque`` are scratch.
     """
+    sizes = system.sizes
     c = system.constants
     found_for = math.inf
     damped = 0.0
-    for i in range(len(system.sizes.bodies)):
+    for i in range(len(sizes.bodies)):
         stiff[i, 0] = 0.0
         damped = max(damped, c.body[i, JOINT_DAMPING])
-        for j in range(len(system.sizes.modes)):
+        for j in range(len(sizes.modes)):
             dying = (
                 c.mode[i, j, MODE_DAMPING] * c.mode[i, j, MODE_DAMPING] > _DYING * c.mode[i, j, W2]
             )
@@ -151,12 +153,13 @@ def longest_step(
     return min(h, longest) if longest > 0.0 else h
 
 
-@inner
+@apart
 def soften(system: System, softened: ArmConstants, stiff: Array, h: float) -> None:
     """Add the implicit parts of springs, bending and damping at steps of h to the mass matrix."""
+    sizes = system.sizes
     c, added = system.constants, system.work.force
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             damping = c.body[i, JOINT_DAMPING] if j == 0 else c.mode[i, j - 1, MODE_DAMPING]
             stiffness = c.body[i, JOINT_STIFFNESS] if j == 0 else c.mode[i, j - 1, W2]
             beta = BETA
@@ -165,4 +168,4 @@ def soften(system: System, softened: ArmConstants, stiff: Array, h: float) -> No
                 beta = STIFF_BETA
                 gamma = STIFF_GAMMA
             added[i, j] = h * gamma * damping + h * h * beta * stiffness
-    add_to_diagonal(system.sizes, c, added, softened)
+    add_to_diagonal(sizes, c, added, softened)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.memory import SAMPLES, STEPS, TIME, Memory
-from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.cache import apart, inner, merged
 from flexarm.kernels.columns import W2
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
@@ -122,7 +122,7 @@ def rate_between(
     return rate
 
 
-@inner
+@apart
 def between_ends(
     sizes: Sizes, constants: ArmConstants, tolerance: Tolerance, state: Array, new: Array,
     ends: Array, x: float, h: float, sample: Array,

@@ -38,7 +38,7 @@ from flexarm.integrate.status import (
     PRESSED_THROUGH,
     STEP_UNDERFLOW,
 )
-from flexarm.kernels.cache import inner, merged
+from flexarm.kernels.cache import apart, inner, merged
 from flexarm.kernels.columns import FREE, JOINT_UW
 from flexarm.kernels.layout import Array, Sizes
 
@@ -152,14 +152,15 @@ def error_norm(
 
     ``error`` (2, stages): weights of the error estimate and of a less accurate one.
     """
+    sizes = system.sizes
     worst: float = 0.0
     worst_low: float = 0.0
     for level in range(2):
-        for i in range(len(system.sizes.bodies)):
+        for i in range(len(sizes.bodies)):
             modal = max(
                 _scale(system, tolerance, state, level, i), _scale(system, tolerance, new, level, i)
             )
-            for j in range(1 + len(system.sizes.modes)):
+            for j in range(1 + len(sizes.modes)):
                 unit = tolerance.unit[level, i, j]
                 size = modal
                 if j == 0:
@@ -220,7 +221,7 @@ def _repeat_to(memory: Memory, reached: float) -> int:
     return PAUSED
 
 
-@inner
+@apart
 def judge_step(
     system: System, tolerance: Tolerance, memory: Memory, stages: Array, error: Array, order: int,
     t: float, h: float,

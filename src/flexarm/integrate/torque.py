@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.integrate.base import System
-from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.articulated_body import solve_forward
 from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.layout import Array
 
@@ -70,7 +70,7 @@ def loads_at(system: System, t: float, from_left: bool) -> None:
 @merged
 def drive_at(system: System, t: float, from_left: bool, torque: Array) -> None:
     """Set torque, loads and base acceleration at time t."""
-    torque_at(system, t, from_left, torque)
+    torque_in(system, piece_of(system.drive.breaks, t, from_left), t, torque)
     if system.drive.factor_coefficients.shape[2] > 0:
         loads_at(system, t, from_left)
 
@@ -86,12 +86,13 @@ def rates_of(
     stage: int,
 ) -> None:
     """Write the time derivative of a state (2, n, 1 + m) into ``stages[stage]``."""
+    sizes, work = system.sizes, system.work
     drive_at(system, t, from_left, torque)
-    forward_dynamics(system.sizes, system.constants, state, torque, system.drive.loads, system.work)
-    for i in range(len(system.sizes.bodies)):
-        for j in range(1 + len(system.sizes.modes)):
+    solve_forward(sizes, system.constants, state, torque, system.drive.loads, work)
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
             stages[stage, 0, i, j] = state[1, i, j]
-            stages[stage, 1, i, j] = system.work.acceleration[i, j]
+            stages[stage, 1, i, j] = work.acceleration[i, j]
 
 
 @compiled

@@ -34,7 +34,7 @@ symbol         meaning; in the axes of the current body, wrenches and accelerati
 
 from __future__ import annotations
 
-from flexarm.kernels.cache import compiled, merged, merged_and_called
+from flexarm.kernels.cache import compiled, merged
 from flexarm.kernels.columns import FLEX_BIAS
 from flexarm.kernels.external import apply_loads
 from flexarm.kernels.inward import inward
@@ -43,8 +43,8 @@ from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.outward import outward
 
 
-@merged_and_called
-def forward_dynamics(
+@merged
+def solve_forward(
     sizes: Sizes,
     constants: ArmConstants,
     state: Array,
@@ -61,6 +61,19 @@ def forward_dynamics(
     apply_loads(sizes, constants, loads, state, work)
     inward(sizes, constants, state, torque, work)
     outward(sizes, constants, loads, work)
+
+
+@compiled
+def forward_dynamics(
+    sizes: Sizes,
+    constants: ArmConstants,
+    state: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+) -> None:
+    """Call ``solve_forward`` without inlining it, where speed is less important."""
+    solve_forward(sizes, constants, state, torque, loads, work)
 
 
 @merged

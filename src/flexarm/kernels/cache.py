@@ -11,6 +11,7 @@ from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 
 from flexarm.kernels.code_cache import cache_folder, cache_of
+from flexarm.kernels.code_library import KernelCompiler, MergedCompiler
 from flexarm.kernels.compile_notice import CompileNotice
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -31,45 +32,50 @@ def _options() -> dict[str, Any]:
     is undocumented, so it is omitted for versions of Numba without it.
     """
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": _FAST}
+    options["pipeline_class"] = KernelCompiler
     options["no_cfunc_wrapper"] = True  # no kernel is passed on as a C function
     if hasattr(CPUTargetOptions, "_nrt"):
         options["_nrt"] = False
     return options
 
 
-def _decorate(function: F, **more: Any) -> F:
-    dispatcher: Any = numba.njit(**_options(), **more)(function)
+def _decorate(function: F, apart: bool = False, **more: Any) -> F:
+    dispatcher: Any = numba.njit(**{**_options(), **more})(function)
     if hasattr(dispatcher, "enable_caching"):  # absent if compilation is disabled
-        dispatcher._cache = cache_of(function, CACHE_DIRECTORY)
+        dispatcher._cache = cache_of(function, CACHE_DIRECTORY, apart)
     return cast(F, dispatcher)
 
 
 def compiled(function: F) -> F:
-    """Compile a kernel at its first call for each combination of argument types; cache on disk."""
-    return _decorate(function)
+    """Compile a kernel at its first call for each combination of argument types; cache on disk.
+
+    Python and kernels can call it. Its machine code exists once: kernels refer to it.
+    """
+    return _decorate(function, apart=True)
 
 
-def inner(function: F) -> F:
+def apart(function: F) -> F:
     """Compile a kernel that only kernels call, without the code that unpacks Python's arguments.
 
     That code often takes longer to compile than the kernel. A call from Python raises TypeError;
-    ``undecorated`` returns the plain function.
+    ``undecorated`` returns the plain function. As with ``compiled``, kernels refer to it.
     """
+    return _closed(_decorate(function, apart=True, no_cpython_wrapper=True))
+
+
+def inner(function: F) -> F:
+    """Compile a small kernel that only kernels call; the compiler may merge it into its callers."""
     return _closed(_decorate(function, no_cpython_wrapper=True))
 
 
 def merged(function: F) -> F:
     """Compile a kernel into its callers, because passing the arrays costs as much as the kernel.
 
-    Only kernels can call it, as with ``inner``. Use it in hot loops; elsewhere, an ordinary call
+    Only kernels can call it, as with ``apart``. Use it in hot loops; elsewhere, an ordinary call
     compiles faster.
     """
-    return _closed(_decorate(function, no_cpython_wrapper=True, forceinline=True))
-
-
-def merged_and_called(function: F) -> F:
-    """Compile a kernel into the kernels that call it, and also for calls from Python."""
-    return _decorate(function, forceinline=True)
+    options: dict[str, Any] = {"forceinline": True, "pipeline_class": MergedCompiler}
+    return _closed(_decorate(function, no_cpython_wrapper=True, **options))
 
 
 def _closed(kernel: F) -> F:
@@ -82,7 +88,7 @@ def _closed(kernel: F) -> F:
 
         def refuse(*arguments: Any, **more: Any) -> None:
             name = dispatcher.py_func.__name__
-            raise TypeError(f"{name} is compiled for other kernels alone; see kernels.cache.inner")
+            raise TypeError(f"{name} is compiled for other kernels alone; see kernels.cache.apart")
 
         dispatcher.add_overload, dispatcher._compile_for_args = keep, refuse
     return kernel

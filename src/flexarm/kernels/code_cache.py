@@ -33,6 +33,7 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from platformdirs import user_cache_dir
 
+from flexarm.kernels.code_library import load, references, set_apart
 from flexarm.replace_file import replace_file
 
 #: Packages whose sources determine the machine code.
@@ -120,8 +121,9 @@ class CodeCache(_Cache):
     #: Why code compiled by this process could not be saved; empty if all of it was saved.
     failure = ""
 
-    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
+    def __init__(self, function: Callable[..., Any], folder: Path, apart: bool) -> None:
         self._function = function
+        self._apart = apart
         self._folder = folder
         self._stamp = "" if function.__module__.startswith("flexarm.") else _file_hash(function)
 
@@ -145,10 +147,14 @@ class CodeCache(_Cache):
         try:
             digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
             if hashlib.sha256(body).digest() == digest:
-                written_key, code = pickle.loads(body)
+                written_key, needed, code = pickle.loads(body)
                 if written_key == key:
+                    load(needed)
                     rebuild: Any = CompileResult._rebuild
-                    return rebuild(target_context, *code)
+                    version = rebuild(target_context, *code)
+                    if self._apart:
+                        set_apart(self._function, version)
+                    return version
         except Exception:
             # The file may come from another version of a library, which raises arbitrary errors.
             pass
@@ -161,7 +167,9 @@ class CodeCache(_Cache):
         if data.lifted or data.library.has_dynamic_globals:
             return  # the code contains addresses of this process
         key = self._key(sig, data.codegen)
-        body = dumps((key, data._reduce()))  # type: ignore[no-untyped-call]
+        body = dumps((key, references(data), data._reduce()))  # type: ignore[no-untyped-call]
+        if self._apart:
+            set_apart(self._function, data)
         digest = hashlib.sha256(body).digest()
         try:
             replace_file(self._path(key), [digest, body], durable=False)
@@ -200,7 +208,7 @@ def _file_hash(function: Callable[..., Any]) -> str:
     return hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()
 
 
-def cache_of(function: Callable[..., Any], folder: Path | None) -> Any:
+def cache_of(function: Callable[..., Any], folder: Path | None, apart: bool) -> Any:
     """Return the cache of a kernel; a `NullCache` without a folder or without a source file."""
     known = Path(function.__code__.co_filename).is_file()
-    return CodeCache(function, folder) if folder is not None and known else NullCache()
+    return CodeCache(function, folder, apart) if folder is not None and known else NullCache()

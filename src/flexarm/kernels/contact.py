@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.kernels.cache import compiled, inner, merged
+from flexarm.kernels.cache import apart, compiled, merged
 from flexarm.kernels.columns import (
     COSINE,
     FX,
@@ -252,7 +252,7 @@ def _force(
     return normal * nx + rub * ny, normal * ny - rub * nx
 
 
-@inner
+@apart
 def touch(
     sizes: Sizes, constants: ArmConstants, contacts: Contacts, state: Array, work: Workspace
 ) -> None:

@@ -1,0 +1,147 @@
+"""Generate the machine code of a kernel once, and not once for each of its callers.
+
+Numba links the code of every kernel into all kernels that call it, and optimizes and translates it
+there again, with all kernels that it calls in turn; see decision 0019. Here there are two kinds of
+kernels besides Numba's own:
+
+- A *merged* kernel has no machine code of its own, because its callers contain it.
+- A kernel *apart* is not linked: callers refer to the symbol of its machine code. When a caller is
+  loaded from disk, the kernels to which it refers are loaded before it.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.types.functions import BaseFunction
+
+#: Modules of the operators and functions whose signatures depend on the types alone.
+_BUILT_IN = {"_operator", "builtins", "math"}
+#: Signatures that kernels have used, by function and types of the arguments.
+_signatures: dict[tuple[Any, ...], Any] = {}
+_functions: Any = BaseFunction
+_resolve = _functions.get_call_type
+
+
+def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
+    """Return the signature of a call; that of an operator is resolved once for all kernels."""
+    if keywords or getattr(self.typing_key, "__module__", "") not in _BUILT_IN:
+        return _resolve(self, context, types, keywords)
+    key = (self.typing_key, len(self.templates), *types)
+    found = _signatures.get(key)
+    if found is None:
+        found = _signatures[key] = _resolve(self, context, types, keywords)
+    return found
+
+
+class KernelCompiler(Compiler):
+    """Numba's compiler with a memory for the signatures of operators.
+
+    Numba would otherwise try up to ten candidates for each sum and each product, twice. Python's
+    search for cyclic garbage waits for the end, because it takes a tenth of the time.
+    """
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        """Compile a function; the caller holds the lock of the compiler."""
+        others, collecting = _functions.get_call_type, gc.isenabled()
+        _functions.get_call_type = _remembered
+        gc.disable()
+        try:
+            return super().compile_extra(function)  # type: ignore[no-untyped-call]
+        finally:
+            _functions.get_call_type = others
+            if collecting:
+                gc.enable()
+
+
+class MergedCompiler(KernelCompiler):
+    """Compiler of kernels that have no machine code of their own."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        """Compile a function; the caller holds the lock of the compiler."""
+        context = self.state.targetctx
+        new_library: Any = _MergedLibrary
+        self.state.library = new_library(context.codegen(), function.__qualname__)
+        self.state.library.context = context
+        self.state.library.enable_object_caching()
+        return super().compile_extra(function)
+
+
+class _MergedLibrary(JITCodeLibrary):
+    """Code of a merged kernel; only Numba's variables for the kernel become machine code."""
+
+    context: Any
+
+    def _optimize_final_module(self) -> None:
+        """Do nothing, because the callers optimize the code with their own."""
+
+    def _finalize_final_module(self) -> None:
+        code = self._final_module
+        for function in code.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = "linkonce_odr"
+        codegen: Any = self._codegen
+        variables = codegen._create_empty_module(self.name)
+        for variable in code.global_variables:
+            if variable.name.startswith("_ZN08NumbaEnv"):
+                self.context.declare_env_global(variables, variable.name)
+        self._shared_module, self._final_module = code, llvm.parse_assembly(str(variables))
+        self._final_module.name = code.name
+        super()._finalize_final_module()  # type: ignore[no-untyped-call]
+
+
+class Reference(NamedTuple):
+    """A kernel apart to which machine code refers by a symbol."""
+
+    symbol: str
+    module: str
+    name: str
+    signature: Any
+
+
+#: Kernels apart by the symbols to which the code of this process may refer.
+_apart: dict[str, Reference] = {}
+
+
+def references(version: Any) -> list[Reference]:
+    """Return the kernels apart to which a compiled version of a kernel refers."""
+    functions = version.library._get_module_for_linking().functions
+    return [_apart[one.name] for one in functions if one.is_declaration and one.name in _apart]
+
+
+def set_apart(function: Callable[..., Any], version: Any, symbol: str = "") -> None:
+    """Make later callers refer to a compiled version of a kernel instead of linking it.
+
+    Args:
+        function: the undecorated kernel. version: its compiled version.
+        symbol: the name of its machine code in the process that compiled the caller, which may
+            differ from the name in this process.
+    """
+    library, own = version.library, version.fndesc.llvm_func_name
+    symbol = symbol or own
+    llvm.add_symbol(symbol, library.get_pointer_to_function(own))
+    place = function.__module__, function.__qualname__
+    _apart[symbol] = Reference(symbol, *place, version.signature)
+    empty = library._codegen._create_empty_module(library.name)
+    library._shared_module = llvm.parse_assembly(str(empty))
+
+
+def load(needed: list[Reference]) -> None:
+    """Compile or load the kernels apart to which code from disk refers.
+
+    Raises:
+        LookupError: if one of them has changed its signature, so that the code must not call it.
+    """
+    for one in needed:
+        if one.symbol not in _apart:
+            kernel = getattr(import_module(one.module), one.name)
+            kernel.compile(one.signature.args)
+            set_apart(kernel.py_func, kernel.overloads[one.signature.args], one.symbol)
+        if _apart[one.symbol] != one:
+            raise LookupError(f"{one.name} has another signature now")

@@ -1,0 +1,116 @@
+"""Machine code of a kernel exists once, and callers that are loaded from disk find it."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+# Kernels of a user. The code of the callers, in another file, is kept when this file changes.
+HALF = """
+from flexarm.kernels.cache import compiled
+
+@compiled
+def half(x):
+    return 0.5 * x
+"""
+CALLERS = """
+from flexarm.kernels.cache import apart, compiled, inner, merged
+from half import half
+
+@inner
+def same(x):
+    return 1.0 * x
+
+@apart
+def double(x):
+    return 2.0 * x
+
+@merged
+def quarter(x):
+    return 0.5 * half(same(x))
+
+@compiled
+def fourth(x):
+    return 0.5 * quarter(double(x))
+"""
+KERNELS = ("half", "same", "double", "quarter", "fourth")
+CALL = f"""
+import json, sys
+import callers
+KERNELS = {KERNELS}
+if "half first" in sys.argv:
+    callers.half(1.0)
+value = callers.fourth(12.0)
+answer = {{"value": value, "misses": [], "defined": {{}}, "referred": {{}}}}
+for name in KERNELS:
+    kernel = getattr(callers, name)
+    if kernel.stats.cache_misses:
+        answer["misses"].append(name)
+    for version in kernel.overloads.values():
+        code = list(version.library._final_module.functions)
+        for kind, declared in (("defined", False), ("referred", True)):
+            names = [one.name for one in code if bool(one.is_declaration) is declared]
+            answer[kind][name] = [k for k in KERNELS if any(k + "B" in one for one in names)]
+print(json.dumps(answer))
+"""
+
+
+@pytest.fixture
+def call(tmp_path):
+    """Return a function that runs the kernels in a process of its own; the cache is kept."""
+    (tmp_path / "half.py").write_text(HALF, encoding="utf-8")
+    (tmp_path / "callers.py").write_text(CALLERS, encoding="utf-8")
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        "NUMBA_DISABLE_JIT": "0",
+    }
+
+    def run(*arguments):
+        command = [sys.executable, "-c", CALL, *arguments]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return run
+
+
+def code_files(tmp_path, name):
+    return list(tmp_path.glob(f"cache/flexarm/kernels-*/*.{name}-*.code"))
+
+
+def test_machine_code_exists_once_and_callers_refer_to_it(call):
+    fresh = call()
+    assert fresh["value"] == 3.0
+    assert sorted(fresh["misses"]) == sorted(KERNELS)
+    assert fresh["defined"]["quarter"] == []  # merged: only as a part of its caller
+    assert fresh["defined"]["half"] == ["half"]
+    assert fresh["defined"]["fourth"] == ["fourth"]
+    assert fresh["referred"]["fourth"] == ["half", "double"]
+
+
+def test_a_caller_from_disk_finds_code_of_another_process(call, tmp_path):
+    assert call()["value"] == 3.0
+    assert call()["misses"] == []
+    (code,) = code_files(tmp_path, "half")
+    code.unlink()
+    # Compiled on its own, the kernel has another symbol than the one to which its callers refer.
+    again = call("half first")
+    assert again["value"] == 3.0
+    assert again["misses"] == ["half"]
+    last = call()
+    assert last["value"] == 3.0
+    assert last["misses"] == []
+
+
+def test_a_caller_is_compiled_again_if_the_result_has_another_type(call, tmp_path):
+    assert call()["value"] == 3.0
+    changed = HALF.replace("0.5 * x", "int(x) // 2")
+    (tmp_path / "half.py").write_text(changed, encoding="utf-8")
+    again = call()
+    assert again["value"] == 3.0
+    assert sorted(again["misses"]) == ["fourth", "half", "quarter"]
