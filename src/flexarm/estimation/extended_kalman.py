@@ -87,12 +87,6 @@ class ExtendedKalmanFilter:
         energy_deviation: J, expected initial energy of vibration in each mode.
         sample_time: s.
 
-    Attributes:
-        innovation: mean of the normalised innovations squared over the last 100 samples, about one
-            if the filter is consistent; NaN before there are as many.
-        consistent: False once that mean exceeded its distribution (probability 1e-9). An
-            ``InconsistentEstimateWarning`` reports it once after each ``reset``.
-
     Raises:
         InputError: if a number is negative or not finite, or the filter cannot use the instruments.
 
@@ -165,12 +159,18 @@ class ExtendedKalmanFilter:
 
     @property
     def innovation(self) -> float:
-        """Mean of the normalised innovations squared over the last 100 samples, or NaN."""
+        """Mean of the normalised innovations squared over the last 100 samples.
+
+        It is about one if the filter is consistent, and NaN before there are as many samples.
+        """
         return self._test.ratio
 
     @property
     def consistent(self) -> bool:
-        """True if ``innovation`` has stayed within its distribution."""
+        """False once ``innovation`` exceeded its distribution (probability 1e-9).
+
+        An ``InconsistentEstimateWarning`` reports it once after each ``reset``.
+        """
         return self._test.passed
 
     def report(self) -> dict[str, float]:
