@@ -13,7 +13,7 @@ sys.path.insert(0, str(_FOLDER))
 os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 os.environ |= {"COLUMNS": "100", "NO_COLOR": "1"}
 
-from reference import add_fields  # noqa: E402
+from reference import add_fields, skip_aliases  # noqa: E402
 
 import flexarm as fa  # noqa: E402
 
@@ -54,3 +54,4 @@ html_show_sphinx = False
 
 def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", add_fields)
+    app.connect("autodoc-skip-member", skip_aliases)

@@ -41,7 +41,9 @@ def _block(writer: Any, node: nodes.math_block) -> None:
     if tag:
         name = f' id="equation-{tag[1]}-{tag[2]}"'
         number = f'<span class="eqno">({tag[1]}.{tag[2]})</span>'
-    writer.body.append(f'<div class="equation"{name}>{mathml}{number}</div>\n')
+    writer.body.append(
+        f'<div class="equation"{name}><div class="formula">{mathml}</div>{number}</div>\n'
+    )
     raise nodes.SkipNode
 
 

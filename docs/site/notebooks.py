@@ -16,14 +16,16 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 _FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _DRAWING = re.compile(r"\bplt\.|\bfa\.plot\.\w+\(")
 _KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
-#: First cell of the notebooks that the build runs: vector figures, and warnings as in the tests.
-_SETTINGS = "%config InlineBackend.figure_formats = ['svg']"
+#: First cell of the notebooks that the build runs: vector figures, and commands that must succeed.
+_SETTINGS = """%config InlineBackend.figure_formats = ['svg']
+get_ipython().system_raise_on_error = True"""
 
 
 def draws(text: str) -> bool:
-    """Return whether Python blocks of a page draw."""
-    blocks = [code for language, _, code in _FENCE.findall(text) if language == "python"]
-    return any(_DRAWING.search(code) for code in blocks)
+    """Return whether Python blocks of a page draw, and none of its blocks needs other files."""
+    blocks = _FENCE.findall(text)
+    drawing = any(_DRAWING.search(code) for language, _, code in blocks if language == "python")
+    return drawing and not any("examples/" in code for _, _, code in blocks)
 
 
 def notebook_of(text: str) -> str:

@@ -20,7 +20,7 @@ _PART = re.compile(
 )
 _ROW = re.compile(r"^\| `(?:fa\.)?(\w[\w.]*)(.*?)` \|", re.MULTILINE)
 #: Where inherited members end: those of other packages are not documented here.
-_FOREIGN = "BaseModel, Exception, UserWarning, Mapping, ABC"
+_FOREIGN = "BaseModel, Exception, UserWarning, Mapping, ABC, tuple"
 #: Rows of methods of an arm; they are on the page of its class.
 _METHOD = "arm."
 
@@ -72,3 +72,10 @@ def add_fields(
             default = "" if field.is_required() else f" Default: ``{field.default!r}``."
             lines.append(f":param {name}: {field.description}{default}")
     lines.append("")
+
+
+def skip_aliases(
+    _app: object, _what: str, _name: str, value: object, skip: bool, _options: object
+) -> bool:
+    """Skip fields of named tuples: their class describes them (autodoc)."""
+    return skip or (inspect.getdoc(value) or "").startswith("Alias for field number")

@@ -92,14 +92,15 @@ def check_public_names_have_docstrings(site: Path) -> None:
     names = {name for names in GROUPS.values() for name in names}
     assert set(fa.__all__) <= names
     for name in names:
-        section = text.partition(f'id="flexarm.{name}"')[2].partition("</dl>")[0]
-        assert "<dd><p>" in section, f"{name} has no docstring on the site"
+        described = text.partition(f'id="flexarm.{name}"')[2].partition("</dt>")[2]
+        assert described.lstrip().startswith("<dd><p>"), f"{name} has no docstring on the site"
 
 
 def check_equations_are_drawn(site: Path) -> None:
     theory = "".join(page.read_text(encoding="utf-8") for page in site.glob("theory/*.html"))
     for letter, number in tags():
-        assert f'<div class="equation" id="equation-{letter}-{number}"><math' in theory
+        name = f'id="equation-{letter}-{number}"'
+        assert f'{name}><div class="formula"><math display="block">' in theory, name
     for page in site.rglob("*.html"):
         prose = _CODE.sub("", page.read_text(encoding="utf-8"))
         assert not re.search(r"\$\$|\\(mathbf|tfrac|dot|tag)\b", prose), page
