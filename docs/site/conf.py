@@ -12,8 +12,9 @@ sys.path.insert(0, str(_FOLDER))
 # Commands of notebooks: `flexarm` of this interpreter, with the width of the printed pages.
 os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 os.environ |= {"COLUMNS": "100", "NO_COLOR": "1"}
+os.environ.pop("MPLBACKEND", None)  # figures of notebooks go into their pages
 
-from reference import add_fields, skip_aliases  # noqa: E402
+from reference import add_fields, skip_foreign  # noqa: E402
 
 import flexarm as fa  # noqa: E402
 
@@ -32,9 +33,10 @@ nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
-nb_merge_streams = True
+nb_output_stderr = "remove"  # notices that kernels are compiled, on a new machine
 
 default_role = "code"
+smartquotes = False  # v'' is a derivative
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"
@@ -54,4 +56,4 @@ html_show_sphinx = False
 
 def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", add_fields)
-    app.connect("autodoc-skip-member", skip_aliases)
+    app.connect("autodoc-skip-member", skip_foreign)

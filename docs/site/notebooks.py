@@ -16,8 +16,11 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 _FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _DRAWING = re.compile(r"\bplt\.|\bfa\.plot\.\w+\(")
 _KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
-#: First cell of the notebooks that the build runs: vector figures, and commands that must succeed.
+_HEAD = "---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n\n"
+#: First cell of the notebooks that the build runs: vector figures, commands without progress
+#: bars, which must succeed.
 _SETTINGS = """%config InlineBackend.figure_formats = ['svg']
+%env TERM=dumb
 get_ipython().system_raise_on_error = True"""
 
 
@@ -28,18 +31,23 @@ def draws(text: str) -> bool:
     return drawing and not any("examples/" in code for _, _, code in blocks)
 
 
-def notebook_of(text: str) -> str:
-    """Return the notebook of a page that the build runs and shows."""
+def runnable(text: str) -> str:
+    """Return a page as a text notebook that MyST-NB runs."""
     settings = new_code_cell(_SETTINGS, metadata={"tags": ["remove-cell"]})
-    return _written([settings, *_cells(text)])
+    return _HEAD + "\n\n".join(_directive(cell) for cell in [settings, *_cells(text)]) + "\n"
 
 
-def download_of(text: str) -> str:
-    """Return the notebook of a page for its readers."""
-    return _written(list(_cells(text)))
+def _directive(cell: nbformat.NotebookNode) -> str:
+    """Return a cell in the notation of text notebooks."""
+    if cell.cell_type == "markdown":
+        return str(cell.source)
+    tags = f":tags: {cell.metadata.tags}\n" if "tags" in cell.metadata else ""
+    return f"```{{code-cell}} python\n{tags}{cell.source}\n```"
 
 
-def _written(cells: list[nbformat.NotebookNode]) -> str:
+def notebook(text: str) -> str:
+    """Return the ``.ipynb`` file of a page, for its readers."""
+    cells = list(_cells(text))
     for number, cell in enumerate(cells):
         cell["id"] = f"cell-{number}"  # random ones would make two builds differ
     return str(nbformat.writes(new_notebook(cells=cells, metadata={"kernelspec": _KERNEL})))

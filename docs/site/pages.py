@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from fnmatch import fnmatch
 from pathlib import Path
 
-from notebooks import download_of, draws, notebook_of
+from notebooks import draws, notebook, runnable
 from reference import write_reference
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,6 +39,8 @@ SECTIONS = {
 #: Folders whose pages are notebooks if they draw.
 NOTEBOOKS = ("tutorials", "how-to")
 _LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
+#: Rows of a table of pictures, which do not decide the order of the navigation.
+_PICTURES = re.compile(r"^\| \[!\[.*$", re.MULTILINE)
 _FENCED = re.compile(r"^(\s*```.*?^\s*```\s*?$)", re.DOTALL | re.MULTILINE)
 
 
@@ -67,14 +69,13 @@ def assemble(folder: Path, run: str) -> None:
 
 
 def _write_notebooks(page: Path, text: str, folder: Path) -> None:
-    """Replace a page by the notebook that the build runs, and write the one for readers."""
+    """Replace a page by one that the build runs, and write the notebook for its readers."""
     name = page.with_suffix(".ipynb").name
     folder.mkdir(exist_ok=True)
-    (folder / name).write_text(download_of(text), encoding="utf-8")
+    (folder / name).write_text(notebook(text), encoding="utf-8")
     title, _, rest = text.partition("\n")
-    link = f"{title}\n\nThis page is also a [notebook](../notebooks/{name}).\n{rest}"
-    page.with_name(name).write_text(notebook_of(link), encoding="utf-8")
-    page.unlink()
+    link = f"{title}\n\nThis page is also a {{download}}`notebook <../notebooks/{name}>`.\n{rest}"
+    page.write_text(runnable(link), encoding="utf-8")
 
 
 def _source_of(page: Path) -> Path:
@@ -114,6 +115,7 @@ def _place_of(goal: Path) -> Path:
 
 def _contents(text: str, page: Path) -> str:
     """Return the hidden table of contents of an index: the pages it links, in their order."""
+    text = _PICTURES.sub("", text)
     linked = [target for _, target, _ in _LINK.findall(text) if target.endswith(".md")]
     linked = list(dict.fromkeys(linked))
     if len(page.parts) > 1:

@@ -74,8 +74,9 @@ def add_fields(
     lines.append("")
 
 
-def skip_aliases(
-    _app: object, _what: str, _name: str, value: object, skip: bool, _options: object
+def skip_foreign(
+    _app: object, _what: str, name: str, value: object, skip: bool, _options: object
 ) -> bool:
-    """Skip fields of named tuples: their class describes them (autodoc)."""
-    return skip or (inspect.getdoc(value) or "").startswith("Alias for field number")
+    """Skip fields of named tuples, described by their class, and pydantic settings (autodoc)."""
+    alias = (inspect.getdoc(value) or "").startswith("Alias for field number")
+    return skip or alias or name == "model_config"
