@@ -33,6 +33,7 @@ nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
+nb_merge_streams = True
 nb_output_stderr = "remove"  # notices that kernels are compiled, on a new machine
 
 default_role = "code"

@@ -17,9 +17,9 @@ _FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _DRAWING = re.compile(r"\bplt\.|\bfa\.plot\.\w+\(")
 _KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
 _HEAD = "---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n\n"
-#: First cell of the notebooks that the build runs: vector figures, commands without progress
+#: First cell of the notebooks that the build runs: sharp figures, commands without progress
 #: bars, which must succeed, and no values but those that are printed.
-_SETTINGS = """%config InlineBackend.figure_formats = ['svg']
+_SETTINGS = """%config InlineBackend.figure_formats = ['retina']
 %env TERM=dumb
 get_ipython().ast_node_interactivity = "none"
 get_ipython().system_raise_on_error = True"""

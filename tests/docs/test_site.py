@@ -119,7 +119,7 @@ def check_the_search_finds_words(site: Path) -> None:
 def check_notebook_has_run(site: Path) -> None:
     page = (site / NOTEBOOK).with_suffix(".html").read_text(encoding="utf-8")
     assert "largest deflection 65.9 mm" in page, "the output of a cell"
-    assert re.search(r'<img[^>]*src="[^"]*_images/\w+\.svg"', page), "the figure of a cell"
+    assert re.search(r'<img[^>]*src="[^"]*_images/\w+\.png"', page), "the figure of a cell"
     (download,) = re.findall(r'href="([^"]*first-run\.ipynb)"', page)
     cells = json.loads(((site / NOTEBOOK).parent / download).read_text(encoding="utf-8"))["cells"]
     assert any("".join(cell["source"]).startswith("%%writefile beam.yaml") for cell in cells)
