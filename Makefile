@@ -19,7 +19,7 @@ AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite test-lowest test-pythons dist lint format browser bench fuzz peers gallery clean
+.PHONY: help demo test suite test-lowest test-pythons dist docs lint format browser bench fuzz peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -64,6 +64,9 @@ test-pythons: ## the suite with every Python at hand, and with the lowest versio
 
 dist: $(VENV)/.ready-dev ## build the wheel and the source archive into dist
 	$(BIN)/python -m hatchling build --clean
+
+docs: $(VENV)/.ready-dev ## build the documentation site: out/site/html/index.html
+	$(BIN)/python docs/site
 
 lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 	$(BIN)/ruff format --check .

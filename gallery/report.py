@@ -28,6 +28,8 @@ number of digits that agree, -log₁₀ of the difference, and in brackets the n
 require. The page of each case gives the reason for this number: a mesh, a truncated theory, or the
 last printed digit of the reference.
 
+{pictures}
+
 {count} quantities of {cases} cases; enough digits agree in {good}.
 
 """
@@ -64,8 +66,19 @@ def index_text(results: Results) -> str:
             link = f"[{case.title}]({case.name}.md)" if k == 0 else ""
             lines.append(table_row((link, *_cells(row))))
     counted = "all" if good == len(rows) else f"{good} of them"
-    text = _INDEX.format(count=len(rows), cases=len(results), good=counted)
+    pictures = picture_table([case for case, _ in results])
+    text = _INDEX.format(count=len(rows), cases=len(results), good=counted, pictures=pictures)
     return text + "\n".join(lines) + "\n"
+
+
+def picture_table(cases: Sequence[Case]) -> str:
+    """Return the pictures of all cases, three in a row, each a link to its page."""
+    lines = [table_row([" "] * 3), table_row(["---"] * 3)]
+    for first in range(0, len(cases), 3):
+        row = cases[first : first + 3]
+        cells = [f"[![{c.title}]({c.name}.png)]({c.name}.md)<br>{c.title}" for c in row]
+        lines.append(table_row(cells + [""] * (3 - len(cells))))
+    return "\n".join(lines)
 
 
 def _cells(row: Row) -> tuple[str, ...]:

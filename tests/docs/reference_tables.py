@@ -11,11 +11,13 @@ from functools import cache
 from typing import Any
 
 from docs_pages import ROOT
+from python_tables import python_tables
 
 from flexarm.engine.channels import CHANNELS
 from flexarm.model import json_schema
 
 FILE_FORMAT = "docs/reference/file-format.md"
+PYTHON = "docs/reference/python-api.md"
 RESULT = "docs/how-to/read-the-result.md"
 _UNITS = re.compile(
     r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N|N m|N m\^2|N m/rad|"
@@ -42,6 +44,7 @@ def generated() -> dict[tuple[str, str], str]:
     """Every generated part: (page, name of the part) to its text."""
     parts = {(RESULT, "channels"): channel_table(), (FILE_FORMAT, "file"): _keys(_schema())}
     parts[FILE_FORMAT, "study"] = _keys(json_schema("study"))
+    parts |= {(PYTHON, name): table for name, table in python_tables().items()}
     for name, definition in _definitions().items():
         if definition["properties"].keys() - {"kind"}:
             parts[FILE_FORMAT, name] = _keys(definition)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import typer
 from docs_pages import ROOT, blocks, pages, text_of
+from python_tables import GROUPS
 from reference_tables import generated, part_pattern
 
 import flexarm as fa
@@ -83,25 +84,9 @@ def test_pages_and_examples_import_public_modules_only() -> None:
         assert set(found) <= {"flexarm.bridges.gymnasium_env"}
 
 
-FUNCTIONS = [n for n in fa.__all__ if inspect.isfunction(getattr(fa, n)) and n != "simulate"]
-
-
-@pytest.mark.parametrize("name", [*FUNCTIONS, "JointPD"])
-def test_signature_is_documented(name: str) -> None:
-    """Names, order and defaults of all parameters, as `name(a, b=1)` on the page."""
-    parameters = inspect.signature(getattr(fa, name)).parameters.values()
-    real = ", ".join(
-        p.name if p.default is p.empty else f"{p.name}={p.default!r}" for p in parameters
-    )
-    call = f"{name}({real})".replace("'", '"')
-    assert call in text_of(PYTHON), f"{PYTHON} does not show {call}"
-
-
-def test_arguments_of_simulate_are_documented() -> None:
-    table = text_of(PYTHON).partition("## Simulation")[2].partition("| name |")[0]
-    cells = re.findall(r"^\| (`\w+`.*?) \|", table, flags=re.MULTILINE)
-    listed = [word for cell in cells for word in re.findall(r"`(\w+)`", cell)]
-    assert sorted(listed) == sorted(inspect.signature(fa.simulate).parameters)
+def test_every_public_name_is_in_one_table() -> None:
+    listed = [name for names in GROUPS.values() for name in names]
+    assert sorted(listed) == sorted([*fa.__all__, *(f"plot.{name}" for name in fa.plot.__all__)])
 
 
 def test_no_name_on_the_page_is_gone() -> None:

@@ -142,12 +142,18 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
 
     @property
     def innovation(self) -> float:
-        """Mean of the normalised innovations squared over the last 100 samples, or NaN."""
+        """Mean of the normalised innovations squared over the last 100 samples.
+
+        It is about one if the filter is consistent, and NaN before there are as many samples.
+        """
         return self._test.ratio
 
     @property
     def consistent(self) -> bool:
-        """True if ``innovation`` has stayed within its distribution."""
+        """False once ``innovation`` exceeded its distribution (probability 1e-9).
+
+        An ``InconsistentEstimateWarning`` reports it once after each ``reset``.
+        """
         return self._test.passed
 
     def report(self) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Generate the machine code of a kernel once, and not once for each of its callers.
 
 Numba links the code of every kernel into all kernels that call it, and optimizes and translates it
-there again, with all kernels that it calls in turn; see decision 0019. Here there are two kinds of
+there again, with all kernels that it calls in turn; see decision 0021. Here there are two kinds of
 kernels besides Numba's own:
 
 - A *merged* kernel has no machine code of its own, because its callers contain it.

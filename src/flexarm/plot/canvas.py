@@ -43,6 +43,9 @@ def panels(
         return
     import matplotlib.pyplot as plt
 
+    # Load the backend before the style changes the settings, which it restores at the end: that of
+    # notebooks turns on the interactive mode, and without it they do not show later figures.
+    plt.draw_if_interactive()  # type: ignore[no-untyped-call]
     with styled():
         width, height = size
         sheet = plt.figure(FigureClass=Sheet, width=width, height=height, dpi=SCREEN_DPI)

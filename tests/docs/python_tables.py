@@ -1,0 +1,107 @@
+"""Tables of the Python interface, made from signatures and docstrings."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable
+from typing import Any
+
+import flexarm as fa
+
+#: The parts of the page and their public names, in the order in which one looks for them.
+GROUPS: dict[str, tuple[str, ...]] = {
+    "describing": (
+        *("Arm", "load_arm", "save_arm", "varied"),
+        *("Link", "Material", "Rectangle", "Circle", "Tube", "Box", "SectionTable"),
+        *("ModalDamping", "RayleighDamping", "Gauge"),
+        *("Joint", "Friction", "JointLimits", "Payload"),
+    ),
+    "loads": ("Load", "Contact", "Wall", "RoundWall", "SurfaceTable"),
+    "motions": (
+        *("line_motion", "via_point_motion", "spline_motion", "circle_motion", "joint_motion"),
+        *("inverse_kinematics", "rigid_torque", "shaped", "smoothed"),
+        *("quasi_static_reference", "QuasiStaticReference", "pressed_motion", "PressedMotion"),
+        *("tip_inversion", "TipInversion", "flexible_torque", "FlexibleTorque"),
+    ),
+    "simulation": (
+        *("simulate", "GeneralizedAlpha", "Plant", "PrescribedAngle"),
+        *("Event", "joint_event", "contact_event", "tip_event"),
+        *("load_scenario", "run_scenario", "run_study"),
+        *("write_result", "read_result", "citation"),
+    ),
+    "controllers": (
+        *("Controller", "Needs", "Measurement", "Hardware", "Instrument", "Motors"),
+        *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
+        *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
+        *("HybridForce", "Impedance", "Admittance"),
+        *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
+    ),
+    "linear": (
+        *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),
+        *("ModeTracks", "linearize", "LinearModel", "Sensor", "save_linear"),
+    ),
+    "plots": (*(f"plot.{name}" for name in fa.plot.__all__), "animate", "report"),
+    "separation": (
+        *("linearize_along", "Separation", "simulate_separated"),
+        *("step_jacobian", "StepJacobian"),
+    ),
+    "symbolic": ("to_casadi", "to_jax"),
+    "errors": (
+        *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
+        *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),
+        *("InconsistentEstimateWarning", "LargeDeflectionWarning"),
+    ),
+}
+_HEAD = ["| name | meaning |", "| --- | --- |"]
+
+
+def python_tables() -> dict[str, str]:
+    """Markdown table of every part of the page."""
+    tables = {
+        part: "\n".join(_HEAD + [_row(name) for name in names]) for part, names in GROUPS.items()
+    }
+    members = [_member_row(name) for name in dir(fa.Arm) if not name.startswith("_")]
+    return tables | {"members": "\n".join(_HEAD + members)}
+
+
+def public(name: str) -> Any:
+    """Return the object of a public name, such as ``plot.modes``."""
+    value: Any = fa
+    for part in name.split("."):
+        value = getattr(value, part)
+    return value
+
+
+def called(function: Callable[..., Any], name: str) -> str:
+    """Return a call with the names, order and defaults of all parameters."""
+    parameters = inspect.signature(function).parameters.values()
+    shown = ", ".join(str(p.replace(annotation=p.empty)) for p in parameters if p.name != "self")
+    return f"{name}({shown})".replace("'", '"').replace("|", r"\|")
+
+
+def _row(name: str) -> str:
+    value = public(name)
+    shown = f"fa.{name}" if name.startswith("plot.") else name
+    documented = inspect.getdoc(value) or ""
+    # Classes that list arguments are those that users create.
+    if inspect.isfunction(value) or re.search("^Args:", documented, flags=re.MULTILINE):
+        shown = called(value, shown)
+    return f"| `{shown}` | {_summary(documented)} |"
+
+
+def _member_row(name: str) -> str:
+    member = inspect.getattr_static(fa.Arm, name)
+    documented = inspect.getdoc(getattr(fa.Arm, name, None)) or ""
+    if callable(member):
+        return f"| `arm.{called(member, name)}` | {_summary(documented)} |"
+    if not isinstance(member, property) and not hasattr(member, "func"):
+        documented = ""
+    return f"| `arm.{name}` | {_summary(documented)} |"
+
+
+def _summary(documented: str) -> str:
+    """Return the first sentence of a docstring as Markdown."""
+    paragraph = " ".join(documented.partition("\n\n")[0].split())
+    sentence = re.split(r"(?<=[.])\s+(?=[A-Z`])", paragraph)[0]
+    return re.sub(r"``(.+?)``", r"`\1`", sentence).replace("|", r"\|")
