@@ -15,7 +15,7 @@ _load, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 __all__ = sorted({*_names} - {"plot"})
 
 #: Deprecated public names: the new name, and the version that removes the old one.
-_RENAMED: dict[str, tuple[str, str]] = {}
+_RENAMED: dict[str, tuple[str, str]] = {"Needs": ("ControllerRequirements", "0.3")}
 
 
 def __getattr__(name: str) -> Any:

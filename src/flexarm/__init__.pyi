@@ -8,7 +8,7 @@ from .arm import varied as varied
 from .bridges.symbolic.casadi_model import to_casadi as to_casadi
 from .bridges.symbolic.jax_model import to_jax as to_jax
 from .control.base import Controller as Controller
-from .control.requirements import Needs as Needs
+from .control.requirements import ControllerRequirements as ControllerRequirements
 from .control_design.input_shaping import shaped as shaped
 from .controllers import LQG as LQG
 from .controllers import MPC as MPC

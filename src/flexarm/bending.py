@@ -122,22 +122,24 @@ def _own_errors(arm: Arm) -> BendingErrors:
     return errors
 
 
-class _Bent(NamedTuple):
+class _LargestDeflection(NamedTuple):
     """Piece with the largest deflection relative to its length in a state; deflection in m."""
 
     piece: Piece
     deflection: float
 
 
-def _most_bent(arm: Arm, link: int, state: FloatArray) -> _Bent:
+def _largest_deflection(arm: Arm, link: int, state: FloatArray) -> _LargestDeflection:
     bent = [
-        _Bent(piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:])))
+        _LargestDeflection(
+            piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:]))
+        )
         for piece in arm.assembly.pieces_of(link)
     ]
     return max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
 
 
-def too_far_bent(arm: Arm, states: FloatArray) -> str:
+def theory_error(arm: Arm, states: FloatArray) -> str:
     """Describe the largest error of an arm's theory; return an empty text if it is small.
 
     Args:
@@ -179,7 +181,7 @@ def _description(
     if found is None:
         return None
     tip, link, at = found
-    piece, deflection = _most_bent(arm, link, states[at])
+    piece, deflection = _largest_deflection(arm, link, states[at])
     name = f"link {link + 1}"
     if arm.spec.links[link].segments > 1:
         name = f"a segment of {name}"
@@ -195,7 +197,7 @@ def _description(
 def bending_warning(arm: Arm, q: FloatArray) -> str:
     """Describe the largest error at q (dof,) or (samples, dof); return an empty text if small."""
     states = arm.padded(np.stack([q, np.zeros_like(q)], axis=-2))
-    return too_far_bent(arm, states.reshape(-1, *states.shape[-3:]))
+    return theory_error(arm, states.reshape(-1, *states.shape[-3:]))
 
 
 def warn_of_bending(arm: Arm, q: FloatArray) -> None:

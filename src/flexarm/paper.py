@@ -57,7 +57,7 @@ class PaperCase:
         self.progress = progress
         self.prepared = prepare(paper_scenario(duration))
         self.arm = self.prepared.arm
-        self.twin = self.arm.rigid()
+        self.rigid_counterpart = self.arm.rigid()
 
     @cached_property
     def flexible(self) -> xr.Dataset:
@@ -67,7 +67,7 @@ class PaperCase:
     @cached_property
     def rigid(self) -> xr.Dataset:
         """Result of the rigid model, which follows the motion."""
-        return self.prepared.run(arm=self.twin, progress=self.progress)
+        return self.prepared.run(arm=self.rigid_counterpart, progress=self.progress)
 
     @cached_property
     def second_order(self) -> xr.Dataset:

@@ -59,9 +59,9 @@ def test_a_copy_in_the_middle_of_a_run_goes_on_as_it_does(name, arm):
     plant.reset(arm.rest([0.2, -0.4]))
     controller.reset()
     in_loop(controller, plant, path, 40)
-    other, twin = copy.deepcopy((controller, plant))
+    other, rigid_counterpart = copy.deepcopy((controller, plant))
     np.testing.assert_array_equal(
-        in_loop(other, twin, path, 20), in_loop(controller, plant, path, 20)
+        in_loop(other, rigid_counterpart, path, 20), in_loop(controller, plant, path, 20)
     )
 
 

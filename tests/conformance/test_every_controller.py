@@ -177,9 +177,9 @@ def test_follows_a_slow_motion(name, arm):
 def test_what_it_needs_is_enough(name, arm):
     """With instruments for what it says that it reads, and no others, it runs."""
     controller, reference = EXAMPLES[name](), motion(arm)
-    needs = controller.needs(arm, reference)
-    assert needs.joints == 2
-    instruments = [fa.Instrument(label) for label in needs.measured]
+    requirements = controller.requirements(arm, reference)
+    assert requirements.joints == 2
+    instruments = [fa.Instrument(label) for label in requirements.measured]
     fa.simulate(
         arm,
         0.02,
@@ -192,7 +192,7 @@ def test_what_it_needs_is_enough(name, arm):
 @every
 def test_each_thing_that_it_needs_is_missed_before_the_run(name, arm):
     controller, reference = EXAMPLES[name](), motion(arm)
-    needed = controller.needs(arm, reference).measured
+    needed = controller.requirements(arm, reference).measured
     for left_out in needed:
         others = [fa.Instrument(label) for label in needed if label != left_out]
         with pytest.raises(fa.InputError, match=f"hardware has no instrument for {left_out}"):

@@ -31,7 +31,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("write_result", "read_result", "citation"),
     ),
     "controllers": (
-        *("Controller", "Needs", "Measurement", "Hardware", "Instrument", "Motors"),
+        *("Controller", "ControllerRequirements", "Measurement"),
+        *("Hardware", "Instrument", "Motors"),
         *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
         *("HybridForce", "Impedance", "Admittance"),

@@ -211,7 +211,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Load": {"link": 1, "force": [1.0, 0.0]},
     "Measurement": {},
     "Motors": {"torque_limit": 2.0},
-    "Needs": {},
+    "ControllerRequirements": {},
     "Plant": {"arm": arm, "sample_time": 0.005},
     "PrescribedAngle": {
         "angle": lambda: lambda t: 0.0,
@@ -268,7 +268,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
 
 #: Methods of what these make: the object, then arguments by method.
 _UPDATE = {
-    "needs": {"arm": arm, "reference": motion},
+    "requirements": {"arm": arm, "reference": motion},
     "report": {},
     "reset": {},
     "update": {"t": 0.0, "measurement": measurement, "reference": motion},

@@ -154,8 +154,11 @@ def test_shear_lowers_every_frequency():
 
 def test_the_rigid_twin_of_an_arm_that_shears():
     arm = arm_of("linear")
-    twin = arm.rigid()
-    assert twin.dof == 3
-    M, rigid = arm.mass_matrix(arm.rest([0.3, 1.0, -0.4])), twin.mass_matrix([0.3, 1.0, -0.4])
+    rigid_counterpart = arm.rigid()
+    assert rigid_counterpart.dof == 3
+    M, rigid = (
+        arm.mass_matrix(arm.rest([0.3, 1.0, -0.4])),
+        rigid_counterpart.mass_matrix([0.3, 1.0, -0.4]),
+    )
     joints = np.ix_(arm.joint_index, arm.joint_index)
     np.testing.assert_allclose(M[joints], rigid, rtol=1e-12)

@@ -60,18 +60,22 @@ def test_smooth_motion(theory):
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_rigid_twin_keeps_every_mass(theory):
     arm = two_links(50.0, theory)
-    twin = arm.rigid()
+    rigid_counterpart = arm.rigid()
     angles, rates = np.array([0.7, -1.1]), np.array([1.3, -0.4])
     q, qd = arm.rest(angles), arm.rest(rates)
-    assert twin.dof == twin.joints == 2
+    assert rigid_counterpart.dof == rigid_counterpart.joints == 2
     # Straight and unbending, the flexible arm is the rigid one.
     np.testing.assert_allclose(
         arm.mass_matrix(q)[np.ix_(arm.joint_index, arm.joint_index)],
-        twin.mass_matrix(angles),
+        rigid_counterpart.mass_matrix(angles),
         rtol=1e-12,
     )
     np.testing.assert_allclose(
-        arm.bias_force(q, qd)[arm.joint_index], twin.bias_force(angles, rates), rtol=1e-12
+        arm.bias_force(q, qd)[arm.joint_index],
+        rigid_counterpart.bias_force(angles, rates),
+        rtol=1e-12,
     )
-    np.testing.assert_allclose(arm.energy(q, qd), twin.energy(angles, rates), rtol=1e-12)
-    np.testing.assert_allclose(arm.tip(q), twin.tip(angles), rtol=1e-14)
+    np.testing.assert_allclose(
+        arm.energy(q, qd), rigid_counterpart.energy(angles, rates), rtol=1e-12
+    )
+    np.testing.assert_allclose(arm.tip(q), rigid_counterpart.tip(angles), rtol=1e-14)

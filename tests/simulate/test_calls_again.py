@@ -90,8 +90,11 @@ def test_numbers_whose_squares_overflow_are_used_without_a_warning() -> None:
 
 def test_equal_links_are_computed_once_and_others_anew() -> None:
     arm = an_arm()
-    twin, other = an_arm(), fa.Link(length=1.1, **arm.spec.links[0].model_dump(exclude={"length"}))
-    assert twin.assembly.links[0] is arm.assembly.links[1]
+    rigid_counterpart, other = (
+        an_arm(),
+        fa.Link(length=1.1, **arm.spec.links[0].model_dump(exclude={"length"})),
+    )
+    assert rigid_counterpart.assembly.links[0] is arm.assembly.links[1]
     changed = fa.Arm(links=[arm.spec.links[0], other])
     assert changed.assembly.links[0] is arm.assembly.links[0]
     assert changed.assembly.links[1].length == 1.1

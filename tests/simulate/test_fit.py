@@ -122,11 +122,11 @@ class Own(fa.Controller):
 
     sample_time = 0.01
 
-    def __init__(self, read, needs=None):
-        self.read, self.wanted = read, needs
+    def __init__(self, read, requirements=None):
+        self.read, self.wanted = read, requirements
 
-    def needs(self, arm, reference):
-        return super().needs(arm, reference) if self.wanted is None else self.wanted
+    def requirements(self, arm, reference):
+        return super().requirements(arm, reference) if self.wanted is None else self.wanted
 
     def update(self, t, measurement, reference):
         self.read(measurement)
@@ -134,9 +134,9 @@ class Own(fa.Controller):
 
 
 def test_own_controllers_may_say_what_they_need(arm):
-    (told,) = refused(arm, Own(lambda m: None, fa.Needs(joints=3)))
+    (told,) = refused(arm, Own(lambda m: None, fa.ControllerRequirements(joints=3)))
     assert "controller is for 3 joints, but the arm has 2" in told
-    (told,) = refused(arm, Own(lambda m: None, fa.Needs(measured=("tip",))))
+    (told,) = refused(arm, Own(lambda m: None, fa.ControllerRequirements(measured=("tip",))))
     assert "no instrument for tip, which Own reads" in told
     fa.simulate(arm, 0.01, controller=Own(lambda m: m.joint_angle))
 

@@ -76,9 +76,11 @@ def test_a_stiff_spring_is_no_spring():
 
 def test_the_rigid_twin_has_stiff_gears():
     arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING, damping=0.1)
-    twin = arm.rigid()
-    assert (twin.dof, twin.joints) == (1, 1)
-    assert twin.mass_matrix([0.0])[0, 0] == pytest.approx(INERTIA + GEAR**2 * ROTOR, rel=1e-13)
+    rigid_counterpart = arm.rigid()
+    assert (rigid_counterpart.dof, rigid_counterpart.joints) == (1, 1)
+    assert rigid_counterpart.mass_matrix([0.0])[0, 0] == pytest.approx(
+        INERTIA + GEAR**2 * ROTOR, rel=1e-13
+    )
 
 
 def test_a_motor_that_follows_a_motion_drives_the_link_through_its_spring():

@@ -9,7 +9,7 @@ import pytest
 from numba import typeof
 
 import flexarm as fa
-from flexarm.bending import too_far_bent
+from flexarm.bending import theory_error
 from flexarm.engine.validity import BendingWatch
 
 #: A binary fraction: samples and sample times are then at the same times to the last bit.
@@ -274,7 +274,7 @@ def test_the_quick_look_at_bending_says_what_the_thorough_one_says(arm):
         most = 0.03 if one.spec.theory == "linear" else 0.1
         for _ in range(40):
             state = one.padded(rng.uniform(0.0, most) * rng.standard_normal((2, one.dof)))
-            assert watch(state) == too_far_bent(one, state[None])
+            assert watch(state) == theory_error(one, state[None])
             said += bool(watch(state))
         assert 0 < said < 40
 
@@ -318,24 +318,26 @@ def test_a_copy_goes_on_where_the_plant_stood(arm, motion, more, again):
     torques = [[0.2, 0.1] + 0.05 * rng.standard_normal(2) for _ in range(80)]
     for torque in torques[:40]:
         plant.step(torque)
-    twin = again(plant)
+    rigid_counterpart = again(plant)
     ahead = [(plant.step(torque), plant.q) for torque in torques[40:]]
-    assert twin.time == 40 * TICK
+    assert rigid_counterpart.time == 40 * TICK
     for torque, (measurement, q) in zip(torques[40:], ahead, strict=True):
-        told = twin.step(torque)
+        told = rigid_counterpart.step(torque)
         for name in measurement:
             np.testing.assert_array_equal(told[name], measurement[name])
-        np.testing.assert_array_equal(twin.q, q)
+        np.testing.assert_array_equal(rigid_counterpart.q, q)
     if "contacts" in more:
-        assert abs(twin.contact_force).max() > 0.0
-    np.testing.assert_array_equal(twin.tip, plant.tip)
-    twin.reset()
+        assert abs(rigid_counterpart.contact_force).max() > 0.0
+    np.testing.assert_array_equal(rigid_counterpart.tip, plant.tip)
+    rigid_counterpart.reset()
     assert plant.time == 80 * TICK
 
 
 def test_a_copied_arm_keeps_what_kernels_were_compiled_for(arm):
     """Arrays of another type would have all kernels compiled again."""
-    for twin in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
-        for own, copied in zip(arm.assembly.constants, twin.assembly.constants, strict=True):
+    for rigid_counterpart in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
+        for own, copied in zip(
+            arm.assembly.constants, rigid_counterpart.assembly.constants, strict=True
+        ):
             np.testing.assert_array_equal(own, copied)
             assert typeof(copied) == typeof(own)

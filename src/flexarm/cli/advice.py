@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.engine.contact_setup import contacts_of_run, touch_frequency
+from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.impacts import ATOL, RTOL
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.tolerance import tolerance_of
@@ -70,7 +70,7 @@ def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
     q = np.asarray(given.get("initial", np.zeros(arm.dof)))
     state = arm.padded(np.stack([q, np.zeros(arm.dof)]))
     tolerance = tolerance_of(arm, state, given.get("atol", ATOL), given.get("rtol", RTOL))
-    touch = touch_frequency(contacts_of_run(arm, given.get("contacts", ()), state, "check"))
+    touch = contact_frequency(contacts_of_run(arm, given.get("contacts", ()), state, "check"))
     choice = choose_integrator("auto", None, arm, tolerance, touch, "check")
     text = f"{choice.integrator.name} is recommended: {choice.reason}"
     asked = given.get("integrator", "auto")

@@ -16,7 +16,7 @@ FAILED_RUN, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
 
 @contextmanager
-def failures_told() -> Iterator[None]:
+def report_failures() -> Iterator[None]:
     """Report failures on the error stream and exit with their status.
 
     Only exceptions that flexarm raises on purpose are handled. Any other exception is a bug, and
@@ -25,16 +25,18 @@ def failures_told() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        say(str(error))
+        print_error(str(error))
         raise typer.Exit(WRONG_INPUT) from None
     except FlexarmError as error:
-        say(str(error))
+        print_error(str(error))
         raise typer.Exit(FAILED_RUN) from None
     except MemoryError:
-        say("out of memory. Lower run.rate or run.duration, or use fewer links, elements or modes.")
+        print_error(
+            "out of memory. Lower run.rate or run.duration, or use fewer links, elements or modes."
+        )
         raise typer.Exit(FAILED_RUN) from None
     except KeyboardInterrupt:
-        say("stopped by Ctrl-C")
+        print_error("stopped by Ctrl-C")
         raise typer.Exit(INTERRUPTED) from None
 
 
@@ -76,7 +78,7 @@ def warn(message: str) -> None:
     screen.print(f"warning: {printable(message)}", style="yellow", soft_wrap=True)
 
 
-def say(message: str) -> None:
+def print_error(message: str) -> None:
     """Write a message to the error stream unformatted, because editors and scripts parse it."""
     lines = map(printable, message.split("\n"))
     print("\n".join(lines), file=sys.stderr, flush=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.cli.failures import say, warn
+from flexarm.cli.failures import print_error, warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.model import locate_scenario
@@ -169,9 +169,9 @@ def _save_part(result: xr.Dataset, out: Path) -> None:
     try:
         write_result(result, part)
     except InputError as error:
-        say(str(error))  # the error of the run is more important and follows
+        print_error(str(error))  # the error of the run is more important and follows
     else:
-        say(f"{_WHERE}: the run up to t = {result['time'].values[-1]:.6g} s is in {part}")
+        print_error(f"{_WHERE}: the run up to t = {result['time'].values[-1]:.6g} s is in {part}")
 
 
 def _summary(result: xr.Dataset) -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from flexarm.model.schema import json_schema
 
 
-def give_schema(kind: str, out: Path | None) -> None:
+def print_schema(kind: str, out: Path | None) -> None:
     """Print the JSON schema of a kind of file, or write it to ``out``."""
     text = json.dumps(json_schema(kind), indent=2) + "\n"
     if out is None:

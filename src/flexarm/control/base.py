@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_kind
 from flexarm.arm import Arm
-from flexarm.control.requirements import Needs
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.control.requirements import ControllerRequirements
+from flexarm.errors import InputError, Problem, check_array, shown, warn_deprecated
 from flexarm.hardware.measurement import FloatArray, Measurement
 
-__all__ = ["Controller", "FloatArray", "Measurement", "Needs", "Reference"]
+__all__ = ["Controller", "ControllerRequirements", "FloatArray", "Measurement", "Reference"]
 
 
 class Reference(Protocol):
@@ -43,7 +43,7 @@ class Controller(ABC):
        that time. It returns torques (joints,) N m, which a zero-order hold applies until the next
        call.
     4. ``update`` receives the measurement and the reference only, never the simulated state.
-    5. ``needs`` is called before ``reset`` and returns the requirements of the controller.
+    5. ``requirements`` is called before ``reset`` and returns the requirements of the controller.
        ``simulate`` raises if one is not met.
     6. ``memory`` lists the attributes (numbers or arrays) that carry information from one sample to
        the next; None if they are not declared. The stability analysis of the sampled loop uses it.
@@ -59,7 +59,8 @@ class Controller(ABC):
         """Wrap the methods of built-in controllers with checks of their arguments."""
         super().__init_subclass__(**options)
         if cls.__module__.startswith("flexarm."):
-            for name, checked in (("update", _checked_update), ("needs", _checked_needs)):
+            checks = (("update", _checked_update), ("requirements", _checked_requirements))
+            for name, checked in checks:
                 if name in vars(cls):
                     setattr(cls, name, checked(vars(cls)[name]))
 
@@ -70,9 +71,9 @@ class Controller(ABC):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> ArrayLike:
         """Return the joint torques (joints,) N m to apply from time t to the next sample."""
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """Return the requirements for controlling ``arm`` along ``reference``; none by default."""
-        return Needs()
+        return ControllerRequirements()
 
     def report(self) -> dict[str, float]:
         """Return numbers about the run since ``reset``, stored as attributes of its result."""
@@ -97,13 +98,15 @@ def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArr
     return checked
 
 
-def _checked_needs(needs: Callable[..., Needs]) -> Callable[..., Needs]:
-    @wraps(needs)
-    def checked(self: Controller, arm: Arm, reference: Reference | None) -> Needs:
-        where = f"{type(self).__name__}.needs"
+def _checked_requirements(
+    requirements: Callable[..., ControllerRequirements],
+) -> Callable[..., ControllerRequirements]:
+    @wraps(requirements)
+    def checked(self: Controller, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        where = f"{type(self).__name__}.requirements"
         if reference is not None:
             check_reference(where, reference)
-        return needs(self, check_kind(where, "arm", arm, Arm), reference)
+        return requirements(self, check_kind(where, "arm", arm, Arm), reference)
 
     return checked
 
@@ -147,11 +150,17 @@ def check_reference(where: str, reference: object) -> None:
 _KNOWN: WeakSet[type] = WeakSet()
 
 
-def needs_of(controller: object, arm: Arm, reference: Reference | None) -> Needs:
+def requirements_of(
+    controller: object, arm: Arm, reference: Reference | None
+) -> ControllerRequirements:
     """Return the requirements of any controlling object; none if it does not declare them."""
-    tell = getattr(controller, "needs", None)
-    told = tell(arm, reference) if callable(tell) else None
-    return told if isinstance(told, Needs) else Needs()
+    declared = getattr(controller, "requirements", None)
+    if callable(former := getattr(controller, "needs", None)):
+        kind = type(controller).__name__
+        warn_deprecated(f"{kind}.needs", f"{kind}.requirements", "0.3")
+        declared = former
+    found = declared(arm, reference) if callable(declared) else None
+    return found if isinstance(found, ControllerRequirements) else ControllerRequirements()
 
 
 def report_of(controller: object) -> dict[str, float]:

@@ -12,7 +12,7 @@ from flexarm.hardware.measurement import FloatArray
 JOINTS = ("joint_angle", "joint_rate")
 
 
-class Needs(NamedTuple):
+class ControllerRequirements(NamedTuple):
     """Requirements of a controller; None and empty entries are not checked."""
 
     joints: int | None = None  # number of joints of the controller's arm

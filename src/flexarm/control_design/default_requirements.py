@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.control_design.linear_design import DISTURBANCES, Wishes, check_names
+from flexarm.control_design.linear_design import DISTURBANCES, DesignRequirements, check_names
 from flexarm.control_design.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, shown
 from flexarm.linear.signals import CHANNEL_OUTPUTS
@@ -24,9 +24,9 @@ _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("con
 _BRISK = 10.0
 
 
-def wishes_of(
+def design_requirements(
     where: str, arm: Arm, given: LQGParameters, acceptable: Mapping[str, ArrayLike] | None
-) -> Wishes:
+) -> DesignRequirements:
     """Return the requirements of a linear controller, with default values for missing ones.
 
     Args:
@@ -62,7 +62,7 @@ def wishes_of(
     seen = check_names(where, "measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
         raise InputError(Problem(where, "measured", "must contain the tip to integrate it"))
-    return Wishes(
+    return DesignRequirements(
         check_names(where, "acceptable", acceptable, _ACCEPTABLE, arm),
         torque,
         seen,

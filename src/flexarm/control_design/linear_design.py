@@ -62,7 +62,7 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class Wishes:
+class DesignRequirements:
     """Design requirements of a linear controller: acceptable deviations, and noise.
 
     Attributes:
@@ -145,7 +145,9 @@ def sizes_of(
     return np.concatenate(found)
 
 
-def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_time: float) -> Design:
+def design(
+    where: str, arm: Arm, posture: FloatArray, requirements: DesignRequirements, sample_time: float
+) -> Design:
     """Design a regulator and a filter at rest in a posture, under gravity; (C.22) to (C.26).
 
     Raises:
@@ -154,36 +156,38 @@ def design(where: str, arm: Arm, posture: FloatArray, wishes: Wishes, sample_tim
     """
     from scipy.linalg import block_diag
 
-    names = tuple(dict.fromkeys([*wishes.acceptable, *wishes.measured, *wishes.integrated]))
-    inputs = tuple(dict.fromkeys(["torque", *wishes.disturbance]))
+    names = tuple(
+        dict.fromkeys([*requirements.acceptable, *requirements.measured, *requirements.integrated])
+    )
+    inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
     rest = equilibrium(arm, posture)
     model = linearize(arm, rest, inputs=inputs, outputs=names)
     elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     A, B_all = sampled(model, sample_time, np.eye(arm.dof)[:, elastic])
     n, m = len(A), arm.joints
-    B, C = B_all[:, :m], rows_of(model, tuple(wishes.measured))
-    Z = sample_time * rows_of(model, tuple(wishes.integrated))
+    B, C = B_all[:, :m], rows_of(model, tuple(requirements.measured))
+    Z = sample_time * rows_of(model, tuple(requirements.integrated))
     if len(Z) > m:
         rule = f"name at most as many numbers as the arm has joints, {m}"
         raise InputError(Problem(where, "integral", rule, str(len(Z))))
-    scale = sizes_of(where, "acceptable", model, wishes.acceptable)
-    wanted = rows_of(model, tuple(wishes.acceptable)) / scale[:, None]
-    windup = sizes_of(where, "integral", model, wishes.integrated)
+    scale = sizes_of(where, "acceptable", model, requirements.acceptable)
+    wanted = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
+    windup = sizes_of(where, "integral", model, requirements.integrated)
     weight = block_diag(wanted.T @ wanted, np.diag(windup**-2.0))
-    unsure = wishes.rigidity_uncertainty
-    stiffness, bend_energy = bending(arm, model, wishes.acceptable_torque)
+    unsure = requirements.rigidity_uncertainty
+    stiffness, bend_energy = bending(arm, model, requirements.acceptable_torque)
     weight[np.ix_(elastic, elastic)] += bend_weight(unsure, stiffness, bend_energy)
-    torque_weight = np.diag(wishes.acceptable_torque**-2.0)
+    torque_weight = np.diag(requirements.acceptable_torque**-2.0)
     A_z = np.block([[A, np.zeros((n, len(Z)))], [Z, np.eye(len(Z))]])
     B_z = np.vstack([B, np.zeros((len(Z), m))])
     gain, cost = regulator(where, A_z, B_z, weight, torque_weight)
-    strength = sizes_of(where, "disturbance", model, wishes.disturbance)
-    pushed = columns_of(model, tuple(wishes.disturbance), B_all) * strength
+    strength = sizes_of(where, "disturbance", model, requirements.disturbance)
+    pushed = columns_of(model, tuple(requirements.disturbance), B_all) * strength
     # Covariance of torques and elastic forces that represent the model error: (C.39).
     forced = B_all[:, B_all.shape[1] - elastic.size :]
-    torques = (wishes.recovery * wishes.acceptable_torque) ** 2
+    torques = (requirements.recovery * requirements.acceptable_torque) ** 2
     unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
-    noise = np.diag(sizes_of(where, "measured", model, wishes.measured) ** 2)
+    noise = np.diag(sizes_of(where, "measured", model, requirements.measured) ** 2)
     estimator, spread, seen = kalman(where, A, C, pushed @ pushed.T + unknown, noise)
     return Design(
         posture,

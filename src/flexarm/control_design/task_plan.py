@@ -14,7 +14,7 @@ from flexarm.motion.chain import rigid_chain
 from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate
 
 
-class Asked(NamedTuple):
+class TaskReference(NamedTuple):
     """Requested tip motion, force and joint motion at one instant, for the rigid model."""
 
     x: float  # of the tip, m, world axes
@@ -32,7 +32,7 @@ class Asked(NamedTuple):
     pressing: FloatArray  # (joints,) N m, in addition to the torque of the rigid model, (F.3)
 
 
-#: Number of scalar fields of ``Asked``.
+#: Number of scalar fields of ``TaskReference``.
 _NUMBERS = 9
 
 
@@ -50,13 +50,13 @@ class TaskPlan:
         self._sample_time = sample_time
         self._reference: Any = None
         self._rows: SampledFeedforward | None = None
-        self._held: Asked | None = None
+        self._held: TaskReference | None = None
 
     def reset(self) -> None:
         """Clear the reference and the stored angles."""
         self._reference = self._rows = self._held = None
 
-    def at(self, t: float, angle: FloatArray, reference: Reference | None) -> Asked:
+    def at(self, t: float, angle: FloatArray, reference: Reference | None) -> TaskReference:
         """Return the request at t (s); without a reference, rest at the first ``angle``."""
         if reference is None:
             if self._held is None:
@@ -68,17 +68,17 @@ class TaskPlan:
             self._rows = SampledFeedforward(_Rows(self, reference), self._sample_time)
         return self._of(self._rows(t))
 
-    def _of(self, row: FloatArray) -> Asked:
+    def _of(self, row: FloatArray) -> TaskReference:
         n = self._joints
         a, b, c, d = (_NUMBERS + k * n for k in range(4))
         numbers: Any = row[:_NUMBERS].tolist()
         arrays: Any = (row[a:b], row[b:c], row[c:d], row[d : d + n])
-        return Asked(*numbers, *arrays)
+        return TaskReference(*numbers, *arrays)
 
     def _row(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, of: Any, t: FloatArray
     ) -> FloatArray:
-        """Return rows of ``Asked`` from joint angles, rates and accelerations (T, joints)."""
+        """Return rows of ``TaskReference`` from joint motions (T, joints)."""
         lengths, turned = self._chain.lengths, angle + self._chain.offset
         J, J_rate = tip_jacobian(lengths, turned), tip_jacobian_rate(lengths, turned, rate)
         velocity = np.einsum("tij,tj->ti", J, rate)
@@ -86,17 +86,17 @@ class TaskPlan:
         tip_acceleration += np.einsum("tij,tj->ti", J_rate, rate)
         force, normal, pressing = np.zeros((len(t), 1)), np.zeros((len(t), 2)), np.zeros_like(angle)
         if hasattr(of, "contact_force"):
-            force[:, 0] = _asked_of(of, "contact_force", t)
-            normal[:] = _asked_of(of, "normal", t)
-            pressing[:] = _asked_of(of, "pressing_torque", t)
+            force[:, 0] = _task_reference(of, "contact_force", t)
+            normal[:] = _task_reference(of, "normal", t)
+            pressing[:] = _task_reference(of, "pressing_torque", t)
         numbers = (self._chain.tip(angle), velocity, tip_acceleration, force, normal)
         return np.concatenate([*numbers, angle, rate, acceleration, pressing], axis=1)
 
     def rows(self, reference: Any, t: FloatArray) -> FloatArray:
         """Return rows (T, numbers) at times (T,)."""
-        angle = _asked_of(reference, "joint_angle", t)
-        rate = _asked_of(reference, "joint_rate", t)
-        acceleration = _asked_of(reference, "joint_acceleration", t)
+        angle = _task_reference(reference, "joint_angle", t)
+        rate = _task_reference(reference, "joint_rate", t)
+        acceleration = _task_reference(reference, "joint_acceleration", t)
         return self._row(angle, rate, acceleration, reference, t)
 
 
@@ -113,7 +113,7 @@ class _Rows:
         return rows if np.ndim(t) else rows[0]
 
 
-def _asked_of(reference: Any, name: str, t: FloatArray) -> FloatArray:
+def _task_reference(reference: Any, name: str, t: FloatArray) -> FloatArray:
     """Evaluate one method of a reference at times (T,)."""
     ask = getattr(reference, name)
     if getattr(reference, "vectorized", False):

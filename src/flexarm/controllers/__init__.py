@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.control.base import Controller, Measurement, Reference
-from flexarm.control.requirements import Needs
+from flexarm.control.requirements import ControllerRequirements
 from flexarm.control_design.input_shaping import shaped
 from flexarm.controllers.adaptive import Adaptive
 from flexarm.controllers.admittance import Admittance
@@ -55,6 +55,7 @@ __all__ = [
     "Composite",
     "ComputedTorque",
     "Controller",
+    "ControllerRequirements",
     "DisturbanceObserver",
     "EstimatorController",
     "ExtendedKalmanFilter",
@@ -66,7 +67,6 @@ __all__ = [
     "JointPID",
     "Measurement",
     "Motors",
-    "Needs",
     "RBFAdaptive",
     "Reference",
     "SlidingMode",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.control.base import Measurement
-from flexarm.control_design.task_plan import Asked
+from flexarm.control_design.task_plan import TaskReference
 from flexarm.control_design.task_space import TaskState
 from flexarm.controllers.task_controller import TaskController, felt_force
 from flexarm.model.drives.force import AdmittanceParameters
@@ -39,20 +39,20 @@ class Admittance(AdmittanceParameters, TaskController):
         self._away = 0.0
 
     def _law(
-        self, asked: Asked, state: TaskState, measurement: Measurement
+        self, request: TaskReference, state: TaskState, measurement: Measurement
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        nx, ny = asked.normal_x, asked.normal_y
+        nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
-        force = felt_force(asked, measurement) - asked.force - self.stiffness * self._away
+        force = felt_force(request, measurement) - request.force - self.stiffness * self._away
         speed = min(max(force / self.damping, -self.most_speed), self.most_speed)
         across = spring * self._away + damper * speed
         self._away += speed * self.sample_time
-        x_pull = spring * (asked.x - x) + damper * (asked.x_rate - x_rate)
-        y_pull = spring * (asked.y - y) + damper * (asked.y_rate - y_rate)
+        x_pull = spring * (request.x - x) + damper * (request.x_rate - x_rate)
+        y_pull = spring * (request.y - y) + damper * (request.y_rate - y_rate)
         acceleration = (
-            asked.x_acceleration + x_pull + across * nx,
-            asked.y_acceleration + y_pull + across * ny,
+            request.x_acceleration + x_pull + across * nx,
+            request.y_acceleration + y_pull + across * ny,
         )
         return acceleration, (0.0, 0.0)

@@ -115,10 +115,12 @@ class Composite(CompositeParameters, LQG):
         A, B = held(A, model.B[moved], self.sample_time)
         size = sizes_of(where, "acceptable", model, weighted)
         wanted = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
-        price = np.diag(self.wishes.acceptable_torque**-2.0)
+        price = np.diag(self.design_requirements.acceptable_torque**-2.0)
         weighed = wanted.T @ wanted
-        stiffness, energy = bending(arm, model, self.wishes.acceptable_torque)
-        weighed[:k, :k] += bend_weight(self.wishes.rigidity_uncertainty, stiffness, energy)
+        stiffness, energy = bending(arm, model, self.design_requirements.acceptable_torque)
+        weighed[:k, :k] += bend_weight(
+            self.design_requirements.rigidity_uncertainty, stiffness, energy
+        )
         gain, cost = regulator(where, A, B, weighed, price)
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
@@ -138,13 +140,13 @@ class Composite(CompositeParameters, LQG):
         stiff, damped = self.bandwidth**2, 2.0 * self.damping_ratio * self.bandwidth
         bend = -flexibility @ coupling.T
         moves = alone @ carried @ bend
-        asked = -stiff[:, None] * slow - damped[:, None] * rate
-        asked = np.asarray(np.linalg.solve(np.eye(arm.joints) - stiff[:, None] * moves, asked))
-        slow -= moves @ asked
+        request = -stiff[:, None] * slow - damped[:, None] * rate
+        request = np.asarray(np.linalg.solve(np.eye(arm.joints) - stiff[:, None] * moves, request))
+        slow -= moves @ request
         swing = np.zeros((2 * k, 2 * arm.dof))
         swing[np.arange(2 * k), moved] = 1.0
-        swing[:k] -= bend @ asked + sag @ slow
-        return fast, replace(item, gain=gain @ swing - rigid @ asked - weight @ slow)
+        swing[:k] -= bend @ request + sag @ slow
+        return fast, replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
 
     def _known_force_gain(self, item: Design) -> FloatArray:
         """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""

@@ -9,12 +9,12 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
+    ControllerRequirements,
     FloatArray,
     Measurement,
-    Needs,
     Reference,
-    needs_of,
     report_of,
+    requirements_of,
 )
 from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
@@ -77,11 +77,13 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
             [1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
         )
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
-        inner = needs_of(self.inner, arm, reference)
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        inner = requirements_of(self.inner, arm, reference)
         joints = self.arm.joints if self.arm.joints != arm.joints else inner.joints
-        return Needs(joints, tuple(dict.fromkeys([*JOINTS, *inner.measured])), inner.gauges)
+        return ControllerRequirements(
+            joints, tuple(dict.fromkeys([*JOINTS, *inner.measured])), inner.gauges
+        )
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

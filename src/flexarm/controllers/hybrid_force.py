@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.control.base import Measurement
-from flexarm.control_design.task_plan import Asked
+from flexarm.control_design.task_plan import TaskReference
 from flexarm.control_design.task_space import TaskState
 from flexarm.controllers.task_controller import TaskController, felt_force
 from flexarm.model.drives.force import HybridForceParameters
@@ -47,14 +47,14 @@ class HybridForce(HybridForceParameters, TaskController):
         self._x_sum, self._y_sum = 0.0, 0.0
 
     def _law(
-        self, asked: Asked, state: TaskState, measurement: Measurement
+        self, request: TaskReference, state: TaskState, measurement: Measurement
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        nx, ny = asked.normal_x, asked.normal_y
+        nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
-        x_slip, y_slip = asked.x_rate - x_rate, asked.y_rate - y_rate
-        x_off, y_off = asked.x - x, asked.y - y
+        x_slip, y_slip = request.x_rate - x_rate, request.y_rate - y_rate
+        x_off, y_off = request.x - x, request.y - y
         # Remove the normal component of the position error, which the force control replaces.
         across = nx * x_off + ny * y_off
         x_off, y_off = x_off - across * nx, y_off - across * ny
@@ -64,17 +64,17 @@ class HybridForce(HybridForceParameters, TaskController):
         gain = self.path_integral * self.sample_time
         self._x_sum += gain * x_off
         self._y_sum += gain * y_off
-        push = self._push(asked, measurement, nx * x_slip + ny * y_slip)
+        push = self._push(request, measurement, nx * x_slip + ny * y_slip)
         acceleration = (
-            asked.x_acceleration + x_pull - across * nx,
-            asked.y_acceleration + y_pull - across * ny,
+            request.x_acceleration + x_pull - across * nx,
+            request.y_acceleration + y_pull - across * ny,
         )
         return acceleration, (-push * nx, -push * ny)
 
-    def _push(self, asked: Asked, measurement: Measurement, slip: float) -> float:
+    def _push(self, request: TaskReference, measurement: Measurement, slip: float) -> float:
         """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""
-        felt, against = felt_force(asked, measurement), -self.normal_damping * slip
-        error, limit = asked.force - felt, _MOST_CORRECTION * asked.force
+        felt, against = felt_force(request, measurement), -self.normal_damping * slip
+        error, limit = request.force - felt, _MOST_CORRECTION * request.force
         touching = felt >= self.touch_force
         self._touched = self._touched or touching
         push = self.force_proportional * error + self._sum + against
@@ -84,4 +84,4 @@ class HybridForce(HybridForceParameters, TaskController):
             self._sum = min(max(added, -limit), limit)
         if touching:
             return push
-        return against + min(0.0, self.normal_damping * self.approach_speed - asked.force)
+        return against + min(0.0, self.normal_damping * self.approach_speed - request.force)

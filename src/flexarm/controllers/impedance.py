@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.control.base import Measurement
-from flexarm.control_design.task_plan import Asked
+from flexarm.control_design.task_plan import TaskReference
 from flexarm.control_design.task_space import TaskState
 from flexarm.controllers.task_controller import TaskController, felt_force
 from flexarm.model.drives.force import ImpedanceParameters
@@ -42,23 +42,23 @@ class Impedance(ImpedanceParameters, TaskController):
         self._sum = 0.0
 
     def _law(
-        self, asked: Asked, state: TaskState, measurement: Measurement
+        self, request: TaskReference, state: TaskState, measurement: Measurement
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        nx, ny = asked.normal_x, asked.normal_y
+        nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         x, y, x_rate, y_rate = (
-            asked.x - x,
-            asked.y - y,
-            asked.x_rate - x_rate,
-            asked.y_rate - y_rate,
+            request.x - x,
+            request.y - y,
+            request.x_rate - x_rate,
+            request.y_rate - y_rate,
         )
         # Apply the tangential gains in all directions, and add the difference along the normal.
         k, d = self.tangent_stiffness, self.tangent_damping
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
         across += (self.normal_damping - d) * (nx * x_rate + ny * y_rate)
         if self._reads_force:
-            error = asked.force - felt_force(asked, measurement)
+            error = request.force - felt_force(request, measurement)
             across -= self.force_proportional * error + self._sum
             self._sum += self.force_integral * self.sample_time * error
         force = (k * x + d * x_rate + across * nx, k * y + d * y_rate + across * ny)
-        return (asked.x_acceleration, asked.y_acceleration), force
+        return (request.x_acceleration, request.y_acceleration), force

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Needs, Reference
+from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
 from flexarm.control.requirements import JOINTS, joints_of
 from flexarm.controllers.follower import JointFollower
 from flexarm.model.drives.joint import JointPDParameters
@@ -20,9 +20,11 @@ class JointPD(JointFollower, JointPDParameters):
 
     memory = ()
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
-        return Needs(joints_of(arm.joints, self.proportional, self.derivative), JOINTS)
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        return ControllerRequirements(
+            joints_of(arm.joints, self.proportional, self.derivative), JOINTS
+        )
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from flexarm.arguments import check_flag, check_limits
 from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Needs, Reference
+from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
 from flexarm.control.gains import joint_problems
 from flexarm.control.requirements import JOINTS, joints_of
 from flexarm.control_design.gravity_compensation import SaggingArm
@@ -75,12 +75,12 @@ class JointPID(JointFollower, JointPIDParameters):
         if isinstance(self._weight, SaggingArm):
             self._weight.reset()
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
         if self.arm is not None:
-            return Needs(self.arm.joints, JOINTS)
+            return ControllerRequirements(self.arm.joints, JOINTS)
         lists = self.proportional, self.derivative, self.integral, self.torque_limit
-        return Needs(joints_of(arm.joints, *lists), JOINTS)
+        return ControllerRequirements(joints_of(arm.joints, *lists), JOINTS)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

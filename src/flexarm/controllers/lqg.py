@@ -14,10 +14,16 @@ from pydantic import Field
 from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
-from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
+from flexarm.control.base import (
+    Controller,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
 from flexarm.control.gains import check_sample_time
 from flexarm.control.parametrised import OfArm
-from flexarm.control_design.default_requirements import wishes_of
+from flexarm.control_design.default_requirements import design_requirements
 from flexarm.control_design.flexible_model import FlexibleModel
 from flexarm.control_design.linear_design import (
     Design,
@@ -62,7 +68,7 @@ class LQG(LQGParameters, OfArm, Controller):
     def __post_init__(self) -> None:
         where, arm = type(self).__name__, self.arm
         self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
-        self.wishes = wishes_of(where, arm, self, self._regulated())
+        self.design_requirements = design_requirements(where, arm, self, self._regulated())
         self._model = FlexibleModel(arm)
         self._strains = strain_matrix(arm)
         self._grid = PostureGrid(where, self.posture, self.schedule)
@@ -91,7 +97,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _design_all(self, where: str) -> tuple[Design, ...]:
         return tuple(
-            design(where, self.arm, posture, self.wishes, self._sample_time)
+            design(where, self.arm, posture, self.design_requirements, self._sample_time)
             for posture in self._grid.postures
         )
 
@@ -116,7 +122,7 @@ class LQG(LQGParameters, OfArm, Controller):
         still = np.zeros((1, self.arm.dof))
         self._places, start = [], n
         parts = self._shown_parts(still[:, :m], still, still)
-        for name, part in zip(self.wishes.measured, parts, strict=True):
+        for name, part in zip(self.design_requirements.measured, parts, strict=True):
             self._places.append((name, slice(start, start + part.shape[1])))
             start += part.shape[1]
         self._whole = np.zeros(n + self._integrals)  # estimate, integrals
@@ -162,11 +168,17 @@ class LQG(LQGParameters, OfArm, Controller):
         self._whole[:] = 0.0
         self._motion.reset()
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
         first = () if self.nominal is not None else ("joint_angle",)
-        read = tuple(dict.fromkeys([*first, *self.wishes.measured, *self.wishes.integrated]))
-        return Needs(self.arm.joints, read, len(self.arm.gauges) if "strain" in read else None)
+        read = tuple(
+            dict.fromkeys(
+                [*first, *self.design_requirements.measured, *self.design_requirements.integrated]
+            )
+        )
+        return ControllerRequirements(
+            self.arm.joints, read, len(self.arm.gauges) if "strain" in read else None
+        )
 
     @property
     def estimate(self) -> FloatArray:
@@ -199,7 +211,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _shown_parts(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> list[FloatArray]:
         parts = []
-        for name in self.wishes.measured:
+        for name in self.design_requirements.measured:
             if name == "joint_angle":
                 parts.append(angle)
             elif name == "joint_rate":
@@ -227,12 +239,12 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _integrate(self, measurement: Measurement, nominal: Nominal, excess: FloatArray) -> None:
         """Advance the integrals, unless that would increase a torque at its limit."""
-        (name,) = self.wishes.integrated
+        (name,) = self.design_requirements.integrated
         wanted = nominal.angle if name == "joint_angle" else self._wanted_tip(nominal)
         step = self.sample_time * (getattr(measurement, name) - wanted)
         if np.any(excess):
-            asked = -(self._gain[:, self._states :] @ step)
-            if asked @ excess > 0.0:
+            request = -(self._gain[:, self._states :] @ step)
+            if request @ excess > 0.0:
                 return
         self._whole[self._states :] += step
 

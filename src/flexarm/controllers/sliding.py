@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.control.base import Controller, FloatArray, Measurement, Needs, Reference
+from flexarm.control.base import (
+    Controller,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
 from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
 from flexarm.errors import InputError, Problem, shown
@@ -49,11 +55,11 @@ class SlidingVariable:
         self._gauge[joint] = min(own)[1]
         self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
 
-    def needs(self, arm: Arm) -> Needs:
+    def requirements(self, arm: Arm) -> ControllerRequirements:
         """Return the requirements of a controller of ``arm``."""
         if self._fed:
-            return Needs(arm.joints, (*JOINTS, "strain"), len(arm.gauges))
-        return Needs(arm.joints, JOINTS)
+            return ControllerRequirements(arm.joints, (*JOINTS, "strain"), len(arm.gauges))
+        return ControllerRequirements(arm.joints, JOINTS)
 
     def reset(self, sample_time: float) -> None:
         """Clear the state of the previous run; ``sample_time`` in s."""
@@ -109,6 +115,6 @@ class SlidingController(OfArm, Controller):
         """Clear the state of the previous run."""
         self._sliding.reset(self.sample_time)
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
-        return self._sliding.needs(self.arm)
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        return self._sliding.requirements(self.arm)

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from flexarm.arguments import check_each
 from flexarm.arm import Arm
-from flexarm.control.base import FloatArray, Measurement, Needs, Reference
+from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
 from flexarm.control.requirements import JOINTS, joints_of
 from flexarm.controllers.follower import JointFollower
 from flexarm.errors import InputError, Problem, check_array
@@ -58,14 +58,14 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         super().reset()
         self._last = None
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
-        """See ``Controller.needs``."""
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
         fed = [self.strain, *([self.strain_rate] if np.any(self.strain_rate) else [])]
         joints = joints_of(arm.joints, self.proportional, self.derivative, *fed)
         there = len(arm.gauges)
         counts = (gains.shape[1] if gains.ndim == 2 else joints for gains in fed)
         gauges = next((count for count in counts if count != there), there)
-        return Needs(joints, (*JOINTS, "strain"), gauges)
+        return ControllerRequirements(joints, (*JOINTS, "strain"), gauges)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from flexarm.arm import Arm
-from flexarm.control.base import Controller, Needs, Reference
+from flexarm.control.base import Controller, ControllerRequirements, Reference
 from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
-from flexarm.control_design.task_plan import Asked, TaskPlan
+from flexarm.control_design.task_plan import TaskPlan, TaskReference
 from flexarm.control_design.task_space import TaskSpace, TaskState
 from flexarm.hardware.measurement import FloatArray, Measurement
 
@@ -26,25 +26,27 @@ class TaskController(OfArm, Controller):
         """Clear the reference, and the angles that are kept without one."""
         self._plan.reset()
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """Return the requirements: a reference that presses needs a measured force."""
         presses = self._reads_force and hasattr(reference, "contact_force")
-        return Needs(self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS)
+        return ControllerRequirements(
+            self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS
+        )
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         angle, rate = measurement.joint_angle, measurement.joint_rate
-        asked = self._plan.at(t, angle, reference)
+        request = self._plan.at(t, angle, reference)
         state = self._task.at(angle, rate)
-        if not (asked.normal_x or asked.normal_y):
-            return self._joints_follow(asked, state, angle, rate)
-        acceleration, force = self._law(asked, state, measurement)
-        posture = self._posture(asked, angle, rate)
-        return self._task.torque(state, acceleration, force, posture, asked.pressing)
+        if not (request.normal_x or request.normal_y):
+            return self._joints_follow(request, state, angle, rate)
+        acceleration, force = self._law(request, state, measurement)
+        posture = self._posture(request, angle, rate)
+        return self._task.torque(state, acceleration, force, posture, request.pressing)
 
     @abstractmethod
     def _law(
-        self, asked: Asked, state: TaskState, measurement: Measurement
+        self, request: TaskReference, state: TaskState, measurement: Measurement
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the acceleration (m/s^2) of the tip of the rigid model, and the force (N) on it.
 
@@ -52,28 +54,28 @@ class TaskController(OfArm, Controller):
         """
 
     def _joints_follow(
-        self, asked: Asked, state: TaskState, angle: FloatArray, rate: FloatArray
+        self, request: TaskReference, state: TaskState, angle: FloatArray, rate: FloatArray
     ) -> FloatArray:
         """Return the torque of a motion without force: computed torque, regular at any posture."""
         w = self._posture_frequency
-        wanted = asked.acceleration + w * w * (asked.angle - angle)
-        wanted += 2.0 * w * (asked.rate - rate)
+        wanted = request.acceleration + w * w * (request.angle - angle)
+        wanted += 2.0 * w * (request.rate - rate)
         torque: FloatArray = state.mass.dot(wanted)
         torque += state.bias_torque
-        torque += asked.pressing
+        torque += request.pressing
         return torque
 
-    def _posture(self, asked: Asked, angle: FloatArray, rate: FloatArray) -> FloatArray:
+    def _posture(self, request: TaskReference, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return joint accelerations (joints,), with posture control of more than two joints."""
         if self._task.joints < 3:
-            return asked.acceleration
+            return request.acceleration
         w = self._posture_frequency
-        back: FloatArray = w * w * (asked.angle - angle) + 2.0 * w * (asked.rate - rate)
-        return asked.acceleration + back
+        back: FloatArray = w * w * (request.angle - angle) + 2.0 * w * (request.rate - rate)
+        return request.acceleration + back
 
 
-def felt_force(asked: Asked, measurement: Measurement) -> float:
+def felt_force(request: TaskReference, measurement: Measurement) -> float:
     """Return the measured force (N) of the first contact along the normal."""
     x, y = measurement.contact_force[0].tolist()
-    force: float = asked.normal_x * x + asked.normal_y * y
+    force: float = request.normal_x * x + request.normal_y * y
     return force

@@ -55,7 +55,7 @@ def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
     return float(np.linalg.eigvalsh(force @ pushed.T)[-1])
 
 
-def touch_frequency(placed: Contacts) -> float:
+def contact_frequency(placed: Contacts) -> float:
     """Return the highest frequency (rad/s) of the arm on a surface; 0 without contacts."""
     turning = undecorated(turning_time)
     times = [turning(placed, k, _SPEED) for k in range(placed.body.size)]

@@ -39,7 +39,7 @@ class Choice(NamedTuple):
 
 
 def check_integrator(
-    asked: str | Integrator, step: float | None, where: str, touching: bool = False
+    requested: str | Integrator, step: float | None, where: str, touching: bool = False
 ) -> None:
     """Validate the requested integrator and step, independently of the arm.
 
@@ -53,17 +53,17 @@ def check_integrator(
     """
     if step is not None:
         check_positive(where, "step", step)
-    known = isinstance(asked, str) and asked in ("auto", *INTEGRATORS)
-    if not known and not isinstance(asked, Integrator):
+    known = isinstance(requested, str) and requested in ("auto", *INTEGRATORS)
+    if not known and not isinstance(requested, Integrator):
         names = ", ".join(repr(name) for name in ("auto", *INTEGRATORS))
-        gone = isinstance(asked, str) and asked in REMOVED
-        hint = f"It was removed; use {REMOVED[str(asked)]!r}." if gone else ""
-        raise InputError(Problem(where, "integrator", f"be one of {names}", shown(asked), hint))
-    if step is not None and not isinstance(asked, str):
+        gone = isinstance(requested, str) and requested in REMOVED
+        hint = f"It was removed; use {REMOVED[str(requested)]!r}." if gone else ""
+        raise InputError(Problem(where, "integrator", f"be one of {names}", shown(requested), hint))
+    if step is not None and not isinstance(requested, str):
         rule = "cannot be combined with an integrator object"
-        hint = f"Use integrator={type(asked).__name__}(step={shown(step)})."
+        hint = f"Use integrator={type(requested).__name__}(step={shown(step)})."
         raise InputError(Problem(where, "step", rule, hint=hint))
-    kind = INTEGRATORS.get(asked) if isinstance(asked, str) else asked
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
     if touching and kind is not None and not kind.follows_contacts:
         followers = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_contacts]
         rule = f"be one of 'auto', {', '.join(followers)} for an arm with contacts"
@@ -71,7 +71,7 @@ def check_integrator(
 
 
 def choose_integrator(
-    asked: str | Integrator,
+    requested: str | Integrator,
     step: float | None,
     arm: Arm,
     tolerance: Tolerance,
@@ -87,14 +87,14 @@ def choose_integrator(
     Raises:
         InputError: under the conditions of ``check_integrator``.
     """
-    check_integrator(asked, step, where, touch > 0.0)
-    if isinstance(asked, Integrator):
-        return Choice(asked, "given by the user")
-    if asked == "auto":
+    check_integrator(requested, step, where, touch > 0.0)
+    if isinstance(requested, Integrator):
+        return Choice(requested, "given by the user")
+    if requested == "auto":
         if step is not None:
             return Choice(RungeKutta4(step=step), "fixed step asked for", by_drive=touch == 0.0)
         return _by_stiffness(arm, tolerance, touch)
-    return Choice(INTEGRATORS[asked](step=step), "named by the user")
+    return Choice(INTEGRATORS[requested](step=step), "named by the user")
 
 
 def choose_by_drive(

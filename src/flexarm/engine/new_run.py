@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.engine.contact_setup import contacts_of_run, touch_frequency
+from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.default_step import default_step
 from flexarm.engine.event_search import Watch
 from flexarm.engine.events import EventLog
@@ -53,7 +53,7 @@ def new_run(
             integrator has that name.
     """
     touching = contacts_of_run(arm, environment.contacts, state, where)
-    touch = touch_frequency(touching)
+    touch = contact_frequency(touching)
     tolerance = tolerance_of(arm, state, atol, rtol)
     choice = choose_integrator(integrator, step, arm, tolerance, touch, where)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))

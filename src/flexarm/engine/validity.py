@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.bending import LARGEST_ERROR, BendingErrors, too_far_bent
+from flexarm.bending import LARGEST_ERROR, BendingErrors, theory_error
 from flexarm.integrate.base import FloatArray
 
 #: Ratio of deflection to length that no real link reaches.
@@ -36,7 +36,7 @@ class RunawayWatch:
 
 
 class BendingWatch:
-    """Repeated evaluation of ``too_far_bent``, fast enough for every sample time."""
+    """Repeated evaluation of ``theory_error``, fast enough for every sample time."""
 
     def __init__(self, arm: Arm) -> None:
         self._arm, self._errors = arm, BendingErrors(arm)
@@ -48,4 +48,4 @@ class BendingWatch:
             return ""
         if not (self._errors.of_links(state[None])[0][0] > self._allowed).any():
             return ""
-        return too_far_bent(self._arm, state[None])
+        return theory_error(self._arm, state[None])

@@ -7,12 +7,12 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
+    ControllerRequirements,
     FloatArray,
     Measurement,
-    Needs,
     Reference,
-    needs_of,
     report_of,
+    requirements_of,
 )
 from flexarm.control.parametrised import Parametrised
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
@@ -58,14 +58,14 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
         self.inner.reset()
         self._asked = None
 
-    def needs(self, arm: Arm, reference: Reference | None) -> Needs:
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """Return the readings of the filter, and those of ``inner`` that it does not supply."""
-        inner = needs_of(self.inner, arm, reference)
+        inner = requirements_of(self.inner, arm, reference)
         own = [item.label for item in self.estimator.instruments]
         more = [name for name in inner.measured if name not in _TOLD]
         joints = self.estimator.arm.joints
         gauges = len(self.estimator.arm.gauges) if "strain" in own else None
-        return Needs(
+        return ControllerRequirements(
             joints if joints != arm.joints else inner.joints,
             tuple(dict.fromkeys([*own, *more])),
             gauges if gauges not in (None, len(arm.gauges)) else inner.gauges,

@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 _GRID = 1e-9
 
 
-def ticks_of(instrument: Instrument, tick: float) -> tuple[int, int]:
+def stride_and_delay(instrument: Instrument, tick: float) -> tuple[int, int]:
     """Return the stride of the frames and the delay of the readings, in samples.
 
     Raises:
@@ -46,7 +46,7 @@ class Readings:
     def __init__(self, instrument: Instrument, tick: float, generator: np.random.Generator) -> None:
         self._instrument = instrument
         self._generator = generator
-        self._every, self._late = ticks_of(instrument, tick)
+        self._every, self._late = stride_and_delay(instrument, tick)
         self._frames: deque[tuple[int, FloatArray, FloatArray | None]] = deque()
         self._known: tuple[FloatArray, FloatArray | None] | None = None
         self._last: FloatArray | None = None
@@ -67,7 +67,7 @@ class Readings:
             self._known = read, rate
         self._frames.append((k + self._late, read, rate))
 
-    def tell(self, k: int, values: dict[str, FloatArray]) -> None:
+    def write_available(self, k: int, values: dict[str, FloatArray]) -> None:
         """Write copies of the readings that are available at sample k into ``values``."""
         while self._frames and self._frames[0][0] <= k:
             self._known = self._frames.popleft()[1:]

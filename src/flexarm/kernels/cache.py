@@ -154,14 +154,14 @@ def _undecorated(function: Any, done: dict[int, Callable[..., Any]]) -> Callable
     if id(plain) in done:
         return done[id(plain)]
     scope: dict[str, Any] = dict(plain.__globals__)
-    twin = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__)
-    done[id(plain)] = twin
+    rigid_counterpart = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__)
+    done[id(plain)] = rigid_counterpart
     for name in plain.__code__.co_names:
         callee = scope.get(name)
         module = getattr(getattr(callee, "py_func", callee), "__module__", None) or ""
         if callable(callee) and module.startswith("flexarm.") and not isinstance(callee, type):
             scope[name] = _undecorated(callee, done)
-    return twin
+    return rigid_counterpart
 
 
 notice = CompileNotice(kept=CACHE_DIRECTORY is not None)

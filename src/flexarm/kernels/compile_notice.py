@@ -47,12 +47,12 @@ class CompileNotice(event.Listener):
                 file=sys.stderr,
                 flush=True,
             )
-            atexit.register(self._tell_time)
+            atexit.register(self._print_time)
         if sys.stderr.isatty():
             line = f"  {kernel} ({self.kernels} compiled in {self.seconds:.0f} s)"
             print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
 
-    def _tell_time(self) -> None:
+    def _print_time(self) -> None:
         """Print the total time when the process ends, because more may compile until then."""
         kept = "the result is kept for the next start."
         if not self._kept:

@@ -30,7 +30,7 @@ OneJoint = str | tuple[float, float]
 Joints = str | Sequence[OneJoint] | Gains
 
 
-class Held(NamedTuple):
+class JointFeedback(NamedTuple):
     """Coordinates that can move, and stiffness and damping of the feedback, each (dof,)."""
 
     moving: NDArray[np.intp]
@@ -38,8 +38,8 @@ class Held(NamedTuple):
     damping: FloatArray
 
 
-def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
-    """Convert the argument ``joints`` of `modes` to the coordinates and gains of `Held`.
+def joint_feedback(arm: Arm, where: str, joints: Joints) -> JointFeedback:
+    """Convert the argument ``joints`` of `modes` to the coordinates and gains of `JointFeedback`.
 
     Raises:
         InputError: if a word is unknown, gains are not numbers, or their number is wrong.
@@ -53,7 +53,7 @@ def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
         count = (arm.joints,)
         stiffness[index] = check_array(where, "joints.proportional", joints.proportional, count)
         damping[index] = check_array(where, "joints.derivative", joints.derivative, count)
-        return Held(np.arange(arm.dof), stiffness, damping)
+        return JointFeedback(np.arange(arm.dof), stiffness, damping)
     if isinstance(joints, str):
         each: list[OneJoint] = [joints] * arm.joints
         if joints not in JOINTS:  # checked for an arm without joints, too
@@ -72,7 +72,7 @@ def hold_joints(arm: Arm, where: str, joints: Joints) -> Held:
         else:
             gains = check_array(where, "joints", item, (2,))
             stiffness[place], damping[place] = gains
-    return Held(np.flatnonzero(moving), stiffness, damping)
+    return JointFeedback(np.flatnonzero(moving), stiffness, damping)
 
 
 def _unknown(where: str, name: str, value: object) -> InputError:

@@ -18,7 +18,7 @@ from flexarm.errors import InputError, Problem, check_array, check_result, few
 from flexarm.linear.curves import displacements
 from flexarm.linear.eigen import damped, undamped
 from flexarm.linear.equilibrium import Equilibrium
-from flexarm.linear.held import Held, Joints, hold_joints
+from flexarm.linear.held import JointFeedback, Joints, joint_feedback
 from flexarm.linear.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.tangent import Tangent, tangent
 from flexarm.model import Load
@@ -141,7 +141,7 @@ def modes(
     arm = check_kind(_WHERE, "arm", arm, Arm)
     given = Environment.of(arm, _WHERE, tip_force, loads)
     given.placed(arm, _WHERE)  # errors name this function
-    held = hold_joints(arm, _WHERE, joints)
+    held = joint_feedback(arm, _WHERE, joints)
     rate = float(check_array(_WHERE, "spin", spin, ()))
     place, environment = _place(arm, joint_angles, q, given)
     if rate != 0.0 and (environment.loads or environment.contacts):
@@ -182,7 +182,7 @@ def _small_motion(arm: Arm, q: FloatArray, spin: float, environment: Environment
     return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), environment)
 
 
-def _solve(arm: Arm, q: FloatArray, spin: float, held: Held, small: Tangent) -> Modes:
+def _solve(arm: Arm, q: FloatArray, spin: float, held: JointFeedback, small: Tangent) -> Modes:
     part = np.ix_(held.moving, held.moving)
     M = small.mass[part]
     _check_mass(M)

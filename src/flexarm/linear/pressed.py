@@ -37,7 +37,7 @@ _FEWEST_SAMPLES, _MOST_SAMPLES = 8, 4000
 _SLOW = 0.2
 
 
-class Held(NamedTuple):
+class JointFeedback(NamedTuple):
     """Equilibrium of the bent arm at one instant, with the contact force at its tip."""
 
     angle: FloatArray  # (joints,) rad
@@ -69,7 +69,7 @@ class PressedMotion:
         force: Callable[[float], float],
         normal: Callable[[float], FloatArray],
         times: FloatArray,
-        held: Sequence[Held],
+        held: Sequence[JointFeedback],
     ) -> None:
         self.motion = motion
         self.start_time, self.end_time, self.breaks = (
@@ -231,7 +231,7 @@ class _Search:
         self._beside = np.zeros(arm.joints)
         self._drift = np.zeros(arm.joints)  # its change between two times
 
-    def at(self, t: float, force: float, normal: FloatArray) -> Held:
+    def at(self, t: float, force: float, normal: FloatArray) -> JointFeedback:
         """Return the equilibrium at time t (s) under a force (N) along a normal (2,)."""
         arm, motion = self._arm, self._motion
         tangent = np.array([-normal[1], normal[0]])
@@ -255,9 +255,11 @@ class _Search:
             if np.hypot(*missed) < _CLOSE:
                 self._drift = angle - rigid - self._beside
                 self._beside = angle - rigid
-                twin = self._rigid.bias_force(self._rigid.rest(angle), np.zeros(self._rigid.dof))
-                pressing = rest.torque - twin[self._rigid.joint_index]
-                return Held(angle, rest.torque, pressing, rest.q)
+                rigid_counterpart = self._rigid.bias_force(
+                    self._rigid.rest(angle), np.zeros(self._rigid.dof)
+                )
+                pressing = rest.torque - rigid_counterpart[self._rigid.joint_index]
+                return JointFeedback(angle, rest.torque, pressing, rest.q)
             if step.any():  # Broyden's update of the inverse Jacobian
                 gained = way @ (missed - before)
                 scale = step @ gained

@@ -49,7 +49,7 @@ class Acting:
         """Torque (joints,) that the motors currently approach."""
         return self._target[-1]
 
-    def ask(self, t: float, torque: FloatArray) -> None:
+    def command(self, t: float, torque: FloatArray) -> None:
         """Command a torque (joints,) at time t."""
         self._waiting.append((t + self._motors.delay, torque))
 

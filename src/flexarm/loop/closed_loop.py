@@ -14,7 +14,7 @@ from flexarm.errors import InputError, SimulationError, check_array
 from flexarm.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray
 from flexarm.loop.requirements import misfits
-from flexarm.loop.sampled_loop import Ticks
+from flexarm.loop.sampled_loop import SampleSchedule
 from flexarm.loop.sampled_reference import sampled_reference
 from flexarm.model import Hardware
 
@@ -40,7 +40,7 @@ class ClosedLoop:
         self._run = run
         self.controller = controller
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
-        self._ticks = Ticks(run, controller.sample_time, hardware)
+        self._schedule = SampleSchedule(run, controller.sample_time, hardware)
         self._runaway = RunawayWatch(run.arm)
         self.hardware = hardware
         self.ticks: list[float] = []
@@ -55,7 +55,7 @@ class ClosedLoop:
             SimulationError: if the integrator fails, the motion diverges, or the controller
                 raises or does not return finite torques.
         """
-        run, ticks = self._run, self._ticks
+        run, ticks = self._run, self._schedule
         self.controller.reset()
         # Skip a last sample time that lies before the end by rounding alone.
         while ticks.time < run.duration * (1.0 - 1e-12):
@@ -94,7 +94,7 @@ class ClosedLoop:
 
     def torque_at(self, times: FloatArray) -> FloatArray:
         """Return the applied torque (T, joints) at times (T,)."""
-        return self._ticks.acting.at(times)
+        return self._schedule.acting.at(times)
 
     def asked_at(self, times: FloatArray) -> FloatArray:
         """Return the last torque commanded by the controller (T, joints) at times (T,)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexarm.arm import Arm
-from flexarm.control.base import Reference, needs_of
+from flexarm.control.base import Reference, requirements_of
 from flexarm.errors import Problem
 from flexarm.loop.sensors import measured_names
 from flexarm.model import Hardware
@@ -27,20 +27,20 @@ def misfits(
         where: name of the calling function, for messages.
         called: user's name of the controller; empty for the name of its class.
     """
-    needs = needs_of(controller, arm, reference)
+    requirements = requirements_of(controller, arm, reference)
     called = called or type(controller).__name__
-    if needs.joints not in (None, arm.joints):
-        rule = (
-            f"is for {needs.joints} joint{'s' * (needs.joints != 1)}, but the arm has {arm.joints}"
-        )
+    if requirements.joints not in (None, arm.joints):
+        own = f"{requirements.joints} joint{'s' * (requirements.joints != 1)}"
+        rule = f"is for {own}, but the arm has {arm.joints}"
         return [Problem(where, "controller", rule)]
     there = measured_names(arm, hardware, contacts)
     problems = []
     count = len(arm.gauges)
-    if "strain" in needs.measured and needs.gauges not in (None, count):
-        rule = f"have the {needs.gauges} gauge{'s' * (needs.gauges != 1)} that {called} reads"
+    if "strain" in requirements.measured and requirements.gauges not in (None, count):
+        gauges = f"{requirements.gauges} gauge{'s' * (requirements.gauges != 1)}"
+        rule = f"have the {gauges} that {called} reads"
         problems.append(Problem(where, "arm", rule, str(count)))
-    for name in needs.measured:
+    for name in requirements.measured:
         if name not in there and not (name == "strain" and problems):
             problems.append(_missing(where, called, name, arm, hardware, there, contacts))
     return problems

@@ -15,7 +15,7 @@ from flexarm.loop.sensors import sensing_of
 from flexarm.model import Hardware
 
 
-class Ticks:
+class SampleSchedule:
     """Run divided into sample times, with the hardware between arm and controller.
 
     Args:
@@ -72,7 +72,7 @@ class Ticks:
         Raises:
             SimulationError: if the integrator fails.
         """
-        self.acting.ask(self.time, torque)
+        self.acting.command(self.time, torque)
         self.tick += 1
         until = min(self.time, self.run.duration)
         while self.run.progress.time < min(until, self.run.duration):  # an event may end the run

@@ -33,10 +33,10 @@ class SampledReference:
         if not duration / sample_time <= _MOST_TICKS:
             rule = f"be at least {duration / _MOST_TICKS:.3g} s for a duration of {duration:.6g} s"
             raise InputError(Problem("controller", "sample_time", rule, shown(sample_time)))
-        self._ticks = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
+        self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
         self._tables: dict[str, FloatArray] = {}
         if isinstance(reference, Motion):
-            angle, rate, acceleration = reference.state(self._ticks)
+            angle, rate, acceleration = reference.state(self._schedule)
             self._tables |= {"joint_angle": angle, "joint_rate": rate}
             self._tables["joint_acceleration"] = acceleration
 
@@ -44,16 +44,16 @@ class SampledReference:
         # Only times that equal a sample time exactly have the tabulated value.
         if isinstance(t, float) or np.ndim(t) == 0:
             k = round(float(t) / self._sample_time)  # type: ignore[arg-type]
-            if 0 <= k < len(self._ticks) and k * self._sample_time == t:
+            if 0 <= k < len(self._schedule) and k * self._sample_time == t:
                 table = self._tables.get(name)
                 if table is None:
-                    table = np.asarray(getattr(self._reference, name)(self._ticks))
+                    table = np.asarray(getattr(self._reference, name)(self._schedule))
                     self._tables[name] = table
                 return table[k]
         elif name in self._tables:
             times = np.asarray(t, dtype=np.float64)
             ticks = np.rint(times / self._sample_time)
-            inside = (ticks >= 0.0) & (ticks < len(self._ticks))
+            inside = (ticks >= 0.0) & (ticks < len(self._schedule))
             if np.all(inside & (ticks * self._sample_time == times)):
                 return self._tables[name][ticks.astype(np.intp)]
         return getattr(self._reference, name)(t)

@@ -101,7 +101,7 @@ class InstrumentSensing:
         for readings, read in self._pairs:
             if readings.wants(k):
                 readings.take(k, read(state, system, t))
-            readings.tell(k, values)
+            readings.write_available(k, values)
         return Measurement(**values)
 
 

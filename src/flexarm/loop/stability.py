@@ -13,7 +13,7 @@ from flexarm.contacts import place_contacts
 from flexarm.control.base import Controller, Reference
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
-from flexarm.loop_analysis.linear_controller import HeldReference, MemoryNameError, memory_of
+from flexarm.loop_analysis.linear_controller import FrozenReference, MemoryNameError, memory_of
 from flexarm.loop_analysis.plant_model import (
     PlantModel,
     Signal,
@@ -151,7 +151,7 @@ def _worst(
 ) -> tuple[float, float, float]:
     """Return growth (1/s), frequency (Hz) and magnitude of the fastest growing pole."""
     rate, (arm, plant) = sliding(controller, reference, *arms)
-    still = HeldReference(reference, t) if reference is not None else None
+    still = FrozenReference(reference, t) if reference is not None else None
     presses = bool(contacts) and hasattr(reference, "contact_force")
     angle = plant.joint_angles(initial)
     if reference is not None and (presses or t > 0.0):

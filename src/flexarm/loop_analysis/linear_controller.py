@@ -32,7 +32,7 @@ class LinearController(NamedTuple):
     D: FloatArray
 
 
-class HeldReference:
+class FrozenReference:
     """Constant reference with the angles of another one at a given time, and no acceleration.
 
     Joint rates are ``rate`` (rad/s), although the angles are constant.
@@ -120,7 +120,7 @@ def linear_controller(
     Args:
         controller: controller that declares its ``memory``; it is not modified.
         measured: the readings by name, in the order of the columns of B and D.
-        reference: constant reference, see `HeldReference`; None for none.
+        reference: constant reference, see `FrozenReference`; None for none.
         t: time of all updates, s.
 
     Raises:

@@ -16,12 +16,12 @@ from flexarm.control.base import (
     Reference,
     check_controller,
     check_reference,
-    needs_of,
+    requirements_of,
 )
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.signals import CHANNEL_OUTPUTS
-from flexarm.loop_analysis.linear_controller import HeldReference, memory_of
+from flexarm.loop_analysis.linear_controller import FrozenReference, memory_of
 from flexarm.loop_analysis.plant_model import instruments_of, loop_of, model_at, signals_of, sliding
 from flexarm.loop_analysis.sampled_loop import ComplexArray, SampledLoop
 from flexarm.model import Contact, Hardware, Instrument
@@ -77,11 +77,13 @@ def loop_at(
     own = own if isinstance(own, Arm) else None
     arm = plant if plant is not None else own
     assert isinstance(arm, Arm)
-    still = HeldReference(reference, t) if reference is not None else None
+    still = FrozenReference(reference, t) if reference is not None else None
     instruments = instruments_of(arm, hardware, len(contacts))
     if hardware is None or hardware.instruments is None:
         names = [item.output for item in instruments]
-        more = [name for name in needs_of(controller, arm, still).measured if name not in names]
+        more = [
+            name for name in requirements_of(controller, arm, still).measured if name not in names
+        ]
         instruments += [Instrument(signal=name) for name in more if name in CHANNEL_OUTPUTS]
     signals = signals_of(instruments)
     rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
@@ -207,9 +209,9 @@ def _plants(
         rule = f"have the {own.joints} joints of the controller's arm"
         raise InputError(Problem(_WHERE, "plants", rule, shown(joints[0])))
     for name, arm in named.items():
-        needs = needs_of(controller, arm, None)
-        if "strain" in needs.measured and needs.gauges not in (None, len(arm.gauges)):
-            rule = f"have the {needs.gauges} gauges that {type(controller).__name__} reads"
+        requirements = requirements_of(controller, arm, None)
+        if "strain" in requirements.measured and requirements.gauges not in (None, len(arm.gauges)):
+            rule = f"have the {requirements.gauges} gauges that {type(controller).__name__} reads"
             raise InputError(Problem(_WHERE, "plants", rule, f"{len(arm.gauges)} in {name}"))
     return named
 

@@ -15,7 +15,7 @@ from flexarm.linear.equilibrium import equilibrium
 from flexarm.linear.linearize import linearize
 from flexarm.linear.signals import OutputName
 from flexarm.loop_analysis.linear_controller import (
-    HeldReference,
+    FrozenReference,
     LinearController,
     linear_controller,
 )
@@ -183,7 +183,7 @@ def loop_of(
     terms = []
     for factor, weight in _RATES:
         now = {k: v + factor * rate if k in turning else v for k, v in measured.items()}
-        moving = HeldReference(reference, t, factor * rate)
+        moving = FrozenReference(reference, t, factor * rate)
         slopes = linear_controller(controller, now, moving, t)
         terms.append([weight * slope for slope in slopes])
     mean = LinearController(*(np.sum(slope, axis=0) for slope in zip(*terms, strict=True)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.control_design.linear_design import held
 from flexarm.errors import InputError, Problem
-from flexarm.hardware.instruments import filter_of, ticks_of
+from flexarm.hardware.instruments import filter_of, stride_and_delay
 from flexarm.hardware.measurement import FloatArray
 from flexarm.model import Instrument, Motors
 
@@ -71,7 +71,7 @@ def sampled_plant(
     n = len(A)
     starts = n + m * past + np.cumsum([0, *(count * width for count, width in slots)])
     size = int(starts[-1])
-    period = math.lcm(*(ticks_of(item.instrument, sample_time)[0] for item in readings))
+    period = math.lcm(*(stride_and_delay(item.instrument, sample_time)[0] for item in readings))
     if size > _MOST_STATES or period > _MOST_SAMPLES:
         rule = f"repeat within {_MOST_SAMPLES} samples and have at most {_MOST_STATES} states"
         value = f"{period} samples and {size} states"
@@ -114,7 +114,7 @@ def _places(count: int, start: int, size: int) -> FloatArray:
 
 def _slots(reading: Reading, sample_time: float) -> tuple[int, int]:
     """Return the number of earlier frames that an instrument stores, and the size of each."""
-    every, late = ticks_of(reading.instrument, sample_time)
+    every, late = stride_and_delay(reading.instrument, sample_time)
     filtered = reading.instrument.rate_cutoff is not None
     count = max(late, 1) if filtered or every > 1 else late
     return count, len(reading.C) * (1 + filtered)
@@ -131,7 +131,7 @@ def _read(
     sample_time: float,
 ) -> FloatArray:
     """Return the rows of a reading over the state; write its memory into ``step``."""
-    every, late = ticks_of(reading.instrument, sample_time)
+    every, late = stride_and_delay(reading.instrument, sample_time)
     p, size = len(exact), exact.shape[1]
     if tick % every:  # without a new frame, the last one remains
         frame = _places(width, start, size)

@@ -32,7 +32,7 @@ class Wall(Record, kw_only=False):
 
     kind: Literal["wall"] = Field(default="wall", kw_only=True)
     point: Pair = Field(description="Any point on it [x, y], world frame (m).")
-    normal: Pair = Field(description="Direction away from it [x, y], of any length.")
+    normal: Pair = Field(description="Normal out of the solid [x, y], of any length.")
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -46,7 +46,7 @@ class RoundWall(Record, kw_only=False):
     kind: Literal["round"] = Field(default="round", kw_only=True)
     center: Pair = Field(description="Centre [x, y], world frame (m).")
     radius: Positive = Field(description="Radius (m).")
-    inside: Flag = Field(default=False, description="Whether the arm is inside of it.")
+    inside: Flag = Field(default=False, description="Whether the arm is inside the circle.")
 
 
 class SurfaceTable(Record, kw_only=False):
@@ -58,10 +58,10 @@ class SurfaceTable(Record, kw_only=False):
     """
 
     kind: Literal["table"] = Field(default="table", kw_only=True)
-    x: Listed[Number] = Field(description="x of three points or more (m).")
+    x: Listed[Number] = Field(description="x of at least three points (m).")
     y: Listed[Number] = Field(description="y of each point (m); consecutive points differ.")
     closed: Flag = Field(
-        default=False, description="Whether it goes on from the last point to the first."
+        default=False, description="Whether the last point is connected to the first."
     )
 
     @property
@@ -96,25 +96,28 @@ class Contact(Record, kw_only=False):
     0.013 v down to e = 0.5.
     """
 
-    surface: Surface = Field(description="What it may touch.")
+    surface: Surface = Field(description="Surface of the contact.")
     stiffness: Positive = Field(
-        description="Force per depth (N/m); per depth to the exponent, N/m^exponent."
+        description=("Force per depth (N/m); with exponent, per depth to that power, N/m^exponent.")
     )
     link: Count | None = Field(
-        default=None, description="Number of the link, counted from 1 at the base; the last one."
+        default=None,
+        description="Number of the link, counted from 1 at the base; by default the last one.",
     )
     station: NonNegative | None = Field(
-        default=None, description="Distance from the link's root (m); the tip where left out."
+        default=None, description="Distance from the root of the link (m); by default its tip."
     )
     exponent: Exponent = Field(
-        default=1.0, description="Power of the depth: 1 for a spring, 1.5 for a ball on a plane."
+        default=1.0,
+        description="Exponent of the depth: 1 for a spring, 1.5 for a sphere on a plane.",
     )
     damping: NonNegative = Field(
-        default=0.0, description="Rise of the force per speed of going in (s/m)."
+        default=0.0, description="Relative increase of the force per speed of penetration (s/m)."
     )
     friction: NonNegative = Field(default=0.0, description="Coefficient of Coulomb friction.")
     friction_speed: Positive = Field(
-        default=1e-3, description="Speed of sliding below which friction fades (m/s)."
+        default=1e-3,
+        description="Sliding speed below which the friction force decreases to zero (m/s).",
     )
 
     _hints: ClassVar[dict[str, str]] = {

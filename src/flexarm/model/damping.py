@@ -17,8 +17,10 @@ class ModalDamping(Record):
 
     kind: Literal["modal"] = "modal"
     ratio: OneOrMany[Fraction] = Field(
-        description="Fraction of critical damping: one for all modes, or one for each from the "
-        "lowest, the last of them for all modes above."
+        description=(
+            "Fraction of critical damping: one for all modes, or one for each from "
+            "the lowest; the last one applies to all higher modes."
+        )
     )
 
     _hints: ClassVar[dict[str, str]] = {
@@ -46,7 +48,10 @@ class RayleighDamping(Record):
         default=0.0, description="Factor of the mass matrix (1/s)."
     )
     stiffness_coefficient: NonNegative = Field(
-        default=0.0, description="Factor of the stiffness matrix (s); alone, Kelvin-Voigt damping."
+        default=0.0,
+        description=(
+            "Factor of the stiffness matrix (s); without mass_coefficient, Kelvin-Voigt damping."
+        ),
     )
 
 

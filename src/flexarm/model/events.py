@@ -20,12 +20,12 @@ class _Event(Record):
     """Base of events: name, direction of the crossing, and whether the run ends."""
 
     name: Word | None = Field(
-        default=None, description="What results call it; by its place, event_1, where left out."
+        default=None, description="Name in results; by default its number, such as event_1."
     )
     direction: Literal["both", "rising", "falling"] = Field(
-        default="both", description="Which crossings count."
+        default="both", description="Direction of the zero crossings that are located."
     )
-    terminal: Flag = Field(default=False, description="Whether the run ends there.")
+    terminal: Flag = Field(default=False, description="Whether the event ends the run.")
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -42,7 +42,7 @@ class JointEvent(_Event):
     joint: Count = Field(description="Number of the joint, counted from 1 at the base.")
     angle: Number | None = Field(default=None, description="Relative joint angle (rad).")
     stop: Literal["lower", "upper"] | None = Field(
-        default=None, description="Which of the joint's limits, instead of an angle."
+        default=None, description="Limit of the joint, instead of an angle."
     )
 
     @classmethod
@@ -59,7 +59,7 @@ class TipEvent(_Event):
 
     kind: Literal["tip_line"] = "tip_line"
     point: Pair = Field(description="Any point of the line [x, y], world frame (m).")
-    normal: Pair = Field(description="Direction across the line [x, y], of any length.")
+    normal: Pair = Field(description="Normal of the line [x, y], of any length.")
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

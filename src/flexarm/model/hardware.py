@@ -78,7 +78,7 @@ class Instrument(Record, kw_only=False):
     """
 
     signal: Signal = Field(
-        description="Channel that it reads; or position, velocity, acceleration of a point."
+        description="Measured channel; or position, velocity or acceleration of a point."
     )
     link: Count | None = Field(
         default=None, kw_only=True, description="Link of the point, counted from 1 at the base."
@@ -86,18 +86,21 @@ class Instrument(Record, kw_only=False):
     station: NonNegative | None = Field(
         default=None,
         kw_only=True,
-        description="Distance of the point from the link's root (m); its tip if left out.",
+        description="Distance of the point from the root of the link (m); by default its tip.",
     )
     frame: Literal["world", "link"] = Field(
         default="world",
         kw_only=True,
-        description="Of an acceleration: world, or along and across the link with gravity (link).",
+        description=(
+            "Frame of an acceleration: world, or along and across the link including "
+            "gravity (link)."
+        ),
     )
     name: Identifier | None = Field(
-        default=None, description="Name in the measurement; that of the signal where left out."
+        default=None, description="Name in the measurement; by default the name of the signal."
     )
     resolution: NonNegative = Field(
-        default=0.0, description="Step that readings are rounded to, in the signal's unit."
+        default=0.0, description="Resolution of the readings, in the unit of the signal."
     )
     noise: NonNegative = Field(
         default=0.0,
@@ -110,13 +113,13 @@ class Instrument(Record, kw_only=False):
         description="Largest reading, in both directions.",
     )
     delay: NonNegative = Field(
-        default=0.0, description="Time from a frame to when the controller knows it (s)."
+        default=0.0, description="Time from a sample to its use by the controller (s)."
     )
     sample_time: Positive | None = Field(
-        default=None, description="Time between frames (s); the controller's where left out."
+        default=None, description="Sample time (s); by default that of the controller."
     )
     rate_cutoff: Positive | None = Field(
-        default=None, description="Cutoff of the rate that it derives (Hz); none where left out."
+        default=None, description="Cutoff frequency of the derived rate (Hz); no rate by default."
     )
     rate_name: Identifier | None = Field(default=None, description="Name of that rate.")
 
@@ -184,9 +187,11 @@ class Motors(Record, kw_only=False):
     torque_limit: Limits = Field(
         default=math.inf,
         json_schema_extra=NO_LIMIT,
-        description="Largest torque, one for all joints or one each (N m).",
+        description="Torque limit (N m), one for all joints or one for each.",
     )
-    delay: NonNegative = Field(default=0.0, description="Time until a torque begins to act (s).")
+    delay: NonNegative = Field(
+        default=0.0, description="Time from a command to the start of its torque (s)."
+    )
     time_constant: NonNegative = Field(default=0.0, description="Lag of the current loop (s).")
     torque_constant: OneOrMany[Positive] | None = Field(
         default=None, description="Torque per current, N m/A."
@@ -248,9 +253,9 @@ class Hardware(Record, kw_only=False):
     """
 
     instruments: Listed[Instrument] | None = Field(
-        default=None, description="What the controller measures."
+        default=None, description="Instruments of the controller."
     )
-    motors: Motors | None = Field(default=None, description="What limits and delays torques.")
+    motors: Motors | None = Field(default=None, description="Limits and delays of the torques.")
     seed: Seed = Field(default=0, description="Seed of all noise.")
 
     _hints: ClassVar[dict[str, str]] = {

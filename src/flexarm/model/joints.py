@@ -24,16 +24,16 @@ class Friction(Record):
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
     static: NonNegative | None = Field(
         default=None,
-        description="Torque to break loose (N m); as in motion where left out.",
+        description="Breakaway torque (N m); by default equal to coulomb.",
     )
     stribeck_rate: Positive = Field(
-        default=0.1, description="Rate at which the rise towards rest has died away (rad/s)."
+        default=0.1, description="Rate above which the Stribeck friction has decayed (rad/s)."
     )
     smoothing_rate: Positive = Field(
-        default=0.01, description="Rate below which friction turns into viscous creep (rad/s)."
+        default=0.01, description="Rate below which friction is viscous (rad/s)."
     )
     viscous: NonNegative = Field(
-        default=0.0, description="Friction torque per rate, on the motor's side (N m s/rad)."
+        default=0.0, description="Friction torque per rate, on the side of the motor (N m s/rad)."
     )
 
     @classmethod
@@ -55,7 +55,8 @@ class JointLimits(Record):
     upper: Number = Field(description="Largest free joint angle (rad).")
     stiffness: Positive = Field(description="Torque per angle beyond a stop (N m/rad).")
     damping: NonNegative = Field(
-        default=0.0, description="Relative rise of that torque per rate of approach (s/rad)."
+        default=0.0,
+        description=("Relative increase of the torque of the stop per rate of approach (s/rad)."),
     )
 
     @classmethod
@@ -78,45 +79,56 @@ class Joint(Record):
 
     fixed: Flag = Field(
         default=False,
-        description="Whether the joint is rigid, at rest_angle; else a motor turns it.",
+        description=(
+            "Whether the joint is rigid at rest_angle; otherwise it is driven by a motor."
+        ),
     )
     hub_inertia: NonNegative = Field(
         default=0.0,
-        description="Rotary inertia that turns with the root of the outboard link (kg m^2).",
+        description="Rotary inertia fixed to the root of the outboard link (kg m^2).",
     )
     mass: NonNegative = Field(
         default=0.0,
-        description="Mass of the joint, carried as a point by the tip of the inboard link (kg); "
-        "without effect at the first joint, which does not move.",
+        description=(
+            "Point mass of the joint at the tip of the inboard link (kg); no effect "
+            "at the first joint, which does not move."
+        ),
     )
     housing_inertia: NonNegative = Field(
         default=0.0,
-        description="Rotary inertia of the motor housing, fixed to the tip section of the inboard "
-        "link (kg m^2); without effect at the first joint.",
+        description=(
+            "Rotary inertia of the motor housing, fixed to the tip section of the "
+            "inboard link (kg m^2); no effect at the first joint."
+        ),
     )
     damping: NonNegative = Field(
         default=0.0,
-        description="Viscous damping: torque per relative joint rate; of an elastic joint per rate "
-        "of its spring (N m s/rad).",
+        description=(
+            "Viscous damping: torque per relative joint rate (N m s/rad); for an "
+            "elastic joint, per rate of its spring."
+        ),
     )
     stiffness: NonNegative = Field(
         default=0.0,
-        description="Spring: torque per angle; beside the motor, or with rotor_inertia between "
-        "motor and link (N m/rad).",
+        description=(
+            "Spring: torque per angle, parallel to the motor (N m/rad); with "
+            "rotor_inertia, between motor and link."
+        ),
     )
     rest_angle: Number = Field(
         default=0.0,
-        description="Relative angle at which a spring beside the motor is free, or at which the "
-        "joint is fixed (rad).",
+        description=(
+            "Relative angle at which the spring is unloaded, or at which the joint is fixed (rad)."
+        ),
     )
     rotor_inertia: NonNegative = Field(
         default=0.0, description="Rotary inertia of the motor's rotor about its own axis (kg m^2)."
     )
     gear_ratio: Positive = Field(
-        default=1.0, description="Turns of the rotor for one of the joint, in the same sense."
+        default=1.0, description="Rotor turns per joint turn, in the same direction."
     )
-    friction: Friction | None = Field(default=None, description="Friction; none if left out.")
-    limits: JointLimits | None = Field(default=None, description="Stops; none if left out.")
+    friction: Friction | None = Field(default=None, description="Friction; none by default.")
+    limits: JointLimits | None = Field(default=None, description="Stops; none by default.")
 
     @property
     def elastic(self) -> bool:

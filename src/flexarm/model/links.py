@@ -89,28 +89,34 @@ class Link(Record):
     )
     element: Literal["euler_bernoulli", "timoshenko"] = Field(
         default="euler_bernoulli",
-        description="Whether sections stay normal to the axis (euler_bernoulli) or shear "
-        "(timoshenko).",
+        description=(
+            "Beam theory: without (euler_bernoulli) or with (timoshenko) shear deformation."
+        ),
     )
     elements: Elements = Field(default=4, description="Number of equal beam elements.")
     segments: Count = Field(
         default=1,
-        description="Number of equal pieces, rigidly joined, for large deflection; divides "
-        "elements.",
+        description=(
+            "Number of equal pieces, rigidly joined, for large deflection; a divisor of elements."
+        ),
     )
     modes: Count | None = Field(
         default=None,
-        description="Number of reduced modes kept on each segment; all of its coordinates, two "
-        "for each element, where left out.",
+        description=(
+            "Number of modes of each segment; by default all of its coordinates, two "
+            "for each element."
+        ),
     )
     flexible: Flag = Field(default=True, description="Whether the link bends.")
     rotary_inertia: Flag | None = Field(
         default=None,
-        description="Whether the section's rotary inertia counts; where left out, it counts if "
-        "material and section, a table's column or rotary_inertia_per_length give it.",
+        description=(
+            "Whether rotary inertia of the sections is included; by default, if "
+            "material and section, a table or rotary_inertia_per_length define it."
+        ),
     )
     damping: Damping | None = Field(
-        default=None, description="Structural damping; none where left out."
+        default=None, description="Structural damping; none by default."
     )
     gauges: Listed[Gauge] = Field(default=(), description="Strain gauges on the link.")
 

@@ -42,20 +42,22 @@ class Load(Record, kw_only=False):
 
     link: Count = Field(description="Number of the link, counted from 1 at the base.")
     force: Pair = Field(
-        default=(0.0, 0.0), description="Force [x, y] (N); per length, N/m, where spread is given."
+        default=(0.0, 0.0), description="Force [x, y] (N); per length (N/m) with spread."
     )
     moment: Number = Field(default=0.0, description="Moment at the station (N m).")
     station: NonNegative | None = Field(
-        default=None, description="Distance from the link's root (m); the tip where left out."
+        default=None, description="Distance from the root of the link (m); by default its tip."
     )
     spread: Pair | None = Field(
         default=None,
-        description="Start and end (m) from the link's root, between which the force is spread.",
+        description="Start and end of a distributed force, from the root of the link (m).",
     )
     frame: Literal["world", "link"] = Field(
         default="world",
-        description="Whether the force keeps its direction (world) or turns with the link's root "
-        "tangent (link).",
+        description=(
+            "Frame of the force: fixed (world) or rotating with the root tangent of "
+            "the link (link)."
+        ),
     )
     factor: Factor | None = Field(
         default=None, description="Factor of the load over time; constant where left out."

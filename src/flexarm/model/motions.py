@@ -29,13 +29,13 @@ class _Timing(Record):
     """Base of motions: duration, timing law and start; the arm is at rest before and after."""
 
     duration: Positive = Field(description="Time from start to end (s).")
-    profile: Profile = Field(default="quintic", description="How the way is spread over time.")
+    profile: Profile = Field(default="quintic", description="Timing law along the path.")
     start_time: NonNegative = Field(default=0.0, description="When the motion starts (s).")
     shaping: ShapingSpec | None = Field(
-        default=None, description="Input shaping, so that it leaves no vibration."
+        default=None, description="Input shaping against residual vibration."
     )
     smoothing: SmoothingSpec | None = Field(
-        default=None, description="An average over time, after the shaping."
+        default=None, description="Moving average over time, after the shaping."
     )
 
 
@@ -44,8 +44,10 @@ class _TipTiming(_Timing):
 
     elbow: Literal["up", "down"] = Field(
         default="up",
-        description="Which of the two postures: elbow to the left (up) or to the right (down) of "
-        "the line from the base to the tip.",
+        description=(
+            "Posture: elbow to the left (up) or to the right (down) of the line from "
+            "the base to the tip."
+        ),
     )
 
 
@@ -111,7 +113,7 @@ PathSpec = Annotated[PlainMotionSpec, Field(discriminator="kind")]
 class ForceTable(Record):
     """A force as a function of time: smooth between the values, constant before and after."""
 
-    times: Listed[Number] = Field(description="Ascending times (s).")
+    times: Listed[Number] = Field(description="Increasing times (s).")
     values: Listed[NonNegative] = Field(description="The force at each time (N).")
 
     @classmethod
@@ -148,14 +150,15 @@ class PressedMotionSpec(Record):
     force: Force = Field(description="Force on the surface (N), or a table of it over time.")
     normal: Pair | None = Field(
         default=None,
-        description="Direction away from the surface [x, y], of any length; that of the first "
-        "contact where left out.",
+        description=(
+            "Normal out of the surface [x, y], of any length; by default that of the first contact."
+        ),
     )
     friction: NonNegative = Field(
-        default=0.0, description="Coefficient of friction that the bent arm is planned with."
+        default=0.0, description="Coefficient of friction assumed for the bent arm."
     )
     interval: Positive = Field(
-        default=0.05, description="Time between those at which the bent arm is computed (s)."
+        default=0.05, description="Time between the instants at which the bent arm is computed (s)."
     )
 
     @classmethod

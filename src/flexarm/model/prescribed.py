@@ -37,11 +37,13 @@ class TabulatedJoint(_PrescribedJoint):
 
     kind: Literal["table"] = "table"
     times: Listed[Number] = Field(description="Increasing times (s).")
-    angles: Listed[Number] = Field(description="Relative joint angle at each (rad).")
+    angles: Listed[Number] = Field(description="Relative joint angle at each time (rad).")
     ends: Literal["rest", "free"] = Field(
         default="rest",
-        description="Whether the joint is at rest at both ends and beyond (rest), or the table "
-        "covers the whole run (free).",
+        description=(
+            "rest: the joint is at rest before and after the table; free: the table "
+            "covers the whole run."
+        ),
     )
 
     @classmethod

@@ -42,17 +42,18 @@ class InitialState(Record):
         default=None, description="Relative joint angles (rad)."
     )
     joint_rate: Listed[Number] | None = Field(
-        default=None, description="Relative joint rates (rad/s); zero where left out."
+        default=None, description="Relative joint rates (rad/s); zero by default."
     )
     equilibrium: Flag = Field(
         default=False,
-        description="Whether the links start bent, as they hang at rest with the joints locked; "
-        "else they start straight.",
+        description=(
+            "Whether the run starts in the equilibrium with locked joints; otherwise "
+            "the links start straight."
+        ),
     )
     balance: Flag = Field(
         default=False,
-        description="Whether the drive also gives the torque that holds the arm in that "
-        "equilibrium.",
+        description="Whether the torque of that equilibrium is added to the drive.",
     )
 
     @classmethod
@@ -71,7 +72,8 @@ class RunSettings(Record):
     duration: Positive = Field(description="Simulated time (s).")
     rate: Positive = Field(default=1000.0, description="Samples recorded per second (Hz).")
     stations: Stations = Field(
-        default=0, description="Sections of each link at which to record the forces inside it."
+        default=0,
+        description="Number of sections of each link at which section forces are recorded.",
     )
     integrator: Word = Field(default="auto", description="Name of the integrator.")
     rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
@@ -94,26 +96,26 @@ class Scenario(Record):
     """One run of an arm."""
 
     arm: ArmSpec = Field(description="The arm.")
-    motion: MotionSpec | None = Field(default=None, description="The motion asked for.")
-    drive: Drive = Field(default=NoDrive(), description="What moves the joints.")
+    motion: MotionSpec | None = Field(default=None, description="The reference motion.")
+    drive: Drive = Field(default=NoDrive(), description="Source of the joint torques.")
     hardware: Hardware | None = Field(
         default=None, description="Instruments and motors between the controller and the arm."
     )
     prescribed: Listed[PrescribedJoint] = Field(
-        default=(), description="Joints that follow a given motion, whatever torque it takes."
+        default=(), description="Joints with a prescribed motion."
     )
     loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
     base_acceleration: BaseAcceleration | None = Field(
         default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
     )
     events: Listed[EventSpec] = Field(
-        default=(), description="What to locate on the way, to end the run or to be recorded."
+        default=(), description="Events to locate, which are recorded or end the run."
     )
     contacts: Listed[Contact] = Field(
-        default=(), description="Surfaces that points of the arm may touch."
+        default=(), description="Contacts of points of the arm with surfaces."
     )
-    initial: InitialState = Field(default=InitialState(), description="Where the arm starts.")
-    run: RunSettings = Field(description="How the run is computed.")
+    initial: InitialState = Field(default=InitialState(), description="Initial state of the arm.")
+    run: RunSettings = Field(description="Settings of the run.")
 
     _hints: ClassVar[dict[str, str]] = {
         "arm": "In Python, load_arm_spec reads a file.",

@@ -35,7 +35,7 @@ class Material(Record):
     density: Positive = Field(description="Mass per volume (kg/m^3).")
     youngs_modulus: Positive = Field(description="Young's modulus (Pa).")
     poissons_ratio: PoissonsRatio = Field(
-        default=0.3, description="Poisson's ratio; counts in links that shear."
+        default=0.3, description="Poisson's ratio; used with element: timoshenko."
     )
 
     @property
@@ -68,10 +68,8 @@ class Rectangle(Record):
     """A solid rectangle; the link bends in the direction of its `height`."""
 
     kind: Literal["rectangle"] = "rectangle"
-    width: Dimension = Field(description="Extent along the bending axis, out of the plane (m).")
-    height: Dimension = Field(
-        description="Extent in the plane of motion, the depth that bends (m)."
-    )
+    width: Dimension = Field(description="Width out of the plane of motion (m).")
+    height: Dimension = Field(description="Depth in the plane of motion (m).")
 
     @property
     def area(self) -> float:
@@ -165,8 +163,8 @@ class Box(Record):
     """A hollow rectangle with uniform wall thickness."""
 
     kind: Literal["box"] = "box"
-    width: Dimension = Field(description="Outer extent out of the plane of motion (m).")
-    height: Dimension = Field(description="Outer extent in the plane, the depth that bends (m).")
+    width: Dimension = Field(description="Outer width out of the plane of motion (m).")
+    height: Dimension = Field(description="Outer depth in the plane of motion (m).")
     thickness: Dimension = Field(description="Wall thickness (m).")
 
     @classmethod
@@ -219,7 +217,9 @@ class SectionTable(Record):
     flexural_rigidity: Listed[Positive] | None = Field(
         default=None, description="Bending stiffness E I at each point (N m^2)."
     )
-    mass_per_length: Listed[NonNegative] = Field(description="Mass per length at each (kg/m).")
+    mass_per_length: Listed[NonNegative] = Field(
+        description="Mass per length at each point (kg/m)."
+    )
     rotary_inertia_per_length: Listed[NonNegative] | None = Field(
         default=None, description="Rotary inertia rho I per length at each point (kg m)."
     )

@@ -28,7 +28,7 @@ class Sensor(Record, kw_only=False):
     )
     link: Count = Field(description="Number of the link, counted from 1 at the base.")
     station: NonNegative | None = Field(
-        default=None, description="Distance from the link's root (m); the tip where left out."
+        default=None, description="Distance from the root of the link (m); by default its tip."
     )
     frame: Literal["world", "link"] = Field(
         default="world",

@@ -38,31 +38,39 @@ class ShapingSpec(Record):
 
     method: Literal["zv", "zvd", "ei"] = Field(
         default="zvd",
-        description="zv leaves nothing at the frequencies designed for; zvd besides little near "
-        "them, ei at most the tolerance over a wider range.",
+        description=(
+            "zv cancels vibration at the design frequencies, zvd also reduces it "
+            "near them, ei limits it to the tolerance over a wider range."
+        ),
     )
     modes: OneOrMany[Count] = Field(
-        default=1, description="How many of the lowest modes, or which, counted from 1."
+        default=1, description="Number of lowest modes, or a list of their numbers, from 1."
     )
     joints: _Joints = Field(
         default="locked",
-        description="What the joints do while the links vibrate: locked, free, or for each of them "
-        "locked, free or the controller's gains [N m/rad, N m s/rad].",
+        description=(
+            "Joints during the vibration: locked, free, or for each joint locked, "
+            "free or the gains of the controller [N m/rad, N m s/rad]."
+        ),
     )
     frequency_hz: OneOrMany[Positive] | None = Field(
         default=None,
-        description="Frequencies (Hz), one or several, in place of those of the arm's modes along "
-        "the motion.",
+        description=(
+            "One or more frequencies, instead of those of the arm's modes along the motion (Hz)."
+        ),
     )
     damping_ratio: OneOrMany[Ratio] | None = Field(
         default=None,
-        description="One number, or one for each mode; that of the modes, or 0 with frequencies, "
-        "where left out.",
+        description=(
+            "One number, or one for each mode; by default that of the modes, or 0 with frequencies."
+        ),
     )
     tolerance: Part = Field(
         default=0.05,
-        description="For ei: vibration left at the frequency designed for, as a part of what a "
-        "single impulse leaves.",
+        description=(
+            "For ei: residual vibration at the design frequency, relative to that of "
+            "a single impulse."
+        ),
     )
 
     @classmethod
@@ -82,5 +90,5 @@ class SmoothingSpec(Record):
 
     duration: Positive = Field(description="Length of the window (s).")
     window: Literal["raised_cosine", "moving_average"] = Field(
-        default="raised_cosine", description="How the window weighs."
+        default="raised_cosine", description="Shape of the window."
     )

@@ -27,7 +27,7 @@ class ArmSpec(Record):
     joints: Listed[Joint] = Field(
         default=(),
         validate_default=True,
-        description="One joint for each link, at its root; ideal joints where left out.",
+        description="One joint for each link, at its root; ideal joints by default.",
     )
     payload: Payload = Field(
         default=Payload(), description="Rigid body at the tip of the last link."
@@ -37,7 +37,7 @@ class ArmSpec(Record):
     )
     theory: Literal["linear", "second_order"] = Field(
         default="linear",
-        description="Whether bending shortens a link: linear, no; second_order, yes.",
+        description="Beam theory: linear, or second_order with shortening due to bending.",
     )
 
     @field_validator("payload", mode="before")

@@ -34,19 +34,20 @@ class PlantSpec(Record):
     """Differences between the simulated arm and the model in the controllers."""
 
     payload_factor: NonNegative = Field(
-        default=1.0, description="On mass and inertia of the payload."
+        default=1.0, description="Factor of the mass and inertia of the payload."
     )
     payload_mass: NonNegative | None = Field(
-        default=None, description="Mass of the payload in its place (kg)."
+        default=None, description="Mass of the payload, instead of a factor (kg)."
     )
     flexural_rigidity_factor: OneOrMany[Positive] = Field(
-        default=1.0, description="On the bending stiffness, one for all links or one each."
+        default=1.0,
+        description="Factor of the flexural rigidity, one for all links or one for each.",
     )
     mass_factor: OneOrMany[Positive] = Field(
-        default=1.0, description="On the mass per length, one for all links or one each."
+        default=1.0, description="Factor of the mass per length, one for all links or one for each."
     )
     friction: Friction | None = Field(
-        default=None, description="Friction of every joint that turns."
+        default=None, description="Friction of every joint that is not fixed."
     )
     loads: Listed[Load] = Field(
         default=(), description="Forces and moments that act on this plant alone."
@@ -57,11 +58,15 @@ class StudyRun(Record):
     """Duration and integrator of each run, and the time after which it counts as settled."""
 
     duration: Positive = Field(description="Simulated time of each run (s).")
-    rate: Positive = Field(default=1000.0, description="Samples judged per second (Hz).")
+    rate: Positive = Field(
+        default=1000.0, description="Samples per second used for the metrics (Hz)."
+    )
     settling: NonNegative = Field(
         default=0.0,
-        description="Time after the end of a motion that settled error and residual vibration "
-        "leave out (s); less than the duration.",
+        description=(
+            "Time after the end of a motion that is excluded from settled error and "
+            "residual vibration (s); less than the duration."
+        ),
     )
     integrator: Word = Field(default="auto", description="Name of the integrator.")
 
@@ -83,22 +88,22 @@ _SHARED = ("hardware", "loads", "contacts")
 class Study(Record):
     """A comparison of all drives on all plants along all motions."""
 
-    arm: ArmSpec = Field(description="The arm that the drives believe in.")
-    motions: Named[MotionSpec] = Field(description="Motions asked for, by name.")
-    drives: Named[Drive] = Field(description="What moves the joints, by name.")
+    arm: ArmSpec = Field(description="The arm that the drives use as their model.")
+    motions: Named[MotionSpec] = Field(description="Reference motions by name.")
+    drives: Named[Drive] = Field(description="Sources of the joint torques, by name.")
     plants: Named[PlantSpec] = Field(
         default={"as believed": PlantSpec()},
         validate_default=True,
         description="Arms that are simulated, by name.",
     )
     hardware: Hardware | None = Field(
-        default=None, description="Instruments and motors of every drive that measures."
+        default=None, description="Instruments and motors of every drive that is a controller."
     )
     loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
     contacts: Listed[Contact] = Field(
-        default=(), description="Surfaces that points of the arm may touch."
+        default=(), description="Contacts of points of the arm with surfaces."
     )
-    run: StudyRun = Field(description="How each run is computed and judged.")
+    run: StudyRun = Field(description="Settings of the runs and of their metrics.")
 
     _hints: ClassVar[dict[str, str]] = {
         "run": "It says how long to simulate, for example `run: {duration: 2}`.",

@@ -36,8 +36,8 @@ def is_table(value: Any) -> bool:
 class FactorTable(Record):
     """Factor of a load as a function of time, tabulated."""
 
-    times: Listed[Number] = Field(description="Ascending times (s); two equal ones are a jump.")
-    values: Listed[Number] = Field(description="The factor at each time.")
+    times: Listed[Number] = Field(description="Increasing times (s); two equal times are a jump.")
+    values: Listed[Number] = Field(description="Factor at each time.")
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -47,7 +47,7 @@ class FactorTable(Record):
 class AccelerationTable(Record):
     """Acceleration of the base as a function of time, tabulated."""
 
-    times: Listed[Number] = Field(description="Ascending times (s); two equal ones are a jump.")
+    times: Listed[Number] = Field(description="Increasing times (s); two equal times are a jump.")
     values: Listed[Pair] = Field(description="The acceleration [x, y] at each time (m/s^2).")
 
     @classmethod

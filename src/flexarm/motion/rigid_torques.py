@@ -33,7 +33,7 @@ class RigidTorque:
     #: ``simulate`` may evaluate many times in one call.
     vectorized: ClassVar[bool] = True
 
-    twin: Arm
+    rigid_counterpart: Arm
     motion: Motion
 
     @property
@@ -53,7 +53,7 @@ class RigidTorque:
         """
         state = self.motion.state(t)
         flat = [part.reshape(-1, self.joints) for part in state]
-        torque: Floats = self.twin.inverse_dynamics_many(*flat)
+        torque: Floats = self.rigid_counterpart.inverse_dynamics_many(*flat)
         return torque.reshape(state.angle.shape)
 
 

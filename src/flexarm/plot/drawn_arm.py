@@ -98,11 +98,11 @@ def rigid_result(where: str, rigid: object, arm: Arm, result: xr.Dataset) -> Rig
     if isinstance(rigid, bool | np.bool_):
         if not rigid:
             return None
-        twin = arm.rigid()
+        rigid_counterpart = arm.rigid()
         angles = result["joint_angle"].values
-        q = np.zeros((len(angles), twin.dof))
-        q[:, twin.joint_index] = angles
-        return RigidMotion(twin, result["time"].values, q)
+        q = np.zeros((len(angles), rigid_counterpart.dof))
+        q[:, rigid_counterpart.joint_index] = angles
+        return RigidMotion(rigid_counterpart, result["time"].values, q)
     import xarray as xr
 
     own = check_kind(where, "rigid", rigid, xr.Dataset, "True, False or a result of simulate")

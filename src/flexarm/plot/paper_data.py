@@ -80,7 +80,7 @@ class Case(Protocol):
 
     duration: float
     arm: Arm
-    twin: Arm
+    rigid_counterpart: Arm
 
     @property
     def flexible(self) -> xr.Dataset:
@@ -120,7 +120,7 @@ def histories(case: Case, models: Sequence[str] = ("flexible", "rigid")) -> Hist
         runs={model: _taken(getattr(case, model)) for model in models},
         postures={
             "flexible": _postures(case.arm, case.flexible, case.duration),
-            "rigid": _postures(case.twin, case.rigid, case.duration),
+            "rigid": _postures(case.rigid_counterpart, case.rigid, case.duration),
         },
     )
 

@@ -11,7 +11,7 @@ from flexarm.arguments import check_kind
 from flexarm.model import Contact
 from flexarm.places import AnyPath, check_place, write_text
 from flexarm.plot.animation.page import fragment
-from flexarm.plot.animation.scene import Wishes, scene_of, stations_of
+from flexarm.plot.animation.scene import SceneOptions, scene_of, stations_of
 from flexarm.plot.animation.surroundings import surroundings
 from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
 from flexarm.reporting.document import render, template_engine
@@ -84,7 +84,7 @@ def report(
     histories = panels(_WHERE, result, arm, asked, channels)
     engine = template_engine(_WHERE)
     place = None if path is None else check_place(_WHERE, "path", path, (".html",))
-    wishes = Wishes(magnify, trace=True, torque=arm.links <= _MOST_ARROWS)
+    wishes = SceneOptions(magnify, trace=True, torque=arm.links <= _MOST_ARROWS)
     times, fps, speed = _clock(result, arm.links)
     start = float(result["time"].values[0])
     scene = scene_of(

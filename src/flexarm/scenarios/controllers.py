@@ -15,12 +15,12 @@ from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.model import Hardware
 from flexarm.model.drives import ControllerDrive
 from flexarm.motion import Motion
-from flexarm.scenarios.file_errors import told_inside
+from flexarm.scenarios.file_errors import problems_under
 from flexarm.scenarios.initial_state import Start, feedforward
 
 
 @dataclass(frozen=True, eq=False)
-class Around:
+class DriveContext:
     """Objects of the scenario that the keys of a drive refer to.
 
     Attributes:
@@ -36,7 +36,7 @@ class Around:
     hardware: Hardware | None
 
 
-def controller_of(drive: ControllerDrive, around: Around) -> Controller:
+def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
     """Create the controller that a drive describes.
 
     Raises:
@@ -57,21 +57,21 @@ def controller_of(drive: ControllerDrive, around: Around) -> Controller:
     return made
 
 
-def _feedforward(asked: str, around: Around) -> dict[str, Any]:
+def _feedforward(asked: str, around: DriveContext) -> dict[str, Any]:
     motion = around.motion if asked == "rigid_inverse_dynamics" else None
     return {"feedforward": feedforward(around.arm, motion, around.start)}
 
 
-def _gravity(asked: str, around: Around) -> dict[str, Any]:
+def _gravity(asked: str, around: DriveContext) -> dict[str, Any]:
     return {"arm": None if asked == "none" else around.arm, "sag": asked == "sag"}
 
 
-def _inner(drive: ControllerDrive, around: Around) -> dict[str, Any]:
-    with told_inside("inner"):
+def _inner(drive: ControllerDrive, around: DriveContext) -> dict[str, Any]:
+    with problems_under("inner"):
         return {"inner": controller_of(drive, around)}
 
 
-def _estimator(spec: Any, around: Around) -> dict[str, Any]:
+def _estimator(spec: Any, around: DriveContext) -> dict[str, Any]:
     instruments = spec.instruments
     if instruments is None:
         instruments = (around.hardware and around.hardware.instruments) or ()
@@ -80,12 +80,12 @@ def _estimator(spec: Any, around: Around) -> dict[str, Any]:
         raise InputError(Problem("drive", "estimator.instruments", rule))
     options = {name: getattr(spec, name) for name in type(spec).model_fields}
     options["instruments"] = list(instruments)
-    with told_inside("estimator"):
+    with problems_under("estimator"):
         return {"estimator": ExtendedKalmanFilter(around.arm, **options)}
 
 
 #: Functions that convert the value of a key to arguments, for keys that are not arguments.
-_MADE: dict[str, Callable[[Any, Around], dict[str, Any]]] = {
+_MADE: dict[str, Callable[[Any, DriveContext], dict[str, Any]]] = {
     "estimator": _estimator,
     "feedforward": _feedforward,
     "gravity": _gravity,

@@ -14,7 +14,7 @@ Where = Callable[[Path], str]
 
 
 @contextmanager
-def told_as(place: Where, key: str, names: dict[str, str] | None = None) -> Iterator[None]:
+def problems_at(place: Where, key: str, names: dict[str, str] | None = None) -> Iterator[None]:
     """Report problems with their file location and key path.
 
     Args:
@@ -33,7 +33,7 @@ def told_as(place: Where, key: str, names: dict[str, str] | None = None) -> Iter
 
 
 @contextmanager
-def told_inside(key: str) -> Iterator[None]:
+def problems_under(key: str) -> Iterator[None]:
     """Prefix the names of problems with the key of the part that they belong to."""
     try:
         yield

@@ -126,5 +126,5 @@ def feedforward(arm: Arm, motion: Motion | None, start: Start) -> Callable[[Any]
     if holding is None:
         return rigid
     still = np.zeros(arm.joints)
-    known = rigid.twin.inverse_dynamics(motion.joint_angle(0.0), still, still)
+    known = rigid.rigid_counterpart.inverse_dynamics(motion.joint_angle(0.0), still, still)
     return _Balanced(rigid, holding - known)

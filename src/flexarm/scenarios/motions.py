@@ -26,7 +26,7 @@ from flexarm.motion import (
     spline_motion,
     via_point_motion,
 )
-from flexarm.scenarios.file_errors import told_inside
+from flexarm.scenarios.file_errors import problems_under
 
 #: Functions of the Python interface by kind; their arguments have the names of the keys.
 _MOTIONS: dict[str, Callable[..., Motion]] = {
@@ -38,10 +38,10 @@ _MOTIONS: dict[str, Callable[..., Motion]] = {
 }
 
 #: Types of motion that a scenario may request.
-Asked = Motion | PressedMotion
+TaskReference = Motion | PressedMotion
 
 
-def motion_of(arm: Arm, scenario: Scenario) -> Asked | None:
+def motion_of(arm: Arm, scenario: Scenario) -> TaskReference | None:
     """Create the motion of a scenario.
 
     Raises:
@@ -60,16 +60,16 @@ def _plain(arm: Arm, asked: PlainMotionSpec) -> Motion:
     motion = make(arm, **{k: getattr(asked, k) for k in type(asked).model_fields.keys() - around})
     if asked.shaping is not None:
         options = {name: getattr(asked.shaping, name) for name in type(asked.shaping).model_fields}
-        with told_inside("shaping"):
+        with problems_under("shaping"):
             motion = shaped(motion, arm, **options)
     if asked.smoothing is not None:
-        with told_inside("smoothing"):
+        with problems_under("smoothing"):
             motion = smoothed(motion, asked.smoothing.duration, asked.smoothing.window)
     return motion
 
 
 def _pressed(arm: Arm, asked: PressedMotionSpec, scenario: Scenario) -> PressedMotion:
-    with told_inside("path"):
+    with problems_under("path"):
         path = _plain(arm, asked.path)
     force = asked.force
     surface = scenario.contacts[0].surface if scenario.contacts else None

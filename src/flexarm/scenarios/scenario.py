@@ -32,10 +32,10 @@ from flexarm.model import (
 from flexarm.model.drives import ControllerDrive
 from flexarm.model.wording import path_of
 from flexarm.motion import Motion
-from flexarm.scenarios.controllers import Around, controller_of
-from flexarm.scenarios.file_errors import Where, told_as
+from flexarm.scenarios.controllers import DriveContext, controller_of
+from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.initial_state import Start, feedforward, start_of
-from flexarm.scenarios.motions import Asked, motion_of
+from flexarm.scenarios.motions import TaskReference, motion_of
 from flexarm.simulation.run import simulate
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Prepared:
     """
 
     arm: Arm
-    motion: Asked | None
+    motion: TaskReference | None
     options: dict[str, Any]
     text: str
     events: Sequence[EventSpec] = ()
@@ -125,7 +125,7 @@ class Prepared:
 
 
 def prepare(
-    scenario: Scenario, where: str | Where = "scenario", motion: Asked | None = None
+    scenario: Scenario, where: str | Where = "scenario", motion: TaskReference | None = None
 ) -> Prepared:
     """Create the arm, the motion and the drive of a scenario.
 
@@ -140,10 +140,10 @@ def prepare(
         EquilibriumError: if no equilibrium is found for the start.
     """
     place = where if callable(where) else lambda _: where
-    with told_as(place, ""):
+    with problems_at(place, ""):
         arm = Arm(scenario.arm)
     if motion is None:
-        with told_as(place, "motion"):
+        with problems_at(place, "motion"):
             motion = motion_of(arm, scenario)
     run = scenario.run
     options: dict[str, Any] = {name: value for name, value in run if value is not None}
@@ -152,24 +152,26 @@ def prepare(
             options[name] = given
     if scenario.events:
         options["events"] = events_of(scenario.events, arm)
-    with told_as(place, "initial"):
+    with problems_at(place, "initial"):
         start = start_of(arm, scenario, motion)
     options["initial"] = start.q
     if scenario.initial.joint_rate is not None:
         options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
     if start.prescribed:
         options["prescribed"] = start.prescribed
-    with told_as(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
+    with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
         _set_drive(arm, scenario, motion, start, options)
     _check_fit(arm, scenario, place, options)
-    with told_as(place, "run"):
+    with problems_at(place, "run"):
         check_integrator(run.integrator, run.step, "scenario", bool(scenario.contacts))
     if scenario.contacts:
         _check_touch(arm, place, options, motion)
     return Prepared(arm, motion, options, file_text(scenario), scenario.events)
 
 
-def _check_touch(arm: Arm, place: Where, options: dict[str, Any], motion: Asked | None) -> None:
+def _check_touch(
+    arm: Arm, place: Where, options: dict[str, Any], motion: TaskReference | None
+) -> None:
     """Raise the errors that contacts cause at the beginning of the run.
 
     Raises:
@@ -179,9 +181,9 @@ def _check_touch(arm: Arm, place: Where, options: dict[str, Any], motion: Asked 
     placed = place_contacts(arm, "scenario", contacts)
     q = np.asarray(options["initial"])
     state = arm.padded(np.stack([q, np.zeros_like(q)]))
-    with told_as(place, "initial", {"initial": "joint_angle"}):
+    with problems_at(place, "initial", {"initial": "joint_angle"}):
         refuse_deep_start("scenario", arm, state, placed)
-    with told_as(place, "motion", {"reference.normal": "normal"}):
+    with problems_at(place, "motion", {"reference.normal": "normal"}):
         refuse_pressing_outward("scenario", arm, contacts, placed, motion, options["duration"])
 
 
@@ -227,7 +229,11 @@ def run_scenario(
 
 
 def _set_drive(
-    arm: Arm, scenario: Scenario, motion: Asked | None, start: Start, options: dict[str, Any]
+    arm: Arm,
+    scenario: Scenario,
+    motion: TaskReference | None,
+    start: Start,
+    options: dict[str, Any],
 ) -> None:
     drive = scenario.drive
     plain = motion if isinstance(motion, Motion) else None
@@ -239,7 +245,7 @@ def _set_drive(
     elif isinstance(drive, RigidInverseDynamicsDrive):
         options["torque"] = feedforward(arm, plain, start)
     elif isinstance(drive, ControllerDrive):
-        around = Around(arm, plain, start, options.get("hardware"))
+        around = DriveContext(arm, plain, start, options.get("hardware"))
         options["controller"], options["reference"] = controller_of(drive, around), motion
     elif start.holding is not None:
         options["torque"] = PiecewiseCubic.constant(start.holding)

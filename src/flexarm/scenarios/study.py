@@ -16,8 +16,8 @@ from flexarm.errors import InputError
 from flexarm.model import Study, locate_study
 from flexarm.model.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
-from flexarm.scenarios.file_errors import Where, told_as
-from flexarm.scenarios.motions import Asked
+from flexarm.scenarios.file_errors import Where, problems_at
+from flexarm.scenarios.motions import TaskReference
 from flexarm.scenarios.scenario import Prepared, prepare
 from flexarm.simulation.compare import check_settling, comparison
 
@@ -45,7 +45,9 @@ class PreparedStudy:
             for name, plant in study.plants.items()
         }
         self._prepared: dict[tuple[str, str], Prepared] = {}
-        made: dict[str, Asked | None] = {}  # reused, because pressed motions take seconds to create
+        made: dict[
+            str, TaskReference | None
+        ] = {}  # reused, because pressed motions take seconds to create
         for drive in study.drives:
             for motion in study.motions:
                 place = partial(_place, where, drive, motion) if where else "study"
@@ -54,7 +56,7 @@ class PreparedStudy:
                     prepared = prepare(scenario, place, made.get(motion))
                 self._prepared[drive, motion] = prepared
                 made[motion] = prepared.motion
-        with told_as(where or (lambda path: "study"), "run"):
+        with problems_at(where or (lambda path: "study"), "run"):
             check_settling("run", study.run.settling, study.run.duration, made)
 
     def run(self, progress: bool | None = None) -> xr.Dataset:

@@ -28,7 +28,7 @@ from flexarm.errors import (
 from flexarm.hardware.measurement import Measurement
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.loop.sampled_loop import Ticks
+from flexarm.loop.sampled_loop import SampleSchedule
 from flexarm.loop.sensors import TipMotion
 from flexarm.model import Contact, Hardware, Load
 from flexarm.observe import contact_forces
@@ -153,10 +153,10 @@ class Plant:
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
             refuse_deep_start("Plant.reset", arm, state, run.loads.placed.contacts)
-        self._ticks = Ticks(run, self.sample_time, hardware, keep=False)
+        self._schedule = SampleSchedule(run, self.sample_time, hardware, keep=False)
         self._stopped_at: float | None = None
         self.warning = ""
-        self.measurement = self._ticks.measure()
+        self.measurement = self._schedule.measure()
         return self.measurement
 
     def step(self, torque: ArrayLike) -> Measurement:
@@ -173,7 +173,7 @@ class Plant:
             LargeDeflectionWarning: if a link exceeds the linear beam theory; once after each
                 reset.
         """
-        ticks = self._ticks
+        ticks = self._schedule
         asked = check_array("Plant.step", "torque", torque, (self.arm.joints,))
         self._check_time((ticks.tick + 1) * self.sample_time)
         if ticks.tick == 0:  # not in __init__, because a reset may first move the arm
@@ -204,32 +204,32 @@ class Plant:
     @property
     def time(self) -> float:
         """Current sample time, s; after a failure the time reached."""
-        return self._ticks.time if self._stopped_at is None else self._stopped_at
+        return self._schedule.time if self._stopped_at is None else self._stopped_at
 
     @property
     def q(self) -> FloatArray:
         """Coordinates (dof,)."""
-        return self._ticks.run.state()[0]
+        return self._schedule.run.state()[0]
 
     @property
     def qd(self) -> FloatArray:
         """Rates of the coordinates (dof,)."""
-        return self._ticks.run.state()[1]
+        return self._schedule.run.state()[1]
 
     @property
     def tip(self) -> FloatArray:
         """World position x, y (m) and angle (rad) of the tip, (3,)."""
-        return self._tip(self._ticks.run.progress.state)[:3].copy()
+        return self._tip(self._schedule.run.progress.state)[:3].copy()
 
     @property
     def tip_velocity(self) -> FloatArray:
         """Rates of ``tip``, (3,)."""
-        return self._tip(self._ticks.run.progress.state)[3:].copy()
+        return self._tip(self._schedule.run.progress.state)[3:].copy()
 
     @property
     def contact_force(self) -> FloatArray:
         """Forces (contacts, 2) of contacts on the arm, N, world axes."""
-        run = self._ticks.run
+        run = self._schedule.run
         state = run.progress.state[None]
         forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
         return forces

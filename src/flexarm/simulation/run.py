@@ -19,7 +19,7 @@ from flexarm.arguments import (
     check_positive,
 )
 from flexarm.arm import Arm
-from flexarm.bending import too_far_bent
+from flexarm.bending import theory_error
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
@@ -311,7 +311,7 @@ def _result(
         "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
         "ended_by": ended_by,
-        "warning": too_far_bent(run.arm, run.samples[:count]),
+        "warning": theory_error(run.arm, run.samples[:count]),
         "unstable_loop": unstable,
     }
     given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)

@@ -64,9 +64,9 @@ def test_copies_and_pickles_find_their_own_way():
     for _ in range(_OFTEN + 2):
         entry(*given)
     expected = given[-1].force.copy()
-    for twin in (copy.deepcopy(entry), pickle.loads(pickle.dumps(entry))):
+    for rigid_counterpart in (copy.deepcopy(entry), pickle.loads(pickle.dumps(entry))):
         given[-1].force[:] = 0.0
-        twin(*given)
+        rigid_counterpart(*given)
         np.testing.assert_array_equal(given[-1].force, expected)
 
 

@@ -30,8 +30,10 @@ def test_the_bent_arm_stands_on_the_path_and_is_held(arm):
         np.testing.assert_allclose(arm.tip(rest.q)[:2], LINE.tip(t), atol=2e-9)
         np.testing.assert_allclose(found.holding_torque(t), rest.torque, atol=1e-7)
         rigid = arm.rigid()
-        twin = rigid.inverse_dynamics(found.joint_angle(t), np.zeros(2), np.zeros(2))
-        np.testing.assert_allclose(found.pressing_torque(t), rest.torque - twin, atol=1e-7)
+        rigid_counterpart = rigid.inverse_dynamics(found.joint_angle(t), np.zeros(2), np.zeros(2))
+        np.testing.assert_allclose(
+            found.pressing_torque(t), rest.torque - rigid_counterpart, atol=1e-7
+        )
     np.testing.assert_allclose(arm.tip(found.initial)[:2], LINE.tip(0.0), atol=2e-9)
 
 

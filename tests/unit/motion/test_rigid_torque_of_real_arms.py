@@ -45,10 +45,10 @@ def test_zero_outside_the_motion_without_gravity(published_arm):
 def test_the_rigid_twin_accelerates_as_the_motion_says(heavy_arm, profile):
     motion = line_motion(heavy_arm, [1.6, 0.5], [0.4, 1.7], 1.2, profile=profile)
     torque = rigid_torque(heavy_arm, motion)
-    twin = heavy_arm.rigid()
+    rigid_counterpart = heavy_arm.rigid()
     for t in [-0.5, 0.0, 0.2, 0.7, 1.1, 1.2, 2.0]:
         state = motion.state(t)
-        acceleration = twin.forward_dynamics(state.angle, state.rate, torque(t))
+        acceleration = rigid_counterpart.forward_dynamics(state.angle, state.rate, torque(t))
         # Rounding of torques of 50 N m over inertias of 0.02 kg m^2.
         np.testing.assert_allclose(acceleration, state.acceleration, rtol=0, atol=1e-10)
 

@@ -224,7 +224,7 @@ NEAR = [1.0, 0.9]
         ),
         (
             lambda a: spline_motion(a, [[0.5, 1], [2.3, 0.6], [2.3, -0.6], [0.5, -1]], 1.0),
-            r"path through the points must stay less than 2.41\d* m .* a farthest point of \(2.4154",
+            r"the points must stay less than 2.41\d* m .* a farthest point of \(2.4154",
         ),
         (
             lambda a: spline_motion(a, [[1, 1], [1, 1], [1, 1.5]], 1.0),

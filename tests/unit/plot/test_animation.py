@@ -109,8 +109,8 @@ def test_peaks_of_long_histories_are_kept():
 
 def test_the_rigid_counterpart_is_a_ghost():
     ghost = fa.animate(result(), rigid=True, fps=FPS).scenes[0].ghost
-    twin = arm().rigid()
-    expected = twin.tip(twin.rest(result().joint_angle.values[40]))[:2]
+    rigid_counterpart = arm().rigid()
+    expected = rigid_counterpart.tip(rigid_counterpart.rest(result().joint_angle.values[40]))[:2]
     np.testing.assert_allclose(ghost[2, -1, -1], expected, atol=1e-12)
     other = fa.animate(result(), rigid=rigid_result(), fps=FPS).scenes[0].ghost
     np.testing.assert_allclose(other[-1, -1, -1], rigid_result().tip[-1], atol=1e-12)
@@ -134,8 +134,10 @@ def test_reference_and_surfaces_are_those_of_the_scenario(tmp_path):
         "run: {duration: 0.1, rate: 200}\n"
     )
     (scene,) = fa.animate(fa.run_scenario(scenario), fps=10.0).scenes
-    twin = arm().rigid()
-    np.testing.assert_allclose(scene.reference[0][-1], twin.tip(twin.rest([0.5, 0.8]))[:2])
+    rigid_counterpart = arm().rigid()
+    np.testing.assert_allclose(
+        scene.reference[0][-1], rigid_counterpart.tip(rigid_counterpart.rest([0.5, 0.8]))[:2]
+    )
     (solid,) = scene.solids
     np.testing.assert_allclose(solid.course[:, 1], -2.0)
     assert (solid.behind[:, 1] < -2.0).all()

@@ -34,8 +34,10 @@ def test_postures_are_the_shapes_at_evenly_spaced_times():
 def test_the_rigid_counterpart_has_the_same_joint_angles():
     axes = fa.plot.postures(result(), 3, rigid=True)
     first = next(line for line in curves(axes, 50) if line.is_dashed())
-    twin = arm().rigid()
-    expected = twin.shape(twin.rest(result().joint_angle.values[0]), 25).reshape(-1, 2)
+    rigid_counterpart = arm().rigid()
+    expected = rigid_counterpart.shape(
+        rigid_counterpart.rest(result().joint_angle.values[0]), 25
+    ).reshape(-1, 2)
     np.testing.assert_allclose(first.get_xydata(), expected, rtol=0.0, atol=1e-14)
 
 

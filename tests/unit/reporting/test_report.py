@@ -133,8 +133,8 @@ def test_extreme_values():
 def test_errors_from_the_reference():
     result = controlled()
     rows = dict(errors_table(result, arm(), motion()).rows)
-    twin = arm().rigid()
-    goal = twin.tip(twin.rest([0.5, 0.2]))[:2]
+    rigid_counterpart = arm().rigid()
+    goal = rigid_counterpart.tip(rigid_counterpart.rest([0.5, 0.2]))[:2]
     missed = np.hypot(*(result.tip.values[-1] - goal))
     assert float(rows["Tip error at the end [m]"]) == pytest.approx(missed, rel=1e-4)
     off = result.joint_angle.values[-1] - [0.5, 0.2]

@@ -22,12 +22,12 @@ SampleTime = Annotated[
 Proportional = Annotated[
     Any,
     PerJoint(NonNegative),
-    Field(description="Torque per angle error, one for all joints or one each (N m/rad)."),
+    Field(description="Torque per angle error (N m/rad), one for all joints or one for each."),
 ]
 Derivative = Annotated[
     Any,
     PerJoint(NonNegative),
-    Field(description="Torque per rate error, one for all joints or one each (N m s/rad)."),
+    Field(description="Torque per rate error (N m s/rad), one for all joints or one for each."),
 ]
 
 

@@ -43,8 +43,10 @@ class JointPIDParameters(ControllerParameters):
     derivative: Derivative
     integral: Annotated[Any, PerJoint(NonNegative)] = Field(
         default=0.0,
-        description="Torque per angle error and time, one for all joints or one each "
-        "(N m/(rad s)).",
+        description=(
+            "Torque per integral of the angle error, one for all joints or one for "
+            "each (N m/(rad s))."
+        ),
     )
     _: KW_ONLY
     sample_time: SampleTime = 0.001
@@ -55,13 +57,16 @@ class JointPIDKeys(JointPIDParameters):
 
     gravity: Literal["none", "rigid", "sag"] = Field(
         default="none",
-        description="Weight that is balanced at the measured angles: none, that of the rigid arm, "
-        "or that of the arm with links that sag.",
+        description=(
+            "Gravity compensation at the measured angles: none, of the rigid arm, or "
+            "of the arm with bent links."
+        ),
     )
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
-        description="Largest torque asked for, one for all joints or one each (N m); no limit by "
-        "default.",
+        description=(
+            "Torque limit (N m), one for all joints or one for each; no limit by default."
+        ),
     )
     feedforward: Feedforward = "none"
 
@@ -82,7 +87,7 @@ class ComputedTorqueParameters(ControllerParameters):
 
     name = "computed_torque"
     frequency_hz: Annotated[Any, PerJoint(Positive)] = Field(
-        description="Natural frequency of the error, one for all joints or one each (Hz)."
+        description="Natural frequency of the error (Hz), one for all joints or one for each."
     )
     damping_ratio: Annotated[Any, PerJoint(NonNegative)] = Field(
         default=1.0, description="Damping ratio of the error, one for all joints or one each."
@@ -96,7 +101,9 @@ class ComputedTorqueKeys(ComputedTorqueParameters):
 
     feedforward: Literal["none", "rigid_inverse_dynamics"] = Field(
         default="none",
-        description="Torque along the motion in place of the model's at the measured angles.",
+        description=(
+            "Torque along the motion instead of the torque of the model at the measured angles."
+        ),
     )
 
     @staticmethod
@@ -116,7 +123,7 @@ class StrainFeedbackParameters(ControllerParameters):
     )
     strain_rate: Annotated[Any, PerJoint(Number)] = Field(
         default=0.0,
-        description="Torque per rate of strain, one for all joints or one each (N m s).",
+        description="Torque per strain rate, one for all joints or one for each (N m s).",
     )
     _: KW_ONLY
     rate_cutoff: Positive = Field(

@@ -122,7 +122,7 @@ class MPCParameters(LQGParameters):
     name = "mpc"
     _: KW_ONLY
     torque_limit: Annotated[Any, PerJoint(Positive)] = Field(
-        description="Largest torque, one for all joints or one each (N m)."
+        description="Torque limit (N m), one for all joints or one for each."
     )
     torque_rate: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,

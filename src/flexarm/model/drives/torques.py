@@ -29,8 +29,10 @@ class TorqueDrive(Record):
     )
     interpolation: Literal["cubic", "linear", "hold"] = Field(
         default="cubic",
-        description="What happens between samples; the cubic overshoots samples that jump. The "
-        "last sample is held to the end of the run.",
+        description=(
+            "Interpolation between samples; a cubic overshoots where samples jump. "
+            "The last sample is held to the end of the run."
+        ),
     )
 
     @classmethod

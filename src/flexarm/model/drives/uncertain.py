@@ -29,14 +29,16 @@ Bandwidth = Annotated[
 Damping = Annotated[
     Any,
     PerJoint(NonNegative),
-    Field(description="Torque per error of rate, one for all joints or one each (N m s/rad)."),
+    Field(description="Torque per rate error (N m s/rad), one for all joints or one for each."),
 ]
 StrainGain = Annotated[
     Any,
     PerJoint(NonNegative),
     Field(
-        description="Joint rate per curvature at the root of the joint's link, which needs a "
-        "gauge: damps vibration (rad/s per 1/m)."
+        description=(
+            "Joint rate per curvature at the root of the link (rad/s per 1/m), which "
+            "needs a gauge; damps vibration."
+        )
     ),
 ]
 Washout = Annotated[Positive, Field(description="Cutoff of the high-pass filter of that (Hz).")]
@@ -60,7 +62,7 @@ class AdaptiveParameters(ControllerParameters):
     )
     bounds: Named[Interval] | None = Field(
         default=None,
-        description="Lowest and largest value of parameters by name; at least 0 where left out.",
+        description="Lower and upper bound of parameters by name; by default at least 0.",
     )
     initial: Named[NonNegative] | None = Field(
         default=None, description="Initial estimates by name, in place of the values of the arm."
@@ -85,8 +87,10 @@ class SlidingModeParameters(ControllerParameters):
     name = "sliding_mode"
     bandwidth: Bandwidth
     boundary_layer: Annotated[Any, PerJoint(Positive)] = Field(
-        description="Error of rate within which the torque does not switch, one for all joints or "
-        "one each (rad/s)."
+        description=(
+            "Rate error below which the torque is continuous (rad/s), one for all "
+            "joints or one for each."
+        )
     )
     uncertainty: Named[NonNegative] | None = Field(
         default=None,
@@ -115,10 +119,12 @@ class RBFAdaptiveParameters(ControllerParameters):
     damping: Damping
     adaptation: Positive = Field(description="Adaptation gain of the weights.")
     lower: Annotated[Any, PerJoint(Number)] = Field(
-        description="Smallest joint angle of the motion, one for all joints or one each (rad)."
+        description=(
+            "Smallest joint angle of the motion (rad), one for all joints or one for each."
+        )
     )
     upper: Annotated[Any, PerJoint(Number)] = Field(
-        description="Largest joint angle of the motion, one for all joints or one each (rad)."
+        description=("Largest joint angle of the motion (rad), one for all joints or one for each.")
     )
     centres: Annotated[Any, PerJoint(Count)] = Field(
         default=5,

@@ -18,7 +18,7 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.model import Contact
 from flexarm.places import AnyPath, write_text, write_whole
 from flexarm.plot.animation.page import inline, page
-from flexarm.plot.animation.scene import Scene, Wishes, scene_of, thin
+from flexarm.plot.animation.scene import Scene, SceneOptions, scene_of, thin
 from flexarm.plot.animation.surroundings import surroundings
 from flexarm.plot.animation.video import check_animation_place, find_ffmpeg, gif, gif_delay, mp4
 from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
@@ -143,7 +143,7 @@ def animate(
     speed = check_positive(_WHERE, "speed", speed)
     if place is not None and place.suffix.lower() == ".gif":
         fps = 100.0 / gif_delay(fps)
-    wishes = Wishes(
+    options = SceneOptions(
         check_magnify(_WHERE, magnify),
         check_flag(_WHERE, "trace", trace),
         check_flag(_WHERE, "torque", torque),
@@ -164,7 +164,7 @@ def animate(
                 arm,
                 result,
                 float(result["time"].values[0]) + times,
-                wishes,
+                options,
                 rigid_result(_WHERE, rigid, arm, result),
                 asked,
                 touched,

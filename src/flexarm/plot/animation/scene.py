@@ -69,7 +69,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class SceneOptions:
     """Options of the drawing; see `animate`."""
 
     magnify: float
@@ -82,7 +82,7 @@ def scene_of(
     arm: Arm,
     result: xr.Dataset,
     times: FloatArray,
-    wishes: Wishes,
+    options: SceneOptions,
     ghost: RigidMotion | None,
     reference: Any,
     contacts: Sequence[Contact],
@@ -92,13 +92,13 @@ def scene_of(
     time = result["time"].values
     now = np.clip(times, time[0], time[-1])
     q = at_times(time, result["q"].values, now)
-    links = shapes_of(arm, q, wishes.magnify, stations_of(arm.links))
+    links = shapes_of(arm, q, options.magnify, stations_of(arm.links))
     path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
-    if wishes.magnify == 1.0 and "tip" in result:
+    if options.magnify == 1.0 and "tip" in result:
         path = at_times(time, result["tip"].values, path_times)
     else:
         q = at_times(time, result["q"].values, path_times)
-        path = shapes_of(arm, q, wishes.magnify, 2)[:, -1, -1]
+        path = shapes_of(arm, q, options.magnify, 2)[:, -1, -1]
     straight = None if ghost is None else _thinned(ghost.shapes(now))
     asked = None
     if reference is not None:
@@ -111,7 +111,7 @@ def scene_of(
     view = _view(np.concatenate(shown))
     joints = links[:, [seat.link for seat in arm.assembly.seats], 0]
     arrows = None
-    if wishes.torque and "torque" in result and joints.shape[1]:
+    if options.torque and "torque" in result and joints.shape[1]:
         torque = at_times(time, result["torque"].values, now)
         scale = float(np.abs(result["torque"].values).max(initial=0.0))
         # The arrow starts at the link, so that its direction is clear in any posture.
@@ -131,7 +131,7 @@ def scene_of(
         payload=spec.payload.mass > 0.0,
         arrows=arrows,
         ghost=straight,
-        path=path if wishes.trace else None,
+        path=path if options.trace else None,
         path_times=path_times,
         reference=asked,
         solids=tuple(solid_of(contact.surface, view) for contact in contacts),
