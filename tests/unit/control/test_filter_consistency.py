@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 SCRIPT = Path(__file__).parents[3] / "docs" / "how-to" / "measure_consistency.py"
 #: Runs of each arm; the page "Control under uncertainty" has the table of 100.
-SEEDS = 5
+SEEDS = 8
 
 
 def _script():
