@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_a
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.arguments import check_numbers
-from flexarm.errors import ModelError, Problem, shown
+from flexarm.errors import ModelError, Problem
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import (
     NO_LIMIT,
@@ -155,8 +155,8 @@ class Instrument(Record, kw_only=False):
             return arguments
         for name in ("link", "station", "frame"):
             if name in arguments:
-                rule = "be left out where the signal is a Sensor"
-                raise ModelError(Problem(cls.__name__, name, rule, shown(arguments[name])))
+                rule = "cannot be combined with a Sensor as signal"
+                raise ModelError(Problem(cls.__name__, name, rule))
         point = {"link": sensor.link, "station": sensor.station, "frame": sensor.frame}
         named = {"name": sensor.name} if arguments.get("name") is None else {}
         return {**arguments, **point, **named, "signal": sensor.kind}

@@ -60,7 +60,7 @@ class Load(Record, kw_only=False):
         ),
     )
     factor: Factor | None = Field(
-        default=None, description="Factor of the load over time; constant where left out."
+        default=None, description="Factor of the load over time; constant by default."
     )
 
     _written: ClassVar[tuple[str, ...]] = ("force", "moment")

@@ -66,8 +66,8 @@ class ViaPointMotionSpec(_TipTiming):
     points: Points = Field(description="Where the lines meet [[x, y], ...], world frame (m).")
     blend: Positive | None = Field(
         default=None,
-        description="Distance from each corner at which the tip leaves the lines (m); a quarter "
-        "of the shorter line where left out.",
+        description="Distance from each corner at which the tip leaves the lines (m); by default "
+        "a quarter of the shorter line.",
     )
 
 

@@ -37,7 +37,7 @@ class Sensor(Record, kw_only=False):
     )
     name: Word | None = Field(
         default=None,
-        description="Name of the outputs; composed of kind, link and station where left out.",
+        description="Name of the outputs; by default composed of kind, link and station.",
     )
 
     @classmethod

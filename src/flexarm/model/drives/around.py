@@ -25,7 +25,7 @@ class DisturbanceObserverParameters(ControllerParameters):
     )
     cutoff: Annotated[Any, PerJoint(Positive)] = Field(
         default=5.0,
-        description="Cutoff of the filter of the estimate, one for all joints or one each; it "
+        description="Cutoff of the filter of the estimate, one for all joints or one for each; it "
         "should be below the lowest frequency of the links, because bending acts as a "
         "disturbance, too (Hz).",
     )
@@ -40,12 +40,12 @@ class FilterParameters(Parameters):
 
     instruments: Annotated[Any, Typed(Listed[Instrument] | None)] = Field(
         default=None,
-        description="Instruments of the filter; all of the hardware's where left out.",
+        description="Instruments of the filter; by default those of the hardware.",
     )
     torque_noise: Annotated[Any, PerJoint(NonNegative)] = Field(
         default=0.1,
-        description="Standard deviation of an error of the torque that is drawn independently at "
-        "each sample, one for all joints or one each: it represents all errors of the model (N m).",
+        description="Standard deviation of a random torque error in each sample, one for all "
+        "joints or one for each: it represents all errors of the model (N m).",
     )
     payload_deviation: NonNegative = Field(
         default=0.0,

@@ -90,7 +90,7 @@ class ComputedTorqueParameters(ControllerParameters):
         description="Natural frequency of the error (Hz), one for all joints or one for each."
     )
     damping_ratio: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=1.0, description="Damping ratio of the error, one for all joints or one each."
+        default=1.0, description="Damping ratio of the error, one for all joints or one for each."
     )
     _: KW_ONLY
     sample_time: SampleTime = 0.001

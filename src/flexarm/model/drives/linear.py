@@ -49,7 +49,7 @@ class LinearParameters(ControllerParameters):
     """Parameters of all controllers that are designed on linear models of the flexible arm."""
 
     posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
-        default=None, description="Joint angles of the design; zero where left out (rad)."
+        default=None, description="Joint angles of the design; zero by default (rad)."
     )
     _: KW_ONLY
     schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = Field(
@@ -59,20 +59,20 @@ class LinearParameters(ControllerParameters):
     )
     acceptable_torque: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
-        description="Acceptable torque, one for all joints or one each (N m); the torque that "
-        "accelerates each joint of the rigid model by 10 rad/s^2 where left out.",
+        description="Acceptable torque, one for all joints or one for each (N m); by default the "
+        "torque that accelerates each joint of the rigid model by 10 rad/s^2.",
     )
     measured: Named[_PositiveNumbers] | None = Field(
         default=None,
-        description="Readings, out of joint_angle, joint_rate, strain and tip, and the standard "
-        "deviations of their noise; joint angles with 0.1 mrad, and strain with 2e-5 if the arm "
-        "has gauges, where left out.",
+        description="Measured signals (joint_angle, joint_rate, strain, tip) and the standard "
+        "deviations of their noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the "
+        "arm has gauges.",
     )
     disturbance: Named[_PositiveNumbers] | None = Field(
         default=None,
         description="Inputs that act as unmeasured disturbances, such as torque and tip_force, "
-        "and their standard deviations; where left out, a tenth of the acceptable torque, and as "
-        "tip_force a fifth of the largest one over the length of the arm.",
+        "and their standard deviations; by default a tenth of the acceptable torque, and as "
+        "tip_force a fifth of the largest one divided by the length of the arm.",
     )
     recovery: _Robustness = Field(
         default=0.0,
@@ -88,8 +88,8 @@ class LinearParameters(ControllerParameters):
     )
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
-        description="Largest requested torque, one for all joints or one each (N m); no limit "
-        "where left out.",
+        description="Largest requested torque, one for all joints or one for each (N m); no limit "
+        "by default.",
     )
     sample_time: SampleTime = 0.001
 
@@ -102,8 +102,8 @@ class LQGParameters(LinearParameters):
     acceptable: Named[_PositiveNumbers] | None = Field(
         default=None,
         description="Acceptable deviations of outputs of linear models by name, which determine "
-        "the weights (Bryson's rule); 10 mrad of joint_angle, 10 mm of tip and 0.2 rad/s of "
-        "joint_rate where left out.",
+        "the weights (Bryson's rule); by default 10 mrad of joint_angle, 10 mm of tip and "
+        "0.2 rad/s of joint_rate.",
     )
     integral: _Integral | None = Field(
         default=None,
@@ -127,9 +127,9 @@ class MPCParameters(LQGParameters):
     torque_rate: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
         description="Largest rate of change of torques from sample to sample, one for all joints "
-        "or one each (N m/s); no limit where left out.",
+        "or one for each (N m/s); no limit by default.",
     )
-    horizon: _Horizon = Field(default=40, description="Number of samples looked ahead.")
+    horizon: _Horizon = Field(default=40, description="Prediction horizon in samples.")
     sample_time: SampleTime = 0.005
 
 
@@ -140,14 +140,14 @@ class CompositeParameters(LinearParameters):
     _: KW_ONLY
     bandwidth: Annotated[Any, PerJoint(Positive)] = Field(
         default=4.0,
-        description="Bandwidth of the joint errors, one for all joints or one each (rad/s).",
+        description="Bandwidth of the joint errors, one for all joints or one for each (rad/s).",
     )
     damping_ratio: Annotated[Any, PerJoint(Positive)] = Field(
         default=1.0,
-        description="Damping ratio of the joint errors, one for all joints or one each.",
+        description="Damping ratio of the joint errors, one for all joints or one for each.",
     )
     acceptable: Named[_PositiveNumbers] | None = Field(
         default=None,
-        description="Acceptable deviations of outputs that depend on bending only, by name; 10 mm "
-        "of link_tip_deflection and 0.1 m/s of link_tip_deflection_rate where left out.",
+        description="Acceptable deviations of outputs that depend on bending only, by name; by "
+        "default 10 mm of link_tip_deflection and 0.1 m/s of link_tip_deflection_rate.",
     )

@@ -24,7 +24,7 @@ from flexarm.model.quantities import (
 Bandwidth = Annotated[
     Any,
     PerJoint(Positive),
-    Field(description="Decay rate of angle errors, one for all joints or one each (1/s)."),
+    Field(description="Decay rate of angle errors, one for all joints or one for each (1/s)."),
 ]
 Damping = Annotated[
     Any,
@@ -51,7 +51,7 @@ class AdaptiveParameters(ControllerParameters):
     bandwidth: Bandwidth
     damping: Damping
     adaptation: Annotated[Any, OneOrEach(NonNegative)] = Field(
-        description="Adaptation gains, one for all parameters or one each, in the unit of the "
+        description="Adaptation gains, one for all parameters or one for each, in the unit of the "
         "parameter squared per (N m rad)."
     )
     parameters: OneOrMany[Word] = Field(
@@ -98,7 +98,7 @@ class SlidingModeParameters(ControllerParameters):
     )
     disturbance: Annotated[Any, PerJoint(NonNegative)] = Field(
         default=0.0,
-        description="Bound of other disturbance torques, one for all joints or one each (N m).",
+        description="Bound of other disturbance torques, one for all joints or one for each (N m).",
     )
     reaching: Annotated[Any, PerJoint(Positive)] = Field(
         default=0.1,
@@ -128,8 +128,8 @@ class RBFAdaptiveParameters(ControllerParameters):
     )
     centres: Annotated[Any, PerJoint(Count)] = Field(
         default=5,
-        description="Gaussians along each joint angle, one number for all joints or one each; 1 "
-        "for a joint whose angle does not affect the dynamics, such as the first one without "
+        description="Gaussians along each joint angle, one number for all joints or one for each; "
+        "1 for a joint whose angle does not affect the dynamics, such as the first one without "
         "gravity. Their width is their spacing.",
     )
     leakage: NonNegative = Field(
