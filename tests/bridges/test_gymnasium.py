@@ -356,10 +356,10 @@ def test_wrong_options_and_actions():
         env.reset(options={"goal": [0.0]})
     with pytest.raises(fa.InputError, match="action"):
         env.step(np.array([np.nan, 0.0]))
-    with pytest.raises(fa.InputError, match="come with 'end' and 'duration'"):
+    with pytest.raises(fa.InputError, match="have no 'end' and no 'duration'"):
         ENVIRONMENTS[TRACK]().reset(options={"start": (2.0, 1.0)})
     stiff = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
-    with pytest.raises(fa.InputError, match="be able to follow lines"):
+    with pytest.raises(fa.InputError, match="cannot follow any of"):
         ENVIRONMENTS[TRACK](arm=stiff, torque_limit=1.0).reset(seed=0)
 
 

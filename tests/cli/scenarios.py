@@ -51,7 +51,7 @@ WRONG: dict[str, tuple[str | bytes, str]] = {
     "newer version": (spoiled("flexarm: 1", "flexarm: 2"), "upgrade"),
     "very many elements": (spoiled("elements: 1", "elements: 1000000"), "at most 256"),
     "out of reach": (spoiled("end: [0.2, 0.8]", "end: [2.0, 0.8]"), "reach"),
-    "through the hole": (spoiled("end: [0.2, 0.8]", "end: [-0.8, -0.2]"), "hole"),
+    "through the hole": (spoiled("end: [0.2, 0.8]", "end: [-0.8, -0.2]"), "a nearest point of"),
     "unknown drive": (spoiled("rigid_inverse_dynamics", "rigid"), "drive"),
     "unknown integrator": (spoiled("rate: 200", "rate: 200, integrator: euler"), "integrator"),
     "too many samples": (spoiled("rate: 200", "rate: 1.0e+15"), "rate"),

@@ -126,7 +126,7 @@ def test_the_integrator_of_the_command_line(good):
         (["--set", "arm.links[7].length=1"], "arm.links[7] does not exist: the list has 2 entries"),
         (["--set", "run[0]=1"], "run must be a list, got "),
         (["--set", "run.rate.x=1"], "run.rate must be a mapping of keys to values, got "),
-        (["--set", "arm.links=[1,"], "arm.links must be YAML, got broken"),
+        (["--set", "arm.links=[1,"], "arm.links is not valid YAML"),
         (["--set", "arm.links"], "--set must be a key path and a value, such as run.duration=3"),
         (["--set", "arm..links=1"], "--set must be a key path and a value"),
         (["--duration", "-1"], "--duration -1: run.duration must be greater than 0, got -1."),

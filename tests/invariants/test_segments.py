@@ -223,7 +223,7 @@ def test_counts_and_the_rigid_twin():
         ({"segments": 2, "elements": 4, "modes": 5}, "twice the number of elements of a segment"),
         (
             {"segments": 2, "elements": 4, "damping": {"kind": "modal", "ratio": [0.1] * 5}},
-            "must be at most 4 long",
+            "must have length at most 4",
         ),
     ],
 )

@@ -191,9 +191,9 @@ def test_a_later_run_that_is_refused_does_not_lose_the_others(arm, motion):
     controllers["misfit"] = fa.ComputedTorque(three, 1.0)
     table = fa.compare(arm, controllers, 0.2, {"line": motion})
     assert table.failure.values[:2].ravel().tolist() == ["", ""]
-    assert "for one with 3" in table.failure.sel(controller="misfit").item()
+    assert "is for 3 joints" in table.failure.sel(controller="misfit").item()
     first = {"misfit": controllers["misfit"], "one": controllers["one"]}
-    with pytest.raises(fa.InputError, match="for one with 3"):
+    with pytest.raises(fa.InputError, match="is for 3 joints"):
         fa.compare(arm, first, 0.2, {"line": motion})
 
 
@@ -208,7 +208,7 @@ def test_nothing_to_compare_is_refused(arm, motion, wrong, value):
 def test_settling_leaves_something_after_the_motion(arm, motion):
     rest = 0.1
     duration = motion.end_time + rest
-    with pytest.raises(fa.InputError, match=r"less than the 0\.1 s that the run goes on after"):
+    with pytest.raises(fa.InputError, match=r"less than the 0\.1 s of the run after"):
         fa.compare(arm, {"pd": gains()}, duration, {"move": motion}, settling=0.15)
 
 

@@ -190,7 +190,7 @@ run: {duration: 0.1, rate: 100}
 @pytest.mark.parametrize(
     ("drive", "more", "words"),
     [
-        ("{kind: computed_torque, frequency_hz: [1, 2, 3]}", "", "one value for each of the 2"),
+        ("{kind: computed_torque, frequency_hz: [1, 2, 3]}", "", "length 2, one value for each"),
         ("{kind: computed_torque, frequency_hz: 0}", "", "frequency_hz"),
         (
             "{kind: computed_torque, frequency_hz: 1}",

@@ -106,7 +106,7 @@ def test_refused():
     arm = paper_arm()
     with pytest.raises(fa.InputError, match=r"start at 0\.19"):
         fa.tip_inversion(arm, paper_line(arm, start_time=0.0))
-    with pytest.raises(fa.InputError, match="bends"):
+    with pytest.raises(fa.InputError, match="arm is rigid"):
         fa.tip_inversion(arm.rigid(), paper_line(arm))
     straight = fa.joint_motion(arm, [0.2, -0.3], [0.2, 0.3], 1.0, start_time=0.3)
     with pytest.raises(fa.InputError, match="cannot move the tip"):

@@ -306,5 +306,5 @@ def test_frames_that_never_meet_are_not_analysed():
     assert instability(arm, arm, controller, None, hardware, (), start, 1.0) == ""
     late = fa.Hardware(motors=fa.Motors(delay=10.0))
     assert instability(arm, arm, controller, None, late, (), start, 1.0) == ""
-    with pytest.raises(fa.InputError, match="frames"):
+    with pytest.raises(fa.InputError, match="must repeat within 300 samples"):
         fa.loop_margins(controller, arm, hardware=hardware)

@@ -234,7 +234,7 @@ LACKING = {
             "adaptation: 1, strain_gain: [2, 0]}}\n"
             "run: {duration: 0.1}\n"
         ),
-        "drive.inner.strain_gain must be 0 at joint 1, whose link has no gauge",
+        "drive.inner.strain_gain must be 0 at joint 1: its link has no gauge",
     ),
 }
 
@@ -302,7 +302,7 @@ def test_paths_of_the_tip(made, keys, function, arguments):
             "{kind: spline,\n  points: [[2, 0.5],\n    [9, 0]],\n  duration: 1}",
             r"run\.yaml:10: motion\.points\[1\] must lie within the reach of 2.4142 m",
         ),
-        ("{kind: spline, points: [[2, 0.5]], duration: 1}", "motion.points must hold at least two"),
+        ("{kind: spline, points: [[2, 0.5]], duration: 1}", "motion.points must have at least two"),
         (
             "{kind: circle, center: [0, 1], start: [1, 1], angle: 0, duration: 1}",
             "motion.angle must differ from 0",

@@ -112,7 +112,7 @@ def test_functions_of_time_are_followed_as_in_simulate(arm, motion):
     plant = fa.Plant(arm, TICK, loads=[load], duration=50 * TICK)
     _, q, _ = by_hand(plant, controller(), motion, 50, initial=arm.rest(START))
     np.testing.assert_array_equal(q, result.q.values)
-    with pytest.raises(fa.InputError, match=r"stay within the plant's duration of 0.09765"):
+    with pytest.raises(fa.InputError, match=r"must be at most the duration of the plant, 0.09765"):
         plant.step([0.0, 0.0])
 
 
@@ -164,7 +164,7 @@ def test_memory_does_not_grow(arm):
     plant = fa.Plant(arm, TICK, NOISY)
     for _ in range(50):
         plant.step([0.1, 0.0])
-    acting = plant._ticks.acting
+    acting = plant._schedule.acting
     assert len(acting._since) == len(acting._target) == 1
     assert len(acting._waiting) <= 2
 

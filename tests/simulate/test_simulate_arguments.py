@@ -151,7 +151,7 @@ def test_noise_is_refused_as_a_function_of_time(monkeypatch):
     history = importlib.import_module("flexarm.histories.functions")
     monkeypatch.setattr(history, "_MOST_PIECES", 1000)
     rng = np.random.default_rng(0)
-    with pytest.raises(fa.InputError, match="pass noise as samples"):
+    with pytest.raises(fa.InputError, match="give noise as samples"):
         fa.simulate(one_link(), 0.1, torque=lambda t: [rng.normal()])
     # The same noise as samples is welcome.
     fa.simulate(one_link(), 0.1, torque=rng.normal(size=(101, 1)), torque_interpolation="hold")

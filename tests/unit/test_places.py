@@ -49,7 +49,7 @@ def test_a_folder_of_that_name_is_refused(tmp_path):
 def test_a_file_where_a_folder_must_be_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     problem = refused(tmp_path / "file" / "run.nc")
-    assert problem.rule == "lie in a folder that can be written in"
+    assert problem.rule == "be in a writable folder"
 
 
 def test_a_path_with_a_null_character_is_refused():
@@ -59,7 +59,7 @@ def test_a_path_with_a_null_character_is_refused():
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
 def test_a_pipe_is_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe.nc")
-    assert refused(tmp_path / "pipe.nc").rule == "name an ordinary file"
+    assert refused(tmp_path / "pipe.nc").rule == "be an ordinary file"
 
 
 @contextmanager

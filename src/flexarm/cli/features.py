@@ -129,6 +129,8 @@ def _estimate() -> None:
         fa.Instrument("joint_angle", noise=1e-4),
         fa.Instrument(felt, noise=0.01, name="felt"),
     ]
+    read = fa.Hardware([fa.Instrument("joint_angle", rate_cutoff=50.0), fa.Instrument("torque")])
+    fa.simulate(_arm(), 0.01, controller=fa.JointPD(1.0, 1.0), hardware=read)
     found = fa.ExtendedKalmanFilter(
         _arm(), instruments, sample_time=_SAMPLE_TIME, payload_deviation=0.1
     )

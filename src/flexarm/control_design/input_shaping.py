@@ -145,6 +145,8 @@ def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp
     if numbers.size == 0:
         rule = "be a count of modes, or a list of their numbers, from 1"
         raise InputError(Problem(where, "modes", rule, shown(modes)))
+    if most == 0:
+        raise InputError(Problem(where, "arm", "has no bending modes"))
     if numbers.min() < 1 or numbers.max() > most or len(set(numbers.tolist())) < numbers.size:
         rule = f"be different numbers from 1 to {most}, the bending modes of the arm"
         raise InputError(Problem(where, "modes", rule, shown(modes)))

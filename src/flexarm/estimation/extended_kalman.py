@@ -76,12 +76,6 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
     ``EstimatorController``, on a record with ``run``, or in your own loop: ``reset``, then
     ``correct`` and ``predict`` alternately.
 
-    Attributes:
-        innovation: mean of the normalised innovations squared over the last 100 samples, about one
-            if the filter is consistent; NaN before there are as many.
-        consistent: False once that mean exceeded its distribution (probability 1e-9). An
-            ``InconsistentEstimateWarning`` reports it once after each ``reset``.
-
     Raises:
         InputError: if a number is negative or not finite, or the filter cannot use the instruments.
 

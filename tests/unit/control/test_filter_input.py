@@ -19,7 +19,7 @@ def test_readings_that_no_instrument_gives_are_refused(reading):
             filters.correct(Measurement(joint_angle=np.array([0.1, reading])))
         filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))
     assert np.all(np.isfinite(filters.q))
-    with pytest.raises(fa.InputError, match="have 2 readings of joint_angle, got of 3"):
+    with pytest.raises(fa.InputError, match="have 2 readings of joint_angle, got 3"):
         filters.correct(Measurement(joint_angle=np.zeros(3)))
     record = np.tile([0.1, reading], (3, 1))
     with pytest.raises(fa.InputError):
@@ -41,5 +41,5 @@ def test_an_estimate_that_diverges_is_reported():
     filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))
     with np.errstate(all="ignore"):
         filters.predict([1e250, -1e250])
-    with pytest.raises(fa.InputError, match="the estimate must be finite"):
+    with pytest.raises(fa.InputError, match="the estimate is not finite"):
         filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))

@@ -257,9 +257,9 @@ def test_one_call_warns_once_of_bending(call):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"plants": 3}, "plants must be an Arm, or several"),
-        ({"plants": "x"}, "plants must be an Arm, or several"),
-        ({"plants": []}, "plants must be an Arm, or several"),
+        ({"plants": 3}, "plants must be an Arm, or a list"),
+        ({"plants": "x"}, "plants must be an Arm, or a list"),
+        ({"plants": []}, "plants must be an Arm, or a list"),
         ({"hardware": 3}, "hardware must be a Hardware, got 3"),
         ({"contacts": None}, "contacts must be a list of Contact objects, got nothing"),
         ({"reference": "x"}, "reference must have the methods"),
@@ -277,10 +277,10 @@ def test_arguments_of_the_wrong_kind_are_refused(given, message):
 def test_times_and_plants_of_the_wrong_kind_are_refused():
     arm = two_links()
     motion = fa.joint_motion(arm, [0.1, 0.2], [0.2, 0.3], 1.0)
-    for postures, message in (([], "at least"), ("x", "postures"), ([[0.1], [0.1, 0.2]], "post")):
+    for postures, message in (([], "are empty"), ("x", "postures"), ([[0.1], [0.1, 0.2]], "post")):
         with pytest.raises(fa.InputError, match=message):
             fa.loop_margins(fa.JointPD(3.0, 0.3), arm, postures, reference=motion)
-    with pytest.raises(fa.InputError, match=r"LQG\.for_margin: plants must be an Arm, or .* is 3"):
+    with pytest.raises(fa.InputError, match=r"LQG\.for_margin: plants must be an Arm, or .* got 3"):
         fa.LQG.for_margin(arm, plants=3)
 
 

@@ -375,5 +375,5 @@ def test_what_the_arm_does_not_have_is_told_by_the_controller(design, options, m
 def test_a_missing_reading_is_named():
     arm = arm_with_gauges()
     hardware = fa.Hardware(instruments=[fa.Instrument("joint_angle")])
-    with pytest.raises(fa.InputError, match="an instrument for strain, which LQG reads"):
+    with pytest.raises(fa.InputError, match="no instrument for strain, which LQG reads"):
         fa.simulate(arm, 0.1, controller=fa.LQG(arm), hardware=hardware)

@@ -318,5 +318,5 @@ def test_wrong_sensors_and_doubled_loads():
     with pytest.raises(fa.InputError, match="cannot be combined with an equilibrium"):
         fa.linearize(arm, fa.equilibrium(arm), loads=ACTING)
     bare = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)])
-    with pytest.raises(fa.InputError, match="without gauges"):
+    with pytest.raises(fa.InputError, match="has no gauges"):
         fa.linearize(bare, outputs="strain")

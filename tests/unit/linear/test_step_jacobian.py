@@ -169,5 +169,7 @@ def test_refused():
         fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_3.mass"])
     with pytest.raises(fa.InputError, match=r"method must be one of 'rk4'.*got 'euler'\.$"):
         fa.step_jacobian(arm, q, qd, torque, H, method="euler")
-    with pytest.raises(fa.InputError, match=r"got 'cowell_4'\. Its step depends on states before"):
+    with pytest.raises(
+        fa.InputError, match=r"got 'cowell_4'\. Methods with several previous states"
+    ):
         fa.step_jacobian(arm, q, qd, torque, H, method="cowell_4")

@@ -120,8 +120,8 @@ def test_torque_takes_an_array():
                     "motion.profile must be one of 'quintic', 'trapezoidal', got 'quintc'. "
                     "Did you mean 'quintic'?"
                 ),
-                "motion.start must be a list of two numbers, got [1, 2, 3].",
                 "motion.elbow must be one of 'up', 'down', got 'left'.",
+                "motion.start must be a list of two numbers, got [1, 2, 3].",
             ],
         ),
         (

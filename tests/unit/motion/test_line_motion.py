@@ -149,15 +149,20 @@ FULL = 2.4142
         ((1.4142, 1.0), [2, 1], [0.1, 0.1], r"end must lie at least 0.4142 m"),
         # Both ends are within reach, the line between them is not.
         ((1.4142, 1.0), [1, 0.4], [-1, 0.4], r"line from start to end must stay more than 0.4142"),
-        ((1.4142, 1.0), [1, 0.4142], [-1, 0.4142], r"line .* outside the hole, got at its near"),
+        ((1.4142, 1.0), [1, 0.4142], [-1, 0.4142], r"line .* got a nearest point of"),
         ((1.0, 1.0), [1, 0.5], [-1, -0.5], r"line .* must stay at least 2e-06 m away from the ba"),
         ((3.0, 1.0, 1.0), [1.5, 1.5], [-1.5, -1.5], r"line .* must stay more than 1.000005 m"),
         # Full stretch at an end, and folded at an end.
-        ((1.4142, 1.0), [FULL, 0], [1, 1], r"start must be less than 2.4141975\d* m .* full str"),
+        (
+            (1.4142, 1.0),
+            [FULL, 0],
+            [1, 1],
+            r"start must be less than 2.4141975\d* m .* straight arm",
+        ),
         ((1.4142, 1.0), [1, 1], [0, FULL], r"end must be less than 2.4141975\d* m .* straight arm"),
         ((1.4142, 1.0), [0.4142, 0], [1, 0], r"line .* must stay more than 0.4142"),
         ((1.0, 1.0, 1.0), [3, 0], [2, 0], r"start must be less than"),
-        ((1.0,), [1, 0], [0, 1], r"arm must have at least two links .* use joint_motion"),
+        ((1.0,), [1, 0], [0, 1], r"arm has one link, .* use joint_motion"),
         ((1.0, 1.0), [1, np.nan], [0, 1], r"start\[1\] must be finite"),
         ((1.0, 1.0), [1, 1], [0, 1, 0], r"end must be numbers of shape \(2,\)"),
     ],

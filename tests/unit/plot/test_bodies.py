@@ -93,10 +93,13 @@ def without(name):
     [
         (lambda: fa.plot.bending_moment(rigid_result()), "stations=11"),
         (lambda: fa.plot.postures(without("arm")), "attribute 'arm'"),
-        (lambda: fa.plot.postures(result().assign_attrs(arm="links: [")), "the file of its arm"),
+        (
+            lambda: fa.plot.postures(result().assign_attrs(arm="links: [")),
+            "an invalid attribute 'arm'",
+        ),
         (
             lambda: fa.plot.postures(result().assign_attrs(arm="flexarm: 1\narm: other.yaml\n")),
-            "describe the arm itself",
+            "must describe the arm here",
         ),
         (lambda: fa.plot.postures(result().isel(coordinate=[0, 1])), "the 6 coordinates"),
         (lambda: fa.plot.postures(result(), 1), "from 2 to 200"),

@@ -140,7 +140,7 @@ def test_readings_of_instruments_are_channels_at_their_own_times():
         (lambda: fa.plot.history(result(), backend="bokeh"), "'matplotlib', 'plotly'"),
         (lambda: fa.plot.phase_portrait(result(), "torque"), "channel"),
         (lambda: fa.plot.compare(result(), "torque"), "as a list or by name"),
-        (lambda: fa.plot.compare([result()], "q"), "at most four parts"),
+        (lambda: fa.plot.compare([result()], "q"), "at most four components"),
         (lambda: fa.plot.styled("paper").__enter__(), "'print', 'screen'"),
     ],
 )
