@@ -357,7 +357,12 @@ def test_wrong_arguments_are_told():
     with pytest.raises(fa.InputError) as caught:
         fa.ExtendedKalmanFilter(arm, instruments)
     text = str(caught.value)
-    for words in ("'tip'", "no noise and no resolution", "has a delay or a sample_time", "'joint_angle'"):
+    for words in (
+        "'tip'",
+        "no noise and no resolution",
+        "has a delay or a sample_time",
+        "'joint_angle'",
+    ):
         assert words in text
     good = fa.ExtendedKalmanFilter(arm, [ENCODER])
     with pytest.raises(fa.InputError, match="joint_angle"):

@@ -130,9 +130,20 @@ def test_whatever_damage_raises_in_a_file_without_a_digest_is_worded(
         read_result(path)
 
 
+def test_a_damaged_digest_does_not_disable_the_check(result, tmp_path):
+    path = tmp_path / "run.nc"
+    write_result(result, path)
+    content = path.read_bytes()
+    path.write_bytes(content[:-60] + bytes(60))
+    with pytest.raises(InputError, match="is not an intact NetCDF file: the file is damaged"):
+        read_result(path)
+
+
 def test_other_programs_read_what_is_written(result, tmp_path):
     write_result(result, tmp_path / "run.nc")
-    xr.testing.assert_identical(xr.load_dataset(tmp_path / "run.nc", engine="h5netcdf"), result)
+    found = xr.load_dataset(tmp_path / "run.nc", engine="h5netcdf")
+    assert found.attrs.pop("digest").startswith("SHA-256")
+    xr.testing.assert_identical(found, result)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
