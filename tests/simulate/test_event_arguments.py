@@ -34,7 +34,7 @@ def first(t, q, qd):
         ),
         (lambda a: fa.Event(first, direction=2), "direction must be -1, 0 or 1, got 2."),
         (lambda a: fa.Event(first, direction=True), "direction must be -1, 0 or 1, got True."),
-        (lambda a: fa.Event(first, terminal=1), "terminal must be a bool, got 1."),
+        (lambda a: fa.Event(first, terminal=1), "terminal must be True or False, got 1."),
         (
             lambda a: fa.joint_event(a, 3, 0.1),
             "joint must be the number of a joint that is not fixed: 1",

@@ -99,8 +99,8 @@ def broken(**attributes):
         (
             {"rate": 1e12},
             (
-                r"rate must be at most 1e\+08 for a duration of 0.1, got 1000000000000\. That "
-                r"is 1e\+11 samples; at most 1e\+07 are stored\."
+                r"rate must be at most 1e\+08 for a duration of 0.1, got 1000000000000\. A "
+                r"result has at most"
             ),
         ),
         ({"plant": "arm"}, "plant must be an Arm"),

@@ -49,3 +49,29 @@ def test_old_names_lead_to_public_names_and_are_removed_on_time():
 def numbers(text):
     """Return major and minor version."""
     return tuple(int(part) for part in text.split(".")[:2])
+
+
+class _Former:
+    """Controller of a user with the former method of its requirements."""
+
+    sample_time = 0.01
+
+    def reset(self):
+        pass
+
+    def update(self, t, measurement, reference):
+        return [0.0]
+
+    def needs(self, arm, reference):
+        return fa.ControllerRequirements(measured=("tip",))
+
+
+def test_the_former_method_of_a_controllers_requirements_works_and_warns():
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
+    with (
+        pytest.warns(DeprecationWarning, match=r"_Former\.needs is deprecated"),
+        pytest.raises(fa.InputError, match="has no instrument for tip, which _Former reads"),
+    ):
+        fa.simulate(arm, 0.1, controller=_Former())
+    with pytest.warns(DeprecationWarning, match=r"use JointPD\.requirements"):
+        assert fa.JointPD(1.0, 1.0).needs(arm, None) == fa.JointPD(1.0, 1.0).requirements(arm, None)

@@ -101,7 +101,7 @@ def init(
 @app.command()
 @report_failures()
 def run(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.yaml", help="What to simulate.")],
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.yaml", help="Scenario file.")],
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save the result: .nc (all of it) or .csv.")
     ] = None,
@@ -143,7 +143,7 @@ def run(
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm, scenario or study.")],
 ) -> None:
-    """Check an arm, scenario or study file; every problem is told with its line."""
+    """Check an arm, scenario or study file and report every problem with its line."""
     from flexarm.cli.check import check_file
 
     check_file(file)
@@ -174,11 +174,11 @@ def modes(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     joints: Annotated[
         Joints | None,
-        typer.Option(help="What the joints do while the arm vibrates; locked if left out."),
+        typer.Option(help="Condition of the joints; locked by default."),
     ] = None,
     angles: Annotated[
         str | None,
-        typer.Option(metavar='"A,B,..."', help="Relative joint angles, rad; zero if left out."),
+        typer.Option(metavar='"A,B,..."', help="Relative joint angles, rad; zero by default."),
     ] = None,
     proportional: Annotated[
         str | None,
@@ -224,7 +224,7 @@ def linearize(
     angles: Annotated[
         str | None,
         typer.Option(
-            metavar='"A,B,..."', help="Joint angles where it rests, rad; zero if left out."
+            metavar='"A,B,..."', help="Joint angles where it rests, rad; zero by default."
         ),
     ] = None,
     inputs: Annotated[
@@ -241,7 +241,7 @@ def linearize(
         Path | None, typer.Option(metavar="FILE", help="Save its responses: .png, .pdf or .svg.")
     ] = None,
 ) -> None:
-    """Make a linear model of an arm about its rest: A, B, C, D and their poles."""
+    """Compute a linear model of an arm at rest: A, B, C, D and their poles."""
     from flexarm.cli.linearize import show_linear
 
     show_linear(arm, angles, inputs, outputs, count, out, plot)

@@ -48,7 +48,7 @@ def _link(k: int, links: int, gravity: bool) -> str:
       material: {_MATERIAL}        # or youngs_modulus: 70.0e+9 and density: 2700.0
       section: {section}  # height: depth that bends
       elements: 2                # finite elements; more for higher modes
-      modes: 2                   # modes of vibration that are simulated; 0: a rigid link
+      modes: 2                   # modes of vibration; a rigid link has flexible: false
       damping: {{kind: modal, ratio: 0.01}}"""
 
 

@@ -75,6 +75,12 @@ class Controller(ABC):
         """Return the requirements for controlling ``arm`` along ``reference``; none by default."""
         return ControllerRequirements()
 
+    def needs(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """Return ``requirements``; deprecated name."""
+        kind = type(self).__name__
+        warn_deprecated(f"{kind}.needs", f"{kind}.requirements", "0.3")
+        return self.requirements(arm, reference)
+
     def report(self) -> dict[str, float]:
         """Return numbers about the run since ``reset``, stored as attributes of its result."""
         return {}
@@ -155,12 +161,22 @@ def requirements_of(
 ) -> ControllerRequirements:
     """Return the requirements of any controlling object; none if it does not declare them."""
     declared = getattr(controller, "requirements", None)
-    if callable(former := getattr(controller, "needs", None)):
+    if _has_former_name(controller):
         kind = type(controller).__name__
         warn_deprecated(f"{kind}.needs", f"{kind}.requirements", "0.3")
-        declared = former
+        declared = getattr(controller, "needs", None)
     found = declared(arm, reference) if callable(declared) else None
     return found if isinstance(found, ControllerRequirements) else ControllerRequirements()
+
+
+def _has_former_name(controller: object) -> bool:
+    """Return whether a class defines ``needs`` and no subclass of it ``requirements``."""
+    for base in type(controller).__mro__:
+        if "requirements" in vars(base):
+            return False
+        if "needs" in vars(base):
+            return True
+    return False
 
 
 def report_of(controller: object) -> dict[str, float]:

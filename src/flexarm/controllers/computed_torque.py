@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import KW_ONLY
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +32,7 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
 
     memory = ()
 
+    _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(
         default=None,
         description="None for feedback linearisation, with the torques of the model at the "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import KW_ONLY
 
 from numpy.typing import ArrayLike
 from pydantic import Field
@@ -16,6 +17,7 @@ from flexarm.errors import InputError, Problem, shown
 class JointFollower(Parametrised, Controller):
     """Base of joint controllers that follow a reference, or keep the first angles without one."""
 
+    _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(
         default=None,
         description="Function of time that returns torques (joints,) N m, such as "

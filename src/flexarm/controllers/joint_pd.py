@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from numpy.typing import ArrayLike
+from pydantic import Field
+
 from flexarm.arm import Arm
 from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
 from flexarm.control.requirements import JOINTS, joints_of
@@ -19,6 +24,8 @@ class JointPD(JointFollower, JointPDParameters):
     """
 
     memory = ()
+
+    feedforward: Callable[[float], ArrayLike] | None = Field(default=None)  # also by position
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""

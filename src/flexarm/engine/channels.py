@@ -29,7 +29,7 @@ _TABLE = (
     Channel("tip_angle", (), "rad", "absolute angle of the last tip tangent"),
     Channel("tip_angle_rate", (), "rad/s", "rate of the tip angle"),
     Channel("torque", ("joint",), "N m", "torque of the joint motors"),
-    Channel("torque_command", ("joint",), "N m", "torque that the controller asked for"),
+    Channel("torque_command", ("joint",), "N m", "torque requested by the controller"),
     Channel("joint_force", ("link", "axis"), "N", "what the joint at its root gives a link, world"),
     Channel("joint_moment", ("link",), "N m", "likewise: torque and what the joint itself gives"),
     Channel(

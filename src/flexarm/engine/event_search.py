@@ -214,7 +214,7 @@ class Watch:
         try:
             return float(check_array(f"event {name!r}", "its value", given, ()))
         except InputError as error:
-            reason = f"the event's answer cannot be used: {error}"
+            reason = f"the event returned an unusable value: {error}"
             raise SimulationError(t, reason, "", (q, qd)) from None
 
 

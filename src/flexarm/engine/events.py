@@ -62,7 +62,7 @@ class Event:
         if type(self.direction) is not int or self.direction not in (-1, 0, 1):
             problems.append(Problem("Event", "direction", "be -1, 0 or 1", shown(self.direction)))
         if not isinstance(self.terminal, bool):
-            problems.append(Problem("Event", "terminal", "be a bool", shown(self.terminal)))
+            problems.append(Problem("Event", "terminal", "be True or False", shown(self.terminal)))
         if problems:
             raise InputError(*problems)
 

@@ -92,7 +92,7 @@ def choose_integrator(
         return Choice(requested, "given by the user")
     if requested == "auto":
         if step is not None:
-            return Choice(RungeKutta4(step=step), "fixed step asked for", by_drive=touch == 0.0)
+            return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
         return _by_stiffness(arm, tolerance, touch)
     return Choice(INTEGRATORS[requested](step=step), "named by the user")
 

@@ -64,7 +64,7 @@ class InnovationTest:
             text = (
                 f"ExtendedKalmanFilter: over {WINDOW} samples the squared innovations are "
                 f"{self.ratio:.3g} times as large as the covariance allows, so the errors of the "
-                "estimates are larger than it says. Correct the arm, or raise torque_noise or the "
+                "estimates exceed its covariance. Correct the arm, or raise torque_noise or the "
                 "noise of the instruments."
             )
             warn_caller(text, InconsistentEstimateWarning)

@@ -31,14 +31,14 @@ _SENTENCES = {
     Status.STEP_UNDERFLOW: "the step size fell below what double precision resolves.",
     Status.NOT_FINITE: "the state is no longer finite: the step is too long for the stiffest "
     "mode, or the arm is unstable.",
-    Status.INERTIA_LOST: "a joint no longer feels any inertia.",
+    Status.INERTIA_LOST: "the inertia about a joint is zero or negative.",
     Status.NOT_CONVERGED: "the equations of an implicit step could not be solved: the step is too "
     "long for the motion.",
-    Status.CONTACT_UNSEEN: "the fixed step is too long to follow a touch at this speed.",
-    Status.PRESSED_THROUGH: "a point has gone through what it touches: the contact is too soft for "
-    "the momentum behind it.",
-    Status.NOT_FOLLOWED: "posture and rates were predicted over each step so badly that the "
-    "accelerations of the joints missed half a percent: the step is too long for this motion.",
+    Status.CONTACT_UNSEEN: "the fixed step is too long to resolve a contact at this speed.",
+    Status.PRESSED_THROUGH: "a contact point passed through its surface: the contact is too "
+    "soft for this impact.",
+    Status.NOT_FOLLOWED: "the prediction error exceeded 0.5 % of the joint accelerations: the step "
+    "is too long for this motion.",
     Status.DIVERGED: "a joint turns by more than half a turn in one fixed step, or a link bends by "
     "100 times the reach of the arm: the step is too long, or the arm is unstable.",
 }

@@ -10,8 +10,7 @@ import numba
 from numba.core import event
 from numba.core.cpu import CPUTargetOptions
 
-from flexarm.kernels.code_cache import cache_folder, cache_of
-from flexarm.kernels.code_library import KernelCompiler, MergedCompiler
+from flexarm.kernels.code_cache import cache_folder, cache_of, code_library
 from flexarm.kernels.compile_notice import CompileNotice
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -32,7 +31,8 @@ def _options() -> dict[str, Any]:
     is undocumented, so it is omitted for versions of Numba without it.
     """
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": _FAST}
-    options["pipeline_class"] = KernelCompiler
+    if code_library:
+        options["pipeline_class"] = code_library.KernelCompiler
     options["no_cfunc_wrapper"] = True  # no kernel is passed on as a C function
     if hasattr(CPUTargetOptions, "_nrt"):
         options["_nrt"] = False
@@ -43,6 +43,8 @@ def _decorate(function: F, apart: bool = False, **more: Any) -> F:
     dispatcher: Any = numba.njit(**{**_options(), **more})(function)
     if hasattr(dispatcher, "enable_caching"):  # absent if compilation is disabled
         dispatcher._cache = cache_of(function, CACHE_DIRECTORY, apart)
+        # Pickled by its name: a copy in another process would be compiled without the cache.
+        dispatcher.__reduce_ex__ = lambda protocol: function.__qualname__
     return cast(F, dispatcher)
 
 
@@ -74,7 +76,9 @@ def merged(function: F) -> F:
     Only kernels can call it, as with ``apart``. Use it in hot loops; elsewhere, an ordinary call
     compiles faster.
     """
-    options: dict[str, Any] = {"forceinline": True, "pipeline_class": MergedCompiler}
+    options: dict[str, Any] = {"forceinline": True}
+    if code_library:
+        options["pipeline_class"] = code_library.MergedCompiler
     return _closed(_decorate(function, no_cpython_wrapper=True, **options))
 
 

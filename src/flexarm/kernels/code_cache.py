@@ -33,8 +33,13 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from platformdirs import user_cache_dir
 
-from flexarm.kernels.code_library import load, references, set_apart
 from flexarm.replace_file import replace_file
+
+code_library: Any
+try:
+    from flexarm.kernels import code_library
+except (ImportError, AttributeError):  # a version of Numba with other private names
+    code_library = None
 
 #: Packages whose sources determine the machine code.
 _SOURCE_FOLDERS = ("kernels", "integrate")
@@ -149,11 +154,12 @@ class CodeCache(_Cache):
             if hashlib.sha256(body).digest() == digest:
                 written_key, needed, code = pickle.loads(body)
                 if written_key == key:
-                    load(needed)
+                    if code_library:
+                        code_library.load(needed)
                     rebuild: Any = CompileResult._rebuild
                     version = rebuild(target_context, *code)
-                    if self._apart:
-                        set_apart(self._function, version)
+                    if code_library and self._apart:
+                        code_library.set_apart(self._function, version)
                     return version
         except Exception:
             # The file may come from another version of a library, which raises arbitrary errors.
@@ -164,12 +170,14 @@ class CodeCache(_Cache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save the compiled code ``data`` for the argument types ``sig``."""
-        if data.lifted or data.library.has_dynamic_globals:
+        addresses = code_library.has_addresses if code_library else _has_addresses
+        if data.lifted or addresses(data):
             return  # the code contains addresses of this process
         key = self._key(sig, data.codegen)
-        body = dumps((key, references(data), data._reduce()))  # type: ignore[no-untyped-call]
-        if self._apart:
-            set_apart(self._function, data)
+        needed = code_library.references(data) if code_library else []
+        body = dumps((key, needed, data._reduce()))  # type: ignore[no-untyped-call]
+        if code_library and self._apart:
+            code_library.set_apart(self._function, data)
         digest = hashlib.sha256(body).digest()
         try:
             replace_file(self._path(key), [digest, body], durable=False)
@@ -201,6 +209,10 @@ class CodeCache(_Cache):
         function = self._function
         bytecode = hashlib.sha256(function.__code__.co_code).hexdigest()
         return (sig, codegen.magic_tuple(), sys.implementation.cache_tag, bytecode, self._stamp)
+
+
+def _has_addresses(version: Any) -> bool:
+    return bool(version.library.has_dynamic_globals)
 
 
 def _file_hash(function: Callable[..., Any]) -> str:

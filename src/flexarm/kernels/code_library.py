@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
+from numba.core.base import BaseContext
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.types.functions import BaseFunction
@@ -27,6 +28,23 @@ _BUILT_IN = {"_operator", "builtins", "math"}
 _signatures: dict[tuple[Any, ...], Any] = {}
 _functions: Any = BaseFunction
 _resolve = _functions.get_call_type
+
+
+def _known(library: Any, context: Any) -> bool:
+    """Return whether this version of Numba links as this file assumes."""
+    linking = set(library._get_module_for_linking.__code__.co_names)
+    finalizing = set(library.finalize.__code__.co_names)
+    steps = {"_get_module_for_linking", "_optimize_final_module", "_finalize_final_module"}
+    return (
+        {"_shared_module", "_final_module"} <= linking
+        and steps <= finalizing
+        and hasattr(context, "declare_env_global")
+        and _resolve.__code__.co_argcount == 4
+    )
+
+
+if not _known(JITCodeLibrary, BaseContext):
+    raise ImportError("unknown version of Numba")  # which then links the kernels itself
 
 
 def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
@@ -82,6 +100,7 @@ class _MergedLibrary(JITCodeLibrary):
         """Do nothing, because the callers optimize the code with their own."""
 
     def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]  # a caller's code would contain their addresses
         code = self._final_module
         for function in code.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
@@ -105,6 +124,9 @@ class Reference(NamedTuple):
     signature: Any
 
 
+#: Variable in the code of all callers of kernels apart. Because of its name, Numba's own cache does
+#: not save a user's function that calls one: it would load the function without the kernel.
+_MARK = "numba.dynamic.globals.flexarm"
 #: Kernels apart by the symbols to which the code of this process may refer.
 _apart: dict[str, Reference] = {}
 
@@ -113,6 +135,11 @@ def references(version: Any) -> list[Reference]:
     """Return the kernels apart to which a compiled version of a kernel refers."""
     functions = version.library._get_module_for_linking().functions
     return [_apart[one.name] for one in functions if one.is_declaration and one.name in _apart]
+
+
+def has_addresses(version: Any) -> bool:
+    """Return whether a compiled version contains addresses of this process."""
+    return bool(set(version.library._dynamic_globals) - {_MARK})
 
 
 def set_apart(function: Callable[..., Any], version: Any, symbol: str = "") -> None:
@@ -124,12 +151,16 @@ def set_apart(function: Callable[..., Any], version: Any, symbol: str = "") -> N
             differ from the name in this process.
     """
     library, own = version.library, version.fndesc.llvm_func_name
-    symbol = symbol or own
-    llvm.add_symbol(symbol, library.get_pointer_to_function(own))
+    address = library.get_pointer_to_function(own)
+    if not address:
+        return  # Numba links it
     place = function.__module__, function.__qualname__
-    _apart[symbol] = Reference(symbol, *place, version.signature)
+    for one in {own, symbol or own}:
+        llvm.add_symbol(one, address)
+        _apart[one] = Reference(one, *place, version.signature)
     empty = library._codegen._create_empty_module(library.name)
-    library._shared_module = llvm.parse_assembly(str(empty))
+    mark = f'@"{_MARK}" = common global i8 0'
+    library._shared_module = llvm.parse_assembly(f"{empty}\n{mark}\n")
 
 
 def load(needed: list[Reference]) -> None:

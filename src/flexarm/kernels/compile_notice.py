@@ -34,7 +34,7 @@ class CompileNotice(event.Listener):
             return
         if self._depth == 0:
             self._started = time.perf_counter()
-            if not self.silent:
+            if not self.silent and sys.stderr is not None:
                 self._announce(occurrence.data["dispatcher"].py_func.__name__)
         self._depth += 1
 
@@ -59,7 +59,8 @@ class CompileNotice(event.Listener):
             kept = "the result is not kept: no folder is writable by this user alone."
         elif CodeCache.failure:
             kept = f"the result is not kept: {CodeCache.failure}."
-        print(f"flexarm: compiling took {self.seconds:.0f} s; {kept}", file=sys.stderr)
+        if sys.stderr is not None:
+            print(f"flexarm: compiling took {self.seconds:.0f} s; {kept}", file=sys.stderr)
 
     def on_end(self, occurrence: Any) -> None:
         if not self._is_ours(occurrence):
@@ -68,5 +69,5 @@ class CompileNotice(event.Listener):
         if self._depth == 0:
             self.seconds += time.perf_counter() - self._started
             self.kernels += 1
-            if self._announced and sys.stderr.isatty():
+            if self._announced and sys.stderr is not None and sys.stderr.isatty():
                 print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -40,10 +40,10 @@ class EquilibriumError(FlexarmError, RuntimeError):
         self.reason = reason
 
     def __str__(self) -> str:
-        return (
-            f"equilibrium found up to {self.load_fraction:.4g} of gravity and loads, then not: "
-            f"{self.reason}"
-        )
+        if self.load_fraction == 0.0:
+            return f"no equilibrium found: {self.reason}"
+        part = f"{self.load_fraction:.4g} of gravity and loads"
+        return f"no equilibrium found above {part}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +256,7 @@ class _Search:
             except (np.linalg.LinAlgError, ValueError):
                 reason = "the arm buckles or swings away."
                 raise EquilibriumError(0.0, begin, reason) from None
-        raise EquilibriumError(0.0, begin, "going downhill does not come to rest.")
+        raise EquilibriumError(0.0, begin, "the search did not converge.")
 
     def follow(self, q: FloatArray, at_once: bool = False) -> FloatArray:
         """Increase the load from zero to one; ``at_once`` permits the full load only."""
@@ -291,8 +291,8 @@ class _Search:
                 lowest = float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
             except np.linalg.LinAlgError:
                 reason = (
-                    "the mass matrix has lost its sign there, as the second-order theory's does "
-                    "where links bend more than their mesh allows. Give them segments=2 or more."
+                    "the mass matrix is indefinite there, because links bend beyond the "
+                    "second-order theory. Give them segments=2 or more."
                 )
                 raise EquilibriumError(1.0, q, reason) from None
         return Equilibrium(

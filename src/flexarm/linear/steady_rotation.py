@@ -58,4 +58,4 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
         # Newton's method converges quadratically: after a step this small only rounding remains.
         if np.max(np.abs(step)) <= 1e-9 * (1e-3 + np.max(np.abs(found[bending]))):
             return found
-    raise EquilibriumError(0.0, q, f"no steady shape at {spin:g} rad/s")
+    raise EquilibriumError(0.0, q, f"the links have no steady shape at {spin:g} rad/s.")

@@ -137,6 +137,6 @@ def _check_joints(motors: Motors, joints: int) -> None:
     for name in LIMITS:
         count = length_of(getattr(motors, name))
         if count not in (None, joints):
-            problems.append(Problem("Motors", name, rule, f"{count} long"))
+            problems.append(Problem("Motors", name, rule, f"{count} numbers"))
     if problems:
         raise InputError(*problems)

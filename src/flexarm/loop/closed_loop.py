@@ -71,7 +71,7 @@ class ClosedLoop:
         absurd = self._runaway(self._run.progress.state)
         if absurd:
             reason = f"{absurd}: the loop is unstable."
-            hint = "Lower the gains or the sample time, or design for the arm that is there."
+            hint = "Reduce the gains or the sample time, or design for this arm."
             raise SimulationError(t, reason, hint, self._run.state())
 
     def _update(self, t: float, measurement: Measurement) -> FloatArray:
@@ -89,7 +89,7 @@ class ClosedLoop:
             return check_array("controller", "torque", given, (run.arm.joints,))
         except InputError as error:
             raise SimulationError(
-                t, f"the controller's answer cannot be used: {error}", "", run.state()
+                t, f"the controller returned an unusable value: {error}", "", run.state()
             ) from None
 
     def torque_at(self, times: FloatArray) -> FloatArray:

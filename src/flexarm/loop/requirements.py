@@ -36,7 +36,7 @@ def misfits(
     there = measured_names(arm, hardware, contacts)
     problems = []
     count = len(arm.gauges)
-    if "strain" in requirements.measured and requirements.gauges not in (None, count):
+    if count and "strain" in requirements.measured and requirements.gauges not in (None, count):
         gauges = f"{requirements.gauges} gauge{'s' * (requirements.gauges != 1)}"
         rule = f"have the {gauges} that {called} reads"
         problems.append(Problem(where, "arm", rule, str(count)))

@@ -43,7 +43,9 @@ def for_margin(
         raise InputError(Problem(where, "disk_margin", rule, shown(disk_margin)))
     for name in ("rigidity_uncertainty", "recovery"):
         if name in options:
-            raise InputError(Problem(where, name, "cannot be given: the design searches for it"))
+            raise InputError(
+                Problem(where, name, "is not supported, because the design searches for it")
+            )
     arms = [check_kind(where, "arm", arm, Arm), *named_arms(where, plants).values()]
     make: Any = kind
     best, found = -1.0, (0.0, 0.0)

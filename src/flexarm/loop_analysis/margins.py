@@ -206,13 +206,16 @@ def _plants(
         rule = "be arms with the same number of joints"
         raise InputError(Problem(_WHERE, "plants", rule, shown(plants)))
     if isinstance(own, Arm) and own.joints != joints[0]:
-        rule = f"have the {own.joints} joints of the controller's arm"
+        rule = f"have the number of joints of the controller's arm, {own.joints}"
         raise InputError(Problem(_WHERE, "plants", rule, shown(joints[0])))
     for name, arm in named.items():
-        requirements = requirements_of(controller, arm, None)
-        if "strain" in requirements.measured and requirements.gauges not in (None, len(arm.gauges)):
-            rule = f"have the {requirements.gauges} gauges that {type(controller).__name__} reads"
-            raise InputError(Problem(_WHERE, "plants", rule, f"{len(arm.gauges)} in {name}"))
+        required = requirements_of(controller, arm, None)
+        if required.joints not in (None, arm.joints):
+            rule = f"is for {required.joints} joint(s), but the plant {name!r} has {arm.joints}"
+            raise InputError(Problem(_WHERE, "controller", rule))
+        if "strain" in required.measured and required.gauges not in (None, len(arm.gauges)):
+            rule = f"have {required.gauges} gauge(s), as {type(controller).__name__} reads"
+            raise InputError(Problem(_WHERE, f"plant {name!r}", rule, str(len(arm.gauges))))
     return named
 
 
@@ -248,10 +251,10 @@ def _places(
         listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
         return [(0.0, posture) for posture in listed]
     angles = check_numbers(_WHERE, "postures", postures, "be numbers of shape (any, joints)")
+    if not angles.size:
+        raise InputError(Problem(_WHERE, "postures", "are empty"))
     angles = angles[None] if angles.ndim == 1 else angles
     checked = check_array(_WHERE, "postures", angles, (-1, arm.joints))
-    if not len(checked):
-        raise InputError(Problem(_WHERE, "postures", "are empty"))
     return [(0.0, posture) for posture in checked]
 
 

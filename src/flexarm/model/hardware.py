@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -65,6 +65,9 @@ def _storable(seed: int) -> int:
 
 
 Seed = Annotated[int, Field(strict=True, ge=0), AfterValidator(_storable), BeforeValidator(plain)]
+
+
+_PLACE = ("link", "station", "frame")
 
 
 class Instrument(Record, kw_only=False):
@@ -148,12 +151,27 @@ class Instrument(Record, kw_only=False):
         rate = "joint_rate" if self.label == "joint_angle" else f"{self.label}_rate"
         return self.label, self.rate_name or rate
 
+    def replace(self, **changes: Any) -> Self:
+        """Return a validated copy in which the named fields have other values.
+
+        Another signal, unless it is one of a point, has no place on the arm.
+
+        Raises:
+            ModelError: if the changed record is invalid.
+        """
+        signal = changes.get("signal", self.signal)
+        if isinstance(signal, Sensor) or (isinstance(signal, str) and signal not in POINT_SIGNALS):
+            kept = {name: getattr(self, name) for name in self.model_fields_set}
+            changes = {k: v for k, v in kept.items() if k not in _PLACE} | changes
+            return type(self)(**changes)
+        return super().replace(**changes)
+
     @classmethod
     def _from_python(cls, arguments: dict[str, Any]) -> dict[str, Any]:
         sensor = arguments.get("signal")
         if not isinstance(sensor, Sensor):
             return arguments
-        for name in ("link", "station", "frame"):
+        for name in _PLACE:
             if name in arguments:
                 rule = "cannot be combined with a Sensor as signal"
                 raise ModelError(Problem(cls.__name__, name, rule))
@@ -216,9 +234,10 @@ class Motors(Record, kw_only=False):
             most = constant * (self.voltage_limit - back) / self.resistance
             least = constant * -(self.voltage_limit + back) / self.resistance
             torque = torque.clip(least, most)
-        limit = self.torque_limit + 0.0 * rate  # one for each joint
+        zero = 0.0 * (torque == torque)  # for each joint; finite even if the torque is not
+        limit = self.torque_limit + zero
         if constant is not None:
-            limit = limit.clip(max=(constant + 0.0 * rate) * self.current_limit)
+            limit = limit.clip(max=(constant + zero) * self.current_limit)
         return torque.clip(-limit, limit)
 
     @classmethod
@@ -241,7 +260,8 @@ def _of_joints(name: str, value: Any) -> Any:
 
 def _is_limited(limits: Any) -> bool:
     """Return whether limits of all joints, or one of them, are given, even if they are invalid."""
-    each = limits if isinstance(limits, list | tuple) else [limits]
+    given = plain(limits)
+    each = given if isinstance(given, list | tuple) else [given]
     return any(limit is not None and limit != math.inf for limit in each)
 
 

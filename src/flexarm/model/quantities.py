@@ -86,7 +86,7 @@ class Names(dict[str, T]):
         return Names, (dict(self),)
 
     def _refuse(self, *_: object, **__: object) -> Any:
-        raise TypeError("a record does not change: use its replace()")
+        raise TypeError("this mapping cannot be changed")
 
     __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
 
@@ -94,6 +94,12 @@ class Names(dict[str, T]):
 def _named(value: Any) -> Any:
     if not isinstance(value, Mapping) or not value:
         raise refuse("be a mapping with at least one name", value)
+    return _mapped(value)
+
+
+def _mapped(value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        raise refuse("be a mapping of names", value)
     wrong = next((name for name in value if not isinstance(name, str)), None)
     if wrong is not None:
         raise refuse("have text as names", wrong, "Put the name in quotes.")
@@ -122,11 +128,11 @@ def _one_or_many(value: Any) -> str:
 
 def _interval(value: Any) -> Any:
     given = plain(value)
-    numbers = given if isinstance(given, list | tuple) else ()
+    numbers = [plain(number) for number in given] if isinstance(given, list | tuple) else []
     right = all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
     if not right or len(numbers) != 2 or not numbers[0] <= numbers[1]:
         raise refuse("be two numbers in increasing order", given)
-    return given
+    return numbers
 
 
 if TYPE_CHECKING:
@@ -136,12 +142,14 @@ if TYPE_CHECKING:
     # Input types, so that type checkers accept lists; tuples are stored.
     Listed = Annotated[Sequence[T], ...]
     Named = Annotated[Mapping[str, T], ...]
+    Mapped = Annotated[Mapping[str, T], ...]
     Pair = Sequence[float]
     Limit = float
     Limits = float | Sequence[float]
 else:
     Listed = Annotated[tuple[T, ...], BeforeValidator(_listed)]
     Named = Annotated[dict[str, T], BeforeValidator(_named), AfterValidator(Names)]
+    Mapped = Annotated[dict[str, T], BeforeValidator(_mapped), AfterValidator(Names)]  # or empty
 
 # Bounds precede the validator of the type, so that they apply to the number and to the schema.
 Number = Annotated[float, BeforeValidator(finite)]

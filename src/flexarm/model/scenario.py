@@ -31,7 +31,7 @@ def sample_fault(duration: float, rate: float) -> Fault | None:
     if samples <= MOST_SAMPLES:
         return None
     rule = f"be at most {MOST_SAMPLES / duration:.6g} for a duration of {duration:.6g}"
-    hint = f"That is {samples:.3g} samples; at most {MOST_SAMPLES:.0e} are stored."
+    hint = f"A result has at most {MOST_SAMPLES:.0e} samples."
     return Fault(("rate",), rule, shown(rate), hint)
 
 

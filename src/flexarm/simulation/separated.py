@@ -196,7 +196,7 @@ def _converged(
             return fine
         coarse = fine
     reason = f"steps of {longest:.2g} s do not follow the deviations to rtol."
-    raise SimulationError(0.0, reason, "A larger rtol may do, or damping of the stiffest modes.")
+    raise SimulationError(0.0, reason, "Increase rtol, or add damping to the stiffest modes.")
 
 
 def _quasi_static(

@@ -114,3 +114,32 @@ def test_a_caller_is_compiled_again_if_the_result_has_another_type(call, tmp_pat
     again = call()
     assert again["value"] == 3.0
     assert sorted(again["misses"]) == ["fourth", "half", "quarter"]
+
+
+USER = """
+import numba
+from half import half
+
+@numba.njit(cache=True)
+def more(x):
+    return half(x) + 1.0
+
+print(more(4.0))
+"""
+
+
+def test_a_users_cached_function_finds_the_kernel_in_a_later_process(tmp_path):
+    """Numba's own cache does not keep it, because it would not load the kernel before it."""
+    (tmp_path / "half.py").write_text(HALF)
+    (tmp_path / "user.py").write_text(USER)
+    settings = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONWARNINGS": "ignore"}
+    for _ in range(2):
+        ended = subprocess.run(
+            [sys.executable, "user.py"],
+            cwd=tmp_path,
+            env={**os.environ, **settings},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (ended.returncode, ended.stdout.strip()) == (0, "3.0"), ended.stderr

@@ -130,8 +130,8 @@ def test_torque_takes_an_array():
                 "run.integrator must be a word, got 3.",
                 "run.rtol must be less than 1, got 1.",
                 (
-                    "run.rate must be at most 1e+06 for a duration of 10, got 1000000000. That "
-                    "is 1e+10 samples; at most 1e+07 are stored."
+                    "run.rate must be at most 1e+06 for a duration of 10, got 1000000000. A "
+                    "result has at most 1e+07 samples."
                 ),
                 "run.step must be at most 10, the duration of the run, got 20.",
             ],

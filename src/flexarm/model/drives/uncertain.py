@@ -11,13 +11,14 @@ from flexarm.model.quantities import (
     Count,
     Flag,
     Interval,
-    Named,
+    Mapped,
     NonNegative,
     Number,
     OneOrEach,
     OneOrMany,
     PerJoint,
     Positive,
+    Typed,
     Word,
 )
 
@@ -54,17 +55,18 @@ class AdaptiveParameters(ControllerParameters):
         description="Adaptation gains, one for all parameters or one for each, in the unit of the "
         "parameter squared per (N m rad)."
     )
-    parameters: OneOrMany[Word] = Field(
+    # Typed, because pydantic before 2.12 loses the tags of a union in a record that is made twice.
+    parameters: Annotated[Any, Typed(OneOrMany[Word])] = Field(
         default="payload",
         description="Parameters to adapt: payload (its mass), links (mass, first moment and "
         "inertia of each) or friction (viscous and Coulomb of each joint), or a list of names "
         "such as payload.mass, link_2.inertia, joint_1.coulomb.",
     )
-    bounds: Named[Interval] | None = Field(
+    bounds: Mapped[Interval] | None = Field(
         default=None,
         description="Lower and upper bound of parameters by name; by default at least 0.",
     )
-    initial: Named[NonNegative] | None = Field(
+    initial: Mapped[NonNegative] | None = Field(
         default=None, description="Initial estimates by name, in place of the values of the arm."
     )
     leakage: NonNegative = Field(
@@ -92,7 +94,7 @@ class SlidingModeParameters(ControllerParameters):
             "joints or one for each."
         )
     )
-    uncertainty: Named[NonNegative] | None = Field(
+    uncertainty: Mapped[NonNegative] | None = Field(
         default=None,
         description="Largest error of parameters, by names such as payload.mass or link_2.mass.",
     )
@@ -103,7 +105,7 @@ class SlidingModeParameters(ControllerParameters):
     reaching: Annotated[Any, PerJoint(Positive)] = Field(
         default=0.1,
         description="Excess of the switching torque over the bounds, one for all joints or one "
-        "each (N m).",
+        "for each (N m).",
     )
     damping: Damping = 0.0
     strain_gain: StrainGain = 0.0
