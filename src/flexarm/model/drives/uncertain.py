@@ -37,12 +37,14 @@ StrainGain = Annotated[
     PerJoint(NonNegative),
     Field(
         description=(
-            "Joint rate per curvature at the root of the link (rad/s per 1/m), which "
-            "needs a gauge; damps vibration."
+            "Joint rate per curvature at the root of the link (rad/s per 1/m). It damps "
+            "vibration and requires a gauge on that link."
         )
     ),
 ]
-Washout = Annotated[Positive, Field(description="Cutoff of the high-pass filter of that (Hz).")]
+Washout = Annotated[
+    Positive, Field(description="Cutoff of the high-pass filter of the curvature (Hz).")
+]
 
 
 class AdaptiveParameters(ControllerParameters):
