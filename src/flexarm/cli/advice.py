@@ -51,8 +51,8 @@ def about_vibration(
     if not found.size:
         return []
     where = "at joint angles of zero" if angles is None else "at the start"
-    told = ", ".join(f"{frequency:.4g}" for frequency in found[:_MOST_FREQUENCIES])
-    rows = [("frequencies", f"{told} Hz with the joints locked, {where}")]
+    listed = ", ".join(f"{frequency:.4g}" for frequency in found[:_MOST_FREQUENCIES])
+    rows = [("frequencies", f"{listed} Hz with the joints locked, {where}")]
     mode = min(arm.joints, found.size)
     if mode:
         longest = _PHASE / (2.0 * np.pi * found[mode - 1])

@@ -94,14 +94,14 @@ def _printed(table: xr.Dataset, reference: str) -> object:
 
 def _told(table: xr.Dataset, kind: str) -> list[str]:
     """Return the failures or warnings of runs, with the names of the runs."""
-    told = []
+    reported = []
     for drive in table["controller"].values:
         for plant in table["plant"].values:
             for reference in table["reference"].values:
                 text = table[kind].sel(controller=drive, plant=plant, reference=reference).item()
                 if text:
-                    told.append(f"{drive} on {plant} along {reference}: {text}")
-    return told
+                    reported.append(f"{drive} on {plant} along {reference}: {text}")
+    return reported
 
 
 def _save(table: xr.Dataset, out: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from flexarm.arm import load_arm
 from flexarm.bending import bending_warning, one_warning
 from flexarm.cli.failures import warn
-from flexarm.cli.postures import joint_numbers, told
+from flexarm.cli.postures import joint_numbers, listed
 from flexarm.cli.tables import console, facts, numbers
 from flexarm.linear import LinearModel, equilibrium, linearize
 from flexarm.output import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear, write_figure
@@ -72,7 +72,7 @@ def show_linear(
 def _held(posture: list[float], torque: list[float]) -> str:
     if not posture:
         return "no joint turns"
-    return f"{told(posture)} rad, held by {told(torque)} N m"
+    return f"{listed(posture)} rad, held by {listed(torque)} N m"
 
 
 def _names(text: str) -> list[str]:

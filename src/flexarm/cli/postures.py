@@ -31,10 +31,10 @@ def joint_numbers(where: str, option: str, arm: Arm, text: str | None, unit: str
 
 def at(angles: list[float]) -> str:
     """Return the posture as text for a title; empty for an arm without movable joints."""
-    return f", at {told(angles)} rad" if angles else ""
+    return f", at {listed(angles)} rad" if angles else ""
 
 
-def told(angles: list[float]) -> str:
+def listed(angles: list[float]) -> str:
     """Format angles as text, at most the first eight."""
     more = ", ..." if len(angles) > 8 else ""
     return ", ".join(f"{angle:.4g}" for angle in angles[:8]) + more

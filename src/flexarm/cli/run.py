@@ -67,7 +67,7 @@ def run_options(
     changes = [change_of(_WHERE, "--set", text) for text in sets]
     if duration is not None:
         given = change_of(_WHERE, "--duration", f"run.duration={duration}")
-        changes.append(replace(given, told=f"--duration {duration}"))
+        changes.append(replace(given, origin=f"--duration {duration}"))
     if integrator is not None:
         changes.append(Change(f"--integrator {integrator}", ("run", "integrator"), integrator))
     return RunOptions(*files, changes, json, quiet)
@@ -142,7 +142,7 @@ def _as_json(
     return {
         "flexarm": version("flexarm"),
         "scenario": str(path),
-        "changes": [change.told for change in options.changes],
+        "changes": [change.origin for change in options.changes],
         "samples": int(time.size),
         "end_time": float(time[-1]),
         "integrator": attributes["integrator"],
@@ -197,14 +197,14 @@ def _events(result: xr.Dataset) -> list[tuple[str, str]]:
     if "event_name" not in result:
         return []
     names, times = result["event_name"].values, result["event_time"].values
-    told = []
+    found = []
     for name in dict.fromkeys(names.tolist()):
         own = times[names == name]
         when = f"at t = {own[0]:.6g} s" if own.size == 1 else f"{own.size} times"
         if own.size > 1:
             when += f", first at t = {own[0]:.6g} s"
-        told.append(f"{name}: {when}")
-    rows = [("events", "; ".join(told) or "none")]
+        found.append(f"{name}: {when}")
+    rows = [("events", "; ".join(found) or "none")]
     if result.attrs["ended_by"] in names:
         rows.append(("ended by", result.attrs["ended_by"]))
     return rows

@@ -100,15 +100,15 @@ def _validated(
 ) -> tuple[Mapping[str, Any], list[Problem]]:
     """Return the validated values of those given for shared parameters, and all problems."""
     where, shared = kind.__name__, _shared(kind)
-    told = {name: value for name, value in given.items() if name in shared}
+    reported = {name: value for name, value in given.items() if name in shared}
     checked: Mapping[str, Any] = {}
     problems: list[Problem] = []
     try:
-        checked = vars(_record(kind).model_validate(told))
+        checked = vars(_record(kind).model_validate(reported))
     except ValidationError as error:
         problems += [fault.problem(where) for fault in faults_of(error)]
     if joints is not None:
-        lists = {name: value for name, value in told.items() if shared[name].per_joint}
+        lists = {name: value for name, value in reported.items() if shared[name].per_joint}
         problems += joint_problems(where, joints, lists)
     return checked, problems
 

@@ -18,12 +18,12 @@ class Change:
     """A value at a key path of a file.
 
     Attributes:
-        told: the option with its value, in place of the line of the file in messages.
+        origin: the option with its value, in place of the line of the file in messages.
         path: the key path.
         value: plain value in place of the one of the file.
     """
 
-    told: str
+    origin: str
     path: Path
     value: Any
 
@@ -42,17 +42,17 @@ def change_of(where: str, option: str, text: str) -> Change:
     if not given or not path:
         rule = "be a key path and a value, such as run.duration=3 or arm.links[0].length=1.2"
         raise InputError(Problem(where, option, rule, shown(text)))
-    told = f"{option} {text}"
+    origin = f"{option} {text}"
     if not value.strip():
-        return Change(told, path, None)
+        return Change(origin, path, None)
     try:
         document = parse(FilePath(option), value)
         if document.problems:
             raise ModelError(*document.problems)
     except ModelError as error:
-        named = (replace(p, where=told, name=path_text(path)) for p in error.problems)
+        named = (replace(p, where=origin, name=path_text(path)) for p in error.problems)
         raise ModelError(*named) from None
-    return Change(told, path, document.value)
+    return Change(origin, path, document.value)
 
 
 def changed(document: Document, changes: Sequence[Change]) -> Document:
@@ -81,12 +81,12 @@ def _with(value: Any, change: Change, walked: Path) -> Any:
     if isinstance(part, str):
         if not isinstance(value, dict | None):
             rule = "be a mapping of keys to values"
-            raise ModelError(Problem(change.told, path_text(walked), rule, shown(value)))
+            raise ModelError(Problem(change.origin, path_text(walked), rule, shown(value)))
         old = value or {}
         return {**old, part: _with(old.get(part), change, inside)}
     if not isinstance(value, list):
-        raise ModelError(Problem(change.told, path_text(walked), "be a list", shown(value)))
+        raise ModelError(Problem(change.origin, path_text(walked), "be a list", shown(value)))
     if part >= len(value):
         rule = f"does not exist: the list has {len(value)} entries, counted from 0"
-        raise ModelError(Problem(change.told, path_text(inside), rule))
+        raise ModelError(Problem(change.origin, path_text(inside), rule))
     return [*value[:part], _with(value[part], change, inside), *value[part + 1 :]]

@@ -113,8 +113,8 @@ def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path
     def where(place: Path) -> str:
         return (holder if holder and place[:1] == ("arm",) else document).where(place)
 
-    told = () if holder else ("arm",)
-    record = _checked(kind, content, (), where, problems, told)
+    reported = () if holder else ("arm",)
+    record = _checked(kind, content, (), where, problems, reported)
     if record is None or problems:
         raise ModelError(*_in_order(document.file, problems))
     return record, where
@@ -209,18 +209,18 @@ def _checked(
     inside: Path,
     where: Callable[[Path], str],
     problems: list[Problem],
-    told: Path = (),
+    reported: Path = (),
 ) -> R | None:
     """Return a record of the value at the path `inside`, and add its faults to `problems`.
 
-    Problems at the path `told` have been reported before and are omitted.
+    Problems at the path `reported` have been reported before and are omitted.
     """
     try:
         return kind.model_validate(value)
     except ValidationError as error:
         for fault in faults_of(error):
             place = (*inside, *fault.path)
-            if not told or place != told:
+            if not reported or place != reported:
                 problems.append(replace(fault, path=place).problem(where(place), "the file"))
         return None
 
@@ -257,8 +257,8 @@ def _holder_of_arm(
         inside = [c for c in document.changes if c.path[0] == "arm" and len(c.path) > 1]
         return _holder_of_arm(changed(_parsed(other, text), inside), problems, came_from)
     except ModelError as error:
-        told = f"It is named in {here}."
-        problems += [replace(p, hint=f"{p.hint} {told}".strip()) for p in error.problems]
+        reported = f"It is named in {here}."
+        problems += [replace(p, hint=f"{p.hint} {reported}".strip()) for p in error.problems]
         return None
 
 
@@ -364,14 +364,14 @@ def _content(value: Any) -> Any:
         return next(name for name, preset in MATERIALS.items() if preset == value)
     if isinstance(value, Record):
         fields = type(value).model_fields
-        told = {
+        reported = {
             name: _content(part)
             for name, part in value
             if name in value.model_fields_set
             and (part != fields[name].default or name in value._written)
         }
         kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
-        return {**kind, **told}
+        return {**kind, **reported}
     if isinstance(value, dict):
         return {name: _content(part) for name, part in value.items()}
     return [_content(part) for part in value] if isinstance(value, tuple) else value

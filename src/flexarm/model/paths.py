@@ -44,8 +44,8 @@ def number_at(where: str, name: str, record: Record, path: object) -> float:
         walked = _joined(walked, part)
     if isinstance(value, float):
         return value
-    told = "nothing" if value is None else shown(value)
-    hint = f"It is {told} there." if parts else "An example is 'links[0].flexural_rigidity'."
+    found = "nothing" if value is None else shown(value)
+    hint = f"It is {found} there." if parts else "An example is 'links[0].flexural_rigidity'."
     raise InputError(Problem(where, name, rule, shown(path), hint))
 
 

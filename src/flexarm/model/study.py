@@ -116,11 +116,11 @@ class Study(Record):
             return
         if not all(given.absent(name) or given.has(name) for name in _SHARED):
             return  # their own faults are reported
-        told: set[Fault] = set()
+        reported: set[Fault] = set()
         for drive, motion in _pairs(given):
             for fault in _of_one(given, drive, motion):
-                if fault not in told:
-                    told.add(fault)
+                if fault not in reported:
+                    reported.add(fault)
                     yield fault
 
     def scenario(self, drive: str, motion: str) -> Scenario:

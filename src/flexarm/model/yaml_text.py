@@ -120,7 +120,7 @@ class Document:
         """
         for change in reversed(self.changes):
             if path[: len(change.path)] == change.path:
-                return change.told
+                return change.origin
         node, line = self._root, self._root.start_mark.line
         for part in path:
             if isinstance(node, yaml.MappingNode):

@@ -26,8 +26,8 @@ def problems_at(place: Where, key: str, names: dict[str, str] | None = None) -> 
     except InputError as error:
         placed = []
         for problem in error.problems:
-            told = (names or {}).get(problem.name, problem.name)
-            name = f"{key or problem.where}.{told}"
+            reported = (names or {}).get(problem.name, problem.name)
+            name = f"{key or problem.where}.{reported}"
             placed.append(replace(problem, where=place(path_of(name)), name=name))
         raise InputError(*placed) from None
 

@@ -110,8 +110,8 @@ def _told_in_study(drive: str, motion: str) -> Iterator[None]:
         yield
     except InputError as error:
         names = [path_text(placed(path_of(p.name), drive, motion)) for p in error.problems]
-        told = [replace(p, name=n) for p, n in zip(error.problems, names, strict=True)]
-        raise InputError(*told) from None
+        reported = [replace(p, name=n) for p, n in zip(error.problems, names, strict=True)]
+        raise InputError(*reported) from None
 
 
 def _place(where: Where, drive: str, motion: str, path: Path) -> str:

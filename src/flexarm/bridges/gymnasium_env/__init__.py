@@ -9,8 +9,10 @@ from __future__ import annotations
 try:
     import gymnasium
 except ImportError:
-    told = "flexarm.bridges.gymnasium_env needs Gymnasium: pip install 'flexarm[gym]' brings it."
-    raise ImportError(told) from None
+    reported = (
+        "flexarm.bridges.gymnasium_env needs Gymnasium: pip install 'flexarm[gym]' brings it."
+    )
+    raise ImportError(reported) from None
 
 from flexarm.bridges.gymnasium_env.base import ArmEnv, laboratory_arm
 from flexarm.bridges.gymnasium_env.reach import ReachEnv

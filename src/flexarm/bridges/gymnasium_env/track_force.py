@@ -265,8 +265,8 @@ class TrackForceEnv(ArmEnv):
         return bool(over and pressed and distance < _NEAR * reach_of(self.arm))
 
     def _info(self, torque: FloatArray, reason: str) -> dict[str, Any]:
-        told = {"force": self.pressing(), "force_error": self._force_error(self._tick)}
-        return super()._info(torque, reason) | told
+        reported = {"force": self.pressing(), "force_error": self._force_error(self._tick)}
+        return super()._info(torque, reason) | reported
 
     def scene(self) -> Scene:
         """See ``ArmEnv``."""

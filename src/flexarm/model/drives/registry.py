@@ -48,5 +48,5 @@ ALONE: tuple[type[ControllerDrive], ...] = tuple(
 
 
 def one_of(records: Sequence[type]) -> Any:
-    """Return the type of a value that is one of several records, told apart by ``kind``."""
+    """Return the type of a value that is one of several records, distinguished by ``kind``."""
     return Annotated[Union[tuple(records)], Field(discriminator="kind")]  # noqa: UP007

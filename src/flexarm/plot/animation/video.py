@@ -109,11 +109,13 @@ def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
                     program.stdin.close()
                 status = program.wait()
             words.seek(0)
-            told = words.read().decode(errors="replace").strip()
+            reported = words.read().decode(errors="replace").strip()
     except OSError as error:
         raise _failed(command[0], error.strerror or str(error)) from None
     if status:
-        raise _failed(command[0], told.splitlines()[-1][:200] if told else f"exit status {status}")
+        raise _failed(
+            command[0], reported.splitlines()[-1][:200] if reported else f"exit status {status}"
+        )
 
 
 def _failed(ffmpeg: str, reason: str) -> InputError:
