@@ -175,7 +175,7 @@ def test_check_says_what_is_in_a_study(path):
         (
             "kind: joint_pd",
             "kind: strain_feedback\n    strain: 1",
-            ("study.yaml:2: arm must have the 2 gauges that strain_feedback reads, got 0."),
+            ("study.yaml:2: arm has no gauges, but strain_feedback reads strain."),
         ),
         ("there: {kind: joint, ", "there: {kind: pressed, ", "motions.there.path is missing"),
     ],

@@ -329,7 +329,9 @@ class Failing:
     ids=["nan", "infinity", "too many", "a number", "nothing", "words", "complex"],
 )
 def test_bad_answer_ends_the_run_with_time_and_partial_result(arm, answer, word):
-    with pytest.raises(fa.SimulationError, match=r"controller's answer") as caught:
+    with pytest.raises(
+        fa.SimulationError, match=r"controller returned an unusable value"
+    ) as caught:
         fa.simulate(arm, 1.0, controller=Failing(answer), rate=1000.0)
     error = caught.value
     assert error.time == pytest.approx(0.01)

@@ -269,6 +269,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
 #: Methods of what these make: the object, then arguments by method.
 _UPDATE = {
     "requirements": {"arm": arm, "reference": motion},
+    "needs": {"arm": arm, "reference": motion},
     "report": {},
     "reset": {},
     "update": {"t": 0.0, "measurement": measurement, "reference": motion},

@@ -202,7 +202,11 @@ run: {duration: 0.1, rate: 100}
             "",
             "gravity cannot be combined with feedforward",
         ),
-        ("{kind: strain_feedback, proportional: 1, derivative: 1, strain: 1}", "", "2 gauges"),
+        (
+            "{kind: strain_feedback, proportional: 1, derivative: 1, strain: 1}",
+            "",
+            "arm has no gauges",
+        ),
     ],
 )
 def test_wrong_scenarios_are_told(drive, more, words, tmp_path):

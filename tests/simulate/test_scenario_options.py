@@ -210,7 +210,7 @@ class TestEquilibrium:
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
 
         monkeypatch.setattr(import_module("flexarm.scenarios.initial_state"), "equilibrium", none)
-        with pytest.raises(fa.EquilibriumError, match=r"up to 0\.4 of gravity and loads"):
+        with pytest.raises(fa.EquilibriumError, match=r"above 0\.4 of gravity and loads"):
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 
 

@@ -218,7 +218,7 @@ def test_plants_need_the_gauges_that_the_controller_reads():
     bare = fa.Arm(
         links=[fa.Link(length=1.0, flexural_rigidity=105.0, mass_per_length=0.6) for _ in range(2)]
     )
-    with pytest.raises(fa.InputError, match="plants must have the 2 gauges that LQG reads"):
+    with pytest.raises(fa.InputError, match="plant 'bare' must have 2 gauge"):
         fa.loop_margins(fa.LQG(robust_arm(), POSTURE), {"bare": bare})
 
 
@@ -264,7 +264,7 @@ def test_one_call_warns_once_of_bending(call):
         ({"contacts": None}, "contacts must be a list of Contact objects, got nothing"),
         ({"reference": "x"}, "reference must have the methods"),
         ({"postures": [[0.1], [0.1, 0.2]]}, "postures must be numbers of shape"),
-        ({"postures": []}, "postures must be numbers of shape"),
+        ({"postures": []}, "postures are empty"),
         ({"postures": np.zeros((0, 2))}, "postures are empty"),
         ({"postures": "x"}, "postures must be numbers of shape"),
     ],
