@@ -1,12 +1,12 @@
-"""Calls of a kernel from a compiled loop, as in an integrator: no Python in the timing."""
+"""Forward dynamics merged into a compiled loop, as in an integrator: no Python in the timing."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 import flexarm as fa
-from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.articulated_body import solve_forward
+from flexarm.kernels.cache import compiled
 from flexarm.kernels.layout import (
     Sizes,
     compile_time_sizes,
@@ -16,10 +16,10 @@ from flexarm.kernels.layout import (
 )
 
 
-@njit(_nrt=False)
+@compiled
 def _repeat(sizes, constants, state, torque, loads, work, calls):  # type: ignore[no-untyped-def]
     for _ in range(calls):
-        forward_dynamics(sizes, constants, state, torque, loads, work)
+        solve_forward(sizes, constants, state, torque, loads, work)
         # Feed the result back: otherwise the compiler may remove all calls but one.
         state[0, 0, 0] += 1e-12 * work.acceleration[0, 0]
 

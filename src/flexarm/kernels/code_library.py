@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
+from numba.core import config
 from numba.core.base import BaseContext
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -59,21 +60,26 @@ def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
 
 
 class KernelCompiler(Compiler):
-    """Numba's compiler with a memory for the signatures of operators.
+    """Numba's compiler with a memory for the signatures of operators, and without vectorization.
 
     Numba would otherwise try up to ten candidates for each sum and each product, twice. Python's
-    search for cyclic garbage waits for the end, because it takes a tenth of the time.
+    search for cyclic garbage waits for the end, because it takes a tenth of the time. Loops over
+    bodies and modes are too short for vector instructions, whose preparation costs a fifth of the
+    forward dynamics if the compiler does not know the sizes.
     """
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function; the caller holds the lock of the compiler."""
         others, collecting = _functions.get_call_type, gc.isenabled()
+        vectorize = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
         _functions.get_call_type = _remembered
+        config.LOOP_VECTORIZE = config.SLP_VECTORIZE = 0
         gc.disable()
         try:
             return super().compile_extra(function)  # type: ignore[no-untyped-call]
         finally:
             _functions.get_call_type = others
+            config.LOOP_VECTORIZE, config.SLP_VECTORIZE = vectorize
             if collecting:
                 gc.enable()
 

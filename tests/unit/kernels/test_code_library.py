@@ -143,3 +143,34 @@ def test_a_users_cached_function_finds_the_kernel_in_a_later_process(tmp_path):
             check=False,
         )
         assert (ended.returncode, ended.stdout.strip()) == (0, "3.0"), ended.stderr
+
+
+VECTORS = """
+import sys
+import numba, numpy as np
+from flexarm.kernels.cache import compiled
+
+def scaled(x, y):
+    for i in range(x.shape[0]):
+        y[i] = 2.0 * x[i]
+
+for decorate in (compiled, numba.njit):
+    loop = decorate(scaled)
+    loop(np.ones(9), np.zeros(9))
+    (version,) = loop.overloads.values()
+    print("x double>" in version.library.get_llvm_str())
+"""
+
+
+def test_kernels_have_no_vector_loops_and_functions_of_users_keep_theirs(tmp_path):
+    """A vector loop over three or four modes costs more than it saves."""
+    (tmp_path / "vectors.py").write_text(VECTORS)
+    ended = subprocess.run(
+        [sys.executable, "vectors.py"],
+        cwd=tmp_path,
+        env={**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "0"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout.split()) == (0, ["False", "True"]), ended.stderr
