@@ -28,6 +28,7 @@ _BUILT_IN = {"_operator", "builtins", "math"}
 #: Signatures that kernels have used, by function and types of the arguments.
 _signatures: dict[tuple[Any, ...], Any] = {}
 _functions: Any = BaseFunction
+_config: Any = config
 _resolve = _functions.get_call_type
 
 
@@ -71,15 +72,15 @@ class KernelCompiler(Compiler):
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function; the caller holds the lock of the compiler."""
         others, collecting = _functions.get_call_type, gc.isenabled()
-        vectorize = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
+        vectorize = _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE
         _functions.get_call_type = _remembered
-        config.LOOP_VECTORIZE = config.SLP_VECTORIZE = 0
+        _config.LOOP_VECTORIZE = _config.SLP_VECTORIZE = 0
         gc.disable()
         try:
             return super().compile_extra(function)  # type: ignore[no-untyped-call]
         finally:
             _functions.get_call_type = others
-            config.LOOP_VECTORIZE, config.SLP_VECTORIZE = vectorize
+            _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE = vectorize
             if collecting:
                 gc.enable()
 
