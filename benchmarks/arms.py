@@ -7,12 +7,14 @@ import numpy as np
 import flexarm as fa
 
 
-def table_one(elements: tuple[int, int] = (2, 1), **options: object) -> fa.Arm:
-    """Return the two-link arm of the paper's Table I."""
-    lengths = (1.4142, 1.0)
+def table_one(
+    elements: tuple[int, int] = (2, 1), rigidity: float = 105.0, **options: object
+) -> fa.Arm:
+    """Return the two-link arm of the paper's Table I, or with another flexural rigidity."""
+    lengths, mass = (1.4142, 1.0), 0.61732
     return fa.Arm(
         links=[
-            fa.Link(length=length, flexural_rigidity=105.0, mass_per_length=0.61732, elements=count)
+            fa.Link(length=length, flexural_rigidity=rigidity, mass_per_length=mass, elements=count)
             for length, count in zip(lengths, elements, strict=True)
         ],
         **options,

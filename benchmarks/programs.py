@@ -21,6 +21,7 @@ PEERS = {
     "Pinocchio": "pinocchio",
     "Drake": "pydrake",
     "PyElastica": "elastica",
+    "SoRoMoX": "soromox",
     "CasADi CVODES": "casadi",
     "JAX": "diffrax",
 }
@@ -145,6 +146,18 @@ def pyelastica(
     pieces = "+".join(map(str, elements))
     setting = f"{pieces} elements, radius {1e3 * radius:g} mm, step {step:g} s"
     return Entry("PyElastica", setting, truth, prepare)
+
+
+def soromox(case: Case, segments: int, rtol: float, truth: str) -> Entry:
+    """Return the entry of SoRoMoX with segments of constant curvature."""
+
+    def prepare() -> Run:
+        from peers import soromox_arm
+
+        return timed(soromox_arm.prepare(case, segments, rtol))
+
+    setting = f"{segments} constant curvatures a link, Tsit5, rtol {rtol:.0e}"
+    return Entry("SoRoMoX", setting, truth, prepare)
 
 
 def casadi(case: Case, arm: fa.Arm, rtol: float, truth: str) -> Entry:

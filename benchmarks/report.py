@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import raw
+from benchmarks import long_chain, raw
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
@@ -45,7 +45,7 @@ class Measured(NamedTuple):
 def machine() -> str:
     """Describe the machine and the versions of the programs."""
     names = ("flexarm", "numba", "numpy", "scipy", "exudyn", "mujoco", "pin", "drake")
-    names += ("pyelastica", "casadi", "jax", "diffrax")
+    names += ("pyelastica", "soromox", "casadi", "jax", "diffrax")
     versions = ", ".join(f"{name} {found}" for name in names if (found := _version(name)))
     python = platform.python_version()
     # The load of the last fifteen minutes: above about one, other processes were running too.
@@ -106,7 +106,9 @@ flexarm all channels with their labels. No time includes compilation or import.
 
 MuJoCo, Pinocchio and Drake simulate rigid bars on springs. Pinocchio has no integrators; its loop
 is in Python. PyElastica's rod is thicker than the links, because otherwise its steps would be ten
-times shorter; its error is due to this. CasADi and JAX use flexarm's own equations, CasADi with
+times shorter; its error is due to this. SoRoMoX has no joints in the plane: segments of a
+micrometre without stiffness represent them, and the links bend in segments of constant curvature
+without stretch and shear. CasADi and JAX use flexarm's own equations, CasADi with
 exact Jacobians; SciPy's solvers call these equations from Python.
 
 The table shows the fastest setting of each program with at most the given error:
@@ -148,6 +150,10 @@ per link at `rtol=1e-7`. MuJoCo's rigid bars and Exudyn's cables converge to the
 run was timed once, after one warm-up run.
 
 {_points_table(m.chain)}
+
+The goal is {long_chain.GOAL:g} times the speed of MuJoCo at the same error or less:
+
+{chain_table(m.chain)}
 
 ![Work-precision diagram of the chain](chain.png)
 
@@ -269,6 +275,23 @@ def raw_table(points: list[Point]) -> str:
             rows.append((truth, f"{level:.1e}", what, *cells, ratio, told))
     header = ("against", "error at most (m)", "what", "flexarm (ms)", "fastest peer (ms)")
     return _table((*header, "ratio", "goal"), rows)
+
+
+def chain_table(points: list[Point]) -> str:
+    """Return the table of MuJoCo's runs of the chain, each with our fastest as accurate."""
+    own = [point for point in points if point.program == "flexarm"]
+    rows = []
+    for point in points:
+        if point.program == "MuJoCo":
+            best = fastest(own, TIGHT, point.error)
+            cells = ("none", "")
+            if best:
+                ratio = point.seconds / best.seconds
+                cells = f"{best.setting}: {1e3 * best.seconds:.3g}", f"{ratio:.3g}"
+            theirs = f"{point.setting}: {1e3 * point.seconds:.3g}"
+            rows.append((f"{point.error:.1e}", cells[0], theirs, cells[1], f"{long_chain.GOAL:g}"))
+    header = ("error at most (m)", "flexarm (ms)", "MuJoCo (ms)", "ratio", "goal")
+    return _table(header, rows)
 
 
 def _points_table(points: list[Point]) -> str:

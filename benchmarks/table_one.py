@@ -35,6 +35,7 @@ MUJOCO = ((4, 1e-3), (8, 2.5e-4), (16, 5e-5))
 PINOCCHIO = ((4, 1e-3), (8, 2.5e-4))
 DRAKE = ((8, 1e-4, 2e-4), (8, 1e-4, 1e-2))
 PYELASTICA = (((28, 20), 0.05, 5e-5), ((28, 20), 0.025, 2e-5))
+SOROMOX = ((4, 1e-4), (2, 1e-4))
 CASADI = (1e-4, 3e-5, 1e-6)
 JAX = ({"step": 5e-4}, {"step": 6.25e-4}, {"step": 1e-3}, {"rtol": 1e-4}, {"rtol": 1e-6})
 SCIPY = (("DOP853", 1e-4), ("LSODA", 1e-4))
@@ -102,6 +103,7 @@ def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
         ("Pinocchio", programs.pinocchio, PINOCCHIO),
         ("Drake", programs.drake, DRAKE),
         ("PyElastica", programs.pyelastica, PYELASTICA),
+        ("SoRoMoX", programs.soromox, SOROMOX),
     )
     for name, entry, settings in bodies:
         if name not in missing:

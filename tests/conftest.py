@@ -1,6 +1,7 @@
 """Settings of the whole suite; being here, it also puts ``tests/`` on the import path."""
 
 import os
+from pathlib import Path
 
 # One thread for linear algebra, before NumPy loads: the matrices are small, and threads would
 # compete with pytest's own workers.
@@ -8,6 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Plots open no windows.
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import pytest
 from hypothesis import settings
 
 # The first example of a test may compile a kernel for seconds, so no deadline is right. Examples
@@ -16,3 +18,30 @@ from hypothesis import settings
 settings.register_profile("flexarm", deadline=None, derandomize=True)
 settings.register_profile("random", deadline=None)
 settings.load_profile("flexarm")
+
+#: Files with tests of several seconds, the slowest first. They run before the others, so that no
+#: worker waits at the end for one that began late.
+SLOWEST = (
+    "docs/test_site.py",
+    "docs/test_docs_examples.py",
+    "examples/test_study_files.py",
+    "oracle_comparison/test_section_forces_oracle.py",
+    "unit/control/test_extended_kalman.py",
+    "benchmarks/test_benchmarks_run.py",
+    "cli/test_paper_command.py",
+    "bridges/test_jax.py",
+    "unit/kernels/test_code_library.py",
+    "unit/kernels/test_kernel_cache.py",
+    "unit/kernels/test_kernel_sizes.py",
+    "project/test_wheel.py",
+    "simulate/test_inversion.py",
+    "conformance/test_every_kernel_is_warmed_up.py",
+    "simulate/test_energy_and_memory.py",
+    "gallery/test_gallery.py",
+)
+_RANKS = {Path(__file__).parent / file: rank for rank, file in enumerate(SLOWEST)}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Move the slowest files to the front; the order within a file, and of the others, stays."""
+    items.sort(key=lambda item: _RANKS.get(item.path, len(_RANKS)))

@@ -64,7 +64,7 @@ class BendingErrors:
         self._lengths = lengths
         rows = np.zeros((arm.assembly.bodies, arm.assembly.modes))
         rows[self._body] = np.abs(self._G).sum(axis=2) / 2.0
-        self._rows = rows.ravel()
+        self._rows = rows
         self._clearly_small = _CLEARLY * LARGEST_ERROR * float(lengths.min())
 
     def of_links(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -85,7 +85,7 @@ class BendingErrors:
 
     def too_large(self, states: FloatArray) -> tuple[float, int, int] | None:
         """Return the largest error of the tip (m), the link (from 0) and the state, or None."""
-        if self.surely_small(np.abs(states[:, 0, :, 1:]).max(axis=0, initial=0.0).ravel()):
+        if self.surely_small(np.abs(states[:, 0, :, 1:]).max(axis=0, initial=0.0)):
             return None
         largest, found = 0.0, None
         tip = 0.0
@@ -102,13 +102,13 @@ class BendingErrors:
         """Return whether a bound, much faster than the estimate, excludes large errors.
 
         Args:
-            eta: modal coordinates of all bodies, flattened (n m,), or the largest value of each.
+            eta: modal coordinates of all bodies (n, m), or the largest value of each.
 
         The sum of the errors of all links is at most the shortening of all pieces, and eta^T G eta
         is at most the sum of eta^2 times the row sums of abs(G).
         """
         # Runs that fail contain states of any size: unlike other products, einsum does not warn.
-        return bool(np.einsum("i,i,i", eta, eta, self._rows) < self._clearly_small)
+        return bool(np.einsum("ij,ij,ij", eta, eta, self._rows) < self._clearly_small)
 
 
 #: Cached estimates for each arm's own theory.

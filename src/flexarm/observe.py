@@ -31,15 +31,6 @@ def tips_of(arm: Arm, states: FloatArray) -> FloatArray:
     return _observed(arm, states)[1]
 
 
-def absolute_angles(arm: Arm, states: FloatArray) -> FloatArray:
-    """Return the absolute angles (samples, links) of root tangents, rad."""
-    constants = arm.assembly.constants
-    slopes = np.einsum("nm,tnm->tn", constants.dP, states[:, 0, :, 1:])
-    joints = np.cumsum(constants.joint_angle + states[:, 0, :, 0], axis=1)
-    before = np.cumsum(slopes, axis=1) - slopes
-    return np.asarray((joints + before)[:, arm.assembly.link_body])
-
-
 def contact_values(
     arm: Arm, contacts: Contacts, states: FloatArray, kernels: KernelView | None = None
 ) -> FloatArray:

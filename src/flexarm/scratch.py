@@ -59,7 +59,7 @@ class Scratch(KernelView):
         self.state = self._given[:third].reshape(2, n, width)
         self.third = self._given[third:].reshape(shape)
         q = assembly.coordinates
-        self._places = _as_slice(q), _as_slice(q + rates), _as_slice(places + third)
+        self._places = as_slice(q), as_slice(q + rates), as_slice(places + third)
 
     def fill(self, q: FloatArray, qd: FloatArray, third: FloatArray) -> bool:
         """Copy three vectors to the buffers; return whether all their numbers are finite."""
@@ -70,7 +70,7 @@ class Scratch(KernelView):
         return is_finite(given)
 
 
-def _as_slice(places: IntArray) -> Any:
+def as_slice(places: IntArray) -> Any:
     """Return consecutive indices as a slice, which is faster."""
     first = int(places[0]) if places.size else 0
     if np.array_equal(places, np.arange(first, first + places.size)):

@@ -178,3 +178,20 @@ def test_ratios_of_steps_and_whole_calls() -> None:
     assert "| steps | good: 2 | Peer, good: 70 | 35 | 100 |" in rows[0]
     assert "| whole call | easy to call: 7 | Peer, good: 84 | 12 | 30 |" in rows[1]
     assert "| none | none |  |" in report.raw_table([])
+
+
+def test_ratios_of_the_chain() -> None:
+    """Our fastest run that is as accurate as MuJoCo's, or none."""
+    named = [
+        ("flexarm", "good", 1e-4, 2e-3),
+        ("flexarm", "wrong", 1e-2, 1e-3),
+        ("MuJoCo", "1 bar", 1e-3, 5e-2),
+        ("MuJoCo", "2 bars", 1e-5, 1.0),
+        ("Exudyn", "cables", 1e-4, 3e-3),
+    ]
+    points = [Point(*one[:2], long_chain.TIGHT, *one[2:], one[3]) for one in named]
+    rows = report.chain_table(points).splitlines()[2:]
+    assert rows == [
+        "| 1.0e-03 | good: 2 | 1 bar: 50 | 25 | 20 |",
+        "| 1.0e-05 | none | 2 bars: 1e+03 |  | 20 |",
+    ]

@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from arm_states import changed, drawn, state_array
-from flexarm.observe import absolute_angles
+from flexarm.observe import channels_of
 from random_options import busy
 
 # Sums of a few dozen terms of the size of the largest.
@@ -22,7 +22,7 @@ def in_world(forces, angle):
 def root_and_tip_angles(arm, q):
     """World angles of the links' root and tip sections, (links,) each, rad; rates of rates."""
     state = state_array(arm, q, 0 * q)
-    root = absolute_angles(arm, state[None])[0]
+    root = channels_of(arm, state[None])["link_angle"][0]
     joints = arm.joint_angles(q)
     tip = np.append(root[1:] - joints[1:], 0.0)
     last = arm.assembly.pieces_of(arm.joints - 1)

@@ -60,6 +60,14 @@ def elastica_arm() -> ModuleType:
     return elastica_arm
 
 
+@pytest.fixture
+def soromox_arm() -> ModuleType:
+    pytest.importorskip("soromox", reason=REASON)
+    from peers import soromox_arm
+
+    return soromox_arm
+
+
 #: Half a second is enough to see that programs are told the same.
 SHORT = [dataclasses.replace(case, duration=0.5, rate=100) for case in (TABLE_ONE, PENDULUM)]
 
@@ -139,6 +147,14 @@ def test_pyelastica_errs_by_its_inertia(
     inertia = [radius**2 / 4 + (max(lengths) / split) ** 2 / 6 for split in (1, 2)]
     # Shear and stretch of the thick rod are left, and what is of higher order.
     assert fine / coarse == pytest.approx(inertia[1] / inertia[0], rel=0.2)
+
+
+def test_soromox_comes_closer(soromox_arm: ModuleType) -> None:
+    """Segments of constant curvature: 3.4e-4 m with two on each link, 1.4e-4 m with four."""
+    ours = flexarm_tip(SHORT[0])
+    coarse, fine = (distance(soromox_arm.tip(SHORT[0], n, rtol=1e-4), ours) for n in (2, 4))
+    assert fine < 2e-4
+    assert fine < coarse / 2
 
 
 def test_an_unstable_peer_is_no_witness(

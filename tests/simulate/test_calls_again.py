@@ -124,7 +124,7 @@ def test_bound_excludes_no_large_error(theory: str) -> None:
     for size in np.geomspace(1e-4, 1.0, 200):
         state = np.zeros((1, 2, 2, 5))
         state[0, 0, :, 1:] = size * rng.normal(size=(2, 4)) * rng.integers(0, 2, size=(2, 4))
-        if errors.surely_small(state[0, 0, :, 1:].ravel()):
+        if errors.surely_small(state[0, 0, :, 1:]):
             passed += 1
             assert np.all(errors.of_links(state)[0][0] < LARGEST_ERROR * arm.lengths)
     assert passed > 20

@@ -18,6 +18,7 @@ from flexarm.beams.hermite import FloatArray
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature
 from flexarm.beams.shear import (
+    PointShapes,
     deflection_shapes,
     interior_deflection,
     interior_rotation,
@@ -41,6 +42,7 @@ class BeamMatrices:
         deflection_moment: (n,) integral of mu N: momentum of the deflection.
         rotation_moment: (n,) integral of mu x N + rho I N_phi: its angular momentum about the
             root.
+        free_mass: (n + 2, n + 2) mass without the clamp: the pair of the root comes first.
     """
 
     translational_mass: FloatArray
@@ -48,6 +50,7 @@ class BeamMatrices:
     stiffness: FloatArray
     deflection_moment: FloatArray
     rotation_moment: FloatArray
+    free_mass: FloatArray
 
     @property
     def mass(self) -> FloatArray:
@@ -55,7 +58,10 @@ class BeamMatrices:
         return self.translational_mass + self.rotary_mass
 
     def over(self, shapes: FloatArray) -> BeamMatrices:
-        """Return the matrices over other coordinates, columns of ``shapes`` (n, k)."""
+        """Return the matrices over other coordinates, columns of ``shapes`` (n, k).
+
+        ``free_mass`` does not change.
+        """
 
         def reduced(matrix: FloatArray) -> FloatArray:
             product: FloatArray = shapes.T @ matrix @ shapes
@@ -67,37 +73,41 @@ class BeamMatrices:
             stiffness=reduced(self.stiffness),
             deflection_moment=shapes.T @ self.deflection_moment,
             rotation_moment=shapes.T @ self.rotation_moment,
+            free_mass=self.free_mass,
         )
 
 
-def beam_matrices(table: BeamTable, quadrature: BeamQuadrature) -> BeamMatrices:
-    """Assemble the matrices of a link; exact for tables that are linear between stations."""
-    x, shapes = quadrature.points, point_shapes(table, quadrature)
-    mass = np.interp(x, table.x, table.mass_per_length)
-    rotary = np.interp(x, table.x, table.rotary_inertia_per_length)
+def beam_matrices(
+    table: BeamTable, quadrature: BeamQuadrature, shapes: PointShapes | None = None
+) -> BeamMatrices:
+    """Assemble the matrices of a link; exact for tables that are linear between stations.
+
+    ``shapes`` are those of ``point_shapes``, if they are already known.
+    """
+    x, shapes = quadrature.points, shapes or point_shapes(table, quadrature)
+    mass, rotary, rigidity = (
+        np.interp(x, table.x, column)
+        for column in (
+            table.mass_per_length,
+            table.rotary_inertia_per_length,
+            table.flexural_rigidity,
+        )
+    )
+    stiffness = product_integral(quadrature, rigidity, shapes.curvature)
+    if table.shear_rigidity is not None:
+        shear = np.interp(x, table.x, table.shear_rigidity)
+        stiffness += product_integral(quadrature, shear, shapes.shear)
+    translational = product_integral(quadrature, mass, shapes.deflection, with_root=True)
+    turning = product_integral(quadrature, rotary, shapes.rotation, with_root=True)
     return BeamMatrices(
-        *beam_forms(table, quadrature),
+        translational_mass=translational[2:, 2:],
+        rotary_mass=turning[2:, 2:],
+        stiffness=stiffness,
         deflection_moment=integral(quadrature, mass, shapes.deflection),
         rotation_moment=integral(quadrature, mass * x, shapes.deflection)
         + integral(quadrature, rotary, shapes.rotation),
+        free_mass=translational + turning,
     )
-
-
-def beam_forms(
-    table: BeamTable, quadrature: BeamQuadrature, *, with_root: bool = False
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return translational mass, rotary mass, stiffness; `with_root` as in `product_integral`."""
-    x, shapes = quadrature.points, point_shapes(table, quadrature)
-
-    def form(column: FloatArray, local: FloatArray) -> FloatArray:
-        density = np.interp(x, table.x, column)
-        return product_integral(quadrature, density, local, with_root=with_root)
-
-    stiffness = form(table.flexural_rigidity, shapes.curvature)
-    if table.shear_rigidity is not None:
-        stiffness = stiffness + form(table.shear_rigidity, shapes.shear)
-    translational = form(table.mass_per_length, shapes.deflection)
-    return translational, form(table.rotary_inertia_per_length, shapes.rotation), stiffness
 
 
 def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray) -> FloatArray:
@@ -131,10 +141,12 @@ def product_integral(
     Returns:
         (n, n) symmetric matrix over the coordinates, or (n + 2, n + 2) including the root.
     """
-    products = local[:, :, None] * local[:, None, :]
-    products *= (quadrature.weights * density)[:, None, None]
     rows, size = _all_rows(quadrature, local)
     total = np.zeros((size, size))
+    if not density.any():  # most links have no rotary inertia
+        return total if with_root else total[2:, 2:]
+    products = local[:, :, None] * local[:, None, :]
+    products *= (quadrature.weights * density)[:, None, None]
     np.add.at(total, (rows[:, :, None], rows[:, None, :]), products)
     return total if with_root else total[2:, 2:]
 
@@ -210,18 +222,13 @@ def _angles(
 def _spread(element: npt.NDArray[np.intp], elements: int, local: FloatArray) -> FloatArray:
     """Return rows (k, n) over all nodal coordinates, from those of one element (k, 4)."""
     shapes = np.zeros((element.size, 2 * elements + 2))
-    np.put_along_axis(shapes, _rows(element), local, axis=1)
+    np.put_along_axis(shapes, 2 * element[:, None] + np.arange(4), local, axis=1)
     return shapes[:, 2:]
-
-
-def _rows(element: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """Return the indices (k, 4) of an element's nodal coordinates, counted with the root's pair."""
-    return 2 * element[:, None] + np.arange(4)
 
 
 def _all_rows(quadrature: BeamQuadrature, local: FloatArray) -> tuple[npt.NDArray[np.intp], int]:
     """Return the indices (q, 4 or 7) of the coordinates of ``local``, and their total number."""
-    nodal, interior = 2 * quadrature.elements + 2, local.shape[1] - 4
-    inner = nodal + interior * quadrature.element[:, None] + np.arange(interior)
-    rows = np.hstack([_rows(quadrature.element), inner])
-    return rows, nodal + interior * quadrature.elements
+    size = 2 * quadrature.elements + 2
+    if local.shape[1] == 4:
+        return quadrature.nodal_rows, size
+    return quadrature.all_rows, size + 3 * quadrature.elements

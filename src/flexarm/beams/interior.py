@@ -21,11 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm.beams.assembly import beam_forms
 from flexarm.beams.hermite import FloatArray
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature
-from flexarm.beams.shear import element_integrals, point_shapes
+from flexarm.beams.shear import PointShapes, element_integrals
 
 # Rotary inertia is negligible below this fraction of mu h^2. In a beam of one material h then
 # exceeds thirty radii of gyration, and shear is negligible too.
@@ -66,16 +65,24 @@ class Interior:
         return np.asarray(solve_triangular(lower, strain_to_nodal.T, lower=True).T, np.float64)
 
 
-def interior_values(table: BeamTable, quadrature: BeamQuadrature) -> Interior:
-    """Compute the interior values of a link per nodal value."""
+def interior_values(
+    table: BeamTable, quadrature: BeamQuadrature, shapes: PointShapes, stiffness: FloatArray
+) -> Interior:
+    """Compute the interior values of a link per nodal value.
+
+    Args:
+        table: section properties along the link.
+        quadrature: its points.
+        shapes: `point_shapes` of the link.
+        stiffness: K (n + k, n + k) over nodal and interior values, of `beam_matrices`.
+    """
     n = 2 * quadrature.elements
     if table.shear_rigidity is None:
         return Interior(np.zeros((0, n)), np.zeros((0, n)))
-    K = beam_forms(table, quadrature)[2]
-    K_bb = K[n:, n:]
+    K, K_bb = stiffness, stiffness[n:, n:]
     S = -np.linalg.solve(K_bb, K[n:, :n])
     static = K[:n, :n] + K[:n, n:] @ S
-    forces = _inertia_forces(table, quadrature) @ _accelerations(table, quadrature, static)
+    forces = _inertia_forces(table, quadrature, shapes) @ _accelerations(table, quadrature, static)
     response = np.linalg.solve(K_bb, forces)
     energy = np.linalg.cholesky(K_bb).T @ response
     return Interior(np.asarray(S + response, np.float64), np.asarray(energy, np.float64))
@@ -106,13 +113,13 @@ def _accelerations(table: BeamTable, quadrature: BeamQuadrature, static: FloatAr
     return mean.reshape(2 * elements, -1)
 
 
-def _inertia_forces(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
+def _inertia_forces(table: BeamTable, quadrature: BeamQuadrature, local: PointShapes) -> FloatArray:
     """Return F (3 * elements, 2 * elements): inertia of each element's mean acceleration.
 
     If rotary inertia is negligible, F vanishes. Otherwise the response would cancel the deflection
     that node rotations cause in soft elements, and then these rotations would have no inertia.
     """
-    local, elements = point_shapes(table, quadrature), quadrature.elements
+    elements = quadrature.elements
     mass, rotary = (
         np.interp(quadrature.points, table.x, column)
         for column in (table.mass_per_length, table.rotary_inertia_per_length)

@@ -22,7 +22,7 @@ from flexarm.beams.interior import interior_values
 from flexarm.beams.modes import beam_basis
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import BeamQuadrature, beam_quadrature
-from flexarm.beams.shear import PointShapes, point_shapes, shear_parameters
+from flexarm.beams.shear import point_shapes, shear_parameters
 from flexarm.errors import InputError, Problem, check_array, shown
 
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.
@@ -199,8 +199,9 @@ def _flexible_constants(
     table: BeamTable, elements: int, modes: int | None, where: str
 ) -> LinkConstants:
     quadrature = beam_quadrature(table.x, elements)
-    local, inside = point_shapes(table, quadrature), interior_values(table, quadrature)
-    matrices = beam_matrices(table, quadrature)
+    local = point_shapes(table, quadrature)
+    matrices = beam_matrices(table, quadrature, local)
+    inside = interior_values(table, quadrature, local, matrices.stiffness)
     if len(inside.values):
         matrices = matrices.over(inside.extended)
     h = quadrature.element_length
@@ -230,7 +231,7 @@ def _flexible_constants(
             product_integral(quadrature, table.outboard_moment(s, 1), local.slope), all_values
         ),
         G=_over(product_integral(quadrature, np.ones_like(s), local.slope), all_values),
-        residual_inertia=_residual_inertia(table, quadrature, local, left),
+        residual_inertia=_residual_inertia(matrices.free_mass, left),
         residual_tip=left[2 * elements : 2 * elements + 2].copy(),
         basis=basis,
         projector=shapes.projector,
@@ -361,17 +362,10 @@ def _left_of_rigid_motion(
     return left
 
 
-def _residual_inertia(
-    table: BeamTable, quadrature: BeamQuadrature, local: PointShapes, left: FloatArray
-) -> FloatArray:
+def _residual_inertia(free_mass: FloatArray, left: FloatArray) -> FloatArray:
     """Return inertia (3,) of the motions ``left``: translation, coupling, rotation.
 
     ``left`` has shape (n + 2 + k, 2).
     """
-    x = quadrature.points
-    mass = np.interp(x, table.x, table.mass_per_length)
-    rotary = np.interp(x, table.x, table.rotary_inertia_per_length)
-    M = product_integral(quadrature, mass, local.deflection, with_root=True)
-    M += product_integral(quadrature, rotary, local.rotation, with_root=True)
-    inertia = left.T @ M @ left
+    inertia = left.T @ free_mass @ left
     return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])

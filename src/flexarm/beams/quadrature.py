@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,17 @@ class BeamQuadrature:
     weights: FloatArray
     element: npt.NDArray[np.intp]
     xi: FloatArray
+
+    @cached_property
+    def nodal_rows(self) -> npt.NDArray[np.intp]:
+        """Indices (k, 4) of the nodal coordinates of each point's element, from the root's on."""
+        return 2 * self.element[:, None] + np.arange(4)
+
+    @cached_property
+    def all_rows(self) -> npt.NDArray[np.intp]:
+        """Indices (k, 7) of the nodal coordinates, then of three interior values per element."""
+        interior = 2 * self.elements + 2 + 3 * self.element[:, None] + np.arange(3)
+        return np.hstack([self.nodal_rows, interior])
 
 
 def beam_quadrature(breakpoints: FloatArray, elements: int) -> BeamQuadrature:

@@ -17,6 +17,8 @@ from flexarm.places import check_folder, write_text
 if TYPE_CHECKING:
     from flexarm.paper import PaperCase
 
+#: Number of single figures that a process draws in one task.
+_AT_ONCE = 4
 _ROWS = {
     "peak": "peak deflection",
     "residual": "residual vibration",
@@ -57,10 +59,11 @@ def reproduce(folder: Path, with_report: bool = False) -> None:
 
         slow, fast = PaperCase(SLOW), PaperCase(FAST)
         shown = histories(slow)
-        half = len(FIGURE_NAMES) // 2
-        drawing.submit(draw_figures, FIGURE_NAMES[:half], shown, folder)
-        drawing.submit(draw_figures, FIGURE_NAMES[half:], shown, folder)
+        # The overview takes as long as seven single figures. Small tasks after it keep both
+        # processes busy to the end.
         drawing.submit(draw_figures, ["overview"], shown, folder)
+        for k in range(0, len(FIGURE_NAMES), _AT_ONCE):
+            drawing.submit(draw_figures, FIGURE_NAMES[k : k + _AT_ONCE], shown, folder)
         compared = histories(fast, ("flexible", "rigid", "second_order"))
         drawing.submit(draw_figures, ["theories"], compared, folder)
         report = Group(*_report(slow, fast))

@@ -31,7 +31,6 @@ from flexarm.integrate.reactions import reactions_many
 from flexarm.kernel_view import KernelView
 from flexarm.kernels.columns import FREE
 from flexarm.kernels.layout import ArmConstants, compile_time_sizes
-from flexarm.observe import absolute_angles
 
 #: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
@@ -113,12 +112,13 @@ class Run:
         return constants._replace(body=body)
 
     def reactions(
-        self, times: FloatArray, given: FloatArray
+        self, times: FloatArray, angle: FloatArray, given: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Compute motor torques, joint reactions and section forces at the samples.
 
         Args:
             times: (T,) sample times, s.
+            angle: (T, links) absolute angles of the links at their roots, rad.
             given: (T, joints) torques, or accelerations of prescribed joints.
 
         Returns:
@@ -139,7 +139,6 @@ class Run:
             reactions_many(system, *now, torques[part], *motion, wrench[part], motor[part])
             fill_sections(cuts, *now, *motion, wrench[part], inside[:, part])
         bodies = arm.assembly.link_body
-        angle = absolute_angles(arm, states)
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)

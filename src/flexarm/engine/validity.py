@@ -44,7 +44,7 @@ class BendingWatch:
 
     def __call__(self, state: FloatArray) -> str:
         """Describe the error of the theory at a state (2, n, 1 + m); empty text if it is small."""
-        if self._errors.surely_small(state[0, :, 1:].ravel()):
+        if self._errors.surely_small(state[0, :, 1:]):
             return ""
         if not (self._errors.of_links(state[None])[0][0] > self._allowed).any():
             return ""

@@ -27,8 +27,9 @@ class Measurement(Mapping[str, FloatArray]):
         # ``__getattr__``. A reading does not replace a method of the same name.
         mine = vars(self)
         mine.update(values)
-        for name in _METHODS.intersection(values):
-            del mine[name]
+        if not _METHODS.isdisjoint(values):
+            for name in _METHODS.intersection(values):
+                del mine[name]
         mine["_values"] = values
 
     def __setattr__(self, name: str, value: Any) -> None:

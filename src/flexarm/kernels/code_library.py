@@ -12,6 +12,7 @@ kernels besides Numba's own:
 from __future__ import annotations
 
 import gc
+import os
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -60,6 +61,40 @@ def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
     return found
 
 
+#: What a compilation has replaced: a function, the state of the garbage collection, and the two
+#: switches of vectorization; None between compilations.
+_replaced: tuple[Any, bool, tuple[Any, Any]] | None = None
+
+
+def _accelerate() -> None:
+    """Set the compiler up for kernels: no vectorization, no search for cyclic garbage."""
+    global _replaced
+    vectorize = _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE
+    _replaced = _functions.get_call_type, gc.isenabled(), vectorize
+    _functions.get_call_type = _remembered
+    _config.LOOP_VECTORIZE = _config.SLP_VECTORIZE = 0
+    gc.disable()
+
+
+def _restore() -> None:
+    """Undo `_accelerate`, if it has been called.
+
+    Also in the child of a fork: if another thread was compiling, it does not exist in the child.
+    """
+    global _replaced
+    if _replaced is None:
+        return
+    _functions.get_call_type, collecting, vectorize = _replaced
+    _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE = vectorize
+    if collecting:
+        gc.enable()
+    _replaced = None
+
+
+if hasattr(os, "register_at_fork"):  # absent on Windows
+    os.register_at_fork(after_in_child=_restore)
+
+
 class KernelCompiler(Compiler):
     """Numba's compiler with a memory for the signatures of operators, and without vectorization.
 
@@ -71,18 +106,13 @@ class KernelCompiler(Compiler):
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function; the caller holds the lock of the compiler."""
-        others, collecting = _functions.get_call_type, gc.isenabled()
-        vectorize = _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE
-        _functions.get_call_type = _remembered
-        _config.LOOP_VECTORIZE = _config.SLP_VECTORIZE = 0
-        gc.disable()
+        if _replaced is not None:  # compilation of a kernel that calls this one
+            return super().compile_extra(function)  # type: ignore[no-untyped-call]
         try:
+            _accelerate()
             return super().compile_extra(function)  # type: ignore[no-untyped-call]
         finally:
-            _functions.get_call_type = others
-            _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE = vectorize
-            if collecting:
-                gc.enable()
+            _restore()
 
 
 class MergedCompiler(KernelCompiler):

@@ -13,6 +13,7 @@ from flexarm.integrate.base import FloatArray, System
 from flexarm.loop.actuators import Acting
 from flexarm.loop.sensors import sensing_of
 from flexarm.model import Hardware
+from flexarm.scratch import as_slice
 
 
 class SampleSchedule:
@@ -34,7 +35,7 @@ class SampleSchedule:
         self.tick = 0  # number of the current sample time
         self._sensing = sensing_of(run, hardware, sample_time)
         self.acting = Acting(hardware, run.arm.joints, keep)
-        self._bodies = run.arm.assembly.joint_body
+        self._bodies = as_slice(run.arm.assembly.joint_body)
         self._system = self._new_system()
 
     def _new_system(self) -> System:
@@ -81,7 +82,6 @@ class SampleSchedule:
     def _advance(self, until: float) -> None:
         """Advance to ``until``, or to the time at which the applied torque changes."""
         run, acting, now = self.run, self.acting, self.run.progress.time
-        # Plain motors need no rates, and this indexing would be a sixth of the time of `hold`.
         rate = None if acting.plain else run.progress.state[1, self._bodies, 0]
         acting.hold(now, rate)
         change = acting.next_change(now, until)

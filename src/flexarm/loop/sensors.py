@@ -21,6 +21,7 @@ from flexarm.kernels.point_motion import point_motions
 from flexarm.loads import marker, place_loads
 from flexarm.model import Hardware, Instrument, Sensor
 from flexarm.observe import channels_of, contact_forces, contact_values
+from flexarm.scratch import as_slice
 
 if TYPE_CHECKING:
     from flexarm.engine.stepping import Run
@@ -148,10 +149,9 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
 
 def _channel(arm: Arm, name: str) -> Reader:
     """Return the reader of a channel; frequent channels are computed without the others."""
-    joints = arm.assembly.joint_body
     if name in ("joint_angle", "joint_rate"):
-        level = int(name == "joint_rate")
-        return lambda state, system, t: np.asarray(state[level, joints, 0])
+        level, joints = int(name == "joint_rate"), as_slice(arm.assembly.joint_body)
+        return lambda state, system, t: state[level, joints, 0].copy()
     if name == "strain":
         return lambda state, system, t: arm.strains(state[None])[0]
     if name == "torque":

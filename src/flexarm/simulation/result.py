@@ -14,7 +14,6 @@ from flexarm.arm import Arm
 from flexarm.engine.channels import CHANNELS
 from flexarm.integrate.base import FloatArray
 from flexarm.model import file_text
-from flexarm.observe import channels_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,20 +59,16 @@ def arm_text(arm: Arm) -> str:
 def make_result(
     arm: Arm,
     times: FloatArray,
-    states: FloatArray,
-    forces: dict[str, FloatArray],
+    values: dict[str, FloatArray],
     attributes: dict[str, Any],
 ) -> xr.Dataset:
     """Create the labelled dataset of the samples of a run.
 
     Args:
         times: (samples,) s.
-        states: (samples, 2, n, 1 + m).
-        forces: channels of joint torques and reactions.
+        values: channels by name, in the order of the result.
         attributes: plain numbers and strings, which every file format can store.
     """
-    values = channels_of(arm, states)
-    values |= forces
     if "bending_moment" in values:  # not cached, because users may change `position`
         dataset = _labelled(arm, times, values)
     else:

@@ -51,7 +51,7 @@ from flexarm.loop.stability import instability
 from flexarm.model import Contact, Hardware, Load
 from flexarm.model.events import DURATION, FAILURE
 from flexarm.model.scenario import sample_fault
-from flexarm.observe import contact_channels
+from flexarm.observe import channels_of, contact_channels
 from flexarm.simulation.interrupted_runs import computed_until_failure
 from flexarm.simulation.result import add_loop, make_result
 from flexarm.stations import check_stations
@@ -315,14 +315,15 @@ def _result(
         "unstable_loop": unstable,
     }
     given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)
-    motor, force, moment, inside = run.reactions(times, given)
-    forces = {"torque": motor, "joint_force": force, "joint_moment": moment}
-    forces |= section_channels(inside) | contact_channels(
+    channels = channels_of(run.arm, run.samples[:count])
+    motor, force, moment, inside = run.reactions(times, channels["link_angle"], given)
+    channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
+    channels |= section_channels(inside) | contact_channels(
         run.arm, run.loads.placed.contacts, run.samples[:count]
     )
     if isinstance(drive, ClosedLoop) and log is None:  # otherwise add_loop appends it
-        forces["torque_command"] = drive.asked_at(times)
-    result = make_result(run.arm, times, run.samples[:count], forces, attributes)
+        channels["torque_command"] = drive.asked_at(times)
+    result = make_result(run.arm, times, channels, attributes)
     return result if log is None else result.assign(event_variables(run.arm, log))
 
 

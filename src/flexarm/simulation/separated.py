@@ -33,6 +33,7 @@ from flexarm.linear.smooth import SmoothMatrices
 from flexarm.model.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
+from flexarm.observe import channels_of
 from flexarm.simulation.result import make_result
 
 if TYPE_CHECKING:
@@ -152,7 +153,8 @@ def simulate_separated(
     attributes["wall_seconds"] = time.perf_counter() - started
     states = arm.padded(np.stack([q, qd], axis=1))
     attributes["warning"] = too_far_deviated(arm, states)
-    result = make_result(arm, times, states, {"torque": torque}, attributes)
+    channels = channels_of(arm, states) | {"torque": torque}
+    result = make_result(arm, times, channels, attributes)
     if result.attrs["warning"]:
         warn_caller(result.attrs["warning"], LargeDeflectionWarning)
     return result

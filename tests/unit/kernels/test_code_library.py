@@ -174,3 +174,80 @@ def test_kernels_have_no_vector_loops_and_functions_of_users_keep_theirs(tmp_pat
         check=False,
     )
     assert (ended.returncode, ended.stdout.split()) == (0, ["False", "True"]), ended.stderr
+
+
+IN_A_COMPILATION = """
+import gc, os, sys, threading
+from numba.core import event
+from numba.core.types.functions import BaseFunction
+from flexarm.kernels.cache import compiled
+
+before = BaseFunction.get_call_type
+compiling, forked = threading.Event(), threading.Event()
+
+def state():
+    return gc.isenabled(), BaseFunction.get_call_type is before
+
+class Pause(event.Listener):
+    def on_start(self, occurrence):
+        if not compiling.is_set():
+            print("during", *state(), flush=True)
+            compiling.set()
+            if "interrupt" in sys.argv:
+                raise KeyboardInterrupt
+            forked.wait(60.0)
+
+    def on_end(self, occurrence):
+        pass
+
+@compiled
+def half(x):
+    return 0.5 * x
+
+event.register("numba:run_pass", Pause())
+if "interrupt" in sys.argv:
+    try:
+        half(4.0)
+    except KeyboardInterrupt:
+        print("after", *state())
+    sys.exit()
+thread = threading.Thread(target=half, args=(4.0,))
+thread.start()
+assert compiling.wait(60.0)
+child = os.fork()
+if child == 0:
+    print("child", *state(), flush=True)
+    os._exit(0)
+os.waitpid(child, 0)
+forked.set()
+thread.join()
+print("after", *state(), half(4.0))
+"""
+
+
+def states_of_a_compilation(tmp_path, *arguments):
+    """Return the lines of a process that compiles: garbage collection, and Numba's function."""
+    program = tmp_path / "program.py"
+    program.write_text(IN_A_COMPILATION, encoding="utf-8")
+    settings = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONWARNINGS": "ignore"}
+    done = subprocess.run(
+        [sys.executable, str(program), *arguments],
+        env={**os.environ, **settings},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
+def test_a_fork_in_the_middle_of_a_compilation_leaves_the_child_as_it_was(tmp_path):
+    expected = ["during False False", "child True True", "after True True 2.0"]
+    assert states_of_a_compilation(tmp_path) == expected
+
+
+def test_an_interrupted_compilation_leaves_the_process_as_it_was(tmp_path):
+    lines = states_of_a_compilation(tmp_path, "interrupt")
+    assert lines == ["during False False", "after True True"]

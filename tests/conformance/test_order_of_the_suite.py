@@ -1,0 +1,25 @@
+"""The slowest files run first, in an order that no earlier run determines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from conftest import SLOWEST, pytest_collection_modifyitems
+
+TESTS = Path(__file__).parents[1]
+
+
+def test_every_file_of_the_list_exists() -> None:
+    assert [name for name in SLOWEST if not (TESTS / name).is_file()] == []
+    assert len(set(SLOWEST)) == len(SLOWEST)
+
+
+def test_slow_files_come_first_and_the_others_stay_in_order() -> None:
+    names = ("bridges/b.py", SLOWEST[1], "cli/a.py", SLOWEST[0], SLOWEST[1], "cli/a.py")
+    items: list[Any] = [
+        SimpleNamespace(path=TESTS / name, number=number) for number, name in enumerate(names)
+    ]
+    pytest_collection_modifyitems(items)
+    assert [item.number for item in items] == [3, 1, 4, 0, 2, 5]
