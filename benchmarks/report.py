@@ -64,7 +64,7 @@ def write(folder: Path, measured: Measured) -> None:
     """Write the page and its figures into ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     draw_scaling(folder / "scaling.png", measured.links, measured.modes)
-    titles = {EXACT: "against the exact beams", PAPER: "the paper's 2+1 elements"}
+    titles = {EXACT: "Against exact beams", PAPER: "Against the paper's 2 + 1 elements"}
     draw_work_precision(folder / "work-precision.png", measured.table_one, titles)
     draw_work_precision(folder / "chain.png", measured.chain, {TIGHT: "64 links, one second"})
     (folder / "index.md").write_text(_page(measured), encoding="utf-8")
@@ -114,6 +114,8 @@ The table shows the fastest setting of each program with at most the given error
 {_level_table(m.table_one)}
 
 ![Work-precision diagram](work-precision.png)
+
+In the figure a line joins the best settings of each program; the others are faint.
 
 ### Steps alone
 

@@ -113,7 +113,6 @@ def picture(case: Case, path: Path) -> None:
     """Draw the picture of a case into a PNG file."""
     sheet = Sheet(*case.size, layout="constrained")
     with styled():
-        sheet.get_layout_engine().set(w_pad=0.09, h_pad=0.09, wspace=0.04)
         case.draw(sheet)
     small = {"compress_level": 9}  # the pages load these pictures together
     sheet.savefig(path, format="png", metadata={"Software": None}, dpi=DPI, pil_kwargs=small)

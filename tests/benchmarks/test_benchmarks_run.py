@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.arms import chain, moving_state
+from benchmarks.figures import best
 from benchmarks.first_run import First
 from benchmarks.limit import Limit, compiler
 from benchmarks.work_precision import Point, fastest, measure
@@ -161,6 +162,20 @@ def test_fastest_that_is_accurate_enough() -> None:
     assert fastest([slow, fast, wrong], "t", 1e-4) == fast
     assert fastest([slow, fast, wrong], "t", 1e-5 / 2) == slow
     assert fastest([slow], "another", 1.0) is None
+
+
+def test_best_settings_are_beaten_by_none() -> None:
+    points = [
+        Point("p", name, "t", error, seconds, seconds)
+        for name, error, seconds in (
+            ("slow", 1e-6, 3.0),
+            ("slower", 1e-6, 4.0),
+            ("fast", 1e-4, 1.0),
+            ("as fast", 1e-3, 1.0),
+            ("between", 1e-3, 2.0),
+        )
+    ]
+    assert [point.setting for point in best(points)] == ["fast", "slow"]
 
 
 def test_ratios_of_steps_and_whole_calls() -> None:

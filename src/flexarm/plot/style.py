@@ -85,6 +85,10 @@ _STYLE: Any = {
     "legend.borderpad": 0.0,
     "legend.borderaxespad": 0.65,
     "legend.columnspacing": 1.0,
+    # Room at the edges and between panels, for figures with this layout (inches, and a fraction).
+    "figure.constrained_layout.w_pad": 0.09,
+    "figure.constrained_layout.h_pad": 0.09,
+    "figure.constrained_layout.wspace": 0.04,
     "lines.linewidth": 1.0,
     "lines.solid_capstyle": "round",
     "text.color": INK,
