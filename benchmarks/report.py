@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import raw
+from benchmarks import pictures, raw
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
@@ -40,6 +40,7 @@ class Measured(NamedTuple):
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
     simulations: list[Whole]
     calls: dict[str, float]  # microseconds
+    pictures: dict[str, Wait]
 
 
 def machine() -> str:
@@ -176,6 +177,13 @@ same times.
 The next table is for calls from Python, with all arguments as arrays:
 
 {calls_table(m.calls)}
+
+## Pictures
+
+Animations have 30 frames per second and 1120 pixels in width, with three histories. CPU seconds
+include those of ffmpeg.
+
+{pictures_table(m.pictures)}
 
 ## Start-up
 
@@ -324,6 +332,15 @@ def _startup_table(m: Measured) -> str:
     for (name, wait), goal in zip(m.runs.items(), ("3", "2"), strict=True):
         rows.append((name, *_cells(wait), goal))
     return _table(("measurement", "seconds", "CPU seconds", "goal"), rows)
+
+
+def pictures_table(found: dict[str, Wait]) -> str:
+    """Return the table of the measurements of ``pictures.waits``."""
+    rows = [
+        (name, *_cells(wait), f"{pictures.GOALS[name.split()[0]]:g}")
+        for name, wait in found.items()
+    ]
+    return _table(("picture", "seconds", "CPU seconds", "goal"), rows)
 
 
 def first_run_table(found: Sequence[First]) -> str:

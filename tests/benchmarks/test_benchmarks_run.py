@@ -19,6 +19,7 @@ from benchmarks import (
     first_run,
     forward_dynamics,
     long_chain,
+    pictures,
     programs,
     raw,
     report,
@@ -113,6 +114,7 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         controllers={("joint_pd", ""): 5.0},
         simulations=whole_call.simulations(repeats=1, duration=0.1),
         calls=whole_call.microseconds(repeats=1, calls=1),
+        pictures=pictures.waits(duration=0.1, links=2, repeats=1),
     )
     assert all(math.isfinite(value) and value > 0 for value in measured.links.values())
     report.write(tmp_path, measured)
@@ -131,6 +133,8 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         r"\| exact beams \| 1.2e-04 \| steps \| \w+, [34] modes, (step|rtol) .*: ", page
     )
     assert "no compiler here" in page
+    assert re.search(r"\| animation of 0.1 s, mp4 \| [\d.]+ \| [\d.]+ \| 10 \|", page)
+    assert re.search(r"\| report of a minute, 2 links \| [\d.]+ \| [\d.]+ \| 2 \|", page)
     for figure in ("scaling.png", "work-precision.png", "chain.png"):
         assert (tmp_path / figure).stat().st_size > 10_000, figure
 
