@@ -34,10 +34,11 @@ def label_lines(
     """
     figure = axes.figure
     figure.draw_without_rendering()  # type: ignore[union-attr]  # applies the layout
-    drawn = [_course(axes, line) for line in axes.get_lines() if line.get_visible()]
-    chosen = axes.get_legend_handles_labels()[0] if lines is None else lines
+    drawn = [_course(axes, line) for line in axes.get_lines()]
+    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    chosen = named if lines is None else lines
     taken = [np.asarray(text.get_window_extent().extents) for text in axes.texts]
-    made = []
+    made: list[Text] = []
     for line in chosen:
         text = axes.annotate(
             str(line.get_label()), (0.0, 0.0), xycoords="axes fraction", color=line.get_color()
@@ -57,7 +58,7 @@ def label_lines(
 
 def _course(axes: Axes, line: Line2D) -> FloatArray:
     """Return points close together along a line, or its markers if it has no line, in pixels."""
-    points = np.asarray(line.get_transform().transform(line.get_xydata()), float)
+    points: FloatArray = np.asarray(line.get_transform().transform(line.get_xydata()), float)
     points = points[np.isfinite(points).all(axis=1)]
     if line.get_linestyle() == "None" or len(points) < 2:
         return points
@@ -76,13 +77,14 @@ def _best_place(
 ) -> FloatArray:
     """Return the centre of a label, in pixels: free, close to its line and far from the others."""
     point = axes.figure.dpi / 72.0
-    seen = np.all((own >= axes.bbox.min - 1.0) & (own <= axes.bbox.max + 1.0), axis=1)
+    left_bottom, right_top = np.array(axes.bbox.min), np.array(axes.bbox.max)
+    seen = np.all((own >= left_bottom - 1.0) & (own <= right_top + 1.0), axis=1)
     inside = own[seen] if seen.any() else own
     places = inside[np.unique(np.linspace(0, len(inside) - 1, _PLACES).round().astype(int))]
     reach = _SIDES * (0.5 * size + _GAP * point)
     centers = (places[:, None] + reach).reshape(-1, 2)
     low, high = centers - 0.5 * size, centers + 0.5 * size
-    outside = np.maximum(axes.bbox.min - low, high - axes.bbox.max).max(axis=1)
+    outside = np.maximum(left_bottom - low, high - right_top).max(axis=1)
     cost = 1e4 * (outside > 0.0) + 1e2 * np.maximum(outside, 0.0)
     for box in taken:
         cost += 1e4 * np.all((low < box[2:]) & (high > box[:2]), axis=1)
