@@ -72,6 +72,7 @@ def test_responses():
     assert gain.get_ylabel() == "tip[y]\n[m / (N m)]"
     assert phase.get_ylabel() == "phase [°]"
     assert phase.get_xlabel() == ""
+    assert figure.axes[-1].get_xlabel() == "frequency [Hz]"
     assert len(response_figure(model).axes) == 8
 
 
