@@ -9,6 +9,7 @@ from benchmarks import (
     first_run,
     forward_dynamics,
     long_chain,
+    pictures,
     programs,
     raw,
     report,
@@ -43,6 +44,7 @@ def main() -> None:
         controllers=controllers.microseconds(),
         simulations=whole_call.simulations(),
         calls=whole_call.microseconds(),
+        pictures=pictures.waits(),
     )
     report.write(FOLDER, measured)
     print((FOLDER / "index.md").read_text(encoding="utf-8"))

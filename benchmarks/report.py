@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import long_chain, raw
+from benchmarks import long_chain, pictures, raw
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
@@ -40,6 +40,7 @@ class Measured(NamedTuple):
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
     simulations: list[Whole]
     calls: dict[str, float]  # microseconds
+    pictures: dict[str, Wait]
 
 
 def machine() -> str:
@@ -64,7 +65,7 @@ def write(folder: Path, measured: Measured) -> None:
     """Write the page and its figures into ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     draw_scaling(folder / "scaling.png", measured.links, measured.modes)
-    titles = {EXACT: "against the exact beams", PAPER: "the paper's 2+1 elements"}
+    titles = {EXACT: "Against exact beams", PAPER: "Against the paper's 2 + 1 elements"}
     draw_work_precision(folder / "work-precision.png", measured.table_one, titles)
     draw_work_precision(folder / "chain.png", measured.chain, {TIGHT: "64 links, one second"})
     (folder / "index.md").write_text(_page(measured), encoding="utf-8")
@@ -116,6 +117,8 @@ The table shows the fastest setting of each program with at most the given error
 {_level_table(m.table_one)}
 
 ![Work-precision diagram](work-precision.png)
+
+In the figure a line joins the best settings of each program; the others are faint.
 
 ### Steps alone
 
@@ -180,6 +183,13 @@ same times.
 The next table is for calls from Python, with all arguments as arrays:
 
 {calls_table(m.calls)}
+
+## Pictures
+
+Animations have 30 frames per second and 1120 pixels in width, with three histories. CPU seconds
+include those of ffmpeg.
+
+{pictures_table(m.pictures)}
 
 ## Start-up
 
@@ -345,6 +355,15 @@ def _startup_table(m: Measured) -> str:
     for (name, wait), goal in zip(m.runs.items(), ("3", "2"), strict=True):
         rows.append((name, *_cells(wait), goal))
     return _table(("measurement", "seconds", "CPU seconds", "goal"), rows)
+
+
+def pictures_table(found: dict[str, Wait]) -> str:
+    """Return the table of the measurements of ``pictures.waits``."""
+    rows = [
+        (name, *_cells(wait), f"{pictures.GOALS[name.split()[0]]:g}")
+        for name, wait in found.items()
+    ]
+    return _table(("picture", "seconds", "CPU seconds", "goal"), rows)
 
 
 def first_run_table(found: Sequence[First]) -> str:

@@ -87,7 +87,7 @@ class Case:
     draw: Callable[[Figure], None]
     caption: str
     module: str
-    size: tuple[float, float] = (6.6, 2.9)
+    size: tuple[float, float] = (6.6, 3.0)
 
 
 def rounding_digits(value: float, decimals: int) -> float:

@@ -22,18 +22,3 @@ def logarithmic_ticks(axes: Axes, values: Sequence[float], axis: str = "x") -> N
     chosen.set_major_locator(FixedLocator(values))
     chosen.set_minor_locator(NullLocator())
     chosen.set_major_formatter(lambda value, _: f"{value:g}")
-
-
-def legend_above(axes: Axes, columns: int | None = None, **options: Any) -> None:
-    """Put the legend above the axes, at the left, where no line can hide it."""
-    handles, labels = axes.get_legend_handles_labels()
-    axes.legend(
-        handles,
-        labels,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.02),
-        ncols=columns or len(handles),
-        handlelength=1.4,
-        columnspacing=1.0,
-        **options,
-    )

@@ -6,12 +6,11 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
-from flexarm.plot.style import styled
+from flexarm.plot.style import Sheet, styled
 from gallery.case import Case, Row
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "gallery"
+
 DPI = 160
 
 #: Rows of a case beside the case.
@@ -112,10 +111,11 @@ def case_text(case: Case, rows: Sequence[Row]) -> str:
 
 def picture(case: Case, path: Path) -> None:
     """Draw the picture of a case into a PNG file."""
+    sheet = Sheet(*case.size, layout="constrained")
     with styled():
-        figure = Figure(figsize=case.size, dpi=DPI, layout="constrained")
-        case.draw(figure)
-        figure.savefig(path, metadata={"Software": None})
+        case.draw(sheet)
+    small = {"compress_level": 9}  # the pages load these pictures together
+    sheet.savefig(path, format="png", metadata={"Software": None}, dpi=DPI, pil_kwargs=small)
 
 
 def write_case(folder: Path, case: Case, rows: Sequence[Row]) -> None:

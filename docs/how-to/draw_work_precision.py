@@ -20,8 +20,11 @@ from matplotlib.axes import Axes
 from measure_integrators import Torque
 
 import flexarm as fa
+from flexarm.histories.functions import function_history
 from flexarm.integrate import INTEGRATORS
-from flexarm.plot.style import Sheet, margins, styled
+from flexarm.plot.line_labels import label_lines
+from flexarm.plot.palette import series_colors
+from flexarm.plot.style import Sheet, styled
 
 FIGURE = Path(__file__).with_name("work-precision.png")
 DURATION = 2.0
@@ -32,8 +35,6 @@ TOLERANCES = tuple(10.0**-k for k in range(1, 11))
 STEPS = tuple(4e-3 * 2.0**-k for k in range(9))
 #: A run that takes longer says enough (s): nothing tighter is tried, and it is not repeated.
 PATIENCE = 4.0
-#: Colours that colour-blind readers tell apart, in the order of the registry.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#262626", "#8C8C8C")
 
 
 class Basis(NamedTuple):
@@ -73,6 +74,9 @@ class Case:
 
     def __init__(self, basis: Basis, duration: float = DURATION) -> None:
         self.arm, self.duration = basis.arm(), duration
+        # In advance, because a run would tabulate it to its own tolerance, in a time that counts.
+        breaks = np.array(Torque.breaks)
+        self.torque = function_history(Torque(), duration, 2, 1e-9, breaks, spacing=0.01)
         self.exact = self.run("dormand_prince_8", rtol=1e-11, atol=1e-13).tip.values
 
     def run(self, integrator: str, **setting: float) -> Any:
@@ -80,7 +84,7 @@ class Case:
         return fa.simulate(
             self.arm,
             self.duration,
-            torque=Torque(),
+            torque=self.torque,
             initial=start,
             integrator=integrator,
             rate=100.0,
@@ -130,69 +134,31 @@ def measure(
 
 
 def draw(path: Path, panels: dict[str, list[Point]]) -> None:
-    """Draw a panel for each basis, below each other, each line with its name at its end."""
+    """Draw a panel for each basis, below each other, each line with its name."""
+    sheet = Sheet(6.4, 2.35 * len(panels) + 0.5, layout="constrained")
     with styled():
-        sheet = Sheet(6.4, 2.35 * len(panels) + 0.5)
         parts = sheet.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
-        margins(sheet, 0.6, 0.45, 1.45, 0.3, hspace=0.22)
         for axes, (title, points) in zip(parts, panels.items(), strict=True):
-            axes.set(title=title, ylabel="tip error (m)", xscale="log", yscale="log")
+            axes.set(title=title, ylabel="tip error [m]", xscale="log", yscale="log")
             axes.set_ylim(EXACT, USEFUL)
             axes.set_yticks([10.0**k for k in (-10, -8, -6, -4, -2)])
             axes.minorticks_off()
             axes.margins(x=0.03)
             axes.grid(True, axis="both")
             _draw_lines(axes, points)
-        parts[-1].set_xlabel("time of the run (ms)")
+        parts[-1].set_xlabel("time of the run [ms]")
         parts[-1].xaxis.set_major_formatter("{x:g}")
+        for axes in parts:
+            label_lines(axes)
     sheet.savefig(path, format="png")
 
 
 def _draw_lines(axes: Axes, points: list[Point]) -> None:
-    ends = []
-    for number, name in enumerate(INTEGRATORS):
+    for name, color in zip(INTEGRATORS, series_colors(len(INTEGRATORS)), strict=True):
         own = sorted((p for p in points if p.integrator == name), key=lambda p: p.error)
-        if not own:
-            continue
-        colour = COLOURS[number % len(COLOURS)]
-        times, errors = [1e3 * p.seconds for p in own], [p.error for p in own]
-        axes.plot(times, errors, "o-", color=colour, markersize=2.5, linewidth=1.1)
-        ends.append((own[0], colour))
-    if ends:
-        _name_ends(axes, ends)
-
-
-def _name_ends(axes: Axes, ends: list[tuple[Point, str]]) -> None:
-    """Write names at the right of the panel, at the heights of the lines' ends but apart."""
-    low, high = np.log10(axes.get_ylim())
-    apart = 0.085 * (high - low)
-    ends = sorted(ends, key=lambda end: (end[0].error, end[0].seconds))
-    heights = [float(np.log10(point.error)) for point, _ in ends]
-    for k in range(1, len(heights)):
-        heights[k] = max(heights[k], heights[k - 1] + apart)
-    heights[-1] = min(heights[-1], high)
-    for k in reversed(range(len(heights) - 1)):
-        heights[k] = min(heights[k], heights[k + 1] - apart)
-    for height, (point, colour) in zip(heights, ends, strict=True):
-        axes.annotate(
-            point.integrator,
-            (1e3 * point.seconds, point.error),
-            (1.03, (height - low) / (high - low)),
-            textcoords="axes fraction",
-            color=colour,
-            fontsize=8.5,
-            va="center",
-            arrowprops={
-                "arrowstyle": "-",
-                "color": colour,
-                "linewidth": 0.5,
-                "alpha": 0.6,
-                "relpos": (0.0, 0.5),
-                "shrinkA": 2.0,
-                "shrinkB": 3.0,
-            },
-            annotation_clip=False,
-        )
+        if own:
+            times, errors = [1e3 * p.seconds for p in own], [p.error for p in own]
+            axes.plot(times, errors, "o-", color=color, markersize=2.5, linewidth=1.1, label=name)
 
 
 if __name__ == "__main__":

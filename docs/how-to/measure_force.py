@@ -5,10 +5,10 @@ python docs/how-to/measure_force.py [FIGURE.png]
 
 import sys
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import flexarm as fa
+from flexarm.plot.style import FLEXIBLE, RIGID, Sheet, legend_above, styled
 
 DURATION, START, END = 6.0, 2.0, 5.0
 
@@ -101,23 +101,23 @@ def figure(path):
     """Draw force and path of the nominal run."""
     result = run(CONTROLLERS["HybridForce"])
     time, pressed = result.time.values, -result.contact_force.values[:, 0, 0]
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    drawing, (left, right) = plt.subplots(
-        1, 2, figsize=(7.2, 2.9), layout="constrained", width_ratios=[1.7, 1]
-    )
-    left.plot(time, pressed, color="tab:blue", lw=1.2, label="pressed")
-    left.plot(time, PRESSED.contact_force(time), "k--", lw=0.9, label="asked for")
-    left.axvspan(START, END, color="0.93", zorder=-1)
-    left.text((START + END) / 2, 0.2, "slides", ha="center", color="0.4")
-    left.set(xlabel="time (s)", ylabel="force on the wall (N)", xlim=(0, DURATION))
-    left.set_ylim(0, 1.2 * pressed.max())
-    left.legend(frameon=False, loc="upper left", ncols=2)
-    tip, wanted = result.tip.values, PRESSED.tip(time)
-    right.plot(time, tip[:, 1], color="tab:blue", lw=1.2, label="tip")
-    right.plot(time, wanted[:, 1], "k--", lw=0.9, label="path")
-    right.set(xlabel="time (s)", ylabel="along the wall (m)", xlim=(0, DURATION))
-    right.legend(frameon=False, loc="upper left")
-    drawing.savefig(path, dpi=150)
+    drawing = Sheet(7.0, 2.9, layout="constrained")
+    with styled():
+        left, right = drawing.subplots(1, 2, width_ratios=[1.7, 1])
+        left.plot(time, pressed, **FLEXIBLE)
+        left.plot(time, PRESSED.contact_force(time), **RIGID)
+        left.axvspan(START, END, color="0.95", zorder=-1)
+        left.text((START + END) / 2, 0.2, "slides", ha="center", color="0.4")
+        left.set(title="Force on the wall", xlabel="time [s]", ylabel="force [N]")
+        left.set_ylim(0, 1.1 * pressed.max())
+        tip, wanted = result.tip.values, PRESSED.tip(time)
+        right.plot(time, tip[:, 1], **FLEXIBLE)
+        right.plot(time, wanted[:, 1], **RIGID)
+        right.set(title="Tip along the wall", xlabel="time [s]", ylabel="y [m]")
+        legend_above(left, left.get_lines(), ["simulation", "reference"])
+        for axes in (left, right):
+            axes.set_xlim(0, DURATION)
+    drawing.savefig(path, dpi=160, format="png")
 
 
 def main():

@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.style import BLUE, GREY, INK, SERIES, VERMILLION
+from flexarm.plot.style import FLEXIBLE, INK, RIGID, SERIES, VERMILLION
 from gallery.beam import FloatArray
 from gallery.case import Case, Row
-from gallery.drawing import legend_above
 from gallery.references import reference
 
 if TYPE_CHECKING:
@@ -188,26 +187,35 @@ def draw(figure: Figure) -> None:
     arm, result = boom(), lift()
     for t in (0.0, 2.0, 3.0, 4.0, 5.0, 6.0, DURATION):
         state = result.sel(time=t, method="nearest")
-        for points in arm.shape(state.q.values, stations=20):
-            left.plot(*points.T, color=BLUE, linewidth=1.2)
+        axis = arm.shape(state.q.values, stations=20).reshape(-1, 2)
         rigid = arm.rigid().shape(state.joint_angle.values, stations=2)
         joints = np.append(rigid[:, 0], rigid[-1:, -1], axis=0)
-        left.plot(*joints.T, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)))
-    left.plot(*result.tip.values.T, color=VERMILLION, linewidth=0.8)
+        shown = {} if t == 0.0 else {"label": "_"}
+        left.plot(*joints.T, **{**RIGID, **shown})
+        left.plot(*axis.T, **{**FLEXIBLE, **shown})
+    left.plot(*result.tip.values.T, color=VERMILLION, label="path of the tip")
     left.plot(0, 0, "o", color=INK, markersize=4, markerfacecolor="white")
-    left.set(aspect="equal", xlabel="$x$ (m)", ylabel="$y$ (m)", xlim=(-1, 27))
+    left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-1, 27))
     left.grid(False)
+    left.set_title("Lift")
+    lines, names = left.get_legend_handles_labels()
+    left.legend(lines, names, loc="lower left")
     t = result.time.values
     work, gained = work_and_energy()
-    right.plot(t, 1e-3 * work, color=INK, label="work of the motors")
-    kinds = ("gravity_energy", "strain_energy", "kinetic_energy")
+    right.plot(t, 1e-3 * work, color=INK)
+    right.text(4.0, 192.0, "work of the motors,", ha="right", fontsize=8)
+    right.text(3.8, 176.0, "sum (dots)", ha="right", fontsize=8)
+    kinds = ("gravity_energy", "kinetic_energy", "strain_energy")
     for kind, colour in zip(kinds, SERIES, strict=False):
         values = result[kind].values - result[kind].values[0]
-        right.plot(t, 1e-3 * values, color=colour, linewidth=1.1, label=kind.split("_")[0])
+        right.plot(t, 1e-3 * values, color=colour)
+    places = ((5.2, 180), (4.0, 17), (7.3, -16))
+    for place, kind, colour in zip(places, kinds, SERIES, strict=False):
+        right.text(*place, kind.split("_")[0], color=colour, fontsize=8)
     every = slice(None, None, len(t) // 12)
-    right.plot(t[every], 1e-3 * gained[every], "o", color=INK, markersize=3, label="sum")
-    right.set(xlabel="$t$ (s)", ylabel="energy since the start (kJ)", xlim=(0, DURATION))
-    legend_above(right, columns=3)
+    right.plot(t[every], 1e-3 * gained[every], "o", color=INK, markersize=3, clip_on=False)
+    right.set(xlabel="time [s]", ylabel="energy [kJ]", xlim=(0, DURATION), ylim=(-25, 290))
+    right.set_title("Energy since the start")
 
 
 CASE = Case(

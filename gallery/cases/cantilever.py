@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.style import INK, SERIES
+from flexarm.plot.line_labels import label_lines
+from flexarm.plot.style import INK, SERIES, legend_above
 from gallery.beam import FloatArray
 from gallery.case import Case, Row
-from gallery.drawing import OURS, legend_above
+from gallery.drawing import OURS
 from gallery.references import reference
 from gallery.two_link import two_link_arm
 
@@ -119,9 +120,11 @@ def draw(figure: Figure) -> None:
         points = arm.shape(q, stations=60)[0]
         axes.plot(points[:, 0], 1e3 * points[:, 1], color=colour, label=name)
         axes.plot(L, 1e3 * _loads()[name][1], **OURS, color=INK)
-    axes.plot([], [], **OURS, color=INK, label="formula")
-    axes.set(xlabel="$x$ (m)", ylabel="deflection (mm)", xlim=(0, 1.02 * L))
-    legend_above(axes)
+    known = axes.plot([], [], **OURS, color=INK)
+    axes.set(xlabel="x [m]", ylabel="deflection [mm]", xlim=(0, 1.02 * L))
+    axes.set_title("Deflection")
+    label_lines(axes)
+    legend_above(axes, known, ["formula"])
 
 
 CASE = Case(

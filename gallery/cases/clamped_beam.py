@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.style import SERIES
+from flexarm.plot.line_labels import label_lines
+from flexarm.plot.style import SERIES, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
-from gallery.drawing import OURS, legend_above, logarithmic_ticks
+from gallery.drawing import OURS, logarithmic_ticks
 from gallery.references import reference
 
 ELEMENTS = 64
@@ -101,11 +102,9 @@ def draw(figure: Figure) -> None:
         # Small enough that the tip's own angle does not turn the picture.
         points = arm.shape(1e-6 * shapes[k], stations=101)[0]
         across = points[:, 1] / points[-1, 1]
-        left.plot(
-            points[:, 0], across, color=SERIES[k], label=f"mode {k + 1}" if k == 0 else f"{k + 1}"
-        )
+        left.plot(points[:, 0], across, color=SERIES[k], label=f"mode {k + 1}")
     left.set(xlabel="$x/L$", ylabel="shape, 1 at the tip", xlim=(0, 1))
-    legend_above(left)
+    left.set_title("Clamped beam")
     exact = np.array(reference("beams", "clamped").values["lambda"])
     n = np.array(MESHES)
     for k in range(4):
@@ -118,7 +117,9 @@ def draw(figure: Figure) -> None:
     right.set(xlabel="elements", ylabel="relative error of $\\lambda$", yscale="log")
     logarithmic_ticks(right, MESHES)
     right.margins(x=0.04)
+    right.set_title("Error")
     legend_above(right)
+    label_lines(left)
 
 
 CASE = Case(

@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 
 import flexarm as fa
 from flexarm.bending import one_warning
+from flexarm.plot.line_labels import label_lines
 from flexarm.plot.style import BLUE, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row, Source
-from gallery.drawing import OURS, legend_above, logarithmic_ticks
+from gallery.drawing import OURS, logarithmic_ticks
 from gallery.references import reference
 
 PIECES = (4, 8, 16, 32, 64)
@@ -86,24 +87,31 @@ def draw(figure: Figure) -> None:
     for load in SHOWN_LOADS:
         arm, q = bent(load, 16, "second_order")
         x, y = arm.shape(q, stations=161)[0].T
-        left.plot(x, y, color=BLUE, linewidth=1.1)
-        left.text(x[-1] + 0.02, y[-1], f"{load:g}", fontsize=7, va="center")
+        left.plot(x, y, color=BLUE)
+        left.text(x[-1] + 0.03, y[-1], f"{load:g}", fontsize=8, va="center")
     for case in reference("statics", "bisshopp_drucker").values:
         left.plot(1 - case["draw_in"], case["deflection"], **OURS, color=INK)
     left.set(aspect="equal", xlabel="$x/L$", ylabel="$y/L$", xlim=(0, 1.12), ylim=(-0.02, 0.9))
-    left.set_title("load $\\alpha$")
+    left.set_title("Shape, by load $\\alpha$")
     left.grid(False)
     case = reference("statics", "bisshopp_drucker").values[1]
     k = np.array(PIECES)
     for theory, (colour, power) in THEORIES.items():
         found = np.abs(errors(theory, case))
-        right.plot(k, found, **OURS, color=colour, label=theory.replace("_", " "))
+        right.plot(k, found, **OURS, color=colour, label="_")
         law = found[-1] * (k / k[-1]) ** -power
-        right.plot(k, law, color=colour, linewidth=0.9, label=f"$k^{{-{power:g}}}$")
+        right.plot(
+            k,
+            law,
+            color=colour,
+            linewidth=0.9,
+            label=f"{theory.replace('_', ' ')}, $k^{{-{power:g}}}$",
+        )
     right.set(xlabel="segments $k$", ylabel="error of $v/L$ at $\\alpha = 5$", yscale="log")
     logarithmic_ticks(right, PIECES)
     right.margins(x=0.05)
-    legend_above(right)
+    right.set_title("Error of the tip")
+    label_lines(right)
 
 
 CASE = Case(

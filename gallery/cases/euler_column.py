@@ -104,11 +104,12 @@ def draw(figure: Figure) -> None:
         arm, q = buckled(slope)
         # Links draw along world x; the column stands.
         x, y = arm.shape(q, stations=4 * PIECES + 1)[0].T
-        left.plot(y, x, color=BLUE, linewidth=1.1)
+        left.plot(y, x, color=BLUE)
         _, tip_x, tip_y = exact(slope)
         left.plot(tip_y, tip_x, **OURS, color=INK)
     left.plot([0, 0], [0, 1], color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
     left.set(aspect="equal", xlabel="$y/L$", ylabel="$x/L$", xlim=(-0.08, 0.92))
+    left.set_title("Shape")
     left.grid(False)
     slopes = np.linspace(0.5, 150, 200)
     curves = np.array([exact(float(slope)) for slope in slopes])
@@ -120,6 +121,7 @@ def draw(figure: Figure) -> None:
     right.plot([0.5, 1], [0, 0], **KNOWN)
     right.plot([1, 3.2], [0, 0], color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
     right.set(xlabel="load $P/P_c$", ylabel="tip deflection $y/L$", xlim=(0.5, 3.2))
+    right.set_title("Deflection")
     right.legend(loc="lower right", bbox_to_anchor=(1.0, 0.12))
 
 

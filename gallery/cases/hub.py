@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexarm.plot.style import GREY, SERIES
+from flexarm.plot.style import GREY, SERIES, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import KNOWN, OURS
@@ -59,18 +59,19 @@ def draw(figure: Figure) -> None:
     known = [case for case in reference("beams", "hub").values if case["hub"] > 0]
     clamped = np.sqrt(reference("beams", "clamped").values["lambda"])
     for k in range(3):
-        axes.plot(hubs, found[:, k], color=SERIES[k], linewidth=1.2, label=f"mode {k + 1}")
+        axes.plot(hubs, found[:, k], color=SERIES[k], label=f"mode {k + 1}")
         exact = [case["beta_L"][k] for case in known]
         style = {**OURS, "color": KNOWN["color"], "markersize": 3.2}
         axes.plot([case["hub"] for case in known], exact, **style)
     for k, value in enumerate(clamped[:4]):
-        axes.axhline(value, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
-        axes.text(230, value, f"clamped {k + 1}", va="center", fontsize=7, color=GREY)
+        axes.axhline(value, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)), zorder=0)
+        axes.text(230, value, f"clamped {k + 1}", va="center", fontsize=8, color=GREY)
     axes.plot([], [], **{**OURS, "color": KNOWN["color"]}, label="known")
     axes.set(xscale="log", xlabel="hub inertia $\\eta = J/\\mu L^3$", ylabel="$\\beta L$")
     axes.set_ylim(1.5, 11.6)
     axes.grid(False)
-    axes.legend(loc="upper right", ncols=4, bbox_to_anchor=(1.0, 1.1))
+    axes.set_title("Frequencies with the joint free")
+    legend_above(axes)
 
 
 CASE = Case(

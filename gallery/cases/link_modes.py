@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
+from flexarm.plot.line_labels import label_lines
 from flexarm.plot.style import SERIES
 from gallery.beam import FloatArray, wave_digits
 from gallery.case import Case, Row, rounding_digits
-from gallery.drawing import legend_above
 from gallery.references import reference
 
 ELEMENTS = 32
@@ -62,17 +62,17 @@ def quantities() -> list[Row]:
 
 
 def draw(figure: Figure) -> None:
-    for case, axes in zip(
-        reference("link_modes", "published").values, figure.subplots(1, 2), strict=True
-    ):
+    panels = figure.subplots(1, 2)
+    for case, axes in zip(reference("link_modes", "published").values, panels, strict=True):
         arm, found = modes(case["tip_mass"], case["tip_inertia"])
         for k in range(2):
             x, y = arm.shape(1e-6 * found.shapes[k], stations=80)[0].T
             label = f"{found.frequency_hz[k]:.3f} Hz (published {case['hertz'][k]:.2f})"
             axes.plot(x, y / np.max(np.abs(y)), color=SERIES[k], label=label)
-        axes.set(xlabel="$x$ (m)", ylabel="shape", ylim=(-0.2, 1.12), xlim=(0, 0.5))
-        axes.text(0.02, 0.93, f"link {case['link']}", transform=axes.transAxes, fontsize=8)
-        legend_above(axes, columns=1)
+        axes.set(xlabel="x [m]", ylabel="shape", ylim=(-0.2, 1.12), xlim=(0, 0.5))
+        axes.set_title(f"Link {case['link']}")
+    for axes in panels:
+        label_lines(axes)
 
 
 CASE = Case(

@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 import flexarm as fa
+from flexarm.plot.line_labels import label_lines
 from flexarm.plot.style import BLUE, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row
-from gallery.drawing import OURS, legend_above
+from gallery.drawing import OURS
 from gallery.references import reference
 
 ELEMENTS, ELEMENTS_OF_CURVES = 48, 12
@@ -99,20 +100,25 @@ def draw(figure: Figure) -> None:
     known = reference("gravity", "hanging").values
     inside = [case for case in known if case["weight"] <= 20]
     x = [case["weight"] for case in inside]
-    left.plot(x, [case["lambda"][0] ** 2 for case in inside], **OURS, color=INK, label="known")
+    left.plot(x, [case["lambda"][0] ** 2 for case in inside], **OURS, color=INK)
     left.plot(-reference("gravity", "buckling").values, 0.0, **OURS, color=INK)
-    left.annotate("buckles", (-7.84, 0), (-6.6, -3.5), fontsize=7)
+    left.annotate("buckles", (-7.84, 0), (-7.6, -4.2), fontsize=8)
     left.axhline(0, color=INK, linewidth=0.6)
     left.axvline(0, color=INK, linewidth=0.6)
-    left.set(xlabel="standing     weight $\\Gamma$     hanging", ylabel="$\\lambda_1^2$")
-    legend_above(left)
+    left.set(title="First frequency", xlabel="weight $\\Gamma$", ylabel="$\\lambda_1^2$")
+    left.text(-0.6, 38.0, "standing", ha="right", fontsize=8)
+    left.text(0.6, 38.0, "hanging", fontsize=8)
+    left.set_ylim(-6.0, 46.0)
     heavy = np.linspace(0, 100, 26)
     for k in range(3):
         ratio = [squared(float(w), elements=ELEMENTS_OF_CURVES)[k] for w in heavy]
-        right.plot(heavy, np.sqrt(ratio), color=BLUE)
+        right.plot(heavy, np.sqrt(ratio), color=BLUE, label=f"mode {k + 1}")
         right.plot([c["weight"] for c in known], [c["lambda"][k] for c in known], **OURS, color=INK)
     right.set(xlabel="weight $\\Gamma$", ylabel="$\\lambda$", ylim=(0, 85))
     right.margins(x=0.03)
+    right.set_title("Hanging")
+    for axes in (left, right):
+        label_lines(axes)
 
 
 CASE = Case(
@@ -122,6 +128,7 @@ CASE = Case(
     quantities=quantities,
     draw=draw,
     caption="Left: squared first frequency of a standing (left half) and a hanging beam; it is "
-    "zero where the mast buckles. Right: the first three frequencies of the hanging beam.",
+    "zero where the mast buckles. Right: the first three frequencies of the hanging beam. "
+    "Points: reference values.",
     module="gallery/cases/own_weight.py",
 )

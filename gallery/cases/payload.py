@@ -6,11 +6,13 @@ from functools import cache
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from flexarm.plot.style import BLUE, INK, VERMILLION
+from flexarm.plot.line_labels import label_lines
+from flexarm.plot.style import BLUE, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
-from gallery.drawing import OURS, legend_above
+from gallery.drawing import OURS
 from gallery.references import reference
 
 ELEMENTS = 64
@@ -72,17 +74,17 @@ def draw(figure: Figure) -> None:
     for inertia, colour in ((0.0, BLUE), (0.1, VERMILLION)):
         found = np.array([beta(None, float(mass), inertia)[:3] for mass in masses])
         for k in range(3):
-            label = f"tip inertia {inertia:g}" if k == 0 else None
-            axes.plot(masses, found[:, k], color=colour, linewidth=1.2, label=label)
+            axes.plot(masses, found[:, k], color=colour, label=f"mode {k + 1}")
         for case in known:
             if case["tip_inertia"] == inertia and case["tip_mass"] > 0:
                 x = [case["tip_mass"]] * 3
                 axes.plot(x, case["beta_L"][:3], **{**OURS, "markersize": 3.2}, color=INK)
-    axes.plot([], [], **OURS, color=INK, label="known")
-    axes.set(xscale="log", xlabel="tip mass $m/\\mu L$", ylabel="$\\beta L$", ylim=(0, 8.4))
-    for k, y in enumerate((1.95, 4.72, 7.85)):
-        axes.text(0.021, y, f"mode {k + 1}", fontsize=7, va="bottom", color=INK)
-    legend_above(axes)
+    axes.set(xscale="log", xlabel="tip mass $m/\\mu L$", ylabel="$\\beta L$", ylim=(0, 8.8))
+    axes.set_title("Frequencies of a clamped beam")
+    label_lines(axes)
+    shown = [Line2D([], [], color=colour) for colour in (BLUE, VERMILLION)]
+    known = Line2D([], [], **OURS, color=INK)
+    legend_above(axes, [*shown, known], ["tip inertia 0", "tip inertia 0.1", "known"])
 
 
 CASE = Case(

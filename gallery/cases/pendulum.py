@@ -9,10 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
+from flexarm.plot.line_labels import label_lines
 from flexarm.plot.style import BLUE, GREY, INK, VERMILLION
 from gallery.beam import FloatArray
 from gallery.case import Case, Row, distance_digits
-from gallery.drawing import OURS, legend_above, logarithmic_ticks
+from gallery.drawing import OURS, logarithmic_ticks
 from gallery.references import reference
 
 if TYPE_CHECKING:
@@ -104,22 +105,22 @@ def draw(figure: Figure) -> None:
     known = reference("pendulum", "falling").values
     left.plot(*np.array([case["tip"] for case in known]).T, **OURS, color=INK)
     left.plot(0, 0, "o", color=INK, markersize=3, markerfacecolor="white")
-    left.set(
-        aspect="equal", xlabel="$x$ (m)", ylabel="$y$ (m)", xlim=(-1.06, 1.06), ylim=(-1.06, 0.1)
-    )
+    left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-1.06, 1.06), ylim=(-1.06, 0.1))
     left.set_xticks([-1, -0.5, 0, 0.5, 1])
+    left.set_title("Motion")
     left.grid(False)
     exact = np.array([case["tip"] for case in known])
     for theory, colour in (("linear", VERMILLION), ("second_order", BLUE)):
         worst = [np.max(np.hypot(*(tips(k, theory) - exact).T)) for k in SEGMENTS]
-        right.plot(SEGMENTS, worst, "o-", color=colour, markersize=3.6, linewidth=0.9)
-        right.plot([], [], "o-", color=colour, markersize=3.6, label=theory.replace("_", " "))
+        label = theory.replace("_", " ")
+        right.plot(SEGMENTS, worst, "o-", color=colour, markersize=3.6, label=label)
     right.axhline(1e-6, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
-    right.text(1, 1.15e-6, "certainty of the reference", fontsize=7, color=GREY)
-    right.set(xlabel="segments", ylabel="largest tip error (m)", yscale="log")
+    right.text(1, 1.15e-6, "certainty of the reference", fontsize=8, color=GREY)
+    right.set(xlabel="segments", ylabel="largest tip error [m]", yscale="log")
     logarithmic_ticks(right, SEGMENTS)
     right.margins(x=0.06)
-    legend_above(right)
+    right.set_title("Error")
+    label_lines(right)
 
 
 CASE = Case(

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from flexarm.plot.style import SERIES
+from flexarm.plot.style import INK, SERIES, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS
@@ -101,25 +102,38 @@ def draw(figure: Figure) -> None:
     for kind, style in styles.items():
         found = np.array([lambdas("clamped", float(s), kind)[:3] for s in slenderness])
         for k in range(3):
-            label = {"rayleigh": "rotary inertia", "timoshenko": "and shear"}[kind]
             axes.plot(
                 slenderness,
                 found[:, k] / slender[k],
                 color=SERIES[k],
                 linewidth=1.2,
                 linestyle=style,
-                label=f"mode {k + 1}, {label}",
             )
+            if kind == "timoshenko":
+                start = slenderness[0], found[0, k] / slender[k]
+                axes.annotate(
+                    f"mode {k + 1}",
+                    start,
+                    (-4, 0),
+                    textcoords="offset points",
+                    fontsize=8,
+                    color=SERIES[k],
+                    ha="right",
+                    va="center",
+                )
         for case in reference("beams", kind).values:
             if case["root"] == "clamped":
                 for k in range(3):
                     ratio = case["lambda"][k] / slender[k]
                     axes.plot(case["slenderness"], ratio, **OURS, color=SERIES[k])
-    axes.set(xscale="log", xlabel="slenderness $L/r$", ylabel="$\\lambda$ / slender beam's")
+    axes.set(xscale="log", xlabel="slenderness $L/r$", ylabel="relative $\\lambda$")
     axes.set_xticks([10, 20, 50, 100, 200], ["10", "20", "50", "100", "200"], minor=False)
     axes.minorticks_off()
-    axes.set_ylim(0.4, 1.02)
-    axes.legend(loc="lower right", ncols=2)
+    axes.set(xlim=(5.9, 250), ylim=(0.4, 1.02))
+    axes.set_title("Frequency over that of a slender beam")
+    lines = [Line2D([], [], color=INK, linestyle=style) for style in styles.values()]
+    known = Line2D([], [], **OURS, color=INK)
+    legend_above(axes, [*lines, known], ["rotary inertia", "rotary inertia and shear", "known"])
 
 
 CASE = Case(

@@ -10,10 +10,11 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import flexarm as fa
-from flexarm.plot.style import BLUE, GREEN, INK, VERMILLION
+from flexarm.plot.line_labels import label_lines
+from flexarm.plot.style import BLUE, GREEN, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row
-from gallery.drawing import OURS, legend_above
+from gallery.drawing import OURS
 from gallery.references import reference
 
 ELEMENTS, ELEMENTS_OF_CURVES = 64, 16
@@ -120,9 +121,10 @@ def draw(figure: Figure) -> None:
         (3.516, 0),
         (0.2, -31),
         arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.6},
-        fontsize=7,
+        fontsize=8,
     )
     left.set(xlabel="speed $\\gamma$", ylabel="squared frequency $\\lambda_1^2$", ylim=(-45, 45))
+    left.set_title("Theories")
     legend_above(left)
     speeds = gammas[::2]
     for radius, colour in ((2.0, GREEN), (0.5, VERMILLION), (0.0, BLUE)):
@@ -131,9 +133,10 @@ def draw(figure: Figure) -> None:
     known = reference("rotating", "hub_radius").values
     right.plot([c["gamma"] for c in known], [c["lambda"][0] for c in known], **OURS, color=INK)
     right.set(xlabel="speed $\\gamma$", ylabel="$\\lambda_1$")
-    legend_above(right)
+    right.set_title("Radius of the hub")
     for axes in (left, right):
         axes.margins(x=0.02)
+    label_lines(right)
 
 
 CASE = Case(

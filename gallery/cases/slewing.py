@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.style import BLUE, GREY, INK, VERMILLION
+from flexarm.plot.style import BLUE, GREY, INK, VERMILLION, legend_above
 from gallery.beam import unit_beam
 from gallery.case import Case, Row
-from gallery.drawing import OURS, legend_above
+from gallery.drawing import OURS
 from gallery.references import reference
 
 if TYPE_CHECKING:
@@ -87,15 +87,17 @@ def draw(figure: Figure) -> None:
     left.plot(t, result.joint_angle.values[:, 0] / TORQUE, color=BLUE, label="joint")
     left.plot(t, t**2 / 2 / (HUB + 1 / 3), color=GREY, linestyle=(0, (4, 2)), label="rigid")
     left.plot([0.5, 1], [known["angle_half"], known["angle_one"]], **OURS, color=INK, label="known")
-    left.set(xlabel="$t$ (s)", ylabel="angle (rad/(N m))", xlim=(0, 2), ylim=(0, 5))
+    left.set(xlabel="time [s]", ylabel="angle [rad/(N m)]", xlim=(0, 2), ylim=(0, 5))
     left.set_xticks([0, 0.5, 1, 1.5, 2])
     right.plot(t, result.link_tip_deflection.values[:, 0] / TORQUE, color=VERMILLION)
     points = [known["deflection_half"], known["deflection_one"]]
     right.plot([0.5, 1], points, **OURS, color=INK)
     mean = reference("slewing", "mean").values
     right.axhline(mean, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
-    right.text(1.01 * DURATION, mean, "mean", fontsize=7, color=GREY, va="center")
-    right.set(xlabel="$t$ (s)", ylabel="tip deflection (m/(N m))", xlim=(0, DURATION))
+    right.text(1.01 * DURATION, mean, "mean", fontsize=8, color=GREY, va="center")
+    right.set(xlabel="time [s]", ylabel="tip deflection [m/(N m)]", xlim=(0, DURATION))
+    left.set_title("Joint")
+    right.set_title("Beam")
     legend_above(left)
 
 

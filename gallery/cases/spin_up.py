@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
-from flexarm.plot.style import BLUE, GREEN, INK, VERMILLION
+from flexarm.plot.line_labels import label_lines
+from flexarm.plot.style import BLUE, GREEN, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray
 from gallery.case import Case, Row
-from gallery.drawing import OURS, legend_above
+from gallery.drawing import OURS
 from gallery.references import reference
 
 if TYPE_CHECKING:
@@ -138,14 +139,15 @@ def draw(figure: Figure) -> None:
     colours = {"softened": VERMILLION, "stiffened": BLUE, "elastica": GREEN}
     for model in ("softened", "stiffened"):
         t, v = deflection(model)
-        left.plot(t, v, color=colours[model], label=LABELS[model], linewidth=1.3)
+        left.plot(t, v, color=colours[model], label=LABELS[model])
     known = reference("spin_up", "stiffened").values
     points = [(5.0, known["v5"]), (7.5, known["v75"]), (10.0, known["v10"])]
     points.append((known["extreme_time"], known["extreme"]))
     x, y = zip(*points, strict=True)
     left.plot(x, y, **OURS, color=INK, label="known")
-    left.annotate("diverges", (6.85, -0.83), fontsize=7, color=VERMILLION)
-    left.set(xlabel="$t$ (s)", ylabel="tip deflection (m)", xlim=(0, 20), ylim=(-0.9, 0.05))
+    left.annotate("diverges", (6.85, -0.83), fontsize=8, color=VERMILLION)
+    left.set(xlabel="time [s]", ylabel="tip deflection [m]", xlim=(0, 20), ylim=(-0.9, 0.05))
+    left.set_title("Deflection")
     legend_above(left)
     for model in ("stiffened", "elastica"):
         t, v = deflection(model)
@@ -153,9 +155,10 @@ def draw(figure: Figure) -> None:
         right.plot(t[near], 1e3 * v[near], color=colours[model], label=LABELS[model])
         values = reference("spin_up", model).values
         right.plot(values["extreme_time"], 1e3 * values["extreme"], **OURS, color=INK)
-    right.set(xlabel="$t$ (s)", ylabel="tip deflection (mm)")
+    right.set(xlabel="time [s]", ylabel="tip deflection [mm]")
     right.set_yticks([-575, -570, -565, -560])
-    legend_above(right)
+    right.set_title("Turning point")
+    label_lines(right)
 
 
 CASE = Case(

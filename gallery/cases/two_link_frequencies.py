@@ -89,11 +89,11 @@ def draw(figure: Figure) -> None:
             own.plot(angles, found, color=colour, label=" + ".join(how))
         for case in reference("two_link", "exact").values:
             own.plot(case["elbow_deg"], case["omega"][k], **OURS, color=INK, clip_on=False)
-        own.set(xlabel="elbow angle (deg)", yscale="log")
+        own.set(xlabel="elbow angle [deg]", yscale="log")
         own.set_xticks([0, 45, 90, 135, 180])
-        own.set_title(f"mode {k + 1}")
-    axes[0].set_ylabel("$\\omega$ (rad/s)")
-    axes[1].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
+        own.set_title(f"Mode {k + 1}")
+    axes[0].set_ylabel("$\\omega$ [rad/s]")
+    figure.legend(*axes[1].get_legend_handles_labels(), loc="outside upper right", ncols=4)
 
 
 CASE = Case(

@@ -10,10 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
+from flexarm.plot.line_labels import label_lines
 from flexarm.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION
 from gallery.beam import FloatArray
 from gallery.case import Case, Row, distance_digits
-from gallery.drawing import KNOWN, legend_above
+from gallery.drawing import KNOWN
 from gallery.references import history, reference
 from gallery.two_link import LENGTHS, two_link_arm
 
@@ -154,17 +155,19 @@ def draw(figure: Figure) -> None:
         left.plot(*arm.shape(q, stations=2)[1, 0], "o", color=INK, markersize=1.8)
     left.plot(*known_tip("exact").T, **KNOWN)
     left.plot(0, 0, "o", color=INK, markersize=3.5, markerfacecolor="white")
-    left.set(aspect="equal", xlabel="$x$ (m)", ylabel="$y$ (m)", xlim=(-0.08, 2.0))
+    left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.08, 2.0))
+    left.set_title("Motion")
     left.grid(False)
     t = result.time.values
     for model, colour in COLOURS.items():
         own = np.maximum.accumulate(distances(model, "exact"))
-        right.plot(t[1:], own[1:], color=colour, linewidth=1.2, label=model)
+        right.plot(t[1:], own[1:], color=colour, label=model)
     right.axhline(2e-7, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
-    right.text(1.98, 1.3e-7, "certainty of the reference", fontsize=7, color=GREY, ha="right")
-    right.set(yscale="log", xlabel="$t$ (s)", ylabel="largest tip error so far (m)")
+    right.text(1.98, 1.3e-7, "certainty of the reference", fontsize=8, color=GREY, ha="right")
+    right.set(yscale="log", xlabel="time [s]", ylabel="largest tip error so far [m]")
     right.set(xlim=(0, DURATION), ylim=(1e-8, 1e-3))
-    legend_above(right, columns=2)
+    right.set_title("Error")
+    label_lines(right)
 
 
 CASE = Case(

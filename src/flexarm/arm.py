@@ -14,7 +14,7 @@ from flexarm.assemble import FloatArray
 from flexarm.dynamics import Dynamics
 from flexarm.environment import Environment
 from flexarm.errors import check_result
-from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observables import energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
@@ -22,6 +22,7 @@ from flexarm.model.help_text import signature_of
 from flexarm.model.variation import varied_spec
 from flexarm.notebook import html_table
 from flexarm.stations import (
+    MOST_STATIONS,
     Cut,
     check_stations,
     cuts_at,
@@ -82,6 +83,7 @@ class Arm(Dynamics):
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
         self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
+        self._placed: tuple[int, Stations] | None = None
 
     def rigid(self) -> Arm:
         """Return the rigid model: the same masses and inertias, no bending, no elastic joints."""
@@ -153,7 +155,7 @@ class Arm(Dynamics):
             InputError: if ``q`` has the wrong shape or is not finite, or there are fewer than two
                 stations.
         """
-        placed = place_stations(self, check_stations("Arm.shape", stations, 10**6))
+        placed = self._placed_stations(check_stations("Arm.shape", stations, 10**6))
         state, body_poses, _ = self._poses("Arm.shape", q)
         points = np.zeros((self.links * stations, 2))
         axis_points(
@@ -167,6 +169,15 @@ class Arm(Dynamics):
             points,
         )
         return points.reshape(self.links, stations, 2)
+
+    def _placed_stations(self, count: int) -> Stations:
+        """Return the stations of `shape`, kept because frames of an animation share them."""
+        kept = self._placed
+        if kept is None or kept[0] != count:
+            kept = count, place_stations(self, count)
+            if count <= MOST_STATIONS:  # more would occupy much memory
+                self._placed = kept
+        return kept[1]
 
     def strain(self, q: ArrayLike) -> FloatArray:
         """Return the strain at each gauge of the links, (gauges,): -distance * v''."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.arms import chain, moving_state
+from benchmarks.figures import best
 from benchmarks.first_run import First
 from benchmarks.limit import Limit, compiler
 from benchmarks.work_precision import Point, fastest, measure
@@ -18,6 +19,7 @@ from benchmarks import (
     first_run,
     forward_dynamics,
     long_chain,
+    pictures,
     programs,
     raw,
     report,
@@ -112,6 +114,7 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         controllers={("joint_pd", ""): 5.0},
         simulations=whole_call.simulations(repeats=1, duration=0.1),
         calls=whole_call.microseconds(repeats=1, calls=1),
+        pictures=pictures.waits(duration=0.1, links=2, repeats=1),
     )
     assert all(math.isfinite(value) and value > 0 for value in measured.links.values())
     report.write(tmp_path, measured)
@@ -130,6 +133,8 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         r"\| exact beams \| 1.2e-04 \| steps \| \w+, [34] modes, (step|rtol) .*: ", page
     )
     assert "no compiler here" in page
+    assert re.search(r"\| animation of 0.1 s, mp4 \| [\d.]+ \| [\d.]+ \| 10 \|", page)
+    assert re.search(r"\| report of a minute, 2 links \| [\d.]+ \| [\d.]+ \| 2 \|", page)
     for figure in ("scaling.png", "work-precision.png", "chain.png"):
         assert (tmp_path / figure).stat().st_size > 10_000, figure
 
@@ -161,6 +166,20 @@ def test_fastest_that_is_accurate_enough() -> None:
     assert fastest([slow, fast, wrong], "t", 1e-4) == fast
     assert fastest([slow, fast, wrong], "t", 1e-5 / 2) == slow
     assert fastest([slow], "another", 1.0) is None
+
+
+def test_best_settings_are_beaten_by_none() -> None:
+    points = [
+        Point("p", name, "t", error, seconds, seconds)
+        for name, error, seconds in (
+            ("slow", 1e-6, 3.0),
+            ("slower", 1e-6, 4.0),
+            ("fast", 1e-4, 1.0),
+            ("as fast", 1e-3, 1.0),
+            ("between", 1e-3, 2.0),
+        )
+    ]
+    assert [point.setting for point in best(points)] == ["fast", "slow"]
 
 
 def test_ratios_of_steps_and_whole_calls() -> None:

@@ -40,3 +40,14 @@ def test_a_shape_has_two_stations_at_least(stations):
     with pytest.raises(fa.InputError, match=r"Arm\.shape: stations must be a whole number from 2"):
         ARM.shape(ZERO, stations)
     assert ARM.shape(ZERO, np.int64(2)).shape == (2, 2, 2)
+
+
+def test_a_shape_does_not_depend_on_earlier_ones():
+    q = ARM.rest([0.3, -0.4])
+    q[1] = 0.02
+    other = fa.Arm(ARM.spec)
+    for stations in (5, 9, 9, 5):
+        found = ARM.shape(q, stations)
+        np.testing.assert_array_equal(found, fa.Arm(ARM.spec).shape(q, stations))
+        found[:] = np.nan  # the caller may change its array
+    np.testing.assert_array_equal(ARM.shape(q, 5), other.shape(q, 5))

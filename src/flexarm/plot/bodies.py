@@ -79,8 +79,8 @@ def postures(
         _draw_arms(panel, shapes, looks, name)
         panel.plot(*_tip_path(arm, result, magnify).T, color=VERMILLION, linewidth=1.2, label="tip")
         panel.plot(0.0, 0.0, "o", color=INK, markersize=4.5, clip_on=False)
-        for words, place, old in (("start", shapes[0], shapes[1]), ("end", shapes[-1], shapes[-2])):
-            _name_tip(panel, words, place[-1, -1], old[-1, -1])
+        for words, links in (("start", shapes[0]), ("end", shapes[-1])):
+            _name_tip(panel, words, links[-1])
         panel.set(title="Postures", xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
         panel.set_aspect("equal", adjustable="datalim")
         panel.grid(True, axis="both")
@@ -97,9 +97,9 @@ def _draw_arms(panel: Axes, shapes: FloatArray, looks: list[dict[str, Any]], nam
             panel.plot(*links[1:, 0].T, "o", color=look["color"], markersize=3.2, label="_")
 
 
-def _name_tip(panel: Axes, words: str, tip: FloatArray, other: FloatArray) -> None:
-    """Label a tip on the side that faces away from ``other``, a tip position nearby in time."""
-    right = tip[0] >= other[0]
+def _name_tip(panel: Axes, words: str, link: FloatArray) -> None:
+    """Label the tip of the last link (stations, 2) on the side that faces away from the link."""
+    tip, right = link[-1], link[-1, 0] >= link[0, 0]
     near: dict[str, Any] = {"textcoords": "offset points", "ha": "left" if right else "right"}
     place = (float(tip[0]), float(tip[1]))
     panel.annotate(words, place, xytext=(4 if right else -4, 3), **near)
@@ -197,12 +197,13 @@ def _name_peak(
     k, link, station = np.unravel_index(int(np.abs(moment).argmax()), moment.shape)
     value, place = float(moment[k, link, station]), float(along[link, station])
     panel.plot(place, value, "o", color=INK, markersize=4.0, label="_", clip_on=False)
-    words = f"{value:.4g} {unit} at {result['time'].values[k]:.4g} s"
+    words = f"{value:.4g} {unit} at {result['time'].values[k]:.4g} s".replace("-", "−", 1)
     left = place < along.mean()
     near: dict[str, Any] = {"textcoords": "offset points", "va": "center"}
     near["ha"] = "left" if left else "right"
-    inward = -10 if value > 0.0 else 10  # away from the envelope that the peak lies on
-    panel.annotate(words, (place, value), xytext=(4 if left else -4, inward), **near)
+    outward = 9 if value > 0.0 else -9  # beyond the largest value there is no line
+    panel.annotate(words, (place, value), xytext=(4 if left else -4, outward), **near)
+    panel.margins(y=0.2)
 
 
 def _along(arm: Arm, fraction: FloatArray) -> FloatArray:

@@ -31,7 +31,7 @@ _PANELS = (
 #: Value drawn instead of zero on the logarithmic axis.
 _LEAST = 1e-9
 _MARKS = "os^Dv<>ph*"
-_WIDTH, _LINE, _EDGES = 8.27, 0.27, 1.0  # inches
+_WIDTH, _LINE, _EDGES = 8.27, 0.27, 0.8  # inches
 
 
 def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
@@ -96,7 +96,7 @@ class _Numbers:
         """Add the axes, row by row."""
         grid = sheet.add_gridspec(len(self.references), len(self.chosen))
         left = 0.35 + 0.068 * max(map(len, self.names))
-        margins(sheet, left=left, bottom=0.45, right=0.2, top=0.55, wspace=0.12, hspace=0.55)
+        margins(sheet, left=left, bottom=0.3, right=0.2, top=0.5, wspace=0.12, hspace=0.55)
         count = len(self.references) * len(self.chosen)
         return [sheet.add_subplot(grid[k]) for k in range(count)]
 
@@ -119,7 +119,10 @@ class _Numbers:
         if self.table.sizes["plant"] > 1 and isinstance(made[0].figure, Figure):
             handles, labels = made[columns - 1].get_legend_handles_labels()
             columns_of_legend = min(len(labels), 6)
-            made[0].figure.legend(handles, labels, loc="upper right", ncols=columns_of_legend)
+            corner = made[columns - 1].get_position().x1, 1.0
+            made[0].figure.legend(
+                handles, labels, loc="upper right", bbox_to_anchor=corner, ncols=columns_of_legend
+            )
 
 
 def _scale(axes: Axes, values: FloatArray) -> None:
@@ -147,6 +150,8 @@ def _draw(axes: Axes, values: xr.DataArray, failure: xr.DataArray) -> None:
             linestyle="none",
             marker=_MARKS[k % len(_MARKS)],
             markersize=5,
+            markerfacecolor="none",  # marks at the same value remain visible
+            markeredgewidth=1.2,
             color=color,
             label=plant,
         )

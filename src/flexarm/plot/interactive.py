@@ -16,7 +16,9 @@ def history_page(found: list[Signals]) -> Any:
     """Return a Plotly figure of channels over time: panels in a column with a common time axis."""
     _, subplots = _plotly("plot.history")
     titles = [signals.title for signals in found]
-    figure = subplots.make_subplots(len(found), 1, shared_xaxes=True, subplot_titles=titles)
+    gaps = {"shared_xaxes": True, "vertical_spacing": 0.25 / len(found)}
+    figure = subplots.make_subplots(len(found), 1, subplot_titles=titles, **gaps)
+    figure.update_annotations(x=0.0, xanchor="left")  # the titles
     for row, signals in enumerate(found, start=1):
         for line, label, color in _lines(signals):
             look = {"line": {"color": color, "width": 1.5}, "name": label, "mode": "lines"}
@@ -42,6 +44,10 @@ def phase_page(values: Signals, rates: Signals) -> Any:
             customdata=values.time,
             hovertemplate="t = %{customdata:.4g} s<br>%{x:.5g}, %{y:.5g}",
         )
+    ends = {"mode": "markers", "showlegend": False, "hoverinfo": "skip"}
+    for k, fill in ((0, "white"), (-1, INK)):
+        dots = {"color": fill, "size": 8, "line": {"color": INK, "width": 1.5}}
+        figure.add_scatter(x=values.values[k], y=rates.values[k], marker=dots, **ends)
     figure.update_xaxes(title_text=values.axis_label)
     figure.update_yaxes(title_text=rates.axis_label)
     figure.update_layout(title=values.title, template="simple_white", font_color=INK)

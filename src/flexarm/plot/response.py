@@ -82,6 +82,11 @@ class _Responses:
         given = _range(model) if omega is None else omega
         self.omega = check_array(where, "omega", given, (-1,))
         self.response = model.frequency_response(self.omega)
+        # Rounding moves an undamped pole, and the response there is finite and has no meaning.
+        poles = model.poles[_undamped(model.poles)]
+        speed = np.abs(poles[np.abs(poles) > 0.0])
+        near = np.abs(self.omega[:, None] - speed) < 0.5 * _BESIDE * speed
+        self.response[near.any(axis=1)] = np.nan
         self.rows = max(1, len(self.outputs))
         self.size = (_WIDTH, _EDGES + (_GAIN + _PHASE) * self.rows)
 
@@ -144,6 +149,10 @@ def _gain_unit(model: LinearModel, output: str) -> str:
     return f"{unit} / ({inputs.pop()})" if len(inputs) == 1 else f"{unit} / input"
 
 
+def _undamped(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    return np.abs(poles.real) < _UNDAMPED * np.abs(poles)
+
+
 def _range(model: LinearModel) -> NDArray[np.float64]:
     """Return frequencies that resolve all vibrations in the range, rad/s."""
     slowest_first = np.argsort(np.abs(model.poles.imag))[::2]
@@ -152,7 +161,7 @@ def _range(model: LinearModel) -> NDArray[np.float64]:
     speed = np.abs(poles.imag)
     low, high = (0.1, 100.0) if speed.size == 0 else (0.1 * speed[0], 3.0 * speed[:5][-1])
     # Add the peaks between the grid points, or for undamped ones the points next to the peak.
-    undamped = np.abs(poles.real) < _UNDAMPED * np.abs(poles)
+    undamped = _undamped(poles)
     around = speed[undamped, None] * (1.0 + _BESIDE * np.array([-1.0, 0.0, 1.0]))
     own = np.concatenate([speed[~undamped], around.ravel()])
     return np.unique(np.concatenate([np.geomspace(low, high, _POINTS), own[own < high]]))

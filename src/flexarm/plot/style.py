@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
+from cycler import cycler
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -48,7 +49,9 @@ _STYLE: Any = {
     # Times, the usual font of journals. It comes with Matplotlib, so figures look the same on all
     # machines, and makes a PDF twice as fast as the default font, whose tables are far larger.
     "font.family": ["STIXGeneral"],
+    "mathtext.fontset": "stix",
     "font.size": 9.0,
+    "axes.prop_cycle": cycler(color=SERIES),
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
     "axes.titley": 1.0,  # a fixed position, because computing one takes as long as the lines
@@ -82,6 +85,11 @@ _STYLE: Any = {
     "legend.borderpad": 0.0,
     "legend.borderaxespad": 0.65,
     "legend.columnspacing": 1.0,
+    # Room at the edges and between panels, for figures with this layout (inches, and a fraction).
+    "figure.constrained_layout.w_pad": 0.09,
+    "figure.constrained_layout.h_pad": 0.09,
+    "figure.constrained_layout.wspace": 0.04,
+    "lines.linewidth": 1.0,
     "lines.solid_capstyle": "round",
     "text.color": INK,
     "pdf.fonttype": 42,  # complete fonts, because journals reject Matplotlib's default Type 3
@@ -93,6 +101,7 @@ _STYLE: Any = {
 _SCREEN: Any = {
     **_STYLE,
     "font.family": ["DejaVu Sans"],
+    "mathtext.fontset": "dejavusans",
     "font.size": 9.5,
     "axes.titlesize": 10.0,
     "axes.labelsize": 9.5,
@@ -188,13 +197,18 @@ def place_labels(axes: Axes) -> None:
 
 
 def legend_above(
-    axes: Axes, handles: Sequence[Any] | None = None, labels: Sequence[str] | None = None
+    axes: Axes,
+    handles: Sequence[Any] | None = None,
+    labels: Sequence[str] | None = None,
+    columns: int | None = None,
 ) -> None:
-    """Put the legend in one row above the axes, at the right, where it covers no line.
+    """Put the legend above the axes, at the right, where it covers no line.
 
     Args:
         handles, labels: of the legend; by default those of all labelled lines.
+        columns: by default as many as entries, in one row.
     """
     if handles is None or labels is None:
         handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
+    columns = len(handles) if columns is None else columns
+    axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)

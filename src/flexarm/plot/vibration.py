@@ -89,7 +89,7 @@ def _title(modes: Modes, k: int) -> str:
     hertz, ratio = modes.frequency_hz[k], modes.damping_ratio[k]
     if hertz == 0.0:
         return f"{k + 1}: does not vibrate"
-    damping = f", {100.0 * ratio:.2g} %" if abs(ratio) > 1e-9 else ""
+    damping = f", {float(f'{100.0 * ratio:.2g}'):g} %" if abs(ratio) > 1e-9 else ""
     return f"{k + 1}: {hertz:.4g} Hz{damping}"
 
 
@@ -163,5 +163,7 @@ def _draw_orders(axes: Axes, tracks: ModeTracks) -> None:
         if order * turns[-1] > 0.05 * top:
             axes.plot(tracks.parameter, order * turns, **{**RIGID, "label": "_"})
             at = min(turns[-1], 0.97 * top / order)
-            axes.annotate(f"{order}×", (2.0 * np.pi * at, order * at), ha="right", va="bottom")
+            white = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+            place = (2.0 * np.pi * at, order * at)
+            axes.annotate(f"{order}×", place, ha="right", va="center", bbox=white)
     axes.set_ylim(top=top)

@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from plot_results import arm, result, rigid_result
 
 import flexarm as fa
@@ -31,6 +32,22 @@ def test_postures_are_the_shapes_at_evenly_spaced_times():
     assert axes.get_aspect() == 1.0
 
 
+def legend(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_postures_age_from_light_to_dark_between_named_tips():
+    axes = fa.plot.postures(result(), 3)
+    brightness = [sum(to_rgb(line.get_color())) for line in curves(axes, 50)]
+    assert brightness == sorted(brightness, reverse=True)
+    assert brightness[0] > brightness[-1] + 0.5
+    tips = {text.get_text(): text.xy for text in axes.texts}
+    assert tips == {"start": tuple(result().tip.values[0]), "end": tuple(result().tip.values[-1])}
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+    assert legend(axes) == ["flexible", "tip"]
+    assert legend(fa.plot.postures(result(), 3, rigid=True)) == ["rigid", "flexible", "tip"]
+
+
 def test_the_rigid_counterpart_has_the_same_joint_angles():
     axes = fa.plot.postures(result(), 3, rigid=True)
     first = next(line for line in curves(axes, 50) if line.is_dashed())
@@ -51,7 +68,11 @@ def test_bending_is_magnified_and_angles_are_not():
     """The tip's distance from the first link's root tangent grows by the factor."""
     one = fa.Arm(links=[{"length": 1.0, "flexural_rigidity": 5.0, "mass_per_length": 0.5}])
     run = fa.simulate(one, 0.05, torque=lambda t: [1.0], rate=200.0)
-    last = curves(fa.plot.postures(run, 2, magnify=20.0), 25)[-1].get_xydata()
+    axes = fa.plot.postures(run, 2, magnify=20.0)
+    last = curves(axes, 25)[-1].get_xydata()
+    (path,) = [line for line in axes.get_lines() if line.get_label() == "tip"]
+    np.testing.assert_allclose(path.get_xydata()[-1], last[-1], rtol=0.0, atol=1e-14)
+    assert legend(axes) == ["bending × 20", "tip"]
     angle = float(run.link_angle[-1, 0])
     across = last[-1] @ [-np.sin(angle), np.cos(angle)]
     assert across == pytest.approx(20.0 * float(run.link_tip_deflection[-1, 0]), rel=1e-12)
@@ -64,6 +85,9 @@ def test_deflections_end_at_those_of_the_tips():
     ends = [line.get_ydata()[-1] for line in lines]
     np.testing.assert_allclose(ends, expected, rtol=0.0, atol=1e-10)
     assert axes.get_ylabel() == "deflection [mm]"
+    assert axes.get_xlabel() == "distance from the base along the arm [m]"
+    np.testing.assert_allclose(lines[1].get_xdata(), np.linspace(0.5, 1.0, 25))
+    assert legend(axes) == ["range of the run", "0 s", "0.2 s"]
     for link, band in enumerate(axes.collections):
         y = band.get_paths()[0].vertices[:, 1]
         values = 1e3 * result().link_tip_deflection.values[:, link]
@@ -78,8 +102,14 @@ def test_the_envelope_of_the_bending_moment_and_its_peak():
     assert np.array_equal(high.get_ydata(), moment.max(axis=0)[0])
     assert np.array_equal(low.get_ydata(), moment.min(axis=0)[0])
     np.testing.assert_allclose(curves(axes, 5)[2].get_xdata(), np.linspace(0.5, 1.0, 5))
-    peak = moment.ravel()[np.abs(moment).argmax()]
-    assert axes.texts[0].get_text().startswith(f"{peak:.4g} N m at ")
+    assert (high.get_label(), low.get_label()) == ("largest", "smallest")
+    assert axes.get_ylabel() == "moment [N m]"
+    k, link, station = np.unravel_index(np.abs(moment).argmax(), moment.shape)
+    place = 0.5 * (link + float(result().station[station]))
+    peak, time = moment[k, link, station], float(result().time[k])
+    (mark,) = [line for line in axes.get_lines() if line.get_marker() == "o"]
+    assert (mark.get_xdata()[0], mark.get_ydata()[0]) == (pytest.approx(place), peak)
+    assert axes.texts[0].get_text() == f"{peak:.4g} N m at {time:.4g} s".replace("-", "−")
 
 
 def without(name):

@@ -102,6 +102,41 @@ def test_results_are_compared_by_colour_and_their_parts_by_dashes():
     assert legend(one) == ["1", "2"]
 
 
+def test_small_and_large_values_are_compared_in_one_unit():
+    large = result().assign(torque=1e5 * result().torque)
+    axes = fa.plot.compare({"small": result(), "large": large}, "torque[1]")
+    torque = result().torque.sel(joint=1).values
+    np.testing.assert_allclose(drawn(axes), np.stack([1e-3 * torque, 1e2 * torque], axis=1))
+    assert np.array_equal(axes.get_lines()[1].get_xdata(), result().time)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "torque [kN m]")
+
+
+@pytest.mark.parametrize(
+    ("channel", "rate", "scale"),
+    [
+        ("link_angle[2]", "link_rate", 1.0),
+        ("link_tip_deflection[1]", "link_tip_deflection_rate", 1e3),
+        ("link_tip_slope[1]", "link_tip_slope_rate", 1.0),
+        ("tip[y]", "tip_velocity", 1.0),
+        ("tip_angle", "tip_angle_rate", 1.0),
+    ],
+)
+def test_the_rate_of_a_phase_portrait_is_that_of_the_channel(channel, rate, scale):
+    axes = fa.plot.phase_portrait(result(), channel)
+    (line,) = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+    name, _, part = channel.rstrip("]").partition("[")
+    column = {"": 0, "1": 0, "2": 1, "y": 1}[part]
+    values, rates = (
+        result()[each].values.reshape(len(result().time), -1)[:, column] for each in (name, rate)
+    )
+    np.testing.assert_array_equal(line.get_xdata(), scale * values)
+    np.testing.assert_array_equal(line.get_ydata(), rates)
+    start, end = [line for line in axes.get_lines() if len(line.get_xdata()) == 1]
+    assert (start.get_xdata()[0], start.get_ydata()[0]) == (scale * values[0], rates[0])
+    assert (end.get_xdata()[0], end.get_ydata()[0]) == (scale * values[-1], rates[-1])
+    assert start.get_markerfacecolor() == "white" != end.get_markerfacecolor()
+
+
 def test_a_phase_portrait_has_the_rate_upward():
     axes = fa.plot.phase_portrait(result(), "joint_angle[2]")
     (line,) = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
@@ -155,10 +190,20 @@ def test_plotly_draws_the_same_lines():
     figure = fa.plot.history(result(), ["torque", "tip"], backend="plotly")
     lines = np.array([trace.y for trace in figure.data]).T
     assert np.array_equal(lines, np.concatenate([result().torque, result().tip], axis=1))
+    assert all(np.array_equal(trace.x, result().time) for trace in figure.data)
+    assert [trace.name for trace in figure.data] == ["joint 1", "joint 2", "x", "y"]
     assert figure.layout.yaxis.title.text == "torque [N m]"
+    assert figure.layout.yaxis2.title.text == "position [m]"
+    assert figure.layout.xaxis2.title.text == "time [s]"
     phase = fa.plot.phase_portrait(result(), backend="plotly")
     assert np.array_equal(phase.data[1].x, result().joint_angle.sel(joint=2))
     assert np.array_equal(phase.data[1].y, result().joint_rate.sel(joint=2))
+    assert np.array_equal(phase.data[1].customdata, result().time)
+    start, end = phase.data[2:]
+    assert np.array_equal([start.x, end.x], result().joint_angle[[0, -1]])
+    assert np.array_equal([start.y, end.y], result().joint_rate[[0, -1]])
+    assert phase.layout.xaxis.title.text == "angle [rad]"
+    assert phase.layout.yaxis.title.text == "rate [rad/s]"
 
 
 def test_without_plotly_the_message_says_how_to_get_it(monkeypatch):

@@ -31,6 +31,9 @@ def test_shapes():
     np.testing.assert_allclose(rest, ARM.shape(found.q)[0])
     away = np.linalg.norm(found.curves(amplitude=0.12)[1] - ARM.shape(found.q), axis=-1)
     np.testing.assert_allclose(np.linalg.norm(curve - rest, axis=1), away[0], atol=1e-12)
+    other = figure.axes[1].get_lines()[2].get_xydata()
+    np.testing.assert_allclose(0.5 * (curve + other), rest, atol=1e-12)
+    assert (figure.axes[1].get_xlabel(), figure.axes[1].get_ylabel()) == ("x [m]", "y [m]")
     free = modes_figure(fa.modes(ARM, joints="free"), 2)
     assert free.axes[0].get_title(loc="left") == "1: does not vibrate"
 
@@ -43,8 +46,17 @@ def test_lines():
         below.get_lines()[1].get_ydata(), 100 * tracks.damping_ratio[:, 1]
     )
     assert above.get_xlabel() == "spin [rad/s]"
+    assert above.get_ylabel() == "frequency [Hz]"
+    assert below.get_ylabel() == "damping ratio [%]"
+    for line in above.get_lines():
+        np.testing.assert_array_equal(line.get_xdata(), tracks.parameter)
+    names = [text.get_text() for text in above.get_legend().get_texts()]
+    assert names == ["mode 1", "mode 2"]
     once = above.get_lines()[2]  # once in each turn
     np.testing.assert_allclose(once.get_ydata(), tracks.parameter / (2 * np.pi))
+    assert above.texts[0].get_text() == "1×"
+    over = fa.plot.campbell(fa.track_modes(ARM, [[0.2, 0.5], [0.2, 0.9]], count=2))
+    assert len(over.get_lines()) == 2  # orders belong to a spin rate alone
 
 
 def test_responses():
@@ -60,6 +72,7 @@ def test_responses():
     assert gain.get_ylabel() == "tip[y]\n[m / (N m)]"
     assert phase.get_ylabel() == "phase [°]"
     assert phase.get_xlabel() == ""
+    assert figure.axes[-1].get_xlabel() == "frequency [Hz]"
     assert len(response_figure(model).axes) == 8
 
 
@@ -77,6 +90,32 @@ def test_responses_are_interrupted_at_undamped_resonances():
     at_rest = response_figure(model, np.array([0.0, 1.0])).axes[0].get_lines()[0].get_ydata()
     assert np.isnan(at_rest[0])  # a free joint under a constant torque turns without end
     assert np.isfinite(at_rest[1])
+
+
+def test_resonances_that_rounding_moves_are_interrupted():
+    bare = LINK.replace(damping=None, elements=1)
+    model = fa.linearize(fa.Arm(links=[bare] * 6, gravity=(9.81, 0.0)), outputs="tip_angle")
+    gain = response_figure(model).axes[0]
+    speed = np.unique(np.abs(model.poles.imag))
+    line = gain.get_lines()[0]
+    omega = 2.0 * np.pi * line.get_xdata()
+    at = np.any(np.abs(omega[:, None] - speed) < 4e-5 * speed, axis=1)
+    assert at.sum() >= 5
+    assert np.isnan(line.get_ydata()[at]).all()
+    assert gain.get_ylim()[1] < 1e6  # otherwise the peaks flatten everything else
+
+
+def test_each_input_of_a_response_has_its_name():
+    model = fa.linearize(ARM, fa.equilibrium(ARM, [0.2, 0.5]), outputs=["tip"])
+    omega = np.array([1.0, 30.0])
+    gain, phase, *_ = response_figure(model, omega).axes
+    response = model.frequency_response(omega)[:, 0]
+    for k, line in enumerate(gain.get_lines()):
+        assert line.get_label() == model.inputs[k] == f"torque[{k + 1}]"
+        np.testing.assert_allclose(line.get_ydata(), np.abs(response[:, k]))
+        np.testing.assert_allclose(line.get_xdata(), omega / (2.0 * np.pi))
+        assert line.get_color() == phase.get_lines()[k].get_color()
+    assert len(gain.get_legend().get_texts()) == 2
 
 
 def test_an_output_that_nothing_moves_says_so():
@@ -108,18 +147,46 @@ def test_modes_frequencies_and_responses_are_drawn_into_given_axes():
         fa.plot.bode(model, [1.0, 30.0], axes=given[0, 0])
 
 
-def test_the_numbers_of_a_comparison_are_drawn_into_given_axes():
-    motion = fa.joint_motion(ARM, [0.2, 0.5], [0.25, 0.45], 0.05)
+@pytest.fixture(scope="module")
+def table():
+    """A comparison of two drives on two plants along two motions, one of them failed."""
+    there = fa.joint_motion(ARM, [0.2, 0.5], [0.25, 0.45], 0.05)
+    back = fa.joint_motion(ARM, [0.2, 0.5], [0.15, 0.55], 0.05)
     drives = {
         "slow": fa.JointPD(0.05, 0.001, sample_time=0.001),
         "fast": fa.JointPD(0.1, 0.002, sample_time=0.001),
     }
-    table = fa.compare(ARM, drives, 0.06, {"to": motion})
-    with pytest.raises(fa.InputError, match="3 Matplotlib axes"):
+    plants = {"bare": ARM, "loaded": fa.varied(ARM, flexural_rigidity_factor=0.7)}
+    found = fa.compare(ARM, drives, 0.06, {"there": there, "back": back}, plants=plants)
+    where = {"controller": "fast", "plant": "loaded", "reference": "back"}
+    found["torque_rms"].loc[where] = np.nan
+    found["failure"].loc[where] = "stopped"
+    return found
+
+
+def test_the_numbers_of_a_comparison_are_drawn_into_given_axes(table):
+    with pytest.raises(fa.InputError, match="6 Matplotlib axes"):
         fa.plot.study(table, axes=Figure().subplots())
-    panels = fa.plot.study(table, axes=Figure().subplots(1, 3))
-    assert panels.shape == (1, 3)
-    torque = panels[0, 2].get_lines()[0].get_xdata()
-    np.testing.assert_array_equal(torque, table.torque_rms.values[:, 0, 0])
+    figure = Figure()
+    panels = fa.plot.study(table, axes=figure.subplots(2, 3))
+    assert panels.shape == (2, 3)
+    metrics = {
+        "tip_error_rms": ("tip error, RMS [mm]", 1e3),
+        "residual_vibration": ("residual vibration [mm]", 1e3),
+        "torque_rms": ("torque, RMS [N m]", 1.0),
+    }
+    for row, reference in enumerate(("there", "back")):
+        for panel, (name, (title, scale)) in zip(panels[row], metrics.items(), strict=True):
+            assert panel.get_title().startswith(title)
+            marks = {line.get_label(): line for line in panel.get_lines()}
+            for plant in ("bare", "loaded"):
+                values = table[name].sel(reference=reference, plant=plant).values
+                np.testing.assert_allclose(marks[plant].get_xdata(), scale * values)
+            assert marks["bare"].get_marker() != marks["loaded"].get_marker()
+            crosses = [line for line in panel.get_lines() if line.get_marker() == "x"]
+            assert len(crosses) == (reference == "back")
+            assert all(cross.get_ydata()[0] == 1 for cross in crosses)  # the row of "fast"
     names = [label.get_text() for label in panels[0, 0].get_yticklabels()]
     assert names == ["slow", "fast"]
+    assert panels[1, 0].get_title().endswith("along back")
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["bare", "loaded"]
