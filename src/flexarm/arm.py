@@ -14,7 +14,7 @@ from flexarm.assemble import FloatArray
 from flexarm.dynamics import Dynamics
 from flexarm.environment import Environment
 from flexarm.errors import check_result
-from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observables import energies, poses
 from flexarm.kernels.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
@@ -82,6 +82,7 @@ class Arm(Dynamics):
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
         self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
+        self._drawn: tuple[int, Stations] | None = None
 
     def rigid(self) -> Arm:
         """Return the rigid model: the same masses and inertias, no bending, no elastic joints."""
@@ -153,7 +154,11 @@ class Arm(Dynamics):
             InputError: if ``q`` has the wrong shape or is not finite, or there are fewer than two
                 stations.
         """
-        placed = place_stations(self, check_stations("Arm.shape", stations, 10**6))
+        count = check_stations("Arm.shape", stations, 10**6)
+        # An animation evaluates hundreds of shapes at the same stations.
+        if self._drawn is None or self._drawn[0] != count:
+            self._drawn = count, place_stations(self, count)
+        placed = self._drawn[1]
         state, body_poses, _ = self._poses("Arm.shape", q)
         points = np.zeros((self.links * stations, 2))
         axis_points(
