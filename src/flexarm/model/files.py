@@ -185,13 +185,13 @@ def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | Study:
     return locate_scenario(document)[0]
 
 
-def record_of_text(text: str, file: AnyPath) -> ArmSpec | Scenario | Study:
-    """Return the arm, scenario or study of a text; see `arm_spec_of_text` and `load_any`.
+def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | Study:
+    """Return the arm, scenario or study of a file's content; see `arm_spec_of_text`, `load_any`.
 
     Raises:
-        ModelError: the text describes none of them.
+        ModelError: if the content is too long, is not text or describes none of them.
     """
-    return load_any(_whole(text, file))
+    return load_any(_whole(_decoded(FilePath(file), raw), file))
 
 
 def arm_spec_of_text(text: str, file: AnyPath) -> ArmSpec:
@@ -349,6 +349,11 @@ def _text(file: FilePath) -> str:
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or str(error)
         raise ModelError(Problem(str(file), "the file", f"cannot be read: {reason}")) from None
+    return _decoded(file, raw)
+
+
+def _decoded(file: FilePath, raw: bytes) -> str:
+    """Return the text of the content of a file."""
     if len(raw) > _MOST_BYTES:
         rule = f"is larger than {_MOST_BYTES // 10**6} MB"
         raise ModelError(Problem(str(file), "the file", rule))

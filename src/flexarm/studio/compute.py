@@ -41,11 +41,12 @@ class Request:
 
     Attributes:
         project: what to simulate.
-        purpose: a preview while a slider moves, the picture with all numbers, or a report.
+        purpose: a preview while a slider moves, the picture with all numbers, the margins alone
+            if the picture exists, or a report.
     """
 
     project: Project
-    purpose: Literal["preview", "picture", "report"] = "picture"
+    purpose: Literal["preview", "picture", "margins", "report"] = "picture"
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,9 @@ def parts_of(request: Request) -> Iterator[Part]:
             warnings.simplefilter("ignore", FlexarmWarning)
             began = time.perf_counter()
             prepared, plant = _prepared(project)
+            if request.purpose == "margins":
+                yield _margins(prepared, plant)
+                return
             result = _run(project, prepared, plant)
             if request.purpose == "report":
                 text = report(result, title=project.name, rigid=True)

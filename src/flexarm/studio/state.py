@@ -9,7 +9,7 @@ from typing import Any
 
 from flexarm.model import ArmSpec, PlantSpec, Scenario, Study, file_text
 from flexarm.model.changes import Change, changed
-from flexarm.model.files import content_of, load_any, record_of_text
+from flexarm.model.files import content_of, load_any, record_of_bytes
 from flexarm.model.study import plant_spec
 from flexarm.model.wording import Path, look
 from flexarm.model.yaml_text import parse
@@ -141,13 +141,13 @@ def open_file(path: AnyPath) -> Project:
     return project_of(load_any(path), _stem(str(path)))
 
 
-def open_text(text: str, file: str) -> Project:
-    """Open the text of a file that a browser sent; it must not name another file.
+def open_bytes(content: bytes, file: str) -> Project:
+    """Open the content of a file that a browser sent; it must not name another file.
 
     Raises:
         ModelError: if it is invalid; lists all problems with lines.
     """
-    return project_of(record_of_text(text, file), _stem(file))
+    return project_of(record_of_bytes(content, file), _stem(file))
 
 
 def paper_project() -> Project:

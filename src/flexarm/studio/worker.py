@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import signal
 import threading
@@ -147,7 +148,7 @@ class Worker:
 def _compute(pipe: Connection, job: Job) -> None:
     """Answer requests until the pipe closes; None ends an answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, which ends this process
-    while True:
+    for number in count():
         try:
             request = pipe.recv()
         except EOFError:
@@ -155,3 +156,7 @@ def _compute(pipe: Connection, job: Job) -> None:
         for part in job(request):
             pipe.send(part)
         pipe.send(None)
+        if number == 0:
+            # Modules and compiled kernels stay: visiting them would pause later answers.
+            gc.collect()
+            gc.freeze()

@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.studio.compute import Failure, Margins, Picture, Report, Request, parts_of
-from flexarm.studio.state import open_text, paper_project
+from flexarm.studio.state import open_bytes, paper_project
 
 from test_state import STUDY  # isort: skip
 
@@ -74,7 +74,7 @@ def test_a_run_that_stops_gives_its_reason():
 def test_the_plant_of_a_study_is_simulated():
     from flexarm.scenarios.study import PreparedStudy
 
-    project = open_text(STUDY, "study.yaml")
+    project = open_bytes(STUDY.encode(), "study.yaml")
     study = PreparedStudy(project.record)
     ends = []
     for plant in ("as believed", "heavier"):

@@ -10,7 +10,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.studio.script import script_of
-from flexarm.studio.state import open_file, open_text, paper_project
+from flexarm.studio.state import open_bytes, open_file, paper_project
 
 from test_state import STUDY  # isort: skip
 
@@ -37,7 +37,7 @@ def test_it_gives_the_numbers_of_the_window(tmp_path):
 def test_it_simulates_the_plant_of_a_study(tmp_path):
     from flexarm.scenarios.study import PreparedStudy
 
-    project = open_text(STUDY, "s").chosen(drive="joint PD", plant="heavier")
+    project = open_bytes(STUDY.encode(), "s").chosen(drive="joint PD", plant="heavier")
     found = run(script_of(project), tmp_path)
     study = PreparedStudy(project.record)
     expected, _ = study._one("joint PD", "heavier", "slow")
@@ -67,6 +67,6 @@ def test_names_in_a_file_are_quoted_not_executed(tmp_path):
     study = STUDY.replace("joint PD", f'"{bad}"').replace(
         "payload: {mass: 0.1}", "payload: {mass: 0.1}"
     )
-    project = open_text(study, "s").chosen(drive=bad)
+    project = open_bytes(study.encode(), "s").chosen(drive=bad)
     text = script_of(project).split("\nresult = ")[0]
     assert run(text, tmp_path)["scenario"] == project.scenario

@@ -9,8 +9,8 @@ from flexarm.studio.state import (
     MOST_UNDO,
     History,
     Project,
+    open_bytes,
     open_file,
-    open_text,
     paper_project,
     project_of,
 )
@@ -122,7 +122,7 @@ run: {duration: 2.5, rate: 200}
 
 
 def test_a_study_simulates_its_choice_and_edits_it_in_place():
-    project = open_text(STUDY, "study.yaml")
+    project = open_bytes(STUDY.encode(), "study.yaml")
     assert project.scenario.drive.kind == "rigid_inverse_dynamics"
     chosen = project.chosen(drive="joint PD", motion="fast", plant="heavier")
     edited = chosen.edited(("drive", "derivative"), 0.7).edited(("motion", "duration"), 1.5)
@@ -155,16 +155,16 @@ def test_files_of_a_scenario_can_be_opened_again(kind, tmp_path):
 
 
 def test_files_of_a_study_can_be_opened_again():
-    project = open_text(STUDY, "study.yaml").chosen(plant="heavier")
+    project = open_bytes(STUDY.encode(), "study.yaml").chosen(plant="heavier")
     files = project.files()
     assert [name for name, _ in files.values()] == [
         "study-arm.yaml",
         "study-scenario.yaml",
         "study.yaml",
     ]
-    assert open_text(files["study"][1], "study.yaml").record == project.record
-    assert open_text(files["scenario"][1], "x.yaml").record == project.scenario
-    assert open_text(files["model"][1], "x.yaml").record.arm == project.record.arm
+    assert open_bytes(files["study"][1].encode(), "study.yaml").record == project.record
+    assert open_bytes(files["scenario"][1].encode(), "x.yaml").record == project.scenario
+    assert open_bytes(files["model"][1].encode(), "x.yaml").record.arm == project.record.arm
 
 
 @pytest.mark.parametrize(
@@ -179,14 +179,14 @@ def test_files_of_a_study_can_be_opened_again():
 )
 def test_a_broken_file_is_refused(text, message):
     with pytest.raises(ModelError, match=message):
-        open_text(text, "broken.yaml")
+        open_bytes(text.encode(), "broken.yaml")
 
 
 @pytest.mark.parametrize(
     ("file", "name"), [("../../etc/x.yaml", "x"), ('a"<b>.yaml', "a--b"), ("\n.yaml", "arm")]
 )
 def test_names_of_files_have_plain_characters(file, name):
-    assert open_text(STUDY, file).name == name
+    assert open_bytes(STUDY.encode(), file).name == name
 
 
 def test_undo_and_redo():

@@ -215,9 +215,11 @@ function load(next, previous) {
   show(beganAt);
 }
 
+// Copies without the ghosts of the ghost, which would keep the data of all earlier runs.
 function addPrevious(scene, before) {
-  scene.previous = before;
+  scene.previous = { times: before.times, links: before.links, view: before.view };
   for (const history of scene.histories) {
-    history.previous = before.histories.find((old) => old.title === history.title && old.label === history.label);
+    const old = before.histories.find((one) => one.title === history.title && one.label === history.label);
+    if (old) history.previous = { time: old.time, lines: old.lines };
   }
 }
