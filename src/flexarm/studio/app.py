@@ -48,7 +48,6 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
     windows: dict[str, Window] = {}
     app.storage.max_tab_storage_age = _KEPT
     app.add_middleware(Guard, token=token, local=is_loopback(host))
-    app.on_shutdown(worker.close)
 
     @app.get("/picture/{key}")
     def picture(key: str, shown: int = 0) -> Response:
@@ -81,19 +80,22 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
 
         client.on_delete(leave)
 
-    ui.run(
-        host=host,
-        port=port,
-        title="flexarm studio",
-        show=show if token is None else (f"/?token={token}" if show else False),
-        reload=False,
-        tailwind=False,
-        reconnect_timeout=_RECONNECT,
-        show_welcome_message=False,
-        # Compressing a picture takes longer than sending it to the same machine.
-        gzip_middleware_factory=None if is_loopback(host) else GZipMiddleware,
-        favicon=_ICON,
-    )
+    try:
+        ui.run(
+            host=host,
+            port=port,
+            title="flexarm studio",
+            show=show if token is None else (f"/?token={token}" if show else False),
+            reload=False,
+            tailwind=False,
+            reconnect_timeout=_RECONNECT,
+            show_welcome_message=False,
+            # Compressing a picture takes longer than sending it to the same machine.
+            gzip_middleware_factory=None if is_loopback(host) else GZipMiddleware,
+            favicon=_ICON,
+        )
+    finally:
+        worker.close()
 
 
 _ICON = (

@@ -127,7 +127,7 @@ class Control:
             return
         self._commit(self.field.path, change.value)
 
-    def _chosen(self, event: ValueChangeEventArguments) -> None:
+    def _chosen(self, event: ValueChangeEventArguments[Any]) -> None:
         if event.value != self.field.value:
             self._commit(self.field.path, event.value)
 

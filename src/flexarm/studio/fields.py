@@ -83,7 +83,9 @@ def groups_of(project: Project) -> list[Group]:
         fields = _of_record(joint, ("arm", "joints", k), _JOINT)
         groups.append(Group(f"Joint {k + 1}", tuple(fields)))
     groups.append(Group("Payload", tuple(_of_record(arm.payload, ("arm", "payload")))))
-    kinds = _kinds(("motion", "kind"), motion and motion.kind, MOTIONS, "Kind of the motion.")
+    kinds = _kinds(
+        ("motion", "kind"), motion.kind if motion else None, MOTIONS, "Kind of the motion."
+    )
     of_motion = _of_record(motion, ("motion",)) if motion else ()
     reach = _nice(sum(link.length for link in arm.links))
     groups.append(Group("Motion", (kinds, *(_within(reach, field) for field in of_motion))))

@@ -3,8 +3,10 @@ window.flexarmStudio = (function () {
   "use strict";
   let load = null; // of the player, once there is one
   let shown = 0; // number of the picture that is shown
-  let current = null; // data of that picture
+  let current = null; // its data
+  let ghost = null; // data of the run before it
   let settled = null; // data of the last picture of a released slider: the ghost of the next one
+  const wanted = { rigid: true, previous: true }; // which ghosts are drawn
 
   // The server answers with the number of the picture alone if it is shown already.
   async function show(key) {
@@ -14,25 +16,43 @@ window.flexarmStudio = (function () {
     const data = answer.status === 200 ? await answer.json() : current;
     if (number < shown) return; // an older answer was slower
     if (number > shown) {
-      if (load) load(data, settled); else load = makePlayer(place(), data);
+      [shown, current, ghost] = [number, data, settled];
+      draw();
     }
-    [shown, current] = [number, data];
-    if (answer.headers.get("X-Settled") === "1") settled = data;
     const picture = document.querySelector(".picture");
+    if (answer.headers.get("X-Settled") === "1") settled = data;
     picture.dataset.settled = answer.headers.get("X-Settled");
     picture.dataset.number = number;
   }
 
+  function draw() {
+    const scenes = current.scenes.map((scene) => (wanted.rigid ? scene : { ...scene, ghost: null }));
+    if (!load) load = makePlayer(place(), { ...current, scenes });
+    else load({ ...current, scenes }, wanted.previous ? ghost : null);
+  }
+
+  // The player, and below it a box for each ghost.
   function place() {
-    const root = document.createElement("div");
+    const picture = document.querySelector(".picture");
+    const root = document.createElement("div"), boxes = document.createElement("div");
+    boxes.className = "ghosts";
+    for (const [name, words] of [["rigid", "rigid arm"], ["previous", "previous run"]]) {
+      const label = document.createElement("label"), box = document.createElement("input");
+      box.type = "checkbox";
+      box.checked = true;
+      box.addEventListener("change", () => { wanted[name] = box.checked; draw(); });
+      label.append(box, words);
+      boxes.append(label);
+    }
     root.className = "flexarm-player";
-    document.querySelector(".picture").appendChild(root);
+    picture.append(root, boxes);
     return root;
   }
 
   // Ctrl+Z in a text field undoes typing; elsewhere it undoes an edit.
   document.addEventListener("keydown", (event) => {
-    if (!(event.ctrlKey || event.metaKey) || event.altKey || event.target.tagName === "INPUT") return;
+    if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+    if (event.target.matches("input:not([type=checkbox]):not([type=range])")) return;
     const key = event.key.toLowerCase();
     const name = key === "y" || (key === "z" && event.shiftKey) ? "redo" : key === "z" ? "undo" : "";
     if (!name) return;

@@ -203,7 +203,7 @@ function load(next, previous) {
   const titles = () => data.scenes.map((scene) => scene.histories.map((history) => history.title)).join();
   const now = timeNow(), before = titles();
   data = next;
-  if (previous) data.scenes.forEach((scene, s) => addPrevious(scene, previous.scenes[s]));
+  data.scenes.forEach((scene, s) => setPrevious(scene, previous && previous.scenes[s]));
   measure();
   if (titles() !== before) build();
   for (const [canvas] of canvases) canvas.key = null;
@@ -215,11 +215,12 @@ function load(next, previous) {
   show(beganAt);
 }
 
-// Copies without the ghosts of the ghost, which would keep the data of all earlier runs.
-function addPrevious(scene, before) {
-  scene.previous = { times: before.times, links: before.links, view: before.view };
+// Set or remove a ghost. It is copied without its own ghost, which would keep all earlier runs.
+function setPrevious(scene, before) {
+  scene.previous = before && { times: before.times, links: before.links, view: before.view };
   for (const history of scene.histories) {
-    const old = before.histories.find((one) => one.title === history.title && one.label === history.label);
-    if (old) history.previous = { time: old.time, lines: old.lines };
+    const same = (one) => one.title === history.title && one.label === history.label;
+    const old = before && before.histories.find(same);
+    history.previous = old && { time: old.time, lines: old.lines };
   }
 }
