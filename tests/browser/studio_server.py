@@ -170,10 +170,14 @@ class Screen:
 
     def pixels(self, selector=".picture .scenes"):
         """What is on the screen in the place of an element, (rows, columns, 3) from 0 to 255."""
-        place = self.page.locator(selector).first
-        place.scroll_into_view_if_needed()
         self.page.mouse.move(1, 1)  # away from what has a tooltip
         self.page.wait_for_function("!document.querySelector('.q-tooltip')")
+        return self.look(selector)
+
+    def look(self, selector=".picture .scenes"):
+        """As `pixels`, without moving the mouse."""
+        place = self.page.locator(selector).first
+        place.scroll_into_view_if_needed()
         with Image.open(io.BytesIO(place.screenshot())) as image:
             return np.asarray(image.convert("RGB")).astype(int)
 

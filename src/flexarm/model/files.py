@@ -17,9 +17,9 @@ from flexarm.arguments import check_path
 from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.changes import changed
 from flexarm.model.checks import Record, faults_of
+from flexarm.model.content import content_of
 from flexarm.model.read_bytes import read_bytes
 from flexarm.model.scenario import Scenario
-from flexarm.model.sections import MATERIALS, Material
 from flexarm.model.spec import ArmSpec
 from flexarm.model.study import Study
 from flexarm.model.wording import Path, suggestion
@@ -384,22 +384,3 @@ def _near(file: FilePath) -> str:
         return ""
     near = difflib.get_close_matches(file.stem, names, n=1)
     return f"Did you mean {str(file.with_name(names[near[0]]))!r}?" if near else ""
-
-
-def content_of(value: Any) -> Any:
-    """Return the content of a file for a value of a record, without defaults."""
-    if isinstance(value, Material) and value in MATERIALS.values():
-        return next(name for name, preset in MATERIALS.items() if preset == value)
-    if isinstance(value, Record):
-        fields = type(value).model_fields
-        reported = {
-            name: content_of(part)
-            for name, part in value
-            if name in value.model_fields_set
-            and (part != fields[name].default or name in value._written)
-        }
-        kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
-        return {**kind, **reported}
-    if isinstance(value, dict):
-        return {name: content_of(part) for name, part in value.items()}
-    return [content_of(part) for part in value] if isinstance(value, tuple) else value

@@ -70,7 +70,11 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
         script = f"const makePlayer = {player_function()};\n{_text('studio.js')}"
         ui.add_head_html(f"<script>{script}</script>")
         await client.connected()
-        history = app.storage.tab.setdefault(_TAB, History(project))
+        # A reloaded page continues with its state; a duplicated tab starts with a copy of it.
+        owner, history = app.storage.tab.get(_TAB, (client.tab_id, History(project)))
+        if owner != client.tab_id:
+            history = history.copy()
+        app.storage.tab[_TAB] = (client.tab_id, history)
         made = Window(history, worker)
         windows[made.key] = made
 

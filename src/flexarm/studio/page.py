@@ -60,7 +60,8 @@ class Window:
 
     def close(self) -> None:
         """Drop what is waiting for this window."""
-        self._worker.forget(self.key)
+        for owner in (self.key, f"{self.key} report"):
+            self._worker.forget(owner)
 
     # The bar, and what its buttons do.
 

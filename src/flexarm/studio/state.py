@@ -9,7 +9,8 @@ from typing import Any
 
 from flexarm.model import ArmSpec, PlantSpec, Scenario, Study, file_text
 from flexarm.model.changes import Change, changed
-from flexarm.model.files import content_of, load_any, record_of_bytes
+from flexarm.model.content import content_of
+from flexarm.model.files import load_any, record_of_bytes
 from flexarm.model.study import plant_spec
 from flexarm.model.wording import Path, look
 from flexarm.model.yaml_text import parse
@@ -170,6 +171,12 @@ class History:
         self.now = first
         self._before: list[Project] = []
         self._after: list[Project] = []
+
+    def copy(self) -> History:
+        """Return a history with the same projects, whose further edits are its own."""
+        other = History(self.now)
+        other._before, other._after = list(self._before), list(self._after)
+        return other
 
     def put(self, project: Project) -> bool:
         """Make a project the current one; return whether it differs from the last."""

@@ -211,6 +211,18 @@ def test_undo_and_redo():
     assert history.now.record.arm.links[0].length == 1.5
 
 
+def test_a_copied_history_has_its_own_edits():
+    first = paper_project()
+    history = History(first)
+    history.put(first.edited(LENGTH, 1.2))
+    other = history.copy()
+    other.undo()
+    assert other.now is first
+    assert history.now.record.arm.links[0].length == 1.2
+    assert history.can_undo
+    assert not history.can_redo
+
+
 def test_undo_keeps_a_limited_number_of_projects():
     project = paper_project()
     history = History(project)
