@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
 import socket
@@ -13,6 +14,8 @@ from contextlib import contextmanager
 
 import numpy as np
 from PIL import Image
+
+from flexarm.studio.state import open_bytes
 
 #: Short run of a stiff arm, so that a change takes a fraction of a second.
 SCENARIO = """\
@@ -27,6 +30,7 @@ motion: {kind: line, start: [0.8, 0.2], end: [0.2, 0.8], duration: 0.4}
 drive: {kind: rigid_inverse_dynamics}
 run: {duration: 0.5, rate: 400}
 """
+LENGTH, MASS = "arm.links[0].length", "arm.payload.mass"
 PAYLOAD = (230, 159, 0)  # orange
 
 
@@ -189,3 +193,23 @@ class Screen:
         left, right, _, top = view
         scale = (right - left) / min(pixels.shape[1] - 64, pixels.shape[0] - 72)
         return left + scale * (columns.mean() + 0.5 - 52), top - scale * (rows.mean() + 0.5 - 28)
+
+
+def project_with(**values):
+    project = open_bytes(SCENARIO.encode(), "swing.yaml")
+    for path, value in values.items():
+        project = project.edited({"length": ("arm", "links", 0, "length")}[path], value)
+    return project
+
+
+def scene_of(project):
+    from flexarm.studio.compute import Request, parts_of
+
+    return json.loads(next(parts_of(Request(project))).data)["scenes"][0]
+
+
+def assert_shows(window, project):
+    """The payload is where a fresh run has it at its start, to two pixels."""
+    window.plain()
+    scene = scene_of(project)
+    np.testing.assert_allclose(window.tip(scene["view"]), scene["links"][0][-1][-1], atol=0.008)

@@ -40,3 +40,12 @@ def test_a_shape_has_two_stations_at_least(stations):
     with pytest.raises(fa.InputError, match=r"Arm\.shape: stations must be a whole number from 2"):
         ARM.shape(ZERO, stations)
     assert ARM.shape(ZERO, np.int64(2)).shape == (2, 2, 2)
+
+
+def test_shapes_at_other_stations_are_those_of_a_new_arm():
+    """An arm keeps the places of the last number of stations."""
+    link = {"length": 0.5, "flexural_rigidity": 3.0, "mass_per_length": 0.4, "elements": 2}
+    arm = fa.Arm(links=[link, link])
+    q = np.linspace(-0.1, 0.1, arm.dof)
+    for stations in (5, 9, 5):
+        np.testing.assert_array_equal(arm.shape(q, stations), fa.Arm(arm.spec).shape(q, stations))
