@@ -131,4 +131,5 @@ def test_other_pages_cannot_reach_it(studio_running):
         asked = urllib.request.Request(studio_running.address, headers=headers)
         with pytest.raises(HTTPError) as error:
             urllib.request.urlopen(asked, timeout=60)
-        assert error.value.code == 403
+        with error.value as refusal:
+            assert refusal.code == 403

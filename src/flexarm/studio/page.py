@@ -179,8 +179,9 @@ class Window:
         self._controls[path].explain(message)
 
     def _refresh(self) -> None:
-        """Show the state in all fields, and compute it."""
+        """Compute the state, and show it in all fields meanwhile."""
         project = self.history.now
+        self._ask(Request(project))
         self._name.set_text(project.name)
         self._undo.set_enabled(self.history.can_undo)
         self._redo.set_enabled(self.history.can_redo)
@@ -191,7 +192,6 @@ class Window:
         else:
             for group in groups:
                 self._show_group(group)
-        self._ask(Request(project))
 
     def _build(self, project: Project, groups: list[Group]) -> None:
         """Create the controls of all groups."""
