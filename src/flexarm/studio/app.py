@@ -50,11 +50,11 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
     app.add_middleware(Guard, token=token, local=is_loopback(host))
 
     @app.get("/picture/{key}")
-    def picture(key: str, shown: int = 0) -> Response:
-        latest = windows[key].latest if key in windows else None
-        if latest is None:
+    async def picture(key: str, shown: int = 0) -> Response:
+        asking = windows.get(key)
+        if asking is None or asking.latest is None:
             return Response(status_code=404)
-        number, settled, data = latest
+        number, settled, data = asking.latest
         head = {
             "X-Number": str(number),
             "X-Settled": str(int(settled)),
@@ -85,21 +85,26 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
         client.on_delete(leave)
 
     try:
-        ui.run(
-            host=host,
-            port=port,
-            title="flexarm studio",
-            show=show if token is None else (f"/?token={token}" if show else False),
-            reload=False,
-            tailwind=False,
-            reconnect_timeout=_RECONNECT,
-            show_welcome_message=False,
-            # Compressing a picture takes longer than sending it to the same machine.
-            gzip_middleware_factory=None if is_loopback(host) else GZipMiddleware,
-            favicon=_ICON,
-        )
+        _run(host, port, token, show)
     finally:
         worker.close()
+
+
+def _run(host: str, port: int, token: str | None, show: bool) -> None:
+    """Run the server; arguments as in `serve`."""
+    ui.run(
+        host=host,
+        port=port,
+        title="flexarm studio",
+        show=show if token is None else (f"/?token={token}" if show else False),
+        reload=False,
+        tailwind=False,
+        reconnect_timeout=_RECONNECT,
+        show_welcome_message=False,
+        # Compressing a picture takes longer than sending it to the same machine.
+        gzip_middleware_factory=None if is_loopback(host) else GZipMiddleware,
+        favicon=_ICON,
+    )
 
 
 _ICON = (
