@@ -142,10 +142,15 @@ class Problem:
     value: str = ""
     hint: str = ""
 
-    def __str__(self) -> str:
+    @property
+    def statement(self) -> str:
+        """The problem without its location: *name must rule, got value. hint*."""
         text = f"must {self.rule}, got {self.value}" if self.value else self.rule
-        text = f"{self.where}: {self.name} {text}."
+        text = f"{self.name} {text}."
         return printable(f"{text} {self.hint}" if self.hint else text)
+
+    def __str__(self) -> str:
+        return f"{printable(self.where)}: {self.statement}"
 
 
 class FlexarmError(Exception):

@@ -45,3 +45,52 @@ def screen(chromium: Any) -> Iterator[Any]:
     yield page
     context.close()
     assert failures == []
+
+
+@pytest.fixture(scope="session")
+def studio_file(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Scenario file with a short run."""
+    from studio_server import SCENARIO
+
+    path = tmp_path_factory.mktemp("studio") / "swing.yaml"
+    path.write_text(SCENARIO, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
+def studio_running(chromium: Any, studio_file: Any) -> Iterator[Any]:
+    """A studio with that file, for all tests."""
+    pytest.importorskip("nicegui", reason="no studio test: NiceGUI is not installed")
+    from studio_server import studio
+
+    with studio(studio_file.parent, str(studio_file)) as running:
+        yield running
+
+
+@pytest.fixture
+def new_window(chromium: Any, studio_running: Any) -> Iterator[Any]:
+    """Function that opens a window; scripts must not fail and nothing else may be requested."""
+    from studio_server import Screen
+
+    contexts, failures = [], []
+    own = (f"http://127.0.0.1:{studio_running.port}/", "data:", "blob:")
+
+    def made(width: int = 1400, height: int = 900) -> Screen:
+        context = chromium.new_context(viewport={"width": width, "height": height})
+        context.set_default_timeout(120_000)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("pageerror", lambda error: failures.append(str(error)))
+        page.on("request", lambda asked: asked.url.startswith(own) or failures.append(asked.url))
+        return Screen(page, studio_running.address)
+
+    yield made
+    for context in contexts:
+        context.close()
+    assert failures == []
+
+
+@pytest.fixture
+def window(new_window: Any) -> Any:
+    """A window of 1400 by 900 pixels."""
+    return new_window()

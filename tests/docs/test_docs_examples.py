@@ -40,7 +40,7 @@ PAGES = [page for page in pages() if any(block.language in RUNNING for block in 
 #: All runs of all tables, not a sample of those of the longest.
 FULL = bool(os.environ.get("FULL_PAGES"))
 #: Commands that only tests of their own run: this one loads all the machine code that there is.
-ELSEWHERE = {"warmup"}  # tests/cli/test_warmup.py
+ELSEWHERE = {"warmup", "studio"}  # tests/cli/test_warmup.py, tests/browser/test_studio.py
 _LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 1.0}
 
 

@@ -278,6 +278,29 @@ def report(
 
 @app.command()
 @report_failures()
+def studio(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]", help="Arm, scenario or study; by default the paper's arm."
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Other than 127.0.0.1: a token is required.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8550,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open a browser window.")
+    ] = True,
+) -> None:
+    """Change an arm and its run in the browser and see it move: a local web application."""
+    from flexarm.cli.studio import open_studio
+
+    open_studio(file, host, port, browser)
+
+
+@app.command()
+@report_failures()
 def schema(
     kind: Annotated[Kind, typer.Option(help="Kind of file.")] = Kind.SCENARIO,
     out: Annotated[

@@ -17,9 +17,9 @@ from flexarm.arguments import check_path
 from flexarm.errors import ModelError, Problem, shown
 from flexarm.model.changes import changed
 from flexarm.model.checks import Record, faults_of
+from flexarm.model.content import content_of
 from flexarm.model.read_bytes import read_bytes
 from flexarm.model.scenario import Scenario
-from flexarm.model.sections import MATERIALS, Material
 from flexarm.model.spec import ArmSpec
 from flexarm.model.study import Study
 from flexarm.model.wording import Path, suggestion
@@ -164,11 +164,34 @@ def save_scenario(scenario: Scenario, path: AnyPath) -> None:
     write_text(file_text(scenario), path)
 
 
-def file_text(record: ArmSpec | Scenario) -> str:
-    """Return the YAML text of an arm file or a scenario file."""
-    content = _content(record)
+def file_text(record: ArmSpec | Scenario | Study) -> str:
+    """Return the YAML text of an arm file, a scenario file or a study file."""
+    content = content_of(record)
     parts = {"arm": content} if isinstance(record, ArmSpec) else content
     return to_yaml({"flexarm": FILE_VERSION, **parts})
+
+
+def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | Study:
+    """Read a file of any kind: a study has `drives`, an arm file has no other key than `arm`.
+
+    Raises:
+        ModelError: if the file cannot be read or is invalid; lists all problems with lines.
+    """
+    document = path if isinstance(path, Document) else load_document(path)
+    if "drives" in document.value:
+        return locate_study(document)[0]
+    if document.value.keys() <= {"flexarm", "arm"}:
+        return load_arm_spec(document)
+    return locate_scenario(document)[0]
+
+
+def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | Study:
+    """Return the arm, scenario or study of a file's content; see `arm_spec_of_text`, `load_any`.
+
+    Raises:
+        ModelError: if the content is too long, is not text or describes none of them.
+    """
+    return load_any(_whole(_decoded(FilePath(file), raw), file))
 
 
 def arm_spec_of_text(text: str, file: AnyPath) -> ArmSpec:
@@ -326,6 +349,11 @@ def _text(file: FilePath) -> str:
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or str(error)
         raise ModelError(Problem(str(file), "the file", f"cannot be read: {reason}")) from None
+    return _decoded(file, raw)
+
+
+def _decoded(file: FilePath, raw: bytes) -> str:
+    """Return the text of the content of a file."""
     if len(raw) > _MOST_BYTES:
         rule = f"is larger than {_MOST_BYTES // 10**6} MB"
         raise ModelError(Problem(str(file), "the file", rule))
@@ -356,22 +384,3 @@ def _near(file: FilePath) -> str:
         return ""
     near = difflib.get_close_matches(file.stem, names, n=1)
     return f"Did you mean {str(file.with_name(names[near[0]]))!r}?" if near else ""
-
-
-def _content(value: Any) -> Any:
-    """Return the content of a file for a value of a record, without defaults."""
-    if isinstance(value, Material) and value in MATERIALS.values():
-        return next(name for name, preset in MATERIALS.items() if preset == value)
-    if isinstance(value, Record):
-        fields = type(value).model_fields
-        reported = {
-            name: _content(part)
-            for name, part in value
-            if name in value.model_fields_set
-            and (part != fields[name].default or name in value._written)
-        }
-        kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
-        return {**kind, **reported}
-    if isinstance(value, dict):
-        return {name: _content(part) for name, part in value.items()}
-    return [_content(part) for part in value] if isinstance(value, tuple) else value

@@ -85,7 +85,7 @@ def report(
     engine = template_engine(_WHERE)
     place = None if path is None else check_place(_WHERE, "path", path, (".html",))
     wishes = SceneOptions(magnify, trace=True, torque=arm.links <= _MOST_ARROWS)
-    times, fps, speed = _clock(result, arm.links)
+    times, fps, speed = clock(result, arm.links)
     start = float(result["time"].values[0])
     scene = scene_of(
         "", arm, result, start + times, wishes, ghost, asked, touched, fitted(histories)
@@ -97,10 +97,13 @@ def report(
     return text
 
 
-def _clock(result: xr.Dataset, links: int) -> tuple[np.ndarray, float, float]:
+def clock(
+    result: xr.Dataset, links: int, most: int = _MOST_COORDINATES
+) -> tuple[np.ndarray, float, float]:
     """Return the times of the frames from the start, s, frames per second, and the speed.
 
-    The speed is in seconds of the run per second of the animation.
+    The speed is in seconds of the run per second of the animation. All frames together have at most
+    ``most`` coordinates.
     """
     duration = float(np.ptp(result["time"].values))
     if duration == 0.0:
@@ -109,8 +112,7 @@ def _clock(result: xr.Dataset, links: int) -> tuple[np.ndarray, float, float]:
     if not _SHORTEST / 2.0 <= duration <= _LONGEST:
         speed = _round(duration / (_SHORTEST if duration < _SHORTEST else _LONGEST))
     each = 2 * stations_of(links) + _OF_JOINT + (_OF_ARROW if links <= _MOST_ARROWS else 0)
-    most = _MOST_COORDINATES // (each * links)
-    frames = max(2, min(most, round(duration / speed * _MOST_FPS) + 1))
+    frames = max(2, min(most // (each * links), round(duration / speed * _MOST_FPS) + 1))
     return np.linspace(0.0, duration, frames), (frames - 1) * speed / duration, speed
 
 

@@ -47,10 +47,14 @@ def panels(
     found = [each for each in found if each.name != "joint_twist" or np.any(each.values)]
     found += [_energy_panel(result)] if "kinetic_energy" in result else []
     if reference is not None:
-        away = tip_error(arm, reference, result)
-        error = Signals("tip_error", result["time"].values, away[:, None], "m", ("",), ("",))
-        found.append(_readable(error))
+        found.append(error_panel(result, arm, reference))
     return [few_lines(each) for each in found]
+
+
+def error_panel(result: xr.Dataset, arm: Arm, reference: Any) -> Signals:
+    """Return the distance of the tip from its reference over time."""
+    away = tip_error(arm, reference, result)
+    return _readable(Signals("tip_error", result["time"].values, away[:, None], "m", ("",), ("",)))
 
 
 def _energy_panel(result: xr.Dataset) -> Signals:

@@ -14,7 +14,7 @@ const draw = new Proxy({}, {
 function element(tag) {
   const made = { tag, className: "", children: [], style: {}, clientWidth: 564, clientHeight: 572,
     appendChild(child) { made.children.push(child); return child; },
-    setAttribute() {}, getContext: () => draw,
+    setAttribute() {}, getContext: () => draw, replaceChildren() { made.children.length = 0; },
     addEventListener(name, call) { listeners[made.className + " " + name] = call; made[name] = call; } };
   return made;
 }

@@ -13,7 +13,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.plot.selection import Signals
-from flexarm.reporting import _clock
+from flexarm.reporting import clock
 from flexarm.reporting.measures import energies, errors_table, extremes_table, key_figures
 from flexarm.reporting.panels import few_lines, fitted, panels
 
@@ -185,7 +185,7 @@ def test_the_page_of_a_long_run_is_small_and_keeps_its_peaks():
 )
 def test_the_arm_plays_for_seconds(duration, speed, plays):
     result = controlled().assign_coords(time=np.linspace(0.0, duration, controlled().time.size))
-    times, fps, found = _clock(result, 2)
+    times, fps, found = clock(result, 2)
     assert found == pytest.approx(speed)
     assert (len(times) - 1) / fps == pytest.approx(plays)
     assert times[-1] == duration

@@ -34,6 +34,12 @@ function drawArm(scene, canvas, middle, half, frame, span) {
     line(draw, gone.concat([tip]), toX, toY, VERMILLION, 1.5);
     entries.push(["tip", VERMILLION]);
   }
+  if (scene.previous) {
+    const before = scene.previous, last = before.times.length - 1;
+    const then = before.links[Math.min(indexAt(before.times, scene.times[frame]), last)];
+    for (const link of then) line(draw, link, toX, toY, SKY, 2.5);
+    entries.push(["previous", SKY]);
+  }
   if (scene.ghost) {
     for (const link of scene.ghost[frame]) line(draw, link, toX, toY, GREY, 1.8, [6, 3]);
     entries.push(["rigid", GREY, [6, 3]]);

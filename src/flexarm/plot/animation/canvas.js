@@ -1,6 +1,6 @@
 // Colours, and what arms and histories have in common on their canvases.
 const BLUE = "#0072B2", VERMILLION = "#D55E00", GREEN = "#009E73", PURPLE = "#CC79A7";
-const ORANGE = "#E69F00", INK = "#262626", GREY = "#8C8C8C", GRID = "#E3E3E3", SOLID = "#D9D9D9";
+const SKY = "#9BD0F2", ORANGE = "#E69F00", INK = "#262626", GREY = "#8C8C8C", GRID = "#E3E3E3", SOLID = "#D9D9D9";
 let printing = false; // whether the page is laid out for paper
 
 function add(parent, tag, name, text) {

@@ -24,14 +24,21 @@ function valueAt(times, values, t) {
   return values[h] + (span > 0 ? Math.min(1, (t - times[h]) / span) : 1) * (values[i] - values[h]);
 }
 
-// Lowest and highest value between two indices, with a margin.
-function rangeOf(lines, first, last) {
+// Times and lines of a history within a span, and the samples next to it.
+function within(history, span) {
+  const from = Math.max(0, indexAt(history.time, span[0]) - 1);
+  const to = Math.min(history.time.length - 1, indexAt(history.time, span[1]));
+  return [history.time.slice(from, to + 1), history.lines.map((values) => values.slice(from, to + 1))];
+}
+
+// Lowest and highest value of lines, with a margin.
+function rangeOf(lines) {
   let low = Infinity, high = -Infinity;
   for (const values of lines) {
-    for (let i = first; i <= last; i++) {
-      if (values[i] === null) continue;
-      if (values[i] < low) low = values[i];
-      if (values[i] > high) high = values[i];
+    for (const value of values) {
+      if (value === null) continue;
+      if (value < low) low = value;
+      if (value > high) high = value;
     }
   }
   if (low > high) return [-1, 1];
@@ -44,15 +51,19 @@ function backdrop(history, labelled, span, width, height, ratio) {
   const picture = document.createElement("canvas");
   const draw = prepare(picture, width, height, ratio);
   const box = { left: 62, top: 24, width: width - 74, height: height - (labelled ? 64 : 46) };
-  const from = Math.max(0, indexAt(history.time, span[0]) - 1);
-  const to = Math.min(history.time.length - 1, indexAt(history.time, span[1]));
-  const range = rangeOf(history.lines, from, to);
+  const [times, lines] = within(history, span);
+  const [timesBefore, linesBefore] = history.previous ? within(history.previous, span) : [[], []];
+  const range = rangeOf(lines.concat(linesBefore));
   const [toX, toY] = axes(draw, box, span, range, labelled ? "time [s]" : "", history.label, [6, 4]);
   draw.save();
   draw.beginPath(); draw.rect(box.left, box.top, box.width, box.height); draw.clip();
-  const times = history.time.slice(from, to + 1);
-  history.lines.forEach((values, j) => {
-    line(draw, times.map((t, i) => [t, values[from + i]]), toX, toY, history.colors[j], 1.5);
+  draw.globalAlpha = 0.35;
+  linesBefore.forEach((values, j) => {
+    line(draw, values.map((value, i) => [timesBefore[i], value]), toX, toY, history.colors[j] || GREY, 1.5);
+  });
+  draw.globalAlpha = 1;
+  lines.forEach((values, j) => {
+    line(draw, values.map((value, i) => [times[i], value]), toX, toY, history.colors[j], 1.5);
   });
   draw.restore();
   const digits = Math.min(8, Math.max(0, 3 - Math.floor(Math.log10(range[1] - range[0]))));

@@ -46,16 +46,44 @@ def fragment(scenes: Sequence[Scene], fps: float, speed: float, beside: int | No
     Args:
         beside: number of histories beside the arm, the others are below it; None for all.
     """
-    data = {"fps": fps, "speed": speed, "scenes": [_data(scene) for scene in scenes]}
-    data["beside"] = max(len(scene.histories) for scene in scenes) if beside is None else beside
-    script = "".join(_text(name) for name in _SCRIPTS)
     # A title may contain "</script>", so write "<" as an escape sequence.
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    text = as_json(player_data(scenes, fps, speed, beside)).replace("<", "\\u003c")
+    place = "document.currentScript.previousElementSibling"
+    data = f"JSON.parse({place}.textContent)"
     return (
         '<div class="flexarm-player"></div>'
         f'<script type="application/json" class="flexarm-data">{text}</script>'
-        f'<script>(function () {{\n"use strict";\n{script}}})();</script>'
+        f"<script>({player_function()})({place}.previousElementSibling, {data});</script>"
     )
+
+
+def player_function() -> str:
+    """Return a JavaScript function of an element and the data of a player, which it creates there.
+
+    It returns a function ``load(data, previous)`` that shows other data at the time that is shown,
+    with the arm and the histories of ``previous`` data, or null, as a ghost.
+    """
+    script = "".join(_text(name) for name in _SCRIPTS)
+    return f'function (root, data) {{\n"use strict";\n{script}return load;\n}}'
+
+
+def player_data(
+    scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None
+) -> dict[str, Any]:
+    """Return the data of the player as plain values; arguments as in `fragment`."""
+    most = max(len(scene.histories) for scene in scenes)
+    shown = [_data(scene) for scene in scenes]
+    return {
+        "fps": fps,
+        "speed": speed,
+        "scenes": shown,
+        "beside": most if beside is None else beside,
+    }
+
+
+def as_json(data: Any) -> str:
+    """Return data as JSON in its shortest form, which has no infinite numbers."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False)
 
 
 def inline(text: str, height: int) -> str:

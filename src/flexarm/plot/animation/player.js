@@ -1,21 +1,21 @@
-// Plays the scenes of the JSON before this script: canvases for arms and histories, one time.
-const script = document.currentScript;
-const data = JSON.parse(script.previousElementSibling.textContent);
-const root = script.previousElementSibling.previousElementSibling;
-const frames = data.scenes[0].times.length;
+// Plays the scenes of `data` in the element `root`: canvases for arms and histories, one time.
 const canvases = []; // [canvas, function that draws it]
 let frame = 0, playing = false, began = 0, beganAt = 0, rate = 1;
 let zoom = null; // span of time that all histories show; null for the whole run
+let frames, timed, run, middle, half;
 
-const timed = data.scenes.flatMap((scene) => scene.histories.map((history) => spanOf(history.time)));
-const run = [Math.min(...timed.map((span) => span[0])), Math.max(...timed.map((span) => span[1]))];
-
-// Arms side by side have one scale: a square that holds the views of all.
-function extreme(name, choose) { return choose(...data.scenes.map((scene) => scene.view[name])); }
-const [left, right] = [extreme(0, Math.min), extreme(1, Math.max)];
-const [bottom, top] = [extreme(2, Math.min), extreme(3, Math.max)];
-const half = Math.max(right - left, top - bottom) / 2;
-const middle = [(left + right) / 2, (bottom + top) / 2];
+// Number of frames, spans of time, and the square that holds the views of all scenes and ghosts.
+function measure() {
+  frames = data.scenes[0].times.length;
+  timed = data.scenes.flatMap((scene) => scene.histories.map((history) => spanOf(history.time)));
+  run = [Math.min(...timed.map((span) => span[0])), Math.max(...timed.map((span) => span[1]))];
+  const views = data.scenes.flatMap((scene) => (scene.previous ? [scene.view, scene.previous.view] : [scene.view]));
+  const extreme = (name, choose) => choose(...views.map((view) => view[name]));
+  const [left, right] = [extreme(0, Math.min), extreme(1, Math.max)];
+  const [bottom, top] = [extreme(2, Math.min), extreme(3, Math.max)];
+  half = Math.max(right - left, top - bottom) / 2;
+  middle = [(left + right) / 2, (bottom + top) / 2];
+}
 
 function addCanvas(parent, label, draw) {
   const canvas = add(parent, "canvas");
@@ -26,26 +26,37 @@ function addCanvas(parent, label, draw) {
   return canvas;
 }
 
-// In a stack only the lowest history has a label of the time.
-function addHistories(parent, scene, histories, stacked) {
+// The histories `from` to `to` of scene s; in a stack only the lowest has a label of the time.
+function addHistories(parent, s, from, to, stacked) {
+  if (to <= from) return;
   const column = add(parent, "div", "histories");
-  histories.forEach((history, k) => {
-    const labelled = !stacked || k === histories.length - 1;
-    const draw = (canvas) => drawHistory(history, labelled, canvas, scene.times[frame], zoom);
-    interact(addCanvas(column, history.title + " over time", draw));
-  });
+  for (let k = from; k < to; k++) {
+    const labelled = !stacked || k === to - 1;
+    const draw = (canvas) => {
+      const scene = data.scenes[s];
+      drawHistory(scene.histories[k], labelled, canvas, scene.times[frame], zoom);
+    };
+    interact(addCanvas(column, data.scenes[s].histories[k].title + " over time", draw));
+  }
 }
 
-const scenes = add(root, "div", data.scenes.length === 1 ? "scenes alone" : "scenes");
-for (const scene of data.scenes) {
-  const place = add(scenes, "div", "scene");
-  const beside = scene.histories.slice(0, data.beside), below = scene.histories.slice(data.beside);
-  addCanvas(add(place, "div", "arm"), "the arm " + scene.title, (canvas) => {
-    drawArm(scene, canvas, middle, half, frame, zoom);
+const scenes = add(root, "div");
+function build() {
+  canvases.length = 0;
+  scenes.replaceChildren();
+  scenes.className = data.scenes.length === 1 ? "scenes alone" : "scenes";
+  data.scenes.forEach((scene, s) => {
+    const place = add(scenes, "div", "scene"), count = scene.histories.length;
+    const beside = Math.min(count, data.beside);
+    addCanvas(add(place, "div", "arm"), "the arm " + scene.title, (canvas) => {
+      drawArm(data.scenes[s], canvas, middle, half, frame, zoom);
+    });
+    addHistories(place, s, 0, beside, true);
+    if (count > beside) addHistories(add(scenes, "div", "below"), s, beside, count, false);
   });
-  if (beside.length) addHistories(place, scene, beside, true);
-  if (below.length) addHistories(add(scenes, "div", "below"), scene, below, false);
 }
+measure();
+build();
 const controls = add(root, "div", "controls");
 const button = add(controls, "button", "play", "Play");
 button.type = "button";
@@ -90,11 +101,14 @@ function show(k) {
 }
 
 // The nearest frame to a time.
-function seek(t) {
-  stop();
+function nearest(t) {
   const longest = data.scenes.reduce((a, b) => (b.times[frames - 1] > a.times[frames - 1] ? b : a));
   const after = Math.min(indexAt(longest.times, t), frames - 1), before = Math.max(0, after - 1);
-  show(t - longest.times[before] < longest.times[after] - t ? before : after);
+  return t - longest.times[before] < longest.times[after] - t ? before : after;
+}
+function seek(t) {
+  stop();
+  show(nearest(t));
 }
 
 // Show a span of time in all histories, within the run; null for the whole run.
@@ -183,3 +197,30 @@ window.addEventListener("beforeprint", () => layOut(true));
 window.addEventListener("afterprint", () => layOut(false));
 setZoom(null);
 show(0);
+
+// Show other data at the time that is shown, in the same canvases if the histories are the same.
+function load(next, previous) {
+  const titles = () => data.scenes.map((scene) => scene.histories.map((history) => history.title)).join();
+  const now = timeNow(), before = titles();
+  data = next;
+  data.scenes.forEach((scene, s) => setPrevious(scene, previous && previous.scenes[s]));
+  measure();
+  if (titles() !== before) build();
+  for (const [canvas] of canvases) canvas.key = null;
+  slider.max = frames - 1;
+  frame = Math.min(frame, frames - 1);
+  began = performance.now();
+  beganAt = nearest(now);
+  setZoom(zoom);
+  show(beganAt);
+}
+
+// Set or remove a ghost. It is copied without its own ghost, which would keep all earlier runs.
+function setPrevious(scene, before) {
+  scene.previous = before && { times: before.times, links: before.links, view: before.view };
+  for (const history of scene.histories) {
+    const same = (one) => one.title === history.title && one.label === history.label;
+    const old = before && before.histories.find(same);
+    history.previous = old && { time: old.time, lines: old.lines };
+  }
+}

@@ -1,0 +1,58 @@
+"""``flexarm studio``: a local web application with the arm of a file."""
+
+from __future__ import annotations
+
+import secrets
+from importlib.util import find_spec
+from pathlib import Path
+
+from flexarm.cli.tables import console
+from flexarm.errors import InputError, Problem, shown
+
+_WHERE = "flexarm studio"
+
+
+def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
+    """Serve the studio until Ctrl-C; print its address.
+
+    Raises:
+        InputError: if NiceGUI or Jinja2 is not installed, the file is not valid, or the address
+            cannot be used.
+    """
+    for module, name in (("nicegui", "NiceGUI"), ("jinja2", "Jinja2")):
+        if find_spec(module) is None:
+            hint = "Install it with: pip install 'flexarm[studio]'."
+            raise InputError(Problem(_WHERE, name, "is not installed", hint=hint))
+    from flexarm.studio.app import is_loopback, serve
+    from flexarm.studio.state import open_file, paper_project
+
+    project = paper_project() if file is None else open_file(file)
+    _check_address(host, port)
+    token = None if is_loopback(host) else secrets.token_urlsafe(24)
+    name = f"[{host}]" if ":" in host else host
+    address = f"http://{name}:{port}/" + (f"?token={token}" if token else "")
+    screen = console()
+    screen.print(f"studio at {address}", soft_wrap=True)
+    if token:
+        screen.print("Anyone with this address can use the studio. It is not encrypted.")
+    screen.print("Ctrl-C ends it.")
+    serve(project, host, port, token, show)
+
+
+def _check_address(host: str, port: int) -> None:
+    """Raise if the address cannot be used.
+
+    Raises:
+        InputError: if the host is not an address of this machine, or the port is in use.
+    """
+    import socket
+
+    try:
+        family, *_ = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except OSError as error:
+        rule = f"cannot be used: {error.strerror or error}"
+        hint = "Give another one with --host or --port."
+        raise InputError(Problem(_WHERE, shown(f"{host}:{port}"), rule, hint=hint)) from None

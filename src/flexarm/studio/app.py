@@ -1,0 +1,119 @@
+"""The server of the studio: its address, its guard, and one page for each window."""
+
+from __future__ import annotations
+
+import ipaddress
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from nicegui import Client, app, ui
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.responses import Response
+
+from flexarm.plot.animation.page import player_function, style
+from flexarm.studio.compute import Failure, Request, parts_of
+from flexarm.studio.guard import Guard
+from flexarm.studio.page import Window
+from flexarm.studio.state import History, Project
+from flexarm.studio.worker import Worker
+
+_TAB = "flexarm_history"
+#: Time (s) for which the state of a closed or reloaded tab is kept.
+_KEPT = 12 * 3600.0
+#: Time (s) for which a window without connection is kept, such as that of a sleeping computer.
+_RECONNECT = 60.0
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether an address is reached from this machine only."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def serve(project: Project, host: str, port: int, token: str | None, show: bool) -> None:
+    """Serve the studio until it is interrupted.
+
+    Args:
+        project: state of a new window.
+        host, port: where to listen.
+        token: that a browser must give; None for none.
+        show: whether to open a browser.
+    """
+    worker = Worker(parts_of, lambda text: Failure((("", text),)))
+    # The first run loads or compiles its kernels while the browser opens.
+    worker.submit("start", Request(project), lambda number, part: None)
+    windows: dict[str, Window] = {}
+    app.storage.max_tab_storage_age = _KEPT
+    app.add_middleware(Guard, token=token, local=is_loopback(host))
+
+    @app.get("/picture/{key}")
+    async def picture(key: str, shown: int = 0) -> Response:
+        asking = windows.get(key)
+        if asking is None or asking.latest is None:
+            return Response(status_code=404)
+        number, settled, data = asking.latest
+        head = {
+            "X-Number": str(number),
+            "X-Settled": str(int(settled)),
+            "Cache-Control": "no-store",
+        }
+        if shown == number:
+            return Response(status_code=204, headers=head)
+        return Response(data, media_type="application/json", headers=head)
+
+    @ui.page("/", title="flexarm studio", response_timeout=30.0)
+    async def window(client: Client) -> None:
+        ui.add_head_html(f"<style>{style()}{_text('studio.css')}</style>")
+        script = f"const makePlayer = {player_function()};\n{_text('studio.js')}"
+        ui.add_head_html(f"<script>{script}</script>")
+        await client.connected()
+        # A reloaded page continues with its state; a duplicated tab starts with a copy of it.
+        owner, history = app.storage.tab.get(_TAB, (client.tab_id, History(project)))
+        if owner != client.tab_id:
+            history = history.copy()
+        app.storage.tab[_TAB] = (client.tab_id, history)
+        made = Window(history, worker)
+        windows[made.key] = made
+
+        def leave(_: Any = None) -> None:
+            windows.pop(made.key, None)
+            made.close()
+
+        client.on_delete(leave)
+
+    try:
+        _run(host, port, token, show)
+    finally:
+        worker.close()
+
+
+def _run(host: str, port: int, token: str | None, show: bool) -> None:
+    """Run the server; arguments as in `serve`."""
+    ui.run(
+        host=host,
+        port=port,
+        title="flexarm studio",
+        show=show if token is None else (f"/?token={token}" if show else False),
+        reload=False,
+        tailwind=False,
+        reconnect_timeout=_RECONNECT,
+        show_welcome_message=False,
+        # Compressing a picture takes longer than sending it to the same machine.
+        gzip_middleware_factory=None if is_loopback(host) else GZipMiddleware,
+        favicon=_ICON,
+    )
+
+
+_ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
+    '<path d="M5 27 Q13 20 16 15 T28 5" fill="none" stroke="#0072B2" stroke-width="4"/>'
+    '<circle cx="28" cy="5" r="3.5" fill="#E69F00"/></svg>'
+)
+
+
+@cache
+def _text(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,197 @@
+"""What a window shows of a project: picture, frequencies and margins, warnings, or a failure."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.bending import one_warning
+from flexarm.errors import FlexarmError, FlexarmWarning, InputError, printable
+from flexarm.linear import modes
+from flexarm.loop_analysis.margins import loop_margins
+from flexarm.plot.animation.page import as_json, player_data
+from flexarm.plot.animation.scene import SceneOptions, scene_of, thin
+from flexarm.plot.drawn_arm import rigid_result
+from flexarm.plot.selection import Signals, several
+from flexarm.reporting import clock, report
+from flexarm.reporting.panels import error_panel, few_lines
+from flexarm.scenarios.scenario import Prepared, prepare
+from flexarm.simulation.compare import warnings_of
+from flexarm.studio.state import Project
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_WHERE = "studio"
+#: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
+_MOST_COORDINATES, _INTERVALS = 40_000, 200
+_MOST_ARROWS = 8
+_MOST_FREQUENCIES = 6
+
+
+@dataclass(frozen=True)
+class Request:
+    """Work for the computing process.
+
+    Attributes:
+        project: what to simulate.
+        purpose: a preview while a slider moves, the picture with all numbers, the margins alone
+            if the picture exists, or a report.
+    """
+
+    project: Project
+    purpose: Literal["preview", "picture", "margins", "report"] = "picture"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A finished run.
+
+    Attributes:
+        data: of the player, as JSON. warnings: of the result.
+        frequencies: with locked joints at the start, Hz.
+        seconds: computing time.
+    """
+
+    data: str
+    warnings: tuple[str, ...]
+    frequencies: tuple[float, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of the loop at the start of the motion.
+
+    Attributes:
+        rows: joint, gain margin, phase margin (degrees) and delay margin (ms), as text.
+        note: why there are none, or a statement about all of them.
+    """
+
+    rows: tuple[tuple[str, str, str, str], ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Text of a report, an HTML page."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run that is not possible, or did not reach its end.
+
+    Attributes:
+        problems: path of a value, or empty, and the statement about it.
+    """
+
+    problems: tuple[tuple[str, str], ...]
+
+
+Part = Picture | Margins | Report | Failure
+
+
+def parts_of(request: Request) -> Iterator[Part]:
+    """Yield what a request asks for, the picture first. A failure ends it."""
+    project = request.project
+    try:
+        with warnings.catch_warnings():  # results carry them
+            warnings.simplefilter("ignore", FlexarmWarning)
+            began = time.perf_counter()
+            prepared, plant = _prepared(project)
+            if request.purpose == "margins":
+                yield _margins(prepared, plant)
+                return
+            result = _run(project, prepared, plant)
+            if request.purpose == "report":
+                text = report(result, title=project.name, rigid=True)
+                yield Report(text)
+                return
+            yield _picture(prepared, plant, result, began)
+            if request.purpose == "picture":
+                yield _margins(prepared, plant)
+    except InputError as error:
+        yield Failure(tuple((problem.name, problem.statement) for problem in error.problems))
+    except (FlexarmError, MemoryError) as error:
+        yield Failure((("", printable(str(error) or "out of memory")),))
+
+
+def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
+    """Return the scenario, ready to run, and the simulated arm if it differs."""
+    prepared = prepare(project.scenario, _WHERE)
+    arm = project.simulated_arm
+    return prepared, None if arm == project.scenario.arm else Arm(arm)
+
+
+def _run(project: Project, prepared: Prepared, plant: Arm | None) -> xr.Dataset:
+    loads = project.plant.loads if project.plant else ()
+    return prepared.run(plant=plant, loads=loads, progress=False)
+
+
+def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: float) -> Picture:
+    arm = plant or prepared.arm
+    reference = prepared.motion
+    times, fps, speed = clock(result, arm.links, _MOST_COORDINATES)
+    wishes = SceneOptions(1.0, trace=True, torque=arm.links <= _MOST_ARROWS)
+    scene = scene_of(
+        "",
+        arm,
+        result,
+        float(result["time"].values[0]) + times,
+        wishes,
+        rigid_result(_WHERE, True, arm, result),
+        reference,
+        prepared.options.get("contacts", ()),
+        [thin(few_lines(each), _INTERVALS) for each in _histories(result, arm, reference)],
+    )
+    data = as_json(player_data([scene], fps, speed))
+    frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
+    found = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
+    spent = time.perf_counter() - began
+    return Picture(data, tuple(warnings_of(result)), found, spent)
+
+
+def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:
+    found = several(_WHERE, "channels", None, result)
+    return [*found, error_panel(result, arm, reference)] if reference is not None else found
+
+
+def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
+    """Return the margins at the start; controllers without a declared memory have none."""
+    controller, options = prepared.options.get("controller"), prepared.options
+    if controller is None:
+        return Margins((), "The drive has no feedback loop.")
+    presses = hasattr(prepared.motion, "contact_force")
+    place: dict[str, Any] = {"postures": prepared.arm.joint_angles(options["initial"])}
+    if presses:
+        place = {"reference": prepared.motion, "contacts": options.get("contacts", ())}
+    try:
+        with one_warning():  # the run itself warns of its states
+            table = loop_margins(
+                controller, plant or prepared.arm, hardware=options.get("hardware"), **place
+            )
+    except FlexarmError as error:
+        return Margins((), f"Margins are not analysed: {printable(str(error))}")
+    names = ("gain_margin", "phase_margin", "delay_margin")
+    factors = (1.0, 180.0 / np.pi, 1e3)
+    columns = [
+        factor * table[f"worst_{name}"].values for name, factor in zip(names, factors, strict=True)
+    ]
+    rows = tuple(
+        (f"joint {joint}", *(_number(value) for value in row))
+        for joint, row in zip(table["joint"].values, np.stack(columns, axis=1), strict=True)
+    )
+    unstable = float(table["growth"].max()) > 1e-4
+    return Margins(rows, "The sampled loop is unstable at the start." if unstable else "")  # type: ignore[arg-type]
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "∞"

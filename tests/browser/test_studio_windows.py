@@ -1,0 +1,135 @@
+"""The studio in a browser: its look, many changes, several windows, memory, and who may use it."""
+
+from __future__ import annotations
+
+import io
+import os
+import urllib.request
+from pathlib import Path
+from urllib.error import HTTPError
+
+import numpy as np
+import pytest
+from PIL import Image
+from studio_server import LENGTH, MASS, Screen, assert_shows, project_with, studio
+
+from flexarm.studio.state import open_bytes
+
+#: Made anew with STUDIO_PICTURE=1.
+PICTURE = Path(__file__).parents[2] / "docs" / "how-to" / "studio.png"
+
+
+def test_the_page_looks_like_the_picture_of_the_documentation(new_window):
+    """Means of squares of 10 pixels, because fonts and smoothing differ between machines."""
+    window = new_window(1400, 900)
+    page = window.page
+    window.choose("drive.kind", "joint pd")
+    window.set(MASS, "0.4")
+    page.get_by_text("phase margin").wait_for()
+    page.locator(".time").fill("45")
+    page.mouse.move(1, 1)
+    page.wait_for_function("!document.querySelector('.q-tooltip')")
+    page.locator(".panel").evaluate("panel => { panel.scrollTop = 0; }")
+    page.evaluate("document.querySelector('.status').textContent = ''")
+    page.evaluate("document.activeElement.blur()")
+    found = page.screenshot()
+    if os.environ.get("STUDIO_PICTURE"):
+        PICTURE.write_bytes(found)
+    with Image.open(io.BytesIO(found)) as new, Image.open(PICTURE) as old:
+        each = [np.asarray(image.convert("RGB")).astype(float) for image in (new, old)]
+    assert each[0].shape == each[1].shape
+    squares = [pixels.reshape(90, 10, 140, 10, 3).mean(axis=(1, 3)) for pixels in each]
+    away = np.abs(squares[0] - squares[1]).max(axis=-1)
+    assert away.mean() < 3.0  # of 255
+    assert (away > 60.0).mean() < 0.01
+
+
+def test_two_windows_have_their_own_states(new_window):
+    one, two = new_window(), new_window()
+    for k in range(10):
+        one.type(LENGTH, f"{0.5 + 0.01 * k:.2f}")
+        two.type(LENGTH, f"{0.7 + 0.01 * k:.2f}")
+    before = one.number, two.number
+    for window, length in ((one, 0.52), (two, 0.74)):
+        window.type(LENGTH, str(length))
+    one.wait_for_picture(before[0])
+    two.wait_for_picture(before[1])
+    for window, length in ((one, 0.52), (two, 0.74)):
+        assert window.value(LENGTH) == length
+        assert_shows(window, project_with(length=length))
+
+
+def test_500_rapid_changes_end_with_the_picture_of_the_last(window, new_window, tmp_path):
+    page = window.page
+    window.field(LENGTH).locator(".q-slider__track-container").focus()
+    before = window.number
+    for k in range(500):
+        page.keyboard.press("ArrowRight" if k % 7 else "ArrowLeft")
+    window.wait_until_idle()
+    assert window.number > before + 20
+    window.set(MASS, "0.25")
+    value = window.value(LENGTH)
+    name, content = window.save("Save", "Save the scenario")
+    project = open_bytes(content, name)
+    assert project.record.arm.links[0].length == value
+    assert_shows(window, project)
+    path = tmp_path / name
+    path.write_bytes(content)
+    fresh = new_window()
+    before = fresh.number
+    fresh.open(path)
+    fresh.wait_for_picture(before)
+    fresh.plain()
+    assert np.array_equal(window.pixels(), fresh.pixels())
+
+
+def test_the_memory_is_bounded(window, studio_running, capsys):
+    """1,000 runs with FULL=1, which take minutes; else 60."""
+    import psutil
+
+    runs = 1000 if os.environ.get("FULL_PAGES") else 60
+    process = psutil.Process(studio_running.process.pid)
+
+    def megabytes():
+        each = [process, *process.children(recursive=True)]
+        return [one.memory_info().rss / 1e6 for one in each]
+
+    def change(count):
+        for k in range(count):
+            window.set(LENGTH, f"{0.5 + 0.001 * (k % 200):.3f}")
+
+    change(20)
+    before = megabytes()
+    change(runs)
+    after = megabytes()
+    with capsys.disabled():
+        print(f"\n{runs} runs: {sum(before):.0f} MB before, {sum(after):.0f} MB after")
+    # Undo keeps 200 projects of some kilobytes; allocators keep some more.
+    assert sum(after) < sum(before) + 60.0
+
+
+def test_a_wider_address_needs_its_token(chromium, studio_file):
+    with studio(studio_file.parent, str(studio_file), "--host", "0.0.0.0") as open_server:
+        plain, _, token = open_server.address.partition("?token=")
+        assert len(token) > 20
+        context = chromium.new_context()
+        context.set_default_timeout(120_000)
+        page = context.new_page()
+        for address in (plain, f"{plain}?token=wrong", f"{plain}picture/x"):
+            answer = page.goto(address)
+            assert answer.status == 403
+            assert "token" in page.locator("body").inner_text()
+        assert page.request.get(f"{plain}_nicegui_ws/socket.io/?EIO=4").status == 403
+        window = Screen(page, open_server.address)
+        assert token not in page.url  # it is in a cookie from here on
+        assert window.value(LENGTH) == 0.6
+        context.close()
+
+
+def test_other_pages_cannot_reach_it(studio_running):
+    for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
+        asked = urllib.request.Request(studio_running.address, headers=headers)
+        with pytest.raises(HTTPError) as error:
+            urllib.request.urlopen(asked, timeout=60)
+        with error.value as refusal:
+            assert refusal.code == 403

@@ -1,0 +1,53 @@
+"""``flexarm studio``: what it refuses before it starts. The rest is tested in a browser."""
+
+import importlib.util
+import socket
+
+import pytest
+from scenarios import GOOD
+from typer.testing import CliRunner
+
+from flexarm.cli.main import app
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, ["studio", "--no-browser", *map(str, arguments)])
+
+
+def test_without_its_packages_it_says_how_to_install_them(monkeypatch):
+    found = importlib.util.find_spec
+    for module in ("nicegui", "jinja2"):
+        monkeypatch.setattr(
+            "flexarm.cli.studio.find_spec",
+            lambda name, missing=module: None if name == missing else found(name),
+        )
+        done = invoke()
+        assert done.exit_code == 2
+        assert "is not installed. Install it with: pip install 'flexarm[studio]'." in done.stderr
+
+
+def test_a_broken_file_is_refused(tmp_path):
+    pytest.importorskip("nicegui")
+    path = tmp_path / "bad.yaml"
+    path.write_text(GOOD.replace("length: 0.6", "length: -0.6"), encoding="utf-8")
+    done = invoke(path)
+    assert done.exit_code == 2
+    assert "arm.links[0].length must be greater than 0, got -0.6." in done.stderr
+
+
+def test_a_port_in_use_is_refused():
+    pytest.importorskip("nicegui")
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        done = invoke("--port", other.getsockname()[1])
+    assert done.exit_code == 2
+    assert "cannot be used" in done.stderr
+    assert "--port" in done.stderr
+
+
+def test_an_address_of_another_machine_is_refused():
+    pytest.importorskip("nicegui")
+    done = invoke("--host", "192.0.2.1")
+    assert done.exit_code == 2
+    assert "cannot be used" in done.stderr

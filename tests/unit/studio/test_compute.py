@@ -1,0 +1,85 @@
+"""What a studio window shows of a project: the numbers of a direct run."""
+
+import json
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.studio.compute import Failure, Margins, Picture, Report, Request, parts_of
+from flexarm.studio.state import open_bytes, paper_project
+
+from test_state import STUDY  # isort: skip
+
+
+def test_the_picture_is_that_of_a_run():
+    project = paper_project()
+    picture, margins = parts_of(Request(project))
+    assert isinstance(picture, Picture)
+    result = fa.run_scenario(project.scenario)
+    scene = json.loads(picture.data)["scenes"][0]
+    at = int(np.searchsorted(scene["times"], 2.0))
+    shape = fa.Arm(project.record.arm).shape(
+        result.q.interp(time=scene["times"][at]).values, len(scene["links"][at][0])
+    )
+    np.testing.assert_allclose(scene["links"][at], shape, atol=2e-4)  # digits of the page
+    assert scene["ghost"] is not None
+    names = [history["title"] for history in scene["histories"]]
+    assert names == ["Joint angle", "Link tip deflection", "Torque", "Tip error"]
+    assert picture.frequencies[0] == pytest.approx(1.3335, abs=1e-3)
+    assert margins == Margins((), "The drive has no feedback loop.")
+
+
+def test_margins_are_those_of_loop_margins():
+    from flexarm.scenarios.scenario import prepare
+
+    project = paper_project().edited(("drive", "kind"), "joint_pd")
+    *_, margins = parts_of(Request(project))
+    prepared = prepare(project.scenario)
+    angles = prepared.arm.joint_angles(prepared.options["initial"])
+    table = fa.loop_margins(prepared.options["controller"], prepared.arm, angles)
+    assert [row[0] for row in margins.rows] == ["joint 1", "joint 2"]
+    for k, row in enumerate(margins.rows):
+        degrees = np.degrees(table.phase_margin.values[0, 0, k])
+        assert float(row[2]) == pytest.approx(degrees, rel=0.01)
+
+
+def test_a_preview_has_the_picture_alone():
+    found = list(parts_of(Request(paper_project(), "preview")))
+    assert [type(part) for part in found] == [Picture]
+
+
+def test_a_report_is_a_page():
+    (part,) = parts_of(Request(paper_project(), "report"))
+    assert isinstance(part, Report)
+    assert part.text.startswith("<!DOCTYPE html>") or "<!DOCTYPE html>" in part.text[:200]
+
+
+def test_a_scenario_that_does_not_fit_names_the_value():
+    project = paper_project().edited(("motion", "end", 0), 5.0)
+    (failure,) = parts_of(Request(project))
+    assert isinstance(failure, Failure)
+    ((name, text),) = failure.problems
+    assert name == "motion.end"
+    assert text.startswith("motion.end must lie within the reach")
+
+
+def test_a_run_that_stops_gives_its_reason():
+    project = paper_project().edited(("drive", "kind"), "joint_pd")
+    project = project.edited(("drive", "derivative", 1), 1000.0)
+    (failure,) = parts_of(Request(project))
+    assert failure.problems[0][1].startswith("stopped at t = ")
+
+
+def test_the_plant_of_a_study_is_simulated():
+    from flexarm.scenarios.study import PreparedStudy
+
+    project = open_bytes(STUDY.encode(), "study.yaml")
+    study = PreparedStudy(project.record)
+    ends = []
+    for plant in ("as believed", "heavier"):
+        picture = next(parts_of(Request(project.chosen(plant=plant))))
+        ends.append(json.loads(picture.data)["scenes"][0]["path"][-1])
+        expected, _ = study._one("torque alone", plant, "slow")
+        np.testing.assert_allclose(ends[-1], expected.tip[-1], atol=2e-4)
+    assert np.abs(np.subtract(*ends)).max() > 0.02
