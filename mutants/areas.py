@@ -152,7 +152,10 @@ AREAS: dict[str, Area] = {
             ),
             Group(
                 sources=("integrate/**/step_sensitivity.py",),
-                tests=("unit/linear/test_step_jacobian.py",),
+                tests=(
+                    "unit/linear/test_sampled_step.py",
+                    "unit/linear/test_step_jacobian.py::test_by_state_and_torque",
+                ),
                 plain=True,
             ),
             Group(
@@ -251,9 +254,8 @@ AREAS: dict[str, Area] = {
                 sources=(
                     "linear/**/*step*.py",
                     "linear/**/parameters.py",
-                    "linear/**/tangent.py",
                 ),
-                tests=("unit/linear/test_step_jacobian.py",),
+                tests=("unit/linear/test_sampled_step.py", "unit/linear/test_step_jacobian.py"),
             ),
             Group(
                 sources=("linear/**/*.py",),
