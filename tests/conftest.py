@@ -8,6 +8,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Plots open no windows.
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import numba
+import pytest
 from hypothesis import settings
 
 # The first example of a test may compile a kernel for seconds, so no deadline is right. Examples
@@ -16,3 +18,17 @@ from hypothesis import settings
 settings.register_profile("flexarm", deadline=None, derandomize=True)
 settings.register_profile("random", deadline=None)
 settings.load_profile("flexarm")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """With NUMBA_DISABLE_JIT=1, let kernels compute infinities as quietly as compiled ones do."""
+    if numba.config.DISABLE_JIT:
+        for event in ("overflow", "invalid value", "divide by zero"):
+            config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if numba.config.DISABLE_JIT:
+        for item in items:
+            if item.get_closest_marker("compiled"):
+                item.add_marker(pytest.mark.skip(reason="about compiled kernels, or too long"))
