@@ -161,6 +161,7 @@ AREAS: dict[str, Area] = {
             Group(
                 sources=("integrate/**/*.py",),
                 tests=(
+                    "unit/integrate/test_steps.py",
                     "conformance/test_few_steps.py",
                     f"{_INTEGRATOR}::test_lands_on_stops_with_the_torque_of_the_right_side",
                     f"{_INTEGRATOR}::test_contacts_are_followed_or_refused",
@@ -214,15 +215,20 @@ AREAS: dict[str, Area] = {
                 ),
             ),
             Group(
-                sources=("control*/**/*.py",),
+                sources=("control/**/*.py",),
                 tests=(
                     "unit/control/test_feedforward.py",
                     "unit/control/test_parametrised.py",
+                    "conformance/test_every_controller.py",
+                ),
+            ),
+            Group(
+                sources=("control*/**/*.py",),
+                tests=(
                     "unit/control/test_position_laws.py",
                     "unit/control/test_force_laws.py",
                     "unit/control/test_task_space.py",
                     "unit/control/test_disturbance_observer.py",
-                    "conformance/test_every_controller.py",
                 ),
             ),
         ),
