@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from integrator_runs import advance, start
+from integrator_runs import advance, double_pendulum, start
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
@@ -225,3 +225,12 @@ def test_a_mode_that_dies_within_a_step_takes_no_momentum():
     # The first three steps are those of another method. What they leave of the mode has gone after
     # another few, but for products of small deflections and rates.
     np.testing.assert_allclose(momentum[5:], 0.5 * run.time.values[5:], rtol=0, atol=2e-7)
+
+
+def test_a_motion_too_fast_for_predicted_rates_is_stopped():
+    """``cowell_4`` predicts posture and rates, and checks these every 32 steps."""
+    pendulum, (q, _) = double_pendulum()
+    settings = {"initial": q, "initial_rate": [9.0, -12.0], "integrator": "cowell_4"}
+    with pytest.raises(fa.SimulationError, match="the step is too long for this motion"):
+        fa.simulate(pendulum, 1.5, step=0.02, **settings)
+    fa.simulate(pendulum, 0.1, step=0.002, **settings)
