@@ -155,9 +155,11 @@ def run_tests(group: Group, place: Path, seconds: float | None) -> tuple[int, st
     try:
         text, _ = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
         return _FAILED, "too long"
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
     return process.returncode, text
 
 
