@@ -27,6 +27,16 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             _DAMPING.format(">="),
         ): "only a zero is equal to the limit, in an arm without damping",
     },
+    "newmark.py": {
+        (
+            "_PASSES = 50",
+            "_PASSES = 49",
+        ): "two or three passes are usual, and a step that needs dozens does not converge",
+        (
+            "if old_h > 0.0:",
+            "if old_h >= 0.0:",
+        ): "before the first span the difference that the ratio multiplies is zero",
+    },
     "point_motion.py": {
         (
             "for k in range(stations.body.shape[0]):",
