@@ -19,7 +19,7 @@ AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite test-lowest test-pythons dist docs lint format browser bench fuzz peers gallery clean
+.PHONY: help demo test suite test-lowest test-pythons dist docs lint format browser bench fuzz mutants peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -80,6 +80,9 @@ format: $(VENV)/.ready-dev ## put the code into the project's format
 
 fuzz: $(VENV)/.ready-dev ## damaged files and wrong calls: make fuzz EXAMPLES=10000
 	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal tests/fuzz
+
+mutants: $(VENV)/.ready-dev ## put small errors into copies of the code: do the tests notice nine in ten? An hour
+	$(BIN)/python -m mutants --workers $(WORKERS)
 
 # Debian has it as a package; elsewhere Playwright fetches its own.
 browser: $(VENV)/.ready-dev ## install headless Chromium, for the tests that open pages

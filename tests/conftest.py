@@ -9,6 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Plots open no windows.
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import numba
 import pytest
 from hypothesis import settings
 
@@ -42,6 +43,17 @@ SLOWEST = (
 _RANKS = {Path(__file__).parent / file: rank for rank, file in enumerate(SLOWEST)}
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """With NUMBA_DISABLE_JIT=1, let kernels compute infinities as quietly as compiled ones do."""
+    if numba.config.DISABLE_JIT:
+        for event in ("overflow", "invalid value", "divide by zero"):
+            config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Move the slowest files to the front; the order within a file, and of the others, stays."""
     items.sort(key=lambda item: _RANKS.get(item.path, len(_RANKS)))
+    if numba.config.DISABLE_JIT:
+        for item in items:
+            if item.get_closest_marker("compiled"):
+                item.add_marker(pytest.mark.skip(reason="about compiled kernels, or too long"))

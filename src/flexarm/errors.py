@@ -39,7 +39,6 @@ _SYNONYMS = {
     "e": "youngs_modulus",
     "ei": "flexural_rigidity",
     "g": "gravity",
-    "i": "second_moment",
     "kga": "shear_rigidity",
     "l": "length",
     "mu": "mass_per_length",

@@ -117,6 +117,14 @@ def test_table_figure_and_files(path, tmp_path):
         rows = list(csv.DictReader(stream))
     assert len(rows) == 8
     assert {row["plant"] for row in rows} == {"as believed", "heavy"}
+    # The printed row of the same run: lengths in mm, four digits; the last cell is a time.
+    one = {"controller": "PD", "plant": "as believed", "reference": "there"}
+    row = next(row for row in rows if one.items() <= row.items())
+    printed = next(line for line in result.output.splitlines() if line.split()[:1] == ["PD"])
+    metrics = {"tip_error_rms": 1e3, "tip_error_peak": 1e3, "residual_vibration": 1e3}
+    expected = [float(row[name]) * unit for name, unit in {**metrics, "torque_rms": 1.0}.items()]
+    found = [float(cell) for cell in printed.split()[-5:-1]]
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
     assert (tmp_path / "t.png").stat().st_size > 10_000
     assert call("compare", path, "--out", tmp_path / "t.nc").exit_code == 0
     with xr.open_dataset(tmp_path / "t.nc", engine="h5netcdf") as kept:

@@ -74,6 +74,23 @@ def test_modes_of_an_arm_that_spins(path):
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("arm", "options", "cause"),
+    [
+        ("gravity: [0, -9.81]", ("--angles", "1.5708,0"), "gravity"),
+        ("gravity: [0, 0]", ("--angles", "0,3.1416", "--spin", 10), "the spin"),
+    ],
+)
+def test_the_cause_of_an_instability_is_named(arm, options, cause, tmp_path):
+    """Upright on weak springs; and a second link that is folded back to the axis of the spin."""
+    file = tmp_path / "weak.yaml"
+    link = "{length: %g, mass_per_length: 1, flexible: false}"
+    file.write_text(f"flexarm: 1\narm:\n  links: [{link % 1.0}, {link % 0.3}]\n  {arm}\n")
+    gains = ("--proportional", "0.01,0.01", "--derivative", "0,0")
+    outcome = invoke("modes", file, *gains, *options)
+    assert f"unstable: {cause} pulls the arm away from this posture" in outcome.output
+
+
 def test_modes_followed_to_a_posture(path, tmp_path):
     table, plot = tmp_path / "way.csv", tmp_path / "way.png"
     outcome = invoke("modes", path, "--to", "0,2", "--count", 3, "--csv", table, "--plot", plot)

@@ -175,9 +175,16 @@ def sharp_bodies():
     yield "wing", np.append(x, x[-2:0:-1]), np.append(y, -y[-2:0:-1])
 
 
+def points_outside(x, y):
+    """Points (400, 2) beyond an end of a body where its line starts: two pieces are as near."""
+    rng = np.random.default_rng(1)
+    away, angle = rng.uniform(0.0, 0.6, 400), rng.uniform(-0.9, 0.9, 400)
+    return np.stack([x + np.sign(x) * away * np.cos(angle), y + away * np.sin(angle)], axis=1)
+
+
 @pytest.mark.parametrize(("x", "y"), [pytest.param(*b[1:], id=b[0]) for b in sharp_bodies()])
 def test_round_a_sharp_end_no_place_is_missed(x, y):
-    points = some_points(1000, 5)
+    points = np.concatenate([some_points(1000, 5), points_outside(x[0], y[0])])
     found = seen_from(fa.SurfaceTable(x, y, closed=True), points)[:, GAP]
     knots = np.stack([np.append(x, x[0]), np.append(y, y[0])], axis=1)
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1)))

@@ -39,6 +39,7 @@ def energy_error(result) -> np.ndarray:
     return (energy - energy[0]) / float((result.kinetic_energy + result.strain_energy).max())
 
 
+@pytest.mark.compiled
 def test_energy_of_a_large_swing_does_not_drift() -> None:
     """Some forty swings of half a radian to each side, 60000 steps."""
     arm = swinging_arm()
@@ -51,6 +52,7 @@ def test_energy_of_a_large_swing_does_not_drift() -> None:
     assert abs(trend) < 0.1 * np.abs(error).max()
 
 
+@pytest.mark.compiled
 def test_a_motion_run_backwards_returns_to_its_start() -> None:
     arm = swinging_arm()
     start, rates = arm.rest([-0.6, 0.3]), arm.rest([0.5, -1.0])
@@ -67,6 +69,7 @@ def test_a_motion_run_backwards_returns_to_its_start() -> None:
     assert np.abs(there.q.values[-1] - exact).max() > 1e-9
 
 
+@pytest.mark.compiled
 def test_stiff_bending_costs_few_sweeps() -> None:
     """A full mesh whose fastest mode turns by hundreds of radians in a step."""
     rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 10}

@@ -84,6 +84,7 @@ class Wave:
         return np.array([0.4 * np.sin(5.0 * t), 0.2 * np.cos(3.0 * t)])
 
 
+@pytest.mark.compiled
 def test_steps_of_changing_length_keep_order_two() -> None:
     """The averaged acceleration belongs to a time that moves with the step."""
     rigid = {"mass_per_length": 1.0, "flexible": False}
@@ -100,6 +101,7 @@ def test_steps_of_changing_length_keep_order_two() -> None:
     assert 1.8 < order < 2.2  # steps differ by chance
 
 
+@pytest.mark.compiled
 def test_a_full_mesh_is_followed_at_steps_of_the_slow_motion() -> None:
     rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 12}
     arm = fa.Arm(links=[fa.Link(length=1.4142, **rod), fa.Link(length=1.0, **rod)])

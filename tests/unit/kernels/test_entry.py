@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 import flexarm as fa
 from flexarm.kernels.cache import _OFTEN, Entry, compiled
@@ -27,6 +28,7 @@ def arm_of(links):
     return fa.Arm(links=[link] * links, gravity=(0.0, -9.81))
 
 
+@pytest.mark.compiled
 def test_gives_what_the_kernel_gives():
     given = arguments(arm_of(2))
     inverse_dynamics(*given)
@@ -46,6 +48,7 @@ def doubled(given, out):
         out[i] = 2.0 * given[i]
 
 
+@pytest.mark.compiled
 def test_looks_again_where_the_first_argument_is_another():
     entry = Entry(doubled)
     line, other, turned = np.array([1.0, 2.0]), np.array([3.0]), np.array([1.0 + 2.0j])

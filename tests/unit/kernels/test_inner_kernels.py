@@ -20,6 +20,7 @@ def sixfold(x):
     return double(triple(x))
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("kernel", [double, triple])
 def test_python_is_refused_before_and_after_compiling(kernel):
     name = undecorated(kernel).__name__

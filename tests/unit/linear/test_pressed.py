@@ -37,6 +37,18 @@ def test_the_bent_arm_stands_on_the_path_and_is_held(arm):
     np.testing.assert_allclose(arm.tip(found.initial)[:2], LINE.tip(0.0), atol=2e-9)
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # that is the case
+def test_an_arm_that_bends_far_is_brought_to_its_path():
+    """The Jacobian of the rigid arm alone does not lead there within the allowed corrections."""
+    soft = {**ROD, "flexural_rigidity": 8.0}
+    arm = fa.Arm(links=[fa.Link(length=1.4, **soft), fa.Link(length=1.0, **soft)])
+    line = fa.line_motion(arm, (1.5, 0.5), (1.5, 0.8), 2.0)
+    found = fa.pressed_motion(arm, line, 4.0, (-1.0, 0.0), interval=1.0)
+    for t in (0.0, 2.0):
+        rest = fa.equilibrium(arm, found.joint_angle(t), tip_force=(-4.0, 0.0))
+        np.testing.assert_allclose(arm.tip(rest.q)[:2], line.tip(t), atol=1e-7)
+
+
 def test_between_the_sampled_times_it_is_as_good_as_its_splines():
     found = fa.pressed_motion(ARM, LINE, wave, (-1.0, 0.0), interval=0.05)
     off = []
@@ -50,6 +62,8 @@ def test_between_the_sampled_times_it_is_as_good_as_its_splines():
         ahead, behind = found.joint_angle(t + step), found.joint_angle(t - step)
         rate = (ahead - behind) / (2 * step)
         np.testing.assert_allclose(found.joint_rate(t), rate, atol=1e-6)
+        change = (found.joint_rate(t + step) - found.joint_rate(t - step)) / (2 * step)
+        np.testing.assert_allclose(found.joint_acceleration(t), change, atol=1e-5)
 
 
 def test_a_rigid_arm_presses_with_the_transposed_jacobian():

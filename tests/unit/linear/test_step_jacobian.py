@@ -109,7 +109,7 @@ def test_by_parameters(method, theory, more, parameter, field):
 @pytest.mark.filterwarnings(
     "ignore::flexarm.LargeDeflectionWarning"
 )  # bent far, so that every term counts
-@pytest.mark.parametrize("method", ["rk4", "kennedy_carpenter_5"])
+@pytest.mark.parametrize("method", ["rk4", "dormand_prince_8", "kennedy_carpenter_5"])
 def test_it_is_the_step_that_simulate_takes(method):
     arm = an_arm()
     (q, qd), torque = a_state(arm)

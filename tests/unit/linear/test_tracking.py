@@ -54,6 +54,20 @@ class TestPostures:
         tracks = fa.track_modes(two_links(), [[0.0, 0.3], [0.0, 0.4]], "free", count=3)
         assert np.all(tracks.frequency_hz > 1.0)
 
+    def test_an_arm_with_a_single_mode(self):
+        """A rod on a spring: sqrt(k / I), the same in every posture."""
+        link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
+        arm = fa.Arm(links=[link], joints=[fa.Joint(stiffness=5.0)])
+        tracks = fa.track_modes(arm, [[0.0], [0.5]], "free")
+        np.testing.assert_allclose(
+            tracks.frequency_hz, np.sqrt(5.0) / (2.0 * np.pi) * np.ones((2, 1)), rtol=1e-12
+        )
+
+    def test_an_arm_without_modes(self):
+        link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
+        with pytest.raises(fa.InputError, match="has no mode of vibration"):
+            fa.track_modes(fa.Arm(links=[link]), [[0.0], [0.5]], "free")
+
     @pytest.mark.parametrize(
         ("along", "count", "message"),
         [

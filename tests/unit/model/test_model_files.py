@@ -158,6 +158,20 @@ def test_named_arm_files_that_cannot_be_read(tmp_path):
     ]
 
 
+def test_a_circle_of_files_through_folders(tmp_path, monkeypatch):
+    """Paths are relative to the file that names them, not to the working directory."""
+    (tmp_path / "arms").mkdir()
+    (tmp_path / "run.yaml").write_text("flexarm: 1\nrun: {duration: 1}\narm: arms/arm.yaml\n")
+    (tmp_path / "arms" / "arm.yaml").write_text("flexarm: 1\narm: ../arms/../run.yaml\n")
+    monkeypatch.chdir(tmp_path)
+    for path in (tmp_path / "run.yaml", "run.yaml", "arms/../run.yaml"):
+        with pytest.raises(ModelError) as caught:
+            load_scenario(path)
+        (problem,) = caught.value.problems
+        assert problem.where.endswith("arm.yaml:2")
+        assert "refers to itself through a circle of files." in str(problem)
+
+
 def test_scenario_file_as_in_the_manual(tmp_path):
     (tmp_path / "run.yaml").write_text(
         ARM.replace(

@@ -58,6 +58,16 @@ def test_a_station_at_the_tip_may_be_rounded():
     scenario(loads=[{"link": 2, "moment": 1, "station": 2.0 * (1 + 1e-12)}])
 
 
+def test_a_pair_of_numbers_is_not_a_table():
+    """A table is a pair of lists; NumPy's arrays count as lists."""
+    table = Load(link=1, moment=1.0, factor=(np.arange(2.0), np.ones(2))).factor
+    assert (table.times, table.values) == ((0.0, 1.0), (1.0, 1.0))
+    with pytest.raises(
+        ModelError, match=r"factor must be a function of time or a table .*\(1, 2\)"
+    ):
+        Load(link=1, moment=1.0, factor=(1.0, 2.0))
+
+
 def test_times_may_jump_and_stay():
     scenario(
         loads=[{"link": 1, "moment": 1, "factor": {"times": [0, 1, 1], "values": [0, 1, 2]}}],
@@ -150,6 +160,10 @@ def test_joints_that_are_fixed_have_no_values():
                 ("factor.values[0] must be a number, got 'a'. Write the bare number, in SI units."),
                 "factor.times[2] must be at least 2, the previous time, got 1.",
             ],
+        ),
+        (
+            {"link": 1, "moment": 1, "factor": {"times": [2, 1], "values": [1, 1]}},
+            ["factor.times[1] must be at least 2, the previous time, got 1."],
         ),
         (
             {"link": 1, "moment": 1, "factor": {"times": [1, 1, 1], "values": [1, 1, 1]}},

@@ -64,6 +64,15 @@ def test_deep_nesting_is_refused_and_does_not_crash(opening, closing):
     assert "nested too deeply" in told(text)
 
 
+def test_values_are_counted_with_their_aliases(monkeypatch):
+    """Lists and mappings count as values too: here 1 + (1 + 2) + (1 + 2)."""
+    text = "a: &pair [1, 2]\nb: *pair\n"
+    monkeypatch.setattr(yaml_text, "_MOST_VALUES", 7)
+    assert parse(FILE, text).value == {"a": [1, 2], "b": [1, 2]}
+    monkeypatch.setattr(yaml_text, "_MOST_VALUES", 6)
+    assert "has more than 6 values with its aliases expanded" in told(text)
+
+
 def test_lines_in_a_long_table(tmp_path):
     rows = [f"    - [{k}, 0.5]" for k in range(3000)]
     rows[1234] = "    - [soon, 0.5]"

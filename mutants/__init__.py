@@ -1,0 +1,1 @@
+"""Mutation tests: do the tests notice small errors that are put into the code?"""

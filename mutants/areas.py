@@ -1,0 +1,362 @@
+"""The areas of the code that `make mutants` examines, and the tests that belong to each.
+
+Globs of sources find a file by its name in every subfolder. The first group with a file has it.
+Tests that fail most often for errors of the group come first, because pytest stops at a failure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def sources(patterns: Iterable[str]) -> set[Path]:
+    """Return the files of the package that match one of the globs."""
+    return {path for pattern in patterns for path in (ROOT / "src" / "flexarm").glob(pattern)}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Sources with the same tests.
+
+    sources: globs below ``src/flexarm``. tests: files, or single tests in them, below
+    ``tests``. plain: whether kernels run as plain Python, so that changed ones are not compiled.
+    """
+
+    sources: tuple[str, ...]
+    tests: tuple[str, ...]
+    plain: bool = False
+
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """Variables of the environment for the tests."""
+        return {"NUMBA_DISABLE_JIT": "1"} if self.plain else {}
+
+
+@dataclass(frozen=True)
+class Area:
+    """mutants: size of the sample. without: globs below ``src/flexarm`` that are left out."""
+
+    mutants: int
+    groups: tuple[Group, ...]
+    without: tuple[str, ...] = ()
+
+    def files(self) -> Iterator[tuple[Path, Group]]:
+        """Iterate over the files of the area, sorted, with the first group that has each."""
+        taken = sources(self.without)
+        for group in self.groups:
+            found = sources(group.sources) - taken
+            taken |= found
+            yield from ((path, group) for path in sorted(found))
+
+
+_SURFACES = "unit/contacts/test_surfaces.py"
+_INVERSE = "invariants/test_forward_and_inverse.py"
+_ADAPTIVE = "unit/control/test_adaptive.py"
+_INTEGRATOR = "conformance/test_every_integrator.py"
+
+AREAS: dict[str, Area] = {
+    "kernels": Area(
+        mutants=40,
+        # They make and keep machine code; plain Python runs without them.
+        without=(
+            "kernels/**/cache.py",
+            "kernels/**/code_*.py",
+            "kernels/**/compile_notice.py",
+        ),
+        groups=(
+            Group(
+                sources=("kernels/**/contact.py",),
+                tests=(
+                    "unit/contacts/test_contact_places.py",
+                    "unit/contacts/test_surfaces.py",
+                    "unit/linear/test_linear_contacts.py",
+                ),
+                plain=True,
+            ),
+            Group(
+                sources=(
+                    "kernels/**/rigid_terms.py",
+                    "kernels/**/task_dynamics.py",
+                    "kernels/**/adaptation.py",
+                ),
+                tests=(
+                    "unit/control/test_rigid_model.py",
+                    "unit/control/test_task_space.py",
+                    f"{_ADAPTIVE}::test_columns_add_up_to_the_inverse_dynamics",
+                    f"{_ADAPTIVE}::test_a_column_is_what_one_unit_of_its_parameter_adds",
+                    f"{_ADAPTIVE}::test_centrifugal_matrix_is_christoffels",
+                ),
+                plain=True,
+            ),
+            Group(
+                sources=(
+                    "kernels/**/*sensitivity.py",
+                    "kernels/**/tangent.py",
+                    "kernels/**/tip_motion.py",
+                    "kernels/**/point_motion.py",
+                ),
+                tests=(
+                    "unit/control/test_predicted_readings.py",
+                    "unit/kernels/test_sensitivity.py",
+                    "unit/linear/test_linear_signals.py",
+                ),
+                plain=True,
+            ),
+            Group(
+                sources=("kernels/**/section_forces.py", "kernels/**/shapes.py"),
+                tests=(
+                    "unit/stations/test_section_statics.py",
+                    "unit/stations/test_section_closed_forms.py",
+                    "oracle_comparison/test_section_forces_oracle.py",
+                ),
+                plain=True,
+            ),
+            Group(
+                sources=("kernels/**/*.py",),
+                tests=(
+                    "oracle_comparison/test_every_option_oracle.py",
+                    "oracle_comparison/test_forward_dynamics_oracle.py",
+                    f"{_INVERSE}::test_inverse_of_forward_is_the_torque_and_no_force_on_the_modes",
+                    "oracle_comparison/test_implicit_solve.py",
+                    "unit/kernels/test_joint_laws.py",
+                    "unit/kernels/test_columns.py",
+                ),
+                plain=True,
+            ),
+        ),
+    ),
+    "integrators": Area(
+        mutants=30,
+        groups=(
+            Group(
+                sources=(
+                    "integrate/**/*tableau.py",
+                    "integrate/**/order_conditions.py",
+                    "integrate/**/dop853.py",
+                    "integrate/**/kennedy_carpenter.py",
+                ),
+                tests=("conformance/test_every_tableau.py", "unit/integrate/test_dop853.py"),
+                plain=True,
+            ),
+            Group(
+                sources=("integrate/**/joint_stops.py",),
+                tests=(
+                    "simulate/test_joint_stops.py::test_restitution_of_hunt_and_crossley",
+                    "simulate/test_joint_stops.py::test_steps_end_at_the_corner_of_a_stop",
+                ),
+                plain=True,
+            ),
+            Group(
+                sources=("integrate/**/step_sensitivity.py",),
+                tests=(
+                    "unit/linear/test_sampled_step.py",
+                    "unit/linear/test_step_jacobian.py::test_by_state_and_torque",
+                ),
+                plain=True,
+            ),
+            Group(
+                sources=("integrate/**/*.py",),
+                tests=(
+                    "unit/integrate/test_steps.py",
+                    "conformance/test_few_steps.py",
+                    f"{_INTEGRATOR}::test_lands_on_stops_with_the_torque_of_the_right_side",
+                    f"{_INTEGRATOR}::test_contacts_are_followed_or_refused",
+                    f"{_INTEGRATOR}::test_an_accuracy_beyond_double_precision_is_refused",
+                ),
+                plain=True,
+            ),
+        ),
+    ),
+    "control": Area(
+        mutants=30,
+        groups=(
+            Group(
+                sources=("estimation/**/*.py",),
+                tests=("unit/control/test_extended_kalman.py", "unit/control/test_filter_input.py"),
+            ),
+            Group(
+                sources=("loop_analysis/**/*.py",),
+                tests=("unit/control/test_loop_margins.py", "simulate/test_loop_check.py"),
+            ),
+            Group(
+                sources=("loop/**/*.py",),
+                tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
+            ),
+            Group(
+                sources=("control*/**/input_shaping.py",),
+                tests=("simulate/test_input_shaping.py",),
+            ),
+            Group(
+                sources=(
+                    "control*/**/lqg.py",
+                    "control*/**/mpc.py",
+                    "control*/**/composite.py",
+                    "control*/**/linear_design.py",
+                    "control*/**/nominal.py",
+                    "control*/**/flexible_model.py",
+                ),
+                tests=("unit/control/test_lqg.py", "unit/control/test_mpc_and_composite.py"),
+            ),
+            Group(
+                sources=(
+                    "control*/**/*adaptive.py",
+                    "control*/**/sliding*.py",
+                    "control*/**/rigid_parameters.py",
+                    "control*/**/posture_grid.py",
+                ),
+                tests=(
+                    "unit/control/test_adaptive.py",
+                    "unit/control/test_rbf_adaptive.py",
+                    "unit/control/test_sliding_mode.py",
+                ),
+            ),
+            Group(
+                sources=("control/**/*.py",),
+                tests=(
+                    "unit/control/test_feedforward.py",
+                    "unit/control/test_parametrised.py",
+                    "conformance/test_every_controller.py",
+                ),
+            ),
+            Group(
+                sources=("control*/**/*.py",),
+                tests=(
+                    "unit/control/test_position_laws.py",
+                    "unit/control/test_force_laws.py",
+                    "unit/control/test_task_space.py",
+                    "unit/control/test_disturbance_observer.py",
+                ),
+            ),
+        ),
+    ),
+    "linear": Area(
+        mutants=25,
+        groups=(
+            Group(
+                sources=("linear/**/equilibrium.py", "linear/**/descent.py", "linear/**/held.py"),
+                tests=("unit/linear/test_equilibrium.py", "unit/linear/test_reprs.py"),
+            ),
+            Group(sources=("linear/**/pressed.py",), tests=("unit/linear/test_pressed.py",)),
+            Group(
+                sources=("linear/**/quasi_static.py", "linear/**/curves.py"),
+                tests=("simulate/test_flexible_references.py",),
+            ),
+            Group(sources=("linear/**/tracking.py",), tests=("unit/linear/test_tracking.py",)),
+            Group(sources=("linear/**/transfer.py",), tests=("unit/linear/test_transfer.py",)),
+            Group(sources=("linear/**/along.py",), tests=("unit/linear/test_linearize_along.py",)),
+            Group(
+                sources=(
+                    "linear/**/collocation.py",
+                    "linear/**/deviations.py",
+                    "linear/**/smooth.py",
+                ),
+                tests=("simulate/test_separated.py",),
+            ),
+            Group(
+                sources=(
+                    "linear/**/*step*.py",
+                    "linear/**/parameters.py",
+                ),
+                tests=("unit/linear/test_sampled_step.py", "unit/linear/test_step_jacobian.py"),
+            ),
+            Group(
+                sources=("linear/**/*.py",),
+                tests=(
+                    "unit/linear/test_modes.py",
+                    "unit/linear/test_linear_signals.py",
+                    "unit/linear/test_linearize.py",
+                    "unit/linear/test_linear_contacts.py",
+                    "unit/linear/test_reprs.py",
+                ),
+            ),
+        ),
+    ),
+    "files": Area(
+        mutants=30,
+        groups=(
+            Group(
+                sources=(
+                    "model/**/yaml_text.py",
+                    "model/**/files.py",
+                    "model/**/read_bytes.py",
+                    "model/**/paths.py",
+                ),
+                tests=(
+                    "unit/model/test_yaml_text.py",
+                    "unit/model/test_model_files.py",
+                    "unit/model/test_paths.py",
+                    "unit/model/test_model_spec.py",
+                ),
+            ),
+            Group(
+                sources=(
+                    "model/**/links.py",
+                    "model/**/sections.py",
+                    "model/**/joints.py",
+                ),
+                tests=(
+                    "unit/model/test_model_links.py",
+                    "unit/model/test_model_sections.py",
+                    "unit/model/test_model_shear.py",
+                    "unit/model/test_model_joints.py",
+                    "unit/model/test_model_files.py",
+                ),
+            ),
+            Group(
+                sources=("model/**/polygon.py", "model/**/contacts.py"),
+                tests=(
+                    f"{_SURFACES}::test_a_closed_line_does_not_cross_itself",
+                    f"{_SURFACES}::test_a_crossing_is_found_among_all_sides",
+                    f"{_SURFACES}::test_a_closed_line_encloses_nothing",
+                    f"{_SURFACES}::test_nonsense_is_refused",
+                    "unit/model/test_contact_specs.py",
+                ),
+            ),
+            Group(
+                sources=("model/**/*.py",),
+                tests=(
+                    "unit/model/test_model_study.py",
+                    "unit/model/test_model_drives.py",
+                    "unit/model/test_model_scenario.py",
+                    "unit/model/test_model_outside.py",
+                    "unit/model/test_model_hardware.py",
+                    "unit/model/test_variation.py",
+                    "unit/model/test_help_text.py",
+                    "unit/model/test_model_schema.py",
+                    "unit/model/test_model_files.py",
+                    "unit/model/test_model_spec.py",
+                ),
+            ),
+        ),
+    ),
+    "command line": Area(
+        mutants=20,
+        # What `flexarm warmup` compiles: a test of it compiles every kernel.
+        without=("cli/**/features.py",),
+        groups=(
+            Group(
+                sources=("cli/**/modes.py", "cli/**/linearize.py"),
+                tests=("cli/test_linear_commands.py",),
+            ),
+            Group(sources=("cli/**/compare.py",), tests=("cli/test_compare_command.py",)),
+            Group(sources=("cli/**/warmup.py",), tests=("cli/test_warmup.py",)),
+            Group(
+                sources=("cli/**/init.py", "cli/**/starting_files.py", "cli/**/advice.py"),
+                tests=("cli/test_first_minutes.py",),
+            ),
+            Group(
+                sources=("cli/**/*.py",),
+                tests=(
+                    "cli/test_commands.py",
+                    "cli/test_wrong_input.py",
+                    "cli/test_report_command.py",
+                    "cli/test_paper_command.py",
+                ),
+            ),
+        ),
+    ),
+}

@@ -1,0 +1,46 @@
+"""Changes that no test can notice, each with its reason; the sample leaves them out.
+
+By file name: the line before and after the change, and why both programs do the same.
+"""
+
+_ONE_DIMENSION = "an array of one dimension: its first size is its last"
+
+_DAMPING = (
+    "damping = np.where(np.abs(damping) {} _NONE * np.max(np.abs(damping), initial=0.0), "
+    "damping, 0.0)"
+)
+
+EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
+    "contact.py": {
+        (
+            "place = knots[near, 0]",
+            "place = knots[near, -1]",
+        ): "replaced at the first chord, except for a point that is NaN, which no surface is near",
+        (
+            "while near < last and real(s) >= knots[near + 1, 0]:",
+            "while near < last and real(s) > knots[near + 1, 0]:",
+        ): "at a knot both pieces of the spline have the same point, tangent and curvature",
+    },
+    "eigen.py": {
+        (
+            _DAMPING.format(">"),
+            _DAMPING.format(">="),
+        ): "only a zero is equal to the limit, in an arm without damping",
+    },
+    "newmark.py": {
+        (
+            "_PASSES = 50",
+            "_PASSES = 49",
+        ): "two or three passes are usual, and a step that needs dozens does not converge",
+        (
+            "if old_h > 0.0:",
+            "if old_h >= 0.0:",
+        ): "before the first span the difference that the ratio multiplies is zero",
+    },
+    "point_motion.py": {
+        (
+            "for k in range(stations.body.shape[0]):",
+            "for k in range(stations.body.shape[ -1]):",
+        ): _ONE_DIMENSION,
+    },
+}

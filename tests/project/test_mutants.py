@@ -1,0 +1,71 @@
+"""The sample of `make mutants`; running it takes an hour."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from mutants.areas import AREAS, ROOT
+from mutants.equivalent import EQUIVALENT
+from mutants.sample import Mutant, mutants_at, sample
+
+
+@pytest.fixture(scope="module")
+def chosen() -> list[Mutant]:
+    return sample()
+
+
+def test_the_sample_has_its_size_and_every_area(chosen: list[Mutant]) -> None:
+    counts = Counter(mutant.area for mutant in chosen)
+    assert counts == {name: area.mutants for name, area in AREAS.items()}
+    assert counts.total() >= 150
+
+
+def test_one_mutant_a_line_and_every_one_is_a_changed_program(chosen: list[Mutant]) -> None:
+    assert len({(mutant.file, mutant.line) for mutant in chosen}) == len(chosen)
+    for mutant in chosen:
+        code = (ROOT / mutant.file).read_text(encoding="utf-8")
+        changed = mutant.applied(code)
+        compile(changed, mutant.file, "exec")
+        assert code.splitlines()[: mutant.line - 1] == changed.splitlines()[: mutant.line - 1]
+        assert changed != code
+
+
+def test_the_sample_is_the_same_every_time(chosen: list[Mutant]) -> None:
+    area = "command line"
+    assert sample([area]) == [mutant for mutant in chosen if mutant.area == area]
+
+
+def test_a_mutant_of_the_sample_is_found_by_its_place(chosen: list[Mutant]) -> None:
+    assert chosen[0] in mutants_at(f"{chosen[0].file}:{chosen[0].line}")
+
+
+def test_the_order_depends_neither_on_folders_nor_on_line_numbers(chosen: list[Mutant]) -> None:
+    moved = Mutant(
+        **{**vars(chosen[0]), "file": f"src/other/{Path(chosen[0].file).name}", "line": 1}
+    )
+    assert moved.rank == chosen[0].rank
+
+
+def test_tests_of_every_group_exist() -> None:
+    for area in AREAS.values():
+        for group in area.groups:
+            for name in group.tests:
+                file, _, test = name.partition("::")
+                text = (ROOT / "tests" / file).read_text(encoding="utf-8")
+                assert not test or f"def {test}(" in text, name
+
+
+def test_every_source_belongs_to_a_group_with_files() -> None:
+    for area in AREAS.values():
+        assert {group for _, group in area.files()} == set(area.groups)
+
+
+def test_changes_without_an_effect_are_still_in_the_code() -> None:
+    """A line that has gone leaves the list, with its reason."""
+    texts = {
+        path.name: path.read_text("utf-8") for area in AREAS.values() for path, _ in area.files()
+    }
+    for name, changes in EQUIVALENT.items():
+        lines = [line.strip() for line in texts[name].splitlines()]
+        for before, _ in changes:
+            assert before in lines, f"{name}: {before}"
