@@ -13,6 +13,8 @@ import numba
 import pytest
 from hypothesis import settings
 
+from slowest import SLOWEST
+
 # The first example of a test may compile a kernel for seconds, so no deadline is right. Examples
 # are the same in every run, because a result must not depend on luck; `make suite SEED=7` draws
 # others.
@@ -20,26 +22,6 @@ settings.register_profile("flexarm", deadline=None, derandomize=True)
 settings.register_profile("random", deadline=None)
 settings.load_profile("flexarm")
 
-#: Files with tests of several seconds, the slowest first. They run before the others, so that no
-#: worker waits at the end for one that began late.
-SLOWEST = (
-    "docs/test_site.py",
-    "docs/test_docs_examples.py",
-    "examples/test_study_files.py",
-    "oracle_comparison/test_section_forces_oracle.py",
-    "unit/control/test_extended_kalman.py",
-    "benchmarks/test_benchmarks_run.py",
-    "cli/test_paper_command.py",
-    "bridges/test_jax.py",
-    "unit/kernels/test_code_library.py",
-    "unit/kernels/test_kernel_cache.py",
-    "unit/kernels/test_kernel_sizes.py",
-    "project/test_wheel.py",
-    "simulate/test_inversion.py",
-    "conformance/test_every_kernel_is_warmed_up.py",
-    "simulate/test_energy_and_memory.py",
-    "gallery/test_gallery.py",
-)
 _RANKS = {Path(__file__).parent / file: rank for rank, file in enumerate(SLOWEST)}
 
 

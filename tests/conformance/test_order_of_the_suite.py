@@ -6,9 +6,17 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from conftest import SLOWEST, pytest_collection_modifyitems
+import pytest
+
+from slowest import SLOWEST
 
 TESTS = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def suite(pytestconfig: pytest.Config) -> Any:
+    """The conftest of the whole suite."""
+    return pytestconfig.pluginmanager.getplugin(str(TESTS / "conftest.py"))
 
 
 def test_every_file_of_the_list_exists() -> None:
@@ -16,10 +24,10 @@ def test_every_file_of_the_list_exists() -> None:
     assert len(set(SLOWEST)) == len(SLOWEST)
 
 
-def test_slow_files_come_first_and_the_others_stay_in_order() -> None:
+def test_slow_files_come_first_and_the_others_stay_in_order(suite: Any) -> None:
     names = ("bridges/b.py", SLOWEST[1], "cli/a.py", SLOWEST[0], SLOWEST[1], "cli/a.py")
     items: list[Any] = [
         SimpleNamespace(path=TESTS / name, number=number) for number, name in enumerate(names)
     ]
-    pytest_collection_modifyitems(items)
+    suite.pytest_collection_modifyitems(items)
     assert [item.number for item in items] == [3, 1, 4, 0, 2, 5]

@@ -34,7 +34,7 @@ def rows():
 
 def test_the_page_has_a_row_for_each_fixed_step_method(module, rows):
     assert [row[0].strip("`") for row in rows] == list(module.METHODS)
-    arms = re.search(r"On (\d+) random arms", PAGE.read_text(encoding="utf-8"))
+    arms = re.search(r"\[(\d+) random arms\]", PAGE.read_text(encoding="utf-8"))
     assert arms is not None
     assert {row[1] for row in rows} == {arms[1]}
 
