@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import flexarm
@@ -33,7 +34,7 @@ def script_of(project: Project) -> str:
         names.setdefault("flexarm.scenarios.scenario", set()).add("prepare")
         varied = _code(plant, names, 0, len("difference = "))
         lines += [
-            "# The simulated arm differs from the one that the controller believes in.",
+            "# The simulated arm differs from the design model of the controller.",
             f"difference = {varied}",
             "plant = fa.Arm(plant_spec(scenario.arm, difference))",
             "result = prepare(scenario).run(plant=plant, loads=difference.loads)",
@@ -63,7 +64,8 @@ def _code(value: Any, names: dict[str, set[str]], indent: int, used: int) -> str
         opening, closing = "[", "]"
         parts = [("", part) for part in value]
     else:
-        return 'float("inf")' if value == float("inf") else repr(value)
+        infinite = isinstance(value, float) and math.isinf(value)
+        return f'float("{value}")' if infinite else repr(value)
     inner = [name + _code(part, names, indent + 4, indent + 4 + len(name)) for name, part in parts]
     one_line = f"{opening}{', '.join(inner)}{closing}"
     if "\n" not in one_line and used + len(one_line) <= _WIDTH:
