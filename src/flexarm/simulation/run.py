@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import BaseAcceleration, Environment
 from flexarm.arguments import (
     check_choice,
     check_flag,
@@ -28,7 +29,6 @@ from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
-from flexarm.environment import BaseAcceleration, Environment
 from flexarm.errors import (
     AccuracyWarning,
     InputError,
@@ -49,8 +49,8 @@ from flexarm.integrate.base import FloatArray
 from flexarm.loop.closed_loop import ClosedLoop
 from flexarm.loop.stability import instability
 from flexarm.model import Contact, Hardware, Load
-from flexarm.model.events import DURATION, FAILURE
-from flexarm.model.scenario import sample_fault
+from flexarm.model.scenarios.events import DURATION, FAILURE
+from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.observe import channels_of, contact_channels
 from flexarm.simulation.interrupted_runs import computed_until_failure
 from flexarm.simulation.result import add_loop, make_result
