@@ -33,6 +33,7 @@ def assert_looks_like(page: Any, name: str) -> None:
         means.append(squares.mean(axis=(1, 3)))
     assert means[0].shape == means[1].shape
     away = np.abs(means[0] - means[1]).max(axis=-1)
-    # Of 255. Another font changes every letter a little; a missing part changes some squares much.
-    assert away.mean() < 3.0
-    assert (away > 60.0).mean() < 0.01
+    # Of 255. Letters of another font change by 0.4 in the mean and 0.6 % of the squares by more
+    # than 20; the arm 0.14 s later changes by 0.8 in the mean, 1.4 %; without the arm, 1.0 and 2 %.
+    assert away.mean() < 0.6
+    assert (away > 20.0).mean() < 0.01
