@@ -14,8 +14,8 @@ SCRIPT = ROOT / "docs" / "how-to" / "measure_consistency.py"
 SEEDS = 100
 
 
-def test_rows_are_those_of_the_script() -> None:
-    """tests/unit/control/test_filter_consistency.py makes them again with fewer runs."""
+def test_rows_have_the_arms_and_bands_of_the_script() -> None:
+    """tests/unit/control/test_filter_consistency.py measures them again with fewer runs."""
     spec = importlib.util.spec_from_file_location("measure_consistency", SCRIPT)
     assert spec is not None
     assert spec.loader is not None

@@ -1,4 +1,4 @@
-"""Links between pages lead somewhere, and files that pages name exist."""
+"""Links between pages have targets, and files that pages name exist."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def test_named_files_exist(page: str) -> None:
         assert (ROOT / name).exists(), f"{page} names {name}, which does not exist"
 
 
-def test_every_page_can_be_reached() -> None:
-    """From the README by links, in any number of steps."""
+def test_every_page_is_reachable() -> None:
+    """By links from the README, in any number of steps."""
     reached, ahead = set(), {"README.md"}
     while ahead:
         page = ahead.pop()

@@ -1,4 +1,4 @@
-"""The script behind the table of energies runs, and its cases are those of the page."""
+"""The script of the table of energies runs, and its cases are those of the page."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def test_energy_script_runs_the_cases_of_the_page() -> None:
     assert [row[0].strip() for row in rows] == [name for name, _ in module.CASES]
     for row, (_, setting) in zip(rows, module.CASES, strict=True):
         error = np.abs(module.energy_error(module.run(2.0, **setting))).max()
-        # Two seconds of the hundred: no error here is larger than that of the whole.
+        # Two of the hundred seconds: errors must not exceed those of the whole run.
         assert error < 1.5 * float(row[2])

@@ -1,4 +1,4 @@
-"""The script behind the table of meshes makes the rows of the page."""
+"""The script of the table of meshes gives the rows of the page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PAGE = ROOT / "docs" / "how-to" / "large-deflection.md"
 SCRIPT = ROOT / "docs" / "how-to" / "measure_mesh.py"
 
 
-def test_mesh_script_makes_the_rows_of_the_page() -> None:
+def test_mesh_script_gives_the_rows_of_the_page() -> None:
     spec = importlib.util.spec_from_file_location("measure_mesh", SCRIPT)
     assert spec is not None
     assert spec.loader is not None
@@ -24,5 +24,5 @@ def test_mesh_script_makes_the_rows_of_the_page() -> None:
     for row in rows[:4]:
         elements, modes, error = module.row(int(row[0]))
         assert [elements, modes] == row[:2]
-        # One unit of the last digit printed is a few per cent.
+        # One unit of the last printed digit is a few per cent.
         assert abs(float(error) - float(row[2])) <= 0.05 * float(row[2])

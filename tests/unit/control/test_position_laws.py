@@ -1,4 +1,4 @@
-"""What each position controller computes, against its law written out in scalars."""
+"""Each position controller against its control law written out for single numbers."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def arm(**options):
 
 
 def readings(count=40, gauges=0, seed=3):
-    """Random measurements; what they are does not matter to the laws."""
+    """Return random measurements, which need not be consistent."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         yield Measurement(
@@ -31,7 +31,8 @@ def readings(count=40, gauges=0, seed=3):
 
 
 class Steady:
-    """A reference that stands and moves at once: any numbers will do."""
+    """A reference that is constant and moves at the same time, because its numbers need not be
+    consistent."""
 
     def joint_angle(self, t):
         return np.array([0.3, -0.2])
@@ -52,7 +53,7 @@ def answers(controller, **options):
 
 
 def test_pid_with_a_limit():
-    """The integral takes up an error unless the limit is reached and the error asks for more."""
+    """The integral adds an error unless the limit is reached and the error has the same sign."""
     P, integral, D, limit = (8.0, 5.0), (30.0, 20.0), (0.5, 0.2), (10.0, 7.0)
     controller = fa.JointPID(P, D, integral, torque_limit=limit, sample_time=TICK)
     held = [0.0, 0.0]
@@ -67,11 +68,11 @@ def test_pid_with_a_limit():
                 held[j] += integral[j] * TICK * error
             saturated += given != torque
             assert found[j] == pytest.approx(given, rel=1e-13)
-    assert 10 < saturated < 70  # both happen
+    assert 10 < saturated < 70  # both cases occur
 
 
 def test_integral_does_not_wind_up():
-    """A motor that is too weak at first: with the limit known, no overshoot is stored."""
+    """The motor is too weak at first: if the limit is known, there is no overshoot."""
     plant = arm(gravity=(0.0, 0.0)).rigid()
     motion = fa.joint_motion(plant, [0.0, 0.0], [1.2, 0.0], 0.2)
     hardware = fa.Hardware(motors=fa.Motors(torque_limit=1.0))
@@ -85,7 +86,7 @@ def test_integral_does_not_wind_up():
     assert over[1] < 0.5 * over[0]
 
 
-def test_integral_removes_what_an_unknown_payload_leaves():
+def test_integral_removes_the_error_of_an_unknown_payload():
     weight = (0.0, -9.81)
     believed = arm(gravity=weight).rigid()
     plant = arm(gravity=weight, payload=fa.Payload(mass=0.2)).rigid()
@@ -102,8 +103,8 @@ def test_integral_removes_what_an_unknown_payload_leaves():
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_weight_of_an_arm_that_sags(theory):
-    """What holds the arm is what `equilibrium` finds, by another way."""
+def test_gravity_torque_of_an_arm_that_sags(theory):
+    """The torque equals that of `equilibrium`, which uses another method."""
     flexible = arm(gravity=(0.0, -9.81), theory=theory, payload=fa.Payload(mass=0.1))
     controller = fa.JointPID(0.0, 0.0, arm=flexible, sag=True)
     straight = fa.JointPID(0.0, 0.0, arm=flexible)
@@ -115,8 +116,8 @@ def test_weight_of_an_arm_that_sags(theory):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
         rigid = flexible.rigid().bias_force(np.array(angles), np.zeros(2))
         np.testing.assert_allclose(straight.update(0.0, said, None), rigid, rtol=1e-12)
-        assert abs(rigid - wanted).max() > 1e-3  # the sag counts
-    # Another posture at the next sample times: the sag is corrected from call to call.
+        assert abs(rigid - wanted).max() > 1e-3  # the sag matters
+    # Another posture at the next sample times: each call corrects the sag.
     said = Measurement(joint_angle=np.array([0.9, 0.9]), joint_rate=np.zeros(2))
     for k in range(12):
         found = controller.update(k * 1e-3, said, None)
@@ -124,7 +125,7 @@ def test_weight_of_an_arm_that_sags(theory):
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
 
 
-def test_an_arm_that_sags_is_held_where_it_is():
+def test_sagging_arm_is_held_at_its_posture():
     flexible = arm(gravity=(0.0, -9.81))
     hung = fa.equilibrium(flexible, [0.4, 0.3])
     controller = fa.JointPID([5.0, 3.0], [0.5, 0.2], arm=flexible, sag=True)
@@ -132,8 +133,8 @@ def test_an_arm_that_sags_is_held_where_it_is():
     np.testing.assert_allclose(run.joint_angle.values, [[0.4, 0.3]] * 51, rtol=0, atol=1e-7)
 
 
-def test_computed_torque_asks_for_the_accelerations_that_it_wants():
-    """Forward dynamics of the rigid arm give them back."""
+def test_computed_torque_gives_the_wanted_accelerations():
+    """By forward dynamics of the rigid arm."""
     rigid = arm(gravity=(0.0, -9.81)).rigid()
     controller = fa.ComputedTorque(rigid, [2.0, 3.0], [0.7, 1.0])
     w = 2.0 * np.pi * np.array([2.0, 3.0])
@@ -146,7 +147,7 @@ def test_computed_torque_asks_for_the_accelerations_that_it_wants():
 
 
 def test_computed_torque_with_feedforward():
-    """The torque given, at the middle of the sample time, and M times the correction."""
+    """The given torque, at the middle of the sample time, and M times the correction."""
     model = arm()
     controller = fa.ComputedTorque(
         model, 2.0, 0.7, feedforward=lambda t: [t, 2.0 * t], sample_time=TICK
@@ -179,7 +180,7 @@ def test_strain_feedback():
         np.testing.assert_allclose(torque, wanted, rtol=1e-12)
 
 
-def test_strain_gains_for_one_gauge_a_joint():
+def test_strain_gains_for_one_gauge_per_joint():
     said = Measurement(
         joint_angle=np.zeros(2), joint_rate=np.zeros(2), strain=np.array([1e-3, -2e-3])
     )
@@ -189,14 +190,14 @@ def test_strain_gains_for_one_gauge_a_joint():
 
 
 @pytest.mark.parametrize(("gains", "gauges"), [([1.0, 2.0], 3), (1.0, 1), (np.ones((2, 2)), 3)])
-def test_strain_gains_that_do_not_fit_are_told(gains, gauges):
+def test_strain_gains_of_another_shape_are_rejected(gains, gauges):
     said = Measurement(joint_angle=np.zeros(2), joint_rate=np.zeros(2), strain=np.zeros(gauges))
     with pytest.raises(fa.InputError, match=rf"strain must be a matrix \(2, {gauges}\)"):
         fa.StrainFeedback(1.0, 1.0, gains).update(0.0, said, None)
 
 
-def test_feedforward_is_looked_up_for_many_samples_at_once():
-    """A function that takes many times is called once in a while, and gives the same."""
+def test_feedforward_is_evaluated_for_many_samples_in_one_call():
+    """A function of many times is called only once for many samples, and gives the same values."""
 
     class Torque:
         vectorized = True
@@ -239,6 +240,6 @@ def test_feedforward_is_looked_up_for_many_samples_at_once():
         (lambda: fa.StrainFeedback(1.0, 1.0, 1.0, rate_cutoff=0.0), "rate_cutoff"),
     ],
 )
-def test_wrong_input_is_told(make, words):
+def test_wrong_arguments_are_rejected(make, words):
     with pytest.raises(fa.InputError, match=words):
         make()

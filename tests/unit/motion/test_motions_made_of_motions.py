@@ -1,4 +1,4 @@
-"""Shaped, smoothed and flexible references keep the contract of `Motion`, too."""
+"""Shaped, smoothed and flexible references obey the contract of `Motion`, too."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def arm():
 
 
 def changing_frequency(method, **options):
-    """Two masses: the frequency changes by a tenth on the way."""
+    """Return the frequencies of two masses, which change by a tenth along the motion."""
     return fa.shaped(fa.line_motion(arm(), (2.0, 1.0), (0.5, 0.6), 1.0), arm(), method, **options)
 
 
@@ -60,14 +60,14 @@ def test_breaks_span_the_motion(motion):
     assert np.all(np.diff(motion.breaks) > 0.0)
 
 
-def test_rests_before_and_after(motion):
+def test_motion_is_at_rest_before_and_after(motion):
     start, end = motion.start_time, motion.end_time
     before = motion.state([-np.inf, start - 3.0, np.nextafter(start, -np.inf)])
     after = motion.state([end, end + 0.1, end + 50.0, np.inf])
     for rest, there in [(before, start), (after, np.nextafter(end, 0.0))]:
         assert np.all(rest.rate == 0.0)
         assert np.all(rest.acceleration == 0.0)
-        # Averages of one and the same angle, to rounding.
+        # Averages of the same angle, to rounding.
         np.testing.assert_allclose(
             rest.angle, rest.angle[:1].repeat(len(rest.angle), 0), atol=3e-15
         )
@@ -114,7 +114,7 @@ def test_scalars_and_arrays_agree(motion):
         motion.joint_angle(np.nan)
 
 
-def test_both_sides_of_a_break_can_be_asked_for():
+def test_values_on_both_sides_of_a_break():
     """Accelerations of a trapezoid jump in every copy, to the bit."""
     original = way("trapezoidal")
     motion = fa.shaped(original, method="zv", frequency_hz=1.1)
@@ -124,7 +124,7 @@ def test_both_sides_of_a_break_can_be_asked_for():
         assert np.abs(left - right).max() > 0.1
 
 
-def test_an_impulse_is_a_delayed_copy():
+def test_impulse_is_a_delayed_copy():
     """Constant frequency: the sum by hand."""
     original = line()
     motion = fa.shaped(original, method="zvd", frequency_hz=2.0)
@@ -137,7 +137,7 @@ def test_an_impulse_is_a_delayed_copy():
 
 
 @pytest.mark.parametrize("window", ["moving_average", "raised_cosine"])
-def test_a_smoothed_motion_is_the_average(window):
+def test_smoothed_motion_is_the_average(window):
     """Against SciPy's adaptive quadrature."""
     from scipy.integrate import quad
 
@@ -191,6 +191,6 @@ def test_rigid_torque_along_a_shaped_motion():
         (lambda: fa.quasi_static_reference(arm(), None), "motion"),
     ],
 )
-def test_wrong_input_is_told(call, words):
+def test_wrong_input_is_rejected(call, words):
     with pytest.raises(fa.InputError, match=words):
         call()
