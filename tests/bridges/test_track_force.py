@@ -64,8 +64,8 @@ def test_a_simple_force_controller_succeeds_where_zero_torque_fails():
         assert min(sliding) > 2.0
         assert max(sliding) < 8.5
         wanted = [5.0 - 2.0 * np.cos(np.pi * info["time"]) for info in infos]
-        told = [info["force"] - info["force_error"] for info in infos]
-        np.testing.assert_allclose(told, wanted, rtol=0, atol=1e-12)
+        reported = [info["force"] - info["force_error"] for info in infos]
+        np.testing.assert_allclose(reported, wanted, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,10 @@ def new_window(chromium: Any, studio_running: Any) -> Iterator[Any]:
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: failures.append(str(error)))
-        page.on("request", lambda asked: asked.url.startswith(own) or failures.append(asked.url))
+        page.on(
+            "request",
+            lambda requested: requested.url.startswith(own) or failures.append(requested.url),
+        )
         return Screen(page, studio_running.address)
 
     yield made

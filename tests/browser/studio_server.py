@@ -63,9 +63,9 @@ def studio(folder, *arguments):
         )
     try:
         while True:
-            said = log.read_text(encoding="utf-8")
-            assert process.poll() is None, said
-            found = re.search(r"studio at (\S+)", said)
+            stated = log.read_text(encoding="utf-8")
+            assert process.poll() is None, stated
+            found = re.search(r"studio at (\S+)", stated)
             if found and _listens(port):
                 break
             time.sleep(0.1)

@@ -37,11 +37,11 @@ def result():
 def page(screen, tmp_path):
     path = tmp_path / "report.html"
     fa.report(result(), path, title="Swing & <b>stop</b>", notes="two\nlines", rigid=True)
-    asked = []
-    screen.on("request", lambda request: asked.append(request.url))
+    requested = []
+    screen.on("request", lambda request: requested.append(request.url))
     screen.goto(path.as_uri())
     # Saved files and links within the page are data; no other request is allowed.
-    assert asked == [path.as_uri()]
+    assert requested == [path.as_uri()]
     return screen
 
 
@@ -273,10 +273,10 @@ def test_embedded_files_can_be_saved(page):
 
 def test_texts_of_a_result_are_not_executed(screen, tmp_path):
     bad = "</script></pre><script>document.title = 'run'</script><img src=x onerror=alert(1)>"
-    told = result().copy()
-    told.attrs = {**result().attrs, "warning": bad, "failure": bad, "ended_by": bad}
+    reported = result().copy()
+    reported.attrs = {**result().attrs, "warning": bad, "failure": bad, "ended_by": bad}
     path = tmp_path / "report.html"
-    fa.report(told, path, title=bad, notes=bad)
+    fa.report(reported, path, title=bad, notes=bad)
     screen.goto(path.as_uri())
     assert screen.title() == bad
     assert screen.locator(".warnings p").inner_text() == bad

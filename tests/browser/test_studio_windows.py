@@ -113,8 +113,8 @@ def test_non_local_address_requires_its_token(chromium, studio_file):
 
 def test_requests_of_other_pages_are_rejected(studio_running):
     for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
-        asked = urllib.request.Request(studio_running.address, headers=headers)
+        requested = urllib.request.Request(studio_running.address, headers=headers)
         with pytest.raises(HTTPError) as error:
-            urllib.request.urlopen(asked, timeout=60)
+            urllib.request.urlopen(requested, timeout=60)
         with error.value as refusal:
             assert refusal.code == 403

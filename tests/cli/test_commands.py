@@ -42,7 +42,7 @@ def test_help_names_every_command_and_its_options(command):
         assert "--out" in outcome.stdout or "--csv" in outcome.stdout
 
 
-def test_check_prints_duration_and_summary(good):
+def test_check_prints_a_summary(good):
     outcome = invoke("check", good)
     assert outcome.exit_code == 0
     words = " ".join(outcome.stdout.split())
@@ -68,8 +68,8 @@ def test_check_prints_frequencies_sample_time_integrator_and_stability(good):
     frequency = fa.modes(arm).frequency_hz
     # A clamped-free beam: 3.516 sqrt(EI / mu) / (2 pi L^2).
     assert frequency[0] == pytest.approx(3.516 * np.sqrt(20.0) / (2.0 * np.pi), rel=1e-3)
-    told = ", ".join(f"{value:.4g}" for value in frequency[:3])
-    assert f"frequencies {told} Hz with the joints locked, at the start" in words
+    reported = ", ".join(f"{value:.4g}" for value in frequency[:3])
+    assert f"frequencies {reported} Hz with the joints locked, at the start" in words
     longest = float(words.partition("sample time ")[2].partition(" ms")[0])
     # Rounded down to two digits: 12 instead of 12.7.
     assert 0.18 < 2.0 * np.pi * frequency[0] * 1e-3 * longest <= 0.2
@@ -145,9 +145,9 @@ def test_excessive_bending_gives_a_warning_of_one_line(tmp_path):
     outcome = invoke("run", path, "--out", tmp_path / "run.nc")
     assert outcome.exit_code == 0
     (line,) = outcome.stderr.splitlines()
-    told = read_result(tmp_path / "run.nc").attrs["warning"]
-    assert line == f"warning: {told}"
-    assert told.startswith("link 1 deflects by up to ")
+    reported = read_result(tmp_path / "run.nc").attrs["warning"]
+    assert line == f"warning: {reported}"
+    assert reported.startswith("link 1 deflects by up to ")
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".csv"])

@@ -131,7 +131,7 @@ def test_table_figure_and_files(path, tmp_path):
         assert kept.tip_error_rms.sizes == {"controller": 2, "plant": 2, "reference": 2}
 
 
-def test_check_prints_the_content_of_a_study(path):
+def test_check_counts_the_runs_of_a_study(path):
     result = call("check", path)
     assert result.exit_code == 0, result.output
     assert "8 of 0.6 s" in result.output
@@ -277,7 +277,7 @@ def test_force_errors_are_reported_only_for_motions_with_contact(tmp_path):
     assert rows["free"]["force_error_rms"] == rows["free"]["force_error_peak"] == ""
 
 
-def test_check_reports_properties_of_each_motion(tmp_path):
+def test_check_names_pressing_and_shaped_motions(tmp_path):
     path = tmp_path / "run.yaml"
     study, _ = locate_study_of(PRESSING)
     for motion, words in (("wipe", "in 0.3 s, within reach, pressing"), ("free", "with shaping")):

@@ -89,9 +89,9 @@ def test_full_disk_gives_an_error_and_keeps_the_older_file(what, good, tmp_path)
             outcome = invoke(*command)
         status, printed = outcome.exit_code, outcome.stderr
     assert status == 2
-    told = [line for line in printed.splitlines() if not line.startswith("flexarm: ")]
+    reported = [line for line in printed.splitlines() if not line.startswith("flexarm: ")]
     reason = "File too large. The older file is unchanged."
-    assert told == [f"{path}: the file could not be written: {reason}"]
+    assert reported == [f"{path}: the file could not be written: {reason}"]
     assert path.read_bytes() == older
     assert sorted(tmp_path.iterdir()) == sorted([good, path])
 

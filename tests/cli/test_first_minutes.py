@@ -48,11 +48,11 @@ def test_files_of_init_run_and_reach_their_goal(tmp_path, gravity):
     assert invoke("init", tmp_path, *gravity).exit_code == 0
     outcome = invoke("run", tmp_path / "scenario.yaml", "--json")
     assert (outcome.exit_code, outcome.stderr) == (0, "")
-    told = json.loads(outcome.stdout)
-    assert told["warnings"] == []
+    reported = json.loads(outcome.stdout)
+    assert reported["warnings"] == []
     # The controller has no integral action, so gravity leaves an error of 1 cm.
-    assert np.hypot(*np.subtract(told["tip"], [0.7, 1.2])) < (0.01 if gravity else 0.003)
-    assert told["largest_link_tip_deflection"][0] > 0.005
+    assert np.hypot(*np.subtract(reported["tip"], [0.7, 1.2])) < (0.01 if gravity else 0.003)
+    assert reported["largest_link_tip_deflection"][0] > 0.005
 
 
 def test_init_does_not_overwrite_files(tmp_path):
@@ -87,10 +87,10 @@ def test_set_equals_a_change_of_the_file(good, tmp_path):
 def test_later_set_overrides_and_missing_keys_are_added(good):
     options = ["--set", "initial.joint_angle=[0.1, 0.2]", "--set", "run.rate=50"]
     options += ["--set", "motion=", "--set", "drive={kind: none}", "--set", "run.rate=100"]
-    told = json.loads(invoke("run", good, *options, "--duration", "0.05", "--json").stdout)
-    assert told["samples"] == 6
-    assert told["changes"][-1] == "--duration 0.05"
-    np.testing.assert_allclose(told["joint_angle"], [0.1, 0.2], rtol=0, atol=1e-9)
+    reported = json.loads(invoke("run", good, *options, "--duration", "0.05", "--json").stdout)
+    assert reported["samples"] == 6
+    assert reported["changes"][-1] == "--duration 0.05"
+    np.testing.assert_allclose(reported["joint_angle"], [0.1, 0.2], rtol=0, atol=1e-9)
 
 
 def test_set_changes_an_arm_in_a_separate_file(tmp_path):
@@ -105,8 +105,8 @@ def test_set_changes_an_arm_in_a_separate_file(tmp_path):
     refused = invoke("run", scenario, "--set", "arm.links[1].length=-1")
     assert refused.exit_code == 2
     (line,) = refused.stderr.splitlines()
-    told = "arm.links[1].length must be greater than 0, got -1."
-    assert line == f"--set arm.links[1].length=-1: {told}"
+    reported = "arm.links[1].length must be greater than 0, got -1."
+    assert line == f"--set arm.links[1].length=-1: {reported}"
     other = tmp_path / "other.yaml"
     other.write_text((tmp_path / "arm.yaml").read_text().replace("length: 1.0", "length: 0.2"))
     refused = invoke("run", scenario, "--set", "arm=other.yaml")
@@ -115,8 +115,8 @@ def test_set_changes_an_arm_in_a_separate_file(tmp_path):
 
 
 def test_integrator_of_the_command_line_replaces_that_of_the_file(good):
-    told = json.loads(invoke("run", good, "--integrator", "rk4", "--json").stdout)
-    assert told["integrator"] == "rk4"
+    reported = json.loads(invoke("run", good, "--integrator", "rk4", "--json").stdout)
+    assert reported["integrator"] == "rk4"
 
 
 @pytest.mark.parametrize(
@@ -140,22 +140,22 @@ def test_wrong_set_options_give_the_messages_of_the_file(good, options, message)
     assert outcome.exit_code == 2
     assert outcome.stdout == ""
     assert message in outcome.stderr
-    told = " ".join(options)
-    assert outcome.stderr.startswith((f"{told}: ", "flexarm run: --set must"))
+    reported = " ".join(options)
+    assert outcome.stderr.startswith((f"{reported}: ", "flexarm run: --set must"))
 
 
 def test_json_is_the_only_standard_output(good, tmp_path):
     out = tmp_path / "run.nc"
     outcome = invoke("run", good, "--json", "--out", out)
-    told = json.loads(outcome.stdout)
+    reported = json.loads(outcome.stdout)
     result = fa.read_result(out)
-    assert told["files"] == {"result": str(out)}
-    assert told["samples"] == result.sizes["time"]
-    assert told["end_time"] == float(result.time[-1])
-    np.testing.assert_array_equal(told["tip"], result.tip[-1])
+    assert reported["files"] == {"result": str(out)}
+    assert reported["samples"] == result.sizes["time"]
+    assert reported["end_time"] == float(result.time[-1])
+    np.testing.assert_array_equal(reported["tip"], result.tip[-1])
     largest = np.abs(result.link_tip_deflection).max("time")
-    np.testing.assert_array_equal(told["largest_link_tip_deflection"], largest)
-    assert told["ended_by"] == "duration"
+    np.testing.assert_array_equal(reported["largest_link_tip_deflection"], largest)
+    assert reported["ended_by"] == "duration"
 
 
 def test_quiet_prints_warnings_only(good):

@@ -28,9 +28,9 @@ def write(path, content):
 def assert_refused(outcome):
     assert outcome.exit_code == 2
     assert "Traceback" not in outcome.output
-    told = outcome.stderr.splitlines()
-    assert told
-    for line in told:
+    reported = outcome.stderr.splitlines()
+    assert reported
+    for line in reported:
         assert MESSAGE.match(line), line
 
 
@@ -110,7 +110,7 @@ STUDY = STUDY.replace("dynamics}", "dynamics}}")
 
 
 @pytest.mark.parametrize(
-    ("command", "content", "told"),
+    ("command", "content", "reported"),
     [
         (
             "run",
@@ -125,10 +125,10 @@ STUDY = STUDY.replace("dynamics}", "dynamics}}")
         ),
     ],
 )
-def test_file_of_another_kind_names_its_command(command, content, told, tmp_path):
+def test_file_of_another_kind_names_its_command(command, content, reported, tmp_path):
     outcome = invoke(command, write(tmp_path / "file.yaml", content))
     assert_refused(outcome)
-    assert told in outcome.stderr
+    assert reported in outcome.stderr
     assert len(outcome.stderr.splitlines()) == 1
 
 

@@ -57,7 +57,7 @@ def motion(arm):
 
 
 @every
-def test_reference_and_parameters_are_documented(name):
+def test_class_has_its_name_and_documents_every_argument(name):
     kind = CONTROLLERS[name]
     assert issubclass(kind, Controller)
     assert kind.name == name
@@ -163,7 +163,7 @@ def test_changing_a_measurement_does_not_change_the_run(name, arm):
 
 @every
 def test_slow_motion_is_followed_within_a_few_degrees(name, arm):
-    """Every controller must be good for something: a gentle motion, a few degrees at most."""
+    """The error of a slow motion is a few degrees at most."""
     slow = fa.joint_motion(arm, [0.2, -0.4], [0.5, 0.1], 2.0)
     controller = EXAMPLES[name]()
     controller.sample_time = 0.001  # at a sample time four times as long, these gains are unstable
@@ -302,7 +302,7 @@ def test_file_gives_the_same_run(name, arm, tmp_path):
 
 
 class Failing:
-    """Returns zero torque, and from 10 ms on the given answer."""
+    """Returns a constant torque, and from 10 ms on the given answer."""
 
     sample_time = 0.005
 

@@ -51,7 +51,7 @@ def make(name, allowed=1e-8):
 
 
 @every
-def test_class_states_name_order_and_reference(name):
+def test_class_is_a_frozen_dataclass_with_name_and_order(name):
     kind = INTEGRATORS[name]
     assert issubclass(kind, Integrator)
     assert len(inspect.signature(undecorated(kind.stepper)).parameters) == 6

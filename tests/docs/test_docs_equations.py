@@ -59,5 +59,5 @@ def test_index_states_the_last_equation_of_each_page() -> None:
     for page, letter, first, last in ranges:
         text = text_of(f"docs/theory/{page}.md")
         numbers = [int(n) for other, n in _TAG.findall(text) if other == letter]
-        told = f"the index says ({letter}.{first}) to ({letter}.{last}) of {page}"
-        assert (min(numbers), max(numbers)) == (int(first), int(last)), told
+        reported = f"the index says ({letter}.{first}) to ({letter}.{last}) of {page}"
+        assert (min(numbers), max(numbers)) == (int(first), int(last)), reported

@@ -37,7 +37,7 @@ def largest_tip_error(arm: fa.Arm, solution: str) -> float:
     return float(np.max(np.hypot(*(result.tip.values - stored[solution]).T)))
 
 
-def said(pattern: str) -> list[float]:
+def stated(pattern: str) -> list[float]:
     """Numbers of the README, with their rounding."""
     found = re.search(pattern, text_of("README.md"))
     assert found is not None, f"the README no longer says {pattern!r}"
@@ -45,12 +45,12 @@ def said(pattern: str) -> list[float]:
 
 
 def test_error_of_the_papers_theory() -> None:
-    (bound,) = said(r"tip within (\S+) m \|")
+    (bound,) = stated(r"tip within (\S+) m \|")
     assert bound / 10 < largest_tip_error(table_one(), "linear") < bound
 
 
 def test_error_of_the_exact_beam_in_segments() -> None:
-    second, linear = said(r"tip within (\S+) mm \(second order\), (\S+) mm \(linear\)")
+    second, linear = stated(r"tip within (\S+) mm \(second order\), (\S+) mm \(linear\)")
     mesh = {"elements": 8, "modes": 4}
     # The stated bounds are the errors rounded up.
     found = 1e3 * largest_tip_error(table_one("second_order", **mesh), "exact")
@@ -60,7 +60,7 @@ def test_error_of_the_exact_beam_in_segments() -> None:
 
 
 def test_energy_drift() -> None:
-    (drift, size) = said(r"energy constant to (\S+) J, of up to (\S+) J")
+    (drift, size) = stated(r"energy constant to (\S+) J, of up to (\S+) J")
     arm = table_one(gravity=(0.0, -9.81))
     # links bend by 11 %, which does not affect the energy
     with pytest.warns(fa.LargeDeflectionWarning):
@@ -73,7 +73,7 @@ def test_energy_drift() -> None:
 
 
 def test_cantilever_frequency() -> None:
-    elements, error, factor = said(r"Cantilever of (\d+) .*\| (\S+) high; (\S+) times")
+    elements, error, factor = stated(r"Cantilever of (\d+) .*\| (\S+) high; (\S+) times")
 
     def high(count: int) -> float:
         beam = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=count)
@@ -86,7 +86,7 @@ def test_cantilever_frequency() -> None:
 
 def test_tolerances_of_the_comparison_with_the_oracle() -> None:
     """The stated bounds are those that the comparison asserts."""
-    mass, accelerations = said(r"mass matrices agree to (\S+), accelerations to (\S+) \|")
+    mass, accelerations = stated(r"mass matrices agree to (\S+), accelerations to (\S+) \|")
     folder = ROOT / "tests" / "oracle_comparison"
     text = (folder / "test_forward_dynamics_oracle.py").read_text(encoding="utf-8")
     assert f"exact / scale, rtol=0, atol={mass:.0e})".replace("e-0", "e-") in text

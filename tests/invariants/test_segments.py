@@ -230,6 +230,6 @@ def test_counts_and_the_rigid_model():
     ],
 )
 def test_wrong_segments_are_rejected(fields, message):
-    with pytest.raises(fa.ModelError) as told:
+    with pytest.raises(fa.ModelError) as reported:
         fa.Link(length=1.0, **UNIFORM, **fields)
-    assert message in str(told.value)
+    assert message in str(reported.value)

@@ -53,7 +53,7 @@ def test_metrics_of_a_synthetic_run(arm, motion):
     assert late["residual_vibration"] == pytest.approx(2e-3, rel=1e-2)
 
 
-def test_a_reference_needs_only_a_joint_angle(arm, motion):
+def test_any_object_with_joint_functions_is_a_reference(arm, motion):
     class Plain:
         joint_angle, joint_rate = motion.joint_angle, motion.joint_rate
         joint_acceleration = motion.joint_acceleration
@@ -205,7 +205,7 @@ def test_empty_comparisons_are_rejected(arm, motion, wrong, value):
         fa.compare(arm, duration=0.1, **{**given, wrong: value})
 
 
-def test_settling_requires_time_after_the_motion(arm, motion):
+def test_settling_must_be_shorter_than_the_rest_after_the_motion(arm, motion):
     rest = 0.1
     duration = motion.end_time + rest
     with pytest.raises(fa.InputError, match=r"less than the 0\.1 s of the run after"):
@@ -225,7 +225,7 @@ def test_runs_that_an_event_ends_have_no_metrics(arm, motion):
     assert np.isnan(table.tip_error_rms.item())
 
 
-def test_duplicate_arguments_are_rejected(arm, motion):
+def test_plant_is_not_an_argument_of_compare(arm, motion):
     with pytest.raises(fa.InputError, match="plant is not an argument of compare"):
         fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, plant=arm)
 

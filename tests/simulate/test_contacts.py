@@ -244,10 +244,10 @@ def test_fixed_step_too_long_for_a_contact_ends_the_run():
     contact = fa.Contact(fa.Wall((1.0, 0.0), (0.0, -1.0)), 1e6)
     with pytest.raises(
         fa.SimulationError, match="fixed step is too long to resolve a contact"
-    ) as told:
+    ) as reported:
         fa.simulate(rod(), 0.2, initial=[-1.0], initial_rate=[12.0], contacts=[contact], step=5e-3)
-    assert 0.07 < told.value.time < 0.09
-    assert told.value.result.sizes["time"] > 70
+    assert 0.07 < reported.value.time < 0.09
+    assert reported.value.result.sizes["time"] > 70
 
 
 @pytest.mark.parametrize(

@@ -95,12 +95,12 @@ def shaken(**options):
     return fa.simulate(arm, 2.0, rate=10.0, rtol=1e-6, **options).joint_angle.values[-1, 0]
 
 
-@pytest.mark.parametrize("told", ["by the function", "by the call"])
-def test_breaks_of_a_base_acceleration_are_used(told):
+@pytest.mark.parametrize("given_by", ["by the function", "by the call"])
+def test_breaks_of_a_base_acceleration_are_used(given_by):
     """When they were ignored, the shock was missed."""
     table = ([ON, ON, OFF, OFF], [[0, 0], [0, 500], [0, 500], [0, 0]])
     known = (ON, OFF)
-    if told == "by the function":
+    if given_by == "by the function":
         found = shaken(base_acceleration=Pulse([0.0, 500.0], breaks=known))
     else:
         found = shaken(base_acceleration=Pulse([0.0, 500.0]), breaks=known)
@@ -108,13 +108,13 @@ def test_breaks_of_a_base_acceleration_are_used(told):
     assert abs(found) > 0.1
 
 
-@pytest.mark.parametrize("told", ["by the function", "by the call"])
+@pytest.mark.parametrize("given_by", ["by the function", "by the call"])
 @pytest.mark.parametrize("what", ["torque", "load", "prescribed"])
-def test_breaks_of_every_function_of_time_are_used(what, told):
+def test_breaks_of_every_function_of_time_are_used(what, given_by):
     """Features of a millisecond and less in two seconds, with samples every 0.1 s."""
     known = (ON, ON + 1e-3)
-    pulse = Pulse([300.0], ON, ON + 1e-3, known if told == "by the function" else ())
-    options = {} if told == "by the function" else {"breaks": known}
+    pulse = Pulse([300.0], ON, ON + 1e-3, known if given_by == "by the function" else ())
+    options = {} if given_by == "by the function" else {"breaks": known}
     rate, angle = ramp(pulse, 2.0)
     if what == "torque":
         options["torque"] = pulse

@@ -39,8 +39,8 @@ def problems_of(arm, controller, **options):
     ids=lambda controller: type(controller).__name__,
 )
 def test_controllers_for_another_number_of_joints_are_rejected(controller):
-    told = problems_of(arm_of(2, gauges=2), controller)
-    assert told == ["simulate: controller is for 3 joints, but the arm has 2."]
+    reported = problems_of(arm_of(2, gauges=2), controller)
+    assert reported == ["simulate: controller is for 3 joints, but the arm has 2."]
 
 
 def test_one_gain_for_all_joints_fits_every_arm(arm):
@@ -59,24 +59,24 @@ def test_one_gain_for_all_joints_fits_every_arm(arm):
     ],
 )
 def test_missing_gauges_are_reported(controller, gauges, wanted):
-    (told,) = problems_of(arm_of(2, gauges=gauges), controller)
+    (reported,) = problems_of(arm_of(2, gauges=gauges), controller)
     called = type(controller).__name__
     plural = "s" * (wanted != 1)
     rule = f"must have the {wanted} gauge{plural} that {called} reads, got {gauges}"
     rule = rule if gauges else f"has no gauges, but {called} reads strain"
-    assert told == f"simulate: arm {rule}."
+    assert reported == f"simulate: arm {rule}."
 
 
 def test_missing_gauges_of_the_plant_are_reported():
     believed = arm_of(2, gauges=2)
-    told = problems_of(believed, fa.LQG(believed), plant=arm_of(2))
-    assert told == ["simulate: arm has no gauges, but LQG reads strain."]
+    reported = problems_of(believed, fa.LQG(believed), plant=arm_of(2))
+    assert reported == ["simulate: arm has no gauges, but LQG reads strain."]
 
 
 def test_every_missing_reading_is_reported(arm):
     hardware = fa.Hardware([fa.Instrument("tip")])
-    told = problems_of(arm, fa.JointPD(1.0, 1.0), hardware=hardware)
-    assert told == [
+    reported = problems_of(arm, fa.JointPD(1.0, 1.0), hardware=hardware)
+    assert reported == [
         (
             "simulate: hardware has no instrument for joint_angle, which JointPD reads; it "
             "measures tip."
@@ -91,22 +91,22 @@ def test_every_missing_reading_is_reported(arm):
 def test_misspelled_reading_has_a_suggestion(arm):
     misnamed = fa.Instrument("joint_angle", name="joint_angles", rate_cutoff=50.0)
     misnamed = fa.Hardware([misnamed, fa.Instrument("joint_rate")])
-    (told,) = problems_of(arm, fa.JointPD(1.0, 1.0), hardware=misnamed)
-    assert told.endswith("Did you mean 'joint_angles'?")
+    (reported,) = problems_of(arm, fa.JointPD(1.0, 1.0), hardware=misnamed)
+    assert reported.endswith("Did you mean 'joint_angles'?")
 
 
 def test_readings_besides_the_exact_ones_need_hardware(arm):
     measured = {"joint_angle": 1e-4, "tip": 1e-3}
-    (told,) = problems_of(arm, fa.LQG(arm, measured=measured))
-    assert told == ("simulate: hardware has no instrument for tip, which LQG reads.")
+    (reported,) = problems_of(arm, fa.LQG(arm, measured=measured))
+    assert reported == ("simulate: hardware has no instrument for tip, which LQG reads.")
     angles = fa.Instrument("joint_angle", rate_cutoff=100.0)
     hardware = fa.Hardware([angles, fa.Instrument("tip")])
     fa.simulate(arm, 0.01, controller=fa.LQG(arm, measured=measured), hardware=hardware)
 
 
 def test_class_in_place_of_a_controller_is_rejected(arm):
-    (told,) = problems_of(arm, fa.JointPD)
-    assert told == (
+    (reported,) = problems_of(arm, fa.JointPD)
+    assert reported == (
         "simulate: controller must be a controller, got the class JointPD. "
         "Create an object: JointPD(...)."
     )
@@ -135,10 +135,12 @@ class Own(fa.Controller):
 
 
 def test_controllers_of_users_may_state_their_requirements(arm):
-    (told,) = problems_of(arm, Own(lambda m: None, fa.ControllerRequirements(joints=3)))
-    assert "controller is for 3 joints, but the arm has 2" in told
-    (told,) = problems_of(arm, Own(lambda m: None, fa.ControllerRequirements(measured=("tip",))))
-    assert "no instrument for tip, which Own reads" in told
+    (reported,) = problems_of(arm, Own(lambda m: None, fa.ControllerRequirements(joints=3)))
+    assert "controller is for 3 joints, but the arm has 2" in reported
+    (reported,) = problems_of(
+        arm, Own(lambda m: None, fa.ControllerRequirements(measured=("tip",)))
+    )
+    assert "no instrument for tip, which Own reads" in reported
     fa.simulate(arm, 0.01, controller=Own(lambda m: m.joint_angle))
 
 

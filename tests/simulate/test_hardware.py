@@ -142,9 +142,9 @@ TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 
 def test_torque_limit_clips_the_torque(arm):
     limited = moved(arm, motors=fa.Motors(torque_limit=[0.6, 0.25]), **TIGHT)
-    asked = limited.torque_command.values
-    np.testing.assert_array_equal(limited.torque, np.clip(asked, [-0.6, -0.25], [0.6, 0.25]))
-    assert abs(asked).max() == 1.0
+    requested = limited.torque_command.values
+    np.testing.assert_array_equal(limited.torque, np.clip(requested, [-0.6, -0.25], [0.6, 0.25]))
+    assert abs(requested).max() == 1.0
     open_loop = constant_torque_run(arm, 1.0 / TICK, limited.torque.values, 0.2)
     np.testing.assert_allclose(limited.q, open_loop.q, rtol=0, atol=1e-9)
 
@@ -168,18 +168,18 @@ def test_lag_is_a_first_order_filter(lag):
     """A rigid link against SciPy: rate and torque integrated together."""
     inertia = 0.6 * 0.5**3 / 3
     arm = fa.Arm(links=[fa.Link(length=0.5, mass_per_length=0.6, flexible=False)])
-    asked = np.array([[0.3], [-0.2], [0.1], [0.1]])
+    requested = np.array([[0.3], [-0.2], [0.1], [0.1]])
     run = fa.simulate(
         arm,
         8 * TICK,
-        controller=Script(asked),
+        controller=Script(requested),
         hardware=fa.Hardware(motors=fa.Motors(time_constant=lag, torque_limit=0.25)),
         rate=2.0 / TICK,
         **TIGHT,
     )
     state, wanted = np.zeros(3), []
     for tick in range(8):
-        target = np.clip(asked[tick % 4, 0], -0.25, 0.25)
+        target = np.clip(requested[tick % 4, 0], -0.25, 0.25)
 
         def slope(t, y, target=target):
             return [y[1], y[2] / inertia, (target - y[2]) / lag]
@@ -196,21 +196,21 @@ def test_lag_is_a_first_order_filter(lag):
 
 def test_current_and_voltage_limit_the_torque():
     motors = fa.Motors(torque_constant=2.0, current_limit=3.0, voltage_limit=24.0, resistance=4.0)
-    asked = np.array([100.0])
+    requested = np.array([100.0])
     # At rest the current limit applies, 2 * 3; turning at 8 rad/s: 2 (24 - 16) / 4.
-    np.testing.assert_allclose(motors.allowed(asked, np.array([0.0])), [6.0])
-    np.testing.assert_allclose(motors.allowed(asked, np.array([8.0])), [4.0])
-    np.testing.assert_allclose(motors.allowed(-asked, np.array([8.0])), [-6.0])
+    np.testing.assert_allclose(motors.allowed(requested, np.array([0.0])), [6.0])
+    np.testing.assert_allclose(motors.allowed(requested, np.array([8.0])), [4.0])
+    np.testing.assert_allclose(motors.allowed(-requested, np.array([8.0])), [-6.0])
     # Faster than the idle speed, 24 / 2, the motor can only brake.
-    np.testing.assert_allclose(motors.allowed(asked, np.array([13.0])), [-1.0])
+    np.testing.assert_allclose(motors.allowed(requested, np.array([13.0])), [-1.0])
     # At this speed the voltage alone gives 2 (24 - 40) / 4 = -8: the current limit applies last.
-    np.testing.assert_allclose(motors.allowed(asked, np.array([20.0])), [-6.0])
+    np.testing.assert_allclose(motors.allowed(requested, np.array([20.0])), [-6.0])
     for wrong in (scipy.sparse.csr_array([[1.0]]), "x", np.ma.masked_array([1.0], [True])):
         with pytest.raises(fa.InputError, match=r"Motors\.allowed: torque must be numbers"):
-            motors.allowed(wrong, asked)
+            motors.allowed(wrong, requested)
     arm = fa.Arm(links=[fa.Link(length=0.5, mass_per_length=0.6, flexible=False)])
     spun = fa.simulate(
-        arm, 2.0, controller=Script([asked]), hardware=fa.Hardware(motors=motors), rate=100.0
+        arm, 2.0, controller=Script([requested]), hardware=fa.Hardware(motors=motors), rate=100.0
     )
     assert float(spun.joint_rate[-1, 0]) == pytest.approx(12.0, rel=1e-3)  # idle speed
 

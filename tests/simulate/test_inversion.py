@@ -113,7 +113,7 @@ def test_unsupported_motions_and_arguments_are_rejected():
         fa.tip_inversion(arm, straight)
 
 
-def test_failed_inversion_reports_its_best_error():
+def test_failed_inversion_reports_its_tip_error():
     arm = paper_arm()
     with pytest.raises(fa.InversionError) as raised:
         fa.tip_inversion(arm, paper_line(arm, duration=0.25))

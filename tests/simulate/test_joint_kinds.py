@@ -97,8 +97,8 @@ def test_prescribed_motor_drives_the_link_through_its_spring():
     gain = natural**2 / (natural**2 - slow**2)
     link = 0.1 * (1 - gain * np.cos(slow * t) + (gain - 1) * np.cos(natural * t))
     np.testing.assert_allclose(result.link_angle.values[:, 0], link, rtol=0, atol=1e-8)
-    asked = 0.1 * slow**2 * np.cos(slow * t)
-    torque = GEAR**2 * ROTOR * asked - SPRING * result.joint_twist.values[:, 0]
+    requested = 0.1 * slow**2 * np.cos(slow * t)
+    torque = GEAR**2 * ROTOR * requested - SPRING * result.joint_twist.values[:, 0]
     np.testing.assert_allclose(result.torque.values[:, 0], torque, rtol=0, atol=1e-6)
 
 
@@ -223,9 +223,9 @@ def test_scenario_counts_the_joints_that_turn(tmp_path):
     path = tmp_path / "arm.yaml"
     path.write_text(SCENARIO + "prescribed: [{kind: motion, joint: 3}]\n")
     result = fa.run_scenario(path)
-    asked = [0.2, 0.5]
+    requested = [0.2, 0.5]
     ends = result.joint_angle.sel(joint=3).values[[0, -1]]
-    np.testing.assert_allclose(ends, asked, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(ends, requested, rtol=0, atol=1e-7)
 
 
 def test_tables_and_plots_keep_the_numbers_of_joints(tmp_path):
@@ -236,9 +236,9 @@ def test_tables_and_plots_keep_the_numbers_of_joints(tmp_path):
     assert "joint_angle_3 [rad]" in names
     assert "joint_angle_2 [rad]" not in names
     legends = [axes.get_legend() for axes in signals_figure(result).axes]
-    said = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
-    assert "joint 3" in said
-    assert "joint 2" not in said
+    stated = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
+    assert "joint 3" in stated
+    assert "joint 2" not in stated
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def test_warning_has_the_line_of_the_call():
     assert caught[0].filename == inspect.getfile(arm)
 
 
-def test_largest_deflection_of_the_run_is_reported():
+def test_warning_depends_on_the_largest_deflection_of_the_run():
     """The link starts bent to the other side and is straight at the end."""
     of = arm()
     period = 1.0 / fa.modes(of).frequency_hz[0]

@@ -103,10 +103,10 @@ def test_compare_warns_once_and_keeps_the_warning_with_the_metrics():
             arm, controllers, 0.05, motion, {"light": paper_arm()}, integrator="rk4", step=1e-4
         )
     assert len(caught) == 1
-    told = [f"{table.warning.sel(controller=name).item()}" for name in controllers]
-    told = [a or b for a, b in zip(told, table.failure.values.ravel(), strict=True)]
-    assert told[0] == ""
-    assert "unstable" in told[1]
+    reported = [f"{table.warning.sel(controller=name).item()}" for name in controllers]
+    reported = [a or b for a, b in zip(reported, table.failure.values.ravel(), strict=True)]
+    assert reported[0] == ""
+    assert "unstable" in reported[1]
 
 
 def test_check_warns_of_an_unstable_loop(tmp_path):

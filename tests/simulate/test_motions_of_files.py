@@ -70,8 +70,8 @@ def test_shaped_and_smoothed_motions(made, keys, options):
 def test_force_over_time_passes_its_values_at_rest():
     force = _over_time(ForceTable(times=[0.0, 1.0, 3.0], values=[2.0, 6.0, 0.0]))
     # The quintic from rest to rest is halfway at half of the time.
-    told = {-1.0: 2.0, 0.0: 2.0, 0.5: 4.0, 1.0: 6.0, 2.0: 3.0, 3.0: 0.0, 9.0: 0.0}
-    assert [force(t) for t in told] == pytest.approx(list(told.values()), abs=1e-12)
+    reported = {-1.0: 2.0, 0.0: 2.0, 0.5: 4.0, 1.0: 6.0, 2.0: 3.0, 3.0: 0.0, 9.0: 0.0}
+    assert [force(t) for t in reported] == pytest.approx(list(reported.values()), abs=1e-12)
     h = 1e-4
     for t in (0.0, 1.0, 3.0):
         # Slope and curvature vanish with the third and second power of the distance from a rest.

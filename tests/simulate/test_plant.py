@@ -270,13 +270,13 @@ def test_fast_bending_check_agrees_with_the_full_one(arm):
     rng = np.random.default_rng(0)
     segmented = fa.Arm(links=[fa.Link(length=0.8, segments=3, **(LINK | {"elements": 3}))])
     for one in (arm, segmented, fa.Arm(links=arm.spec.links, theory="second_order")):
-        watch, said = BendingWatch(one), 0
+        watch, stated = BendingWatch(one), 0
         most = 0.03 if one.spec.theory == "linear" else 0.1
         for _ in range(40):
             state = one.padded(rng.uniform(0.0, most) * rng.standard_normal((2, one.dof)))
             assert watch(state) == theory_error(one, state[None])
-            said += bool(watch(state))
-        assert 0 < said < 40
+            stated += bool(watch(state))
+        assert 0 < stated < 40
 
 
 def test_plant_with_contacts(arm, motion):
@@ -318,26 +318,24 @@ def test_copy_continues_from_the_state_of_the_plant(arm, motion, more, again):
     torques = [[0.2, 0.1] + 0.05 * rng.standard_normal(2) for _ in range(80)]
     for torque in torques[:40]:
         plant.step(torque)
-    rigid_counterpart = again(plant)
+    copied = again(plant)
     ahead = [(plant.step(torque), plant.q) for torque in torques[40:]]
-    assert rigid_counterpart.time == 40 * TICK
+    assert copied.time == 40 * TICK
     for torque, (measurement, q) in zip(torques[40:], ahead, strict=True):
-        told = rigid_counterpart.step(torque)
+        reported = copied.step(torque)
         for name in measurement:
-            np.testing.assert_array_equal(told[name], measurement[name])
-        np.testing.assert_array_equal(rigid_counterpart.q, q)
+            np.testing.assert_array_equal(reported[name], measurement[name])
+        np.testing.assert_array_equal(copied.q, q)
     if "contacts" in more:
-        assert abs(rigid_counterpart.contact_force).max() > 0.0
-    np.testing.assert_array_equal(rigid_counterpart.tip, plant.tip)
-    rigid_counterpart.reset()
+        assert abs(copied.contact_force).max() > 0.0
+    np.testing.assert_array_equal(copied.tip, plant.tip)
+    copied.reset()
     assert plant.time == 80 * TICK
 
 
 def test_copied_arm_needs_no_new_compilation(arm):
     """Arrays of another type would compile all kernels again."""
-    for rigid_counterpart in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
-        for own, copied in zip(
-            arm.assembly.constants, rigid_counterpart.assembly.constants, strict=True
-        ):
-            np.testing.assert_array_equal(own, copied)
-            assert typeof(copied) == typeof(own)
+    for copied in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
+        for own, other in zip(arm.assembly.constants, copied.assembly.constants, strict=True):
+            np.testing.assert_array_equal(own, other)
+            assert typeof(other) == typeof(own)

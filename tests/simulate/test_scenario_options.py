@@ -196,7 +196,7 @@ class TestEquilibrium:
         # The residual of the equilibrium vibrates.
         np.testing.assert_allclose(until, [wanted.q] * len(until), rtol=0, atol=1e-8)
 
-    def test_prescribed_joint_without_angles_starts_at_its_motion(self, run, arm):
+    def test_initial_angle_of_a_prescribed_joint_is_that_of_its_motion(self, run, arm):
         found = run(
             MOTION
             + "initial: {joint_angle: [0.3, 9.0], equilibrium: true}\n"
@@ -206,8 +206,7 @@ class TestEquilibrium:
         np.testing.assert_array_equal(found.q[0], wanted.q)
 
     def test_missing_equilibrium_is_reported(self, write, monkeypatch):
-        """The solver is replaced, because an arm with locked joints always has an equilibrium
-        here."""
+        """The error is simulated, because every arm with locked joints has an equilibrium here."""
 
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")

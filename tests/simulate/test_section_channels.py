@@ -133,9 +133,9 @@ def test_labels_of_sections():
 
 @pytest.mark.parametrize("stations", [1, -2, 2.5, True, 1001, "all"])
 def test_wrong_numbers_of_stations_are_rejected_before_the_run(stations):
-    with pytest.raises(fa.InputError) as told:
+    with pytest.raises(fa.InputError) as reported:
         fa.simulate(two_links(), 1e9, rate=1e-3, stations=stations)
-    assert str(told.value).startswith(
+    assert str(reported.value).startswith(
         "simulate: stations must be a whole number from 2 (root and tip) to 1000, got"
     )
 
@@ -153,9 +153,9 @@ def test_partial_result_has_section_forces():
         def update(self, t, measurement, reference):
             return fails(t)
 
-    with pytest.raises(fa.SimulationError) as told:
+    with pytest.raises(fa.SimulationError) as reported:
         fa.simulate(two_links(), 0.1, controller=Fails(), rate=1000, stations=3)
-    kept = told.value.result
+    kept = reported.value.result
     assert kept.bending_moment.shape == (kept.sizes["time"], 2, 3)
     assert np.all(np.isfinite(kept.bending_moment))
 

@@ -113,7 +113,7 @@ def test_wrong_arguments_are_rejected():
         fa.simulate_separated(arm.rigid(), None)
 
 
-def test_result_states_its_reference():
+def test_result_can_be_cited():
     arm = paper_arm()
     parts = fa.simulate_separated(arm, paper_line(arm, 1.0), rate=100.0)
     assert "HairerWanner1996" in fa.citation(parts)

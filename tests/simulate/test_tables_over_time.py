@@ -161,9 +161,9 @@ class TestAngles:
         t = np.linspace(0.0, 1.0, 41)
         given = fa.PrescribedAngle.table(t, np.sin(3 * t), ends="free")
         result = fa.simulate(rod(), 1.0, prescribed={1: given}, rate=400)
-        asked = np.sin(3 * result.time.values)
+        requested = np.sin(3 * result.time.values)
         # A spline's error: (3/384) h^4 |f''''| = 2.5e-7 within, four times as much beside the ends.
-        np.testing.assert_allclose(result.joint_angle.values[:, 0], asked, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(result.joint_angle.values[:, 0], requested, rtol=0, atol=1e-6)
         assert result.joint_rate.values[0, 0] == pytest.approx(3.0, abs=1e-3)
 
     def test_free_ends_must_cover_the_run(self):

@@ -21,9 +21,9 @@ SUFFIXES = (".nc", ".csv")
 
 
 def refused(path):
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         check_place("run", "--out", path, SUFFIXES)
-    (problem,) = told.value.problems
+    (problem,) = reported.value.problems
     assert problem.where == "run"
     assert problem.name == "--out"
     return problem

@@ -178,7 +178,7 @@ WALL = fa.Wall((0.0, 0.0), (0.0, 1.0))
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "stated"),
     [
         ({"stiffness": 0.0}, "stiffness must be greater than 0, got 0"),
         ({"stiffness": 1.0, "exponent": 0.5}, "exponent must be at least 1, got 0.5"),
@@ -193,13 +193,13 @@ WALL = fa.Wall((0.0, 0.0), (0.0, 1.0))
         ({"stiffness": "x", "surface": 3}, "surface .* A surface is a Wall, a RoundWall or a"),
     ],
 )
-def test_impossible_numbers_are_rejected(fields, said):
-    with pytest.raises(fa.InputError, match=f"Contact: {said}"):
+def test_impossible_numbers_are_rejected(fields, stated):
+    with pytest.raises(fa.InputError, match=f"Contact: {stated}"):
         fa.Contact(**{"surface": WALL, **fields})
 
 
 @pytest.mark.parametrize(
-    ("contacts", "said"),
+    ("contacts", "stated"),
     [
         (WALL, "contacts must be a list of Contact objects"),
         ([WALL], "contacts must be a list of Contact objects"),
@@ -207,7 +207,7 @@ def test_impossible_numbers_are_rejected(fields, said):
         ([fa.Contact(WALL, 1.0, link=1, station=99.0)], "Contact.station must be at most"),
     ],
 )
-def test_contacts_off_the_arm_are_rejected(contacts, said):
+def test_contacts_off_the_arm_are_rejected(contacts, stated):
     d = drawn(3)
-    with pytest.raises(fa.InputError, match=said):
+    with pytest.raises(fa.InputError, match=stated):
         d.arm.forward_dynamics(d.q, d.qd, d.torque, contacts=contacts)

@@ -142,7 +142,7 @@ def test_force_of_a_table_is_continuous_at_knots():
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "stated"),
     [
         (lambda: fa.Wall((0, 0), (0, 0)), "Wall: normal must have a length greater than 0"),
         (lambda: fa.Wall((0, np.nan), (0, 1)), r"Wall: point\[1\] must be a finite number"),
@@ -161,8 +161,8 @@ def test_force_of_a_table_is_continuous_at_knots():
         ),
     ],
 )
-def test_wrong_surfaces_are_rejected(make, said):
-    with pytest.raises(fa.InputError, match=said):
+def test_wrong_surfaces_are_rejected(make, stated):
+    with pytest.raises(fa.InputError, match=stated):
         make()
 
 

@@ -90,7 +90,7 @@ def test_gains_agree_with_python_control():
 
 
 class Shaken(fa.Controller):
-    """An LQG whose torque has a random error, which is recorded with the innovations."""
+    """An LQG with a random error on its torque, which records the innovations."""
 
     def __init__(self, controller, size):
         self.controller, self.size = controller, size

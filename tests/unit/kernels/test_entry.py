@@ -67,9 +67,9 @@ def test_copies_and_pickles_have_their_own_entry_points():
     for _ in range(_OFTEN + 2):
         entry(*given)
     expected = given[-1].force.copy()
-    for rigid_counterpart in (copy.deepcopy(entry), pickle.loads(pickle.dumps(entry))):
+    for copied in (copy.deepcopy(entry), pickle.loads(pickle.dumps(entry))):
         given[-1].force[:] = 0.0
-        rigid_counterpart(*given)
+        copied(*given)
         np.testing.assert_array_equal(given[-1].force, expected)
 
 

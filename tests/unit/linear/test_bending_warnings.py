@@ -117,12 +117,12 @@ def test_states_within_the_theory_give_no_warning(theory, segments, force):
 
 def test_message_has_the_estimate_and_a_remedy():
     linear, second = (strip(theory, elements=4) for theory in ("linear", "second_order"))
-    said = bending_warning(linear, bent(linear, FORCE))
-    assert "33% of its length of 1 m: the linear theory misplaces the tip by about 65 mm" in said
-    assert "(6.5% of the reach). Use theory='second_order' and segments=2 to 4" in said
-    said = bending_warning(second, bent(second, FORCE))
-    assert "the second-order theory misplaces the tip by about 20 mm" in said
-    assert "Use segments=2 to 4 on that link" in said
+    stated = bending_warning(linear, bent(linear, FORCE))
+    assert "33% of its length of 1 m: the linear theory misplaces the tip by about 65 mm" in stated
+    assert "(6.5% of the reach). Use theory='second_order' and segments=2 to 4" in stated
+    stated = bending_warning(second, bent(second, FORCE))
+    assert "the second-order theory misplaces the tip by about 20 mm" in stated
+    assert "Use segments=2 to 4 on that link" in stated
 
 
 def test_rigid_arm_has_no_error():

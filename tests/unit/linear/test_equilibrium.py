@@ -228,17 +228,17 @@ class TestStart:
         link = fa.Link(length=1.0, mass_per_length=2.0, flexible=False)
         arm = fa.Arm(links=[link], gravity=(0.0, -9.81))
         start = arm.rest([0.3])
-        with pytest.raises(fa.EquilibriumError) as told:
+        with pytest.raises(fa.EquilibriumError) as reported:
             fa.equilibrium(arm, start=start, torque=[30.0])
-        np.testing.assert_array_equal(told.value.q, start)
+        np.testing.assert_array_equal(reported.value.q, start)
 
 
 class TestNone:
     def test_torque_on_a_free_joint_has_no_equilibrium(self):
         arm = cantilever()
-        with pytest.raises(fa.EquilibriumError) as told:
+        with pytest.raises(fa.EquilibriumError) as reported:
             fa.equilibrium(arm, [0.4], torque=[1.0])
-        error = told.value
+        error = reported.value
         assert error.load_fraction == 0.0
         np.testing.assert_array_equal(error.q, arm.rest([0.4]))
         assert str(error).startswith("no equilibrium found: ")

@@ -185,9 +185,9 @@ def test_zero_loads_have_no_effect():
     ],
 )
 def test_wrong_loads_are_rejected(fields, message):
-    with pytest.raises(fa.InputError) as told:
+    with pytest.raises(fa.InputError) as reported:
         fa.Load(**{"link": 1, "force": (0.0, 1.0), **fields})
-    assert str(told.value) == message
+    assert str(reported.value) == message
 
 
 @pytest.mark.parametrize(
@@ -213,9 +213,9 @@ def test_loads_off_the_arm_are_rejected(load, message):
         "simulate": lambda: fa.simulate(of, 0.1, loads=[load]),
     }
     for where, call in calls.items():
-        with pytest.raises(fa.InputError) as told:
+        with pytest.raises(fa.InputError) as reported:
             call()
-        assert str(told.value) == f"{where}: {message}"
+        assert str(reported.value) == f"{where}: {message}"
 
 
 @pytest.mark.parametrize("tip_force", [(1.0,), (1.0, 2.0, 3.0, 4.0), (1.0, np.nan)])

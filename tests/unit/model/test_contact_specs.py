@@ -43,7 +43,7 @@ def test_every_kind_becomes_a_contact(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("  - {surface: {kind: wal, point: [0, 0], normal: [0, 1]}, stiffness: 1}", "surface.kind"),
         ("  - {surface: {kind: wall, point: [0, 0], normal: [0, 0]}, stiffness: 1}",
@@ -63,11 +63,11 @@ def test_every_kind_becomes_a_contact(tmp_path):
         ("  - {surface: {kind: round, center: [0, 0], radius: 1}, stifness: 1}", "stiffness"),
     ],
 )  # fmt: skip
-def test_wrong_contacts_are_rejected_with_their_line(tmp_path, text, said):
+def test_wrong_contacts_are_rejected_with_their_line(tmp_path, text, stated):
     path = written(tmp_path, text)
-    with pytest.raises(fa.ModelError, match=said) as told:
+    with pytest.raises(fa.ModelError, match=stated) as reported:
         load_scenario(path)
-    assert str(told.value).startswith(f"{path}:5")
+    assert str(reported.value).startswith(f"{path}:5")
 
 
 def test_multistep_method_is_rejected_at_its_line(tmp_path):

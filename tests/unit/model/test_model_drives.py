@@ -29,7 +29,7 @@ ONE_EACH = "must have length 2, one value for each joint, got 3."
 
 
 @pytest.mark.parametrize(
-    ("drive", "told"),
+    ("drive", "reported"),
     [
         ({"kind": "lqg", "posture": [0, 0, 0]}, [f"drive.posture {ONE_EACH}"]),
         ({"kind": "lqg", "schedule": [None, None, [0]]}, [f"drive.schedule {ONE_EACH}"]),
@@ -81,10 +81,10 @@ ONE_EACH = "must have length 2, one value for each joint, got 3."
         ),
     ],
 )
-def test_wrong_controllers_are_rejected_with_every_reason(drive, told):
+def test_wrong_controllers_are_rejected_with_every_reason(drive, reported):
     found = problems(drive=drive)
-    assert len(found) == len(told)
-    for text, start in zip(found, told, strict=True):
+    assert len(found) == len(reported)
+    for text, start in zip(found, reported, strict=True):
         assert text.startswith(start)
 
 
@@ -110,7 +110,7 @@ def test_drives_state_whether_they_balance_the_weight(drive, expected):
 
 
 @pytest.mark.parametrize(
-    ("parts", "told"),
+    ("parts", "reported"),
     [
         (
             {"motion": PRESSED},
@@ -200,8 +200,8 @@ def test_drives_state_whether_they_balance_the_weight(drive, expected):
         ),
     ],
 )
-def test_wrong_motions_are_rejected(parts, told):
-    assert any(text.startswith(told) for text in problems(**parts))
+def test_wrong_motions_are_rejected(parts, reported):
+    assert any(text.startswith(reported) for text in problems(**parts))
 
 
 def test_pressing_motion_requires_only_a_wall():
@@ -210,7 +210,7 @@ def test_pressing_motion_requires_only_a_wall():
     assert made.drive.frequency == 8.0
 
 
-def test_mappings_of_numbers_are_kept():
+def test_mappings_of_numbers_cannot_be_changed():
     made = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
     same = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
     assert hash(made) == hash(same)

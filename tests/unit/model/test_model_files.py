@@ -25,10 +25,10 @@ def problems_of(load, path):
 def test_every_problem_of_a_bad_arm_has_its_line(name, tmp_path):
     text, problems = BAD_ARMS[name]
     (tmp_path / "arm.yaml").write_text(text)
-    told = problems_of(load_arm_spec, tmp_path / "arm.yaml")
+    reported = problems_of(load_arm_spec, tmp_path / "arm.yaml")
     if problems is not None:
-        assert told == problems
-    assert len(set(told)) == len(told)
+        assert reported == problems
+    assert len(set(reported)) == len(reported)
 
 
 def test_hundreds_of_problems_are_kept_and_some_are_printed(tmp_path):
@@ -135,8 +135,8 @@ def test_problems_are_reported_in_their_file(tmp_path):
     )
     with pytest.raises(ModelError) as caught:
         load_scenario(tmp_path / "run.yaml")
-    told = [str(problem).removeprefix(f"{tmp_path}/") for problem in caught.value.problems]
-    assert sorted(told) == [
+    reported = [str(problem).removeprefix(f"{tmp_path}/") for problem in caught.value.problems]
+    assert sorted(reported) == [
         "arm.yaml:4: arm.links[0].length must be greater than 0, got -2.",
         "arm.yaml:5: runs is not a known key. Did you mean 'run'?",
         "run.yaml:2: run.duration must be greater than 0, got 0.",
@@ -290,13 +290,15 @@ def test_each_of_many_problems_is_reported_at_its_line(sound, data, value, tmp_p
         lines[places[i]] = before.count("\n") + 1
         text = before + value + after
     (tmp_path / "run.yaml").write_text(text)
-    told = set(problems_of(load_scenario, tmp_path / "run.yaml"))
+    reported = set(problems_of(load_scenario, tmp_path / "run.yaml"))
     for place in places:
         where = f"{lines[place]}: {key_path(place)}"
-        inside = [problem for problem in told if problem.startswith((f"{where} must", f"{where}."))]
+        inside = [
+            problem for problem in reported if problem.startswith((f"{where} must", f"{where}."))
+        ]
         # A pair of numbers is one value to the reader, which rejects it as a whole.
         whole = f": {key_path(place[:-1])} must be a list of two numbers"
-        assert inside or any(whole in problem for problem in told), (where, told)
+        assert inside or any(whole in problem for problem in reported), (where, reported)
 
 
 @pytest.mark.parametrize("sound", [SOUND, PUSHED], ids=["moved", "pushed"])

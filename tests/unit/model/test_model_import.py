@@ -15,8 +15,10 @@ def test_model_imports_neither_numpy_nor_higher_layers():
         "ours = {m.split('.')[1] for m in sys.modules if m.startswith('flexarm.')}\n"
         "print(sorted(heavy), sorted(ours))"
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.split() == [
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert reported.stdout.split() == [
         "[]",
         "['arguments',",
         "'errors',",

@@ -88,8 +88,8 @@ def test_fixed_joints_have_no_values():
     assert found.prescribed[0].joint == 3
     with pytest.raises(ModelError) as caught:
         found.replace(prescribed=[HeldJoint(joint=2)], initial={"joint_angle": [0, 1, 2]})
-    told = [problem.removeprefix("Scenario: ") for problem in str(caught.value).splitlines()]
-    assert told == [
+    reported = [problem.removeprefix("Scenario: ") for problem in str(caught.value).splitlines()]
+    assert reported == [
         "initial.joint_angle must have length 2, one value for each joint, got 3.",
         ("prescribed[0].joint must be the number of a joint that is not fixed: 1, 3, got 2."),
     ]
@@ -311,9 +311,9 @@ def test_wrong_loads_are_rejected_with_every_reason(load, problems):
 def test_wrong_scenarios_are_rejected_with_every_reason(values, problems):
     with pytest.raises(ModelError) as caught:
         scenario(**values)
-    told = str(caught.value).splitlines()
-    assert len(told) == len(problems), told
-    for line, text in zip(told, problems, strict=True):
+    reported = str(caught.value).splitlines()
+    assert len(reported) == len(problems), reported
+    for line, text in zip(reported, problems, strict=True):
         assert line.startswith(f"Scenario: {text}")
 
 

@@ -177,7 +177,7 @@ class TestBeam:
             [
                 (
                     "element must be one of 'euler_bernoulli', 'timoshenko', got 3. "
-                    "How many there are is said by elements."
+                    "`elements` is their number."
                 )
             ],
         ),

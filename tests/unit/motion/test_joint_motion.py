@@ -50,7 +50,7 @@ def test_wrong_postures_are_rejected(start, end, message):
         joint_motion(Links(), start, end, 1.0)
 
 
-def test_motion_of_extreme_duration_has_zero_rates():
+def test_motion_of_extreme_duration_is_at_rest():
     # The square of its duration is beyond the largest float.
     angle, rate, acceleration = joint_motion(Links([1.0]), [0.0], [1.0], 1e300).state([0.0, 1.0])
     np.testing.assert_array_equal(angle, [[0.0], [0.0]])

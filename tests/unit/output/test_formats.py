@@ -85,9 +85,11 @@ def test_numbers_of_the_table_are_exact_to_the_bit(result, tmp_path):
 
 
 def test_unknown_suffix_is_rejected_with_the_known_ones(result, tmp_path):
-    with pytest.raises(InputError, match=r"path must end in \.nc or \.csv, got .*run\.cvs") as told:
+    with pytest.raises(
+        InputError, match=r"path must end in \.nc or \.csv, got .*run\.cvs"
+    ) as reported:
         write_result(result, tmp_path / "run.cvs")
-    assert "run.csv" in told.value.problems[0].hint
+    assert "run.csv" in reported.value.problems[0].hint
     assert not list(tmp_path.iterdir())
 
 

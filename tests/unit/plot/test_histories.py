@@ -62,7 +62,7 @@ def test_unit_of_the_axis_is_that_of_the_channel_table():
                 assert part.labels == (label,)
 
 
-def test_given_axes_keep_their_settings():
+def test_plots_use_given_axes_and_their_settings():
     figure, (left, right) = plt.subplots(1, 2)
     assert fa.plot.history(result(), "torque", axes=left) is left
     assert fa.plot.phase_portrait(result(), axes=right) is right
@@ -77,7 +77,7 @@ def test_two_calls_share_axes_and_keep_all_names():
     assert legend(axes) == ["joint 1", "joint 2"]
 
 
-def test_new_figure_belongs_to_pyplot_and_leaves_its_settings():
+def test_new_figure_belongs_to_pyplot_and_changes_no_settings():
     before = dict(plt.rcParams)
     axes = fa.plot.history(result(), "torque")
     assert plt.gcf() is axes.figure

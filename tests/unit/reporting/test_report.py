@@ -93,10 +93,10 @@ def test_report_has_settings_versions_and_citations():
 
 
 def test_report_has_every_warning_and_the_failure():
-    told = controlled().copy()
+    reported = controlled().copy()
     texts = {"warning": "bent far", "unstable_loop": "it grows", "failure": "stopped at 0.2 s"}
-    told.attrs = {**controlled().attrs, **texts, "estimator_consistent": 0}
-    words = words_of(fa.report(told))
+    reported.attrs = {**controlled().attrs, **texts, "estimator_consistent": 0}
+    words = words_of(fa.report(reported))
     for text in (*texts.values(), "the estimator is inconsistent"):
         assert text in words
     assert "No warnings." not in words

@@ -223,9 +223,9 @@ def section_angles(arm, q):
 def test_wrong_numbers_of_stations_are_rejected(stations):
     arm = cantilever()
     zero = np.zeros(arm.dof)
-    with pytest.raises(fa.InputError) as told:
+    with pytest.raises(fa.InputError) as reported:
         arm.section_forces(zero, zero, zero, stations)
-    assert str(told.value).startswith(
+    assert str(reported.value).startswith(
         "Arm.section_forces: stations must be a whole number from 2 (root and tip) to 1000, got"
     )
 

@@ -44,7 +44,7 @@ def test_local_server_needs_no_token():
 
 
 @pytest.mark.parametrize("host", [b"evil.example", b"127.0.0.1.evil.example:8550", b"", b"[::1"])
-def test_local_server_has_local_names_only(host):
+def test_local_server_rejects_other_host_names(host):
     assert answer(OPEN, headers=[(b"host", host)])[0] == 403
 
 
