@@ -159,6 +159,12 @@ class Screen:
             self.page.get_by_role("button", name="Open").click()
         chooser.value.set_files(str(path))
 
+    def show_file(self, path):
+        """Open a file and wait for its picture."""
+        before = self.number
+        self.open(path)
+        self.wait_for_picture(before)
+
     def save(self, menu, item):
         """Return name and content of a file that is saved from a menu."""
         self.page.get_by_role("button", name=menu).click()

@@ -145,9 +145,7 @@ def test_saved_file_can_be_opened_again(window, new_window, tmp_path):
     path = tmp_path / name
     path.write_bytes(content)
     other = new_window()
-    before = other.number
-    other.open(path)
-    other.wait_for_picture(before)
+    other.show_file(path)
     assert other.value(LENGTH) == 0.7
     for each in (window, other):
         each.plain()
@@ -171,9 +169,7 @@ run: {duration: 0.5, rate: 200}
 """
     path = tmp_path / "drives.yaml"
     path.write_text(study, encoding="utf-8")
-    before = window.number
-    window.open(path)
-    window.wait_for_picture(before)
+    window.show_file(path)
     before = window.number
     window.page.get_by_label("drive of the study").click()
     window.page.get_by_role("option", name="<b>joint PD</b>", exact=True).click()

@@ -61,9 +61,7 @@ def test_500_rapid_changes_end_with_the_picture_of_the_last_one(window, new_wind
     path = tmp_path / name
     path.write_bytes(content)
     fresh = new_window()
-    before = fresh.number
-    fresh.open(path)
-    fresh.wait_for_picture(before)
+    fresh.show_file(path)
     fresh.plain()
     assert np.array_equal(window.pixels(), fresh.pixels())
 

@@ -1,6 +1,12 @@
-"""Scenario files for tests of the command line: a valid one, and invalid variants of it."""
+"""A call of the command line, a valid scenario file, and invalid variants of it."""
 
 from __future__ import annotations
+
+from typing import Any
+
+from typer.testing import CliRunner
+
+from flexarm.cli.main import app
 
 GOOD = """\
 flexarm: 1
@@ -23,6 +29,11 @@ motion: {kind: joint, start: [0.0], end: [1.0], duration: 1.0}
 drive: {kind: rigid_inverse_dynamics}
 run: {duration: 1.0, rate: 5000, integrator: rk4, step: 0.002}
 """
+
+
+def invoke(*arguments: object) -> Any:
+    """Run a command, and raise every exception that flexarm did not handle."""
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def spoiled(old: str, new: str) -> str:

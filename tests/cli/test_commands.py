@@ -6,23 +6,18 @@ import re
 
 import numpy as np
 import pytest
-from scenarios import GOOD, UNSTABLE
-from typer.testing import CliRunner
+from scenarios import GOOD, UNSTABLE, invoke
 
 import flexarm as fa
-from flexarm.cli.main import app
 from flexarm.output import read_result
 
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
-@pytest.fixture
-def good(tmp_path):
-    path = tmp_path / "good.yaml"
-    path.write_text(GOOD)
-    return path
+ONE_LINK = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}
+motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}
+"""
 
 
 def test_version():
@@ -55,12 +50,8 @@ def test_check_prints_a_summary(good):
 def test_check_prints_frequencies_sample_time_integrator_and_stability(good):
     """The numbers equal those of the Python interface, and the closed form of a single joint."""
     good.write_text(
-        "flexarm: 1\n"
-        "arm:\n"
-        "  links:\n"
-        "    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}\n"
-        "motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}\n"
-        "drive: {kind: joint_pd, proportional: 2.0, derivative: 0.4, sample_time: 0.002}\n"
+        ONE_LINK
+        + "drive: {kind: joint_pd, proportional: 2.0, derivative: 0.4, sample_time: 0.002}\n"
         "run: {duration: 1.0, integrator: rk4, step: 1.0e-4}\n"
     )
     words = " ".join(invoke("check", good).stdout.split())
@@ -84,12 +75,7 @@ def test_check_prints_frequencies_sample_time_integrator_and_stability(good):
 
 def test_check_reports_an_unstable_pole(good):
     good.write_text(
-        "flexarm: 1\n"
-        "arm:\n"
-        "  links:\n"
-        "    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}\n"
-        "motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}\n"
-        "drive: {kind: joint_pd, proportional: 2.0, derivative: 2.0, sample_time: 0.1}\n"
+        ONE_LINK + "drive: {kind: joint_pd, proportional: 2.0, derivative: 2.0, sample_time: 0.1}\n"
         "run: {duration: 1.0}\n"
     )
     outcome = invoke("check", good)

@@ -221,20 +221,10 @@ def test_failed_run_is_reported_and_the_table_is_printed(path):
     assert "PD on heavy along back: stopped at t =" in result.stderr.replace("\n", " ")
 
 
-def test_study_can_be_used_from_python():
-    study, _ = locate_study_of(STUDY)
+def test_study_can_be_used_from_python(path):
+    study, _ = locate_study(path)
     assert isinstance(study, Study)
     assert study.scenario("PD", "back").drive.kind == "joint_pd"
-
-
-def locate_study_of(text):
-    import tempfile
-    from pathlib import Path
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "study.yaml"
-        path.write_text(text)
-        return locate_study(path)
 
 
 PRESSING = """\
@@ -279,7 +269,8 @@ def test_force_errors_are_reported_only_for_motions_with_contact(tmp_path):
 
 def test_check_names_pressing_and_shaped_motions(tmp_path):
     path = tmp_path / "run.yaml"
-    study, _ = locate_study_of(PRESSING)
+    path.write_text(PRESSING)
+    study, _ = locate_study(path)
     for motion, words in (("wipe", "in 0.3 s, within reach, pressing"), ("free", "with shaping")):
         save_scenario(study.scenario("hybrid", motion), path)
         result = call("check", path)

@@ -8,10 +8,9 @@ import threading
 from contextlib import contextmanager
 
 import pytest
-from scenarios import GOOD
+from scenarios import GOOD, invoke
 
 import flexarm as fa
-from flexarm.cli.main import app
 
 COMMAND = [sys.executable, "-c", "from flexarm.cli.main import main; main()"]
 FULL = """
@@ -21,13 +20,6 @@ from flexarm.cli.main import main
 main()
 """
 posix_only = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
-
-
-@pytest.fixture
-def good(tmp_path):
-    path = tmp_path / "good.yaml"
-    path.write_text(GOOD)
-    return path
 
 
 def run(*arguments, code=None, **options):
@@ -195,12 +187,6 @@ from flexarm.cli.main import app
 assert signal.getsignal(signal.SIGTERM) is before
 """
     assert run(code=code).returncode == 0
-
-
-def invoke(*arguments):
-    from typer.testing import CliRunner
-
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 @posix_only

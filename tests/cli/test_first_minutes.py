@@ -4,23 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from scenarios import GOOD
-from typer.testing import CliRunner
+from scenarios import GOOD, invoke
 
 import flexarm as fa
-from flexarm.cli.main import app
 from flexarm.cli.starting_files import MOST_LINKS
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
-@pytest.fixture
-def good(tmp_path):
-    path = tmp_path / "good.yaml"
-    path.write_text(GOOD)
-    return path
 
 
 @pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])

@@ -6,11 +6,10 @@ import json
 
 import numpy as np
 import pytest
+from scenarios import invoke
 from scipy.io import loadmat
-from typer.testing import CliRunner
 
 import flexarm as fa
-from flexarm.cli.main import app
 
 ARM = """\
 flexarm: 1
@@ -22,10 +21,6 @@ arm:
     - {length: 0.8, flexural_rigidity: 105.0, mass_per_length: 0.6, elements: 1}
 """
 HEAVY = ARM + "  gravity: [0, -9.81]\n"
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 @pytest.fixture

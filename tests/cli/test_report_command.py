@@ -3,17 +3,11 @@
 import os
 
 import pytest
-from scenarios import GOOD, UNSTABLE
-from test_wrong_input import assert_refused
-from typer.testing import CliRunner
+from scenarios import GOOD, UNSTABLE, invoke
+from test_wrong_input import assert_rejected
 
 import flexarm as fa
-from flexarm.cli.main import app
 from flexarm.output import encode_netcdf
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 @pytest.fixture
@@ -83,7 +77,7 @@ def test_bad_file_is_rejected_and_nothing_is_written(spoil, result, tmp_path):
     spoil(result)
     before = sorted(tmp_path.rglob("*"))
     outcome = invoke("report", result, "--out", tmp_path / "new" / "page.html")
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert str(result) in outcome.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -93,7 +87,7 @@ def test_unwritable_path_is_rejected(name, result, tmp_path):
     (tmp_path / "folder.html").mkdir()
     before = sorted(tmp_path.rglob("*"))
     outcome = invoke("report", result, "--out", tmp_path / name)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "flexarm report: --out must" in outcome.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -118,6 +112,6 @@ def test_full_disk_keeps_the_older_page(result, tmp_path):
         outcome = invoke("report", result)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert path.read_text() == "older"
     assert sorted(tmp_path.iterdir()) == sorted([result, path])

@@ -3,10 +3,7 @@
 import re
 
 import pytest
-from scenarios import GOOD, WRONG
-from typer.testing import CliRunner
-
-from flexarm.cli.main import app
+from scenarios import GOOD, WRONG, invoke
 
 #: Pattern of a rule with its value, or of a statement about the input.
 MESSAGE = re.compile(
@@ -15,17 +12,12 @@ MESSAGE = re.compile(
 )
 
 
-def invoke(*arguments):
-    """Run a command, and raise every exception that flexarm did not handle."""
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
 def write(path, content):
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
 
 
-def assert_refused(outcome):
+def assert_rejected(outcome):
     assert outcome.exit_code == 2
     assert "Traceback" not in outcome.output
     reported = outcome.stderr.splitlines()
@@ -38,7 +30,7 @@ def assert_refused(outcome):
 def test_check_rejects(what, tmp_path):
     content, part = WRONG[what]
     outcome = invoke("check", write(tmp_path / "bad.yaml", content))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert part in outcome.stderr
     assert "ok" not in outcome.stdout
 
@@ -49,7 +41,7 @@ def test_run_rejects_and_leaves_nothing(what, tmp_path):
     bad = write(tmp_path / "bad.yaml", content)
     out, plot = tmp_path / "run.nc", tmp_path / "run.png"
     outcome = invoke("run", bad, "--out", out, "--plot", plot)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert part in outcome.stderr
     assert list(tmp_path.iterdir()) == [bad]
 
@@ -57,19 +49,19 @@ def test_run_rejects_and_leaves_nothing(what, tmp_path):
 @pytest.mark.parametrize("command", ["check", "run", "modes"])
 def test_missing_file_is_rejected(command, tmp_path):
     outcome = invoke(command, tmp_path / "none.yaml")
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "does not exist" in outcome.stderr
 
 
 @pytest.mark.parametrize("command", ["check", "run", "modes"])
 def test_folder_in_place_of_a_file_is_rejected(command, tmp_path):
-    assert_refused(invoke(command, tmp_path))
+    assert_rejected(invoke(command, tmp_path))
 
 
 def test_all_problems_are_reported_with_their_lines(tmp_path):
     text = GOOD.replace("length: 0.6", "length: -1").replace("rate: 200", "rates: 200")
     outcome = invoke("check", write(tmp_path / "bad.yaml", text))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     lines = [line.split(": ")[0].rpartition(":")[2] for line in outcome.stderr.splitlines()]
     assert lines == ["4", "8"]
 
@@ -98,7 +90,7 @@ def test_unwritable_path_is_rejected_before_the_run(what, option, tmp_path, monk
         (tmp_path / "folder.nc").rename(tmp_path / f"folder{suffix}")
         before = sorted(tmp_path.rglob("*"))
     outcome = invoke("run", good, option, tmp_path / name)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert f"flexarm run: {option} must" in outcome.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -127,7 +119,7 @@ STUDY = STUDY.replace("dynamics}", "dynamics}}")
 )
 def test_file_of_another_kind_names_its_command(command, content, reported, tmp_path):
     outcome = invoke(command, write(tmp_path / "file.yaml", content))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert reported in outcome.stderr
     assert len(outcome.stderr.splitlines()) == 1
 
@@ -143,14 +135,14 @@ def test_files_of_these_tests_have_the_intended_kind(tmp_path):
 def test_wrong_number_of_angles_is_rejected(angles, tmp_path):
     good = write(tmp_path / "good.yaml", GOOD)
     outcome = invoke("modes", good, "--angles", angles)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "--angles must be 2 numbers" in outcome.stderr
 
 
 def test_modes_and_schema_check_their_output_paths(tmp_path):
     good = write(tmp_path / "good.yaml", GOOD)
-    assert_refused(invoke("modes", good, "--csv", tmp_path / "a.nc"))
-    assert_refused(invoke("schema", "--out", tmp_path / "a.yaml"))
+    assert_rejected(invoke("modes", good, "--csv", tmp_path / "a.nc"))
+    assert_rejected(invoke("schema", "--out", tmp_path / "a.yaml"))
     assert list(tmp_path.iterdir()) == [good]
 
 
@@ -171,14 +163,14 @@ run: {duration: 0.5}
 @pytest.mark.parametrize("command", ["check", "run"])
 def test_start_deep_in_a_wall_is_rejected_before_the_run(tmp_path, command):
     outcome = invoke(command, write(tmp_path / "deep.yaml", DEEP))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "deep.yaml" in outcome.stderr
     assert "outside the surface of contact 1, got 0.5 m deep" in outcome.stderr
 
 
 def test_paper_rejects_a_file_for_a_folder(tmp_path):
     good = write(tmp_path / "good.yaml", GOOD)
-    assert_refused(invoke("paper", "--out", good))
+    assert_rejected(invoke("paper", "--out", good))
 
 
 @pytest.mark.parametrize(

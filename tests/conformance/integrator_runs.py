@@ -156,13 +156,3 @@ def bang_bang():
     coefficients = np.zeros((5, 4, 1))
     coefficients[:, 0, 0] = torque
     return arm, edges, torque, coefficients
-
-
-def parabolas(edges, acceleration, t):
-    """Return angle and rate of a body that starts at rest."""
-    angle = rate = 0.0
-    for a, b, value in zip(edges[:-1], edges[1:], acceleration, strict=True):
-        span = np.clip(t, a, b) - a
-        angle += rate * span + value * span**2 / 2
-        rate += value * span
-    return angle, rate

@@ -173,36 +173,29 @@ def test_slow_motion_is_followed_within_a_few_degrees(name, arm):
     assert abs(result.joint_angle.values[-1] - wanted[-1]).max() < 0.02
 
 
+def run_with_instruments(arm, controller, reference, names):
+    """Simulate a short run with instruments for some readings."""
+    hardware = fa.Hardware([fa.Instrument(name) for name in names])
+    fa.simulate(arm, 0.02, controller=controller, reference=reference, hardware=hardware)
+
+
 @every
 def test_stated_requirements_are_sufficient(name, arm):
     """A run with instruments for these readings, and no others, succeeds."""
     controller, reference = EXAMPLES[name](), motion(arm)
     requirements = controller.requirements(arm, reference)
     assert requirements.joints == 2
-    instruments = [fa.Instrument(label) for label in requirements.measured]
-    fa.simulate(
-        arm,
-        0.02,
-        controller=controller,
-        reference=reference,
-        hardware=fa.Hardware(instruments),
-    )
+    run_with_instruments(arm, controller, reference, requirements.measured)
 
 
 @every
 def test_each_missing_requirement_is_rejected_before_the_run(name, arm):
     controller, reference = EXAMPLES[name](), motion(arm)
     needed = controller.requirements(arm, reference).measured
-    for left_out in needed:
-        others = [fa.Instrument(label) for label in needed if label != left_out]
-        with pytest.raises(fa.InputError, match=f"hardware has no instrument for {left_out}"):
-            fa.simulate(
-                arm,
-                0.02,
-                controller=controller,
-                reference=reference,
-                hardware=fa.Hardware(others),
-            )
+    for omitted in needed:
+        others = [name for name in needed if name != omitted]
+        with pytest.raises(fa.InputError, match=f"hardware has no instrument for {omitted}"):
+            run_with_instruments(arm, controller, reference, others)
 
 
 @every

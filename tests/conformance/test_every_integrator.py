@@ -15,7 +15,6 @@ from integrator_runs import (
     equal_steps,
     flexible_arm,
     make_system,
-    parabolas,
     reference,
     start,
     tolerance,
@@ -23,6 +22,7 @@ from integrator_runs import (
 
 import flexarm as fa
 from arm_states import state_array
+from constant_torques import parabolas
 from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.integrate import status as codes
 from flexarm.integrate.base import Progress, Status

@@ -6,14 +6,13 @@ slenderness^2/3.12 (shear coefficient 5/6, Poisson's ratio 0.3).
 
 import json
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import eigvalsh
 from scipy.optimize import brentq
+from shooting import shooting_root
 
 import flexarm as fa
 from flexarm.beams.invariants import link_constants
@@ -228,9 +227,8 @@ def test_slender_links_do_not_lock_on_coarse_meshes(slenderness, elements):
     np.testing.assert_allclose(lowered[1], 66.5, rtol=0.35, atol=rounding)
 
 
-def shooting_root(x, columns, guess):
-    """Return the frequency of a clamped tapered beam near `guess`, by integration from root to
-    tip."""
+def tapered_root(x, columns, guess):
+    """Return the frequency near `guess` of a clamped tapered beam."""
 
     def slope(s, y, square):
         v, turn, moment, force = y[0::4], y[1::4], y[2::4], y[3::4]
@@ -246,17 +244,7 @@ def shooting_root(x, columns, guess):
             axis=1,
         ).ravel()
 
-    def mismatch(frequency):
-        # unit moment, then unit force, at the root
-        y = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-        for start, end in pairwise(x):
-            run = solve_ivp(
-                slope, (start, end), y, "DOP853", args=(frequency**2,), rtol=1e-12, atol=1e-13
-            )
-            y = run.y[:, -1]
-        return y[2] * y[7] - y[3] * y[6]
-
-    return brentq(mismatch, 0.98 * guess, 1.01 * guess, xtol=1e-13, rtol=1e-12)
+    return shooting_root(slope, x, guess)
 
 
 @pytest.mark.parametrize(
@@ -275,7 +263,7 @@ def test_tapered_beams_converge_to_an_independent_integration(x, columns):
         np.sqrt(link_constants(x, *columns[:3], elements=n, shear_rigidity=columns[3]).w2[:3])
         for n in (16, 32)
     ]
-    exact = np.array([shooting_root(np.array(x), columns, w) for w in found[-1]])
+    exact = np.array([tapered_root(np.array(x), columns, w) for w in found[-1]])
     errors = np.array(found) / exact - 1
     assert np.all(errors > 0.0)
     orders = np.log2(errors[0] / errors[1])

@@ -151,6 +151,13 @@ def part_pattern(name: str) -> re.Pattern[str]:
     return re.compile(rf"<!-- begin {name} -->\n\n(.*?)\n\n<!-- end {name} -->", re.DOTALL)
 
 
+def table_rows(page: str, name: str) -> list[list[str]]:
+    """Return the cells of a generated table of a page, without its head."""
+    found = part_pattern(name).search((ROOT / page).read_text(encoding="utf-8"))
+    assert found is not None
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
+
+
 def rewrite() -> None:
     """Write every generated part into its page."""
     for (page, name), text in generated().items():

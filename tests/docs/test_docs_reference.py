@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import re
-from typing import Any
 
 import pytest
 import typer
@@ -19,6 +17,7 @@ from flexarm.controllers import CONTROLLERS
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import json_schema
 from flexarm.motion import TIMING_LAWS
+from page_scripts import script
 
 PYTHON = "docs/reference/python-api.md"
 COMMANDS = "docs/reference/command-line.md"
@@ -116,16 +115,6 @@ def test_commands_and_their_options_are_documented() -> None:
         listed = set(re.findall(r"^\| `(--\w+)", section, flags=re.MULTILINE))
         real = {opt for p in command.params for opt in p.opts if opt.startswith("--")}
         assert listed == real - {"--help"}, f"{COMMANDS}: options of {name}"
-
-
-def script(name: str) -> Any:
-    """Return a script that measures a table of a how-to page."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "how-to" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_separation_table_repeats() -> None:

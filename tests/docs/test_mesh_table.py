@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
+from reference_tables import table_rows
 
-from reference_tables import ROOT, part_pattern
-
-PAGE = ROOT / "docs" / "how-to" / "large-deflection.md"
-SCRIPT = ROOT / "docs" / "how-to" / "measure_mesh.py"
+from page_scripts import script
 
 
 def test_mesh_script_gives_the_rows_of_the_page() -> None:
-    spec = importlib.util.spec_from_file_location("measure_mesh", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    found = part_pattern("mesh").search(PAGE.read_text(encoding="utf-8"))
-    assert found is not None
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
+    module = script("measure_mesh")
+    rows = table_rows("docs/how-to/large-deflection.md", "mesh")
     assert [int(row[0]) for row in rows] == list(module.ELEMENTS)
     # The finer meshes take minutes.
     for row in rows[:4]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,52 +21,22 @@ from peers.flexarm_arm import tip
 REASON = "the other programs come with an extra: pip install 'flexarm[peers]'"
 
 
-@pytest.fixture
-def exudyn_arm() -> ModuleType:
-    pytest.importorskip("exudyn", reason=REASON)
-    from peers import exudyn_arm
+def peer(package: str, name: str) -> Any:
+    """Return a fixture for a module of `peers`; its tests are skipped without the package."""
 
-    return exudyn_arm
+    def load() -> ModuleType:
+        pytest.importorskip(package, reason=REASON)
+        return import_module(f"peers.{name}")
 
-
-@pytest.fixture
-def mujoco_arm() -> ModuleType:
-    pytest.importorskip("mujoco", reason=REASON)
-    from peers import mujoco_arm
-
-    return mujoco_arm
+    return pytest.fixture(name=name)(load)
 
 
-@pytest.fixture
-def pinocchio_arm() -> ModuleType:
-    pytest.importorskip("pinocchio", reason=REASON)
-    from peers import pinocchio_arm
-
-    return pinocchio_arm
-
-
-@pytest.fixture
-def drake_arm() -> ModuleType:
-    pytest.importorskip("pydrake", reason=REASON)
-    from peers import drake_arm
-
-    return drake_arm
-
-
-@pytest.fixture
-def elastica_arm() -> ModuleType:
-    pytest.importorskip("elastica", reason=REASON)
-    from peers import elastica_arm
-
-    return elastica_arm
-
-
-@pytest.fixture
-def soromox_arm() -> ModuleType:
-    pytest.importorskip("soromox", reason=REASON)
-    from peers import soromox_arm
-
-    return soromox_arm
+exudyn = peer("exudyn", "exudyn_arm")
+mujoco = peer("mujoco", "mujoco_arm")
+pinocchio = peer("pinocchio", "pinocchio_arm")
+drake = peer("pydrake", "drake_arm")
+elastica = peer("elastica", "elastica_arm")
+soromox = peer("soromox", "soromox_arm")
 
 
 #: Half a second suffices to show that all programs simulate the same problem.

@@ -6,15 +6,7 @@ import pytest
 import flexarm as fa
 from flexarm.engine.tolerance import fastest_frequency
 from flexarm.integrate import RungeKutta4
-
-
-def table_one_arm(**options):
-    section = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **section),
-        fa.Link(length=1.0, elements=1, **section),
-    ]
-    return fa.Arm(links=links, **options)
+from paper_arms import table_one_arm
 
 
 def torque(t):

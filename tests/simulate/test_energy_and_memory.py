@@ -12,15 +12,7 @@ import pytest
 from scipy.integrate import simpson
 
 import flexarm as fa
-
-
-def two_links(**options) -> fa.Arm:
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **rod),
-        fa.Link(length=1.0, elements=1, **rod),
-    ]
-    return fa.Arm(links=links, **options)
+from paper_arms import table_one_arm
 
 
 def total_energy(result) -> np.ndarray:
@@ -29,7 +21,7 @@ def total_energy(result) -> np.ndarray:
 
 def test_free_arm_conserves_energy_over_ten_seconds() -> None:
     for gravity in ((0.0, 0.0), (0.0, -9.81)):
-        arm = two_links(gravity=gravity)
+        arm = table_one_arm(gravity=gravity)
         rates = arm.rest([1.0, -2.0])
         # Under gravity it falls so far that its links bend by 14 %, which does not affect the
         # energy.
@@ -44,7 +36,7 @@ def test_free_arm_conserves_energy_over_ten_seconds() -> None:
 
 
 def test_work_of_the_torques_is_the_change_of_energy() -> None:
-    arm = two_links(gravity=(0.0, -9.81))
+    arm = table_one_arm(gravity=(0.0, -9.81))
     result = fa.simulate(
         arm,
         1.0,
@@ -63,7 +55,7 @@ def test_work_of_the_torques_is_the_change_of_energy() -> None:
 
 
 def test_damping_never_increases_energy() -> None:
-    arm = two_links()
+    arm = table_one_arm()
     links = [link.replace(damping=fa.ModalDamping(ratio=0.02)) for link in arm.spec.links]
     damped = fa.Arm(links=links, joints=[fa.Joint(damping=0.05)] * 2)
     result = fa.simulate(damped, 2.0, initial_rate=damped.rest([2.0, -1.0]))

@@ -7,15 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.integrate import RungeKutta4
-
-
-def arm_of_two(**options):
-    section = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **section),
-        fa.Link(length=1.0, elements=1, **section),
-    ]
-    return fa.Arm(links=links, **options)
+from paper_arms import table_one_arm
 
 
 def first(t, q, qd):
@@ -58,7 +50,7 @@ def first(t, q, qd):
 )
 def test_wrong_events_are_rejected(make, message):
     with pytest.raises(fa.InputError, match=message):
-        make(arm_of_two())
+        make(table_one_arm())
 
 
 def test_all_problems_of_events_are_reported():
@@ -68,8 +60,10 @@ def test_all_problems_of_events_are_reported():
 
 
 def test_events_of_an_equal_arm_are_accepted():
-    event = fa.joint_event(arm_of_two(), 1, 0.05)
-    result = fa.simulate(arm_of_two(), 0.1, initial_rate=arm_of_two().rest([1, 0]), events=[event])
+    event = fa.joint_event(table_one_arm(), 1, 0.05)
+    result = fa.simulate(
+        table_one_arm(), 0.1, initial_rate=table_one_arm().rest([1, 0]), events=[event]
+    )
     assert result.sizes["event"] == 1
 
 
@@ -94,7 +88,7 @@ def bad(kind):
 )
 @pytest.mark.parametrize("loop", ["open", "closed"])
 def test_failing_function_ends_the_run_with_time_reason_and_partial_result(kind, reason, loop):
-    arm = arm_of_two()
+    arm = table_one_arm()
     events = [fa.joint_event(arm, 1, 0.02, name="passed"), fa.Event(bad(kind), name="bad")]
     drive = {"controller": fa.JointPD(0.0, 0.0)} if loop == "closed" else {}
     if loop == "closed":
@@ -113,7 +107,7 @@ def test_failing_function_ends_the_run_with_time_reason_and_partial_result(kind,
 
 
 def test_failure_between_samples_is_reported():
-    arm = arm_of_two()
+    arm = table_one_arm()
 
     def function(t, q, qd):
         return 0.047 - t if abs(t - round(t, 2)) < 1e-9 else np.nan
@@ -125,7 +119,7 @@ def test_failure_between_samples_is_reported():
 
 
 def test_terminal_event_precedes_a_later_failure_of_a_function():
-    arm = arm_of_two()
+    arm = table_one_arm()
     events = [fa.Event(bad("nan")), fa.joint_event(arm, 1, 0.03, name="end", terminal=True)]
     result = fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=events)
     assert result.attrs["ended_by"] == "end"
@@ -133,7 +127,7 @@ def test_terminal_event_precedes_a_later_failure_of_a_function():
 
 def test_terminal_event_precedes_a_later_failure_of_the_run():
     """3 ms are too long a step for this arm, which diverges within some steps."""
-    arm = arm_of_two()
+    arm = table_one_arm()
     options = {"integrator": RungeKutta4(step=3e-3), "torque": lambda t: [4.0, 1.5]}
     with pytest.raises(fa.SimulationError) as caught:
         fa.simulate(arm, 5.0, **options)
@@ -143,7 +137,7 @@ def test_terminal_event_precedes_a_later_failure_of_the_run():
 
 
 def test_functions_may_take_many_samples():
-    arm = arm_of_two()
+    arm = table_one_arm()
     calls = []
 
     def angle(t, q, qd):
@@ -170,7 +164,7 @@ def test_functions_may_take_many_samples():
 
 @pytest.mark.parametrize("angle", [0.05, 9.0])
 def test_events_are_kept_in_netcdf_and_omitted_from_tables(tmp_path, angle):
-    arm = arm_of_two()
+    arm = table_one_arm()
     event = fa.joint_event(arm, 1, angle, name="there")
     result = fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=[event])
     assert result.sizes["event"] == (angle < 1.0)

@@ -6,6 +6,7 @@ from scipy.special import ellipk
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
+from paper_arms import table_one_arm
 
 LENGTH, DENSITY, GRAVITY = 0.7, 0.5, 9.81
 INERTIA = DENSITY * LENGTH**3 / 3.0
@@ -15,15 +16,6 @@ def rod(**options):
     """Return one rigid link: a physical pendulum, or a wheel without gravity."""
     link = fa.Link(length=LENGTH, flexural_rigidity=1.0, mass_per_length=DENSITY, flexible=False)
     return fa.Arm(links=[link], **options)
-
-
-def flexible(rigidity=105.0, **options):
-    section = {"flexural_rigidity": rigidity, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **section),
-        fa.Link(length=1.0, elements=1, **section),
-    ]
-    return fa.Arm(links=links, **options)
 
 
 def by_name(result, name):
@@ -279,7 +271,7 @@ def test_closed_loop_events_use_the_constant_torque(rate, integrator):
 
 def test_prescribed_joint_and_a_load_over_time():
     """Joint 1 is prescribed; a load acts on the other; compared with a run at tight tolerances."""
-    arm = flexible(gravity=(0.0, -9.81), rigidity=2000.0)
+    arm = table_one_arm(gravity=(0.0, -9.81), rigidity=2000.0)
     swing = fa.PrescribedAngle(
         lambda t: 0.5 * np.sin(3.0 * t),
         lambda t: 1.5 * np.cos(3.0 * t),
@@ -308,7 +300,7 @@ def test_prescribed_joint_and_a_load_over_time():
 def test_flexible_arm_with_every_integrator(integrator):
     """The tip crosses a line, and a mode crosses zero many times; compared with a run at tight
     tolerances."""
-    arm = flexible()
+    arm = table_one_arm()
 
     def torque(t):
         return [4.0 * np.sin(6.0 * t), 1.5 * np.sin(6.0 * t)]
@@ -338,7 +330,7 @@ def test_flexible_arm_with_every_integrator(integrator):
 
 
 def test_events_do_not_change_the_run():
-    arm = flexible()
+    arm = table_one_arm()
     options = {"initial": arm.rest([0.3, 0.4]), "torque": lambda t: [np.sin(9.0 * t), 0.2]}
     plain = fa.simulate(arm, 0.5, **options)
     events = [fa.joint_event(arm, 1, 0.35), fa.Event(lambda t, q, qd: qd[0])]

@@ -4,17 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-
-ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-
-
-def arm(**options):
-    links = [fa.Link(length=1.4142, elements=2, **ROD), fa.Link(length=1.0, elements=1, **ROD)]
-    joints = [
-        fa.Joint(hub_inertia=0.1),
-        fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-    ]
-    return fa.Arm(links=links, joints=joints, **options)
+from paper_arms import ROD, laboratory_arm
 
 
 def line(flexible, duration=1.0, profile="quintic"):
@@ -24,7 +14,7 @@ def line(flexible, duration=1.0, profile="quintic"):
 
 @pytest.fixture(scope="module")
 def inverse():
-    return fa.tip_inversion(arm(), line(arm()))
+    return fa.tip_inversion(laboratory_arm(), line(laboratory_arm()))
 
 
 def away(run, motion):
@@ -88,7 +78,7 @@ def test_model_based_control_is_better_than_joint_pd_on_the_papers_line(inverse)
 
 def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
     """(T_1 / T)^4 for a smooth motion, where rigid torques have the square."""
-    flexible = arm()
+    flexible = laboratory_arm()
     errors = {"rigid": [], "quasi-static": []}
     for duration in (4.0, 8.0):
         # The quintic's jerk jumps, and its excitation has the third power, so the motion is
@@ -106,7 +96,7 @@ def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_quasi_static_end_is_the_equilibrium_with_the_tip_at_its_goal(theory):
-    heavy = arm(gravity=(0.0, -1.62), theory=theory)
+    heavy = laboratory_arm(gravity=(0.0, -1.62), theory=theory)
     motion = line(heavy)
     static = fa.quasi_static_reference(heavy, motion)
     np.testing.assert_allclose(heavy.tip(static.initial)[:2], [2.0, 1.0], rtol=0, atol=1e-10)
@@ -134,12 +124,12 @@ def test_one_link_and_three():
 
 
 def test_excessive_bending_is_reported():
-    soft = arm(gravity=(0.0, -2000.0), theory="second_order")
+    soft = laboratory_arm(gravity=(0.0, -2000.0), theory="second_order")
     with pytest.raises(fa.SimulationError, match="bend too far"):
         fa.quasi_static_reference(soft, line(soft))
 
 
-def test_scenarios_with_every_controller_run():
+def test_scenarios_with_every_controller_run(tmp_path):
     text = """
 flexarm: 1
 arm:
@@ -172,15 +162,11 @@ run: {duration: 0.1, rate: 100}
             fa.StrainFeedback(20.0, [2.0, 1.0], [30.0, 9.0], 0.1)
         ),
     }
-    import tempfile
-    from pathlib import Path
-
+    path = tmp_path / "s.yaml"
     for drive, make in direct.items():
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "s.yaml"
-            path.write_text(text.replace("DRIVE", "{" + drive + "}"))
-            found = fa.run_scenario(path)
-            scenario = fa.load_scenario(path)
+        path.write_text(text.replace("DRIVE", "{" + drive + "}"))
+        found = fa.run_scenario(path)
+        scenario = fa.load_scenario(path)
         model = fa.Arm(scenario.arm)
         motion = fa.joint_motion(model, [0.2, 0.3], [0.4, 0.1], 0.5)
         controller = make(model, fa.rigid_torque(model, motion))

@@ -7,6 +7,7 @@ from scipy.signal import cont2discrete
 import flexarm as fa
 from flexarm.motion.geometry.kinematics import tip_jacobian
 from flexarm.simulation.metrics import metrics_of
+from paper_arms import laboratory_arm
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0
 NORMAL = np.array([-1.0, 0.0])
@@ -221,18 +222,6 @@ def wall(away=0.0, stiffness=STIFFNESS, friction=0.2):
     return fa.Contact(surface, stiffness=stiffness, damping=0.5, friction=friction)
 
 
-def lab(rigidity=1.0, payload=0.1):
-    rod = {"flexural_rigidity": 105.0 * rigidity, "mass_per_length": 0.61732}
-    return fa.Arm(
-        links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],
-        joints=[
-            fa.Joint(hub_inertia=0.1),
-            fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-        ],
-        payload=fa.Payload(mass=payload),
-    )
-
-
 def asked_force(t):
     u = min(max((t - LINE_START) / 0.5, 0.0), 1.0)
     begin = min(t, 1.0)
@@ -243,7 +232,7 @@ def asked_force(t):
 
 @pytest.fixture(scope="module")
 def sliding():
-    arm = lab()
+    arm = laboratory_arm(payload=0.1)
     line = fa.line_motion(arm, (1.5, 0.5), (1.5, 0.8), LINE_END - LINE_START, start_time=LINE_START)
     return arm, fa.pressed_motion(arm, line, asked_force, NORMAL, friction=0.2)
 
@@ -270,7 +259,7 @@ def test_force_is_followed_from_first_contact_through_sliding(sliding, plant, co
         LINE_END,
         controller=fa.HybridForce(arm),
         reference=reference,
-        plant=lab(**plant),
+        plant=laboratory_arm(**{"payload": 0.1, **plant}),
         initial=arm.rest(before),
         contacts=[wall(**contact)],
     )

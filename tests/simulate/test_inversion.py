@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-
-
-def paper_arm(**fields):
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
-    return fa.Arm(links=links, **fields)
+from paper_arms import table_one_arm
 
 
 def paper_line(arm, **fields):
@@ -27,7 +22,7 @@ def tip_error(arm, motion, torque, initial, duration):
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_tip_error_on_the_papers_line(theory):
     """A hundredth of the error under rigid torques is documented; a five-hundredth is reached."""
-    arm = paper_arm(theory=theory)
+    arm = table_one_arm(theory=theory)
     line = paper_line(arm)
     found = fa.tip_inversion(arm, line)
     straight = arm.rest(line.joint_angle(0.0))
@@ -62,7 +57,7 @@ def test_light_damping_does_not_lengthen_the_torques():
     """Zeros of damped vibrations have a small real part, which must not extend the actuation."""
     spans, errors = [], []
     for ratio in (0.0, 0.005):
-        plain = paper_arm().spec
+        plain = table_one_arm().spec
         damping = fa.ModalDamping(ratio=ratio) if ratio else None
         arm = fa.Arm(plain.replace(links=[one.replace(damping=damping) for one in plain.links]))
         found = fa.tip_inversion(arm, paper_line(arm))
@@ -103,7 +98,7 @@ def test_vertical_arm():
 
 
 def test_unsupported_motions_and_arguments_are_rejected():
-    arm = paper_arm()
+    arm = table_one_arm()
     with pytest.raises(fa.InputError, match=r"start at 0\.19"):
         fa.tip_inversion(arm, paper_line(arm, start_time=0.0))
     with pytest.raises(fa.InputError, match="arm is rigid"):
@@ -114,7 +109,7 @@ def test_unsupported_motions_and_arguments_are_rejected():
 
 
 def test_failed_inversion_reports_its_tip_error():
-    arm = paper_arm()
+    arm = table_one_arm()
     with pytest.raises(fa.InversionError) as raised:
         fa.tip_inversion(arm, paper_line(arm, duration=0.25))
     assert raised.value.tip_error > 0.0
@@ -124,7 +119,7 @@ def test_failed_inversion_reports_its_tip_error():
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
 def test_joints_follow_under_flexible_torque(profile):
-    arm = paper_arm()
+    arm = table_one_arm()
     line = paper_line(arm, profile=profile, start_time=0.013)
     torque = fa.flexible_torque(arm, line, 1.2)
     run = fa.simulate(arm, 1.2, torque=torque, rtol=1e-9, atol=1e-11)

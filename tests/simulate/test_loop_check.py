@@ -9,17 +9,13 @@ from typer.testing import CliRunner
 import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.loop.stability import differenced, instability
+from paper_arms import laboratory_arm, table_one_arm
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
 
 
 def paper_arm(**joint):
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **rod),
-        fa.Link(length=1.0, elements=1, **rod),
-    ]
-    return fa.Arm(links=links, joints=[fa.Joint(**joint), fa.Joint(**joint)])
+    return table_one_arm(joints=[fa.Joint(**joint)] * 2)
 
 
 def straight(arm):
@@ -164,22 +160,7 @@ ENCODERS = fa.Hardware(
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.Impedance, fa.Admittance])
 def test_force_controllers_are_stable_with_encoders_of_17_bits(kind, rigidity, payload):
     """The three arms of examples/studies/wipe.yaml."""
-
-    def arm_of(rigidity, payload):
-        rod = {"flexural_rigidity": 105.0 * rigidity, "mass_per_length": 0.61732}
-        return fa.Arm(
-            links=[
-                fa.Link(length=1.4142, elements=2, **rod),
-                fa.Link(length=1.0, elements=1, **rod),
-            ],
-            joints=[
-                fa.Joint(hub_inertia=0.1),
-                fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-            ],
-            payload=fa.Payload(mass=payload),
-        )
-
-    arm, plant = arm_of(1.0, 0.1), arm_of(rigidity, payload)
+    arm, plant = laboratory_arm(payload=0.1), laboratory_arm(rigidity, payload)
     path = fa.line_motion(arm, (1.5, 0.5), (1.5, 0.8), 2.0, start_time=1.0)
     reference = fa.pressed_motion(arm, path, lambda t: 5.0, (-1.0, 0.0))
     wall = fa.Contact(fa.Wall((1.5, 0.0), (-1.0, 0.0)), stiffness=1e4, damping=0.5, friction=0.2)

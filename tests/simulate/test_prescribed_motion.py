@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-
-ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-
-
-def two_links(**fields):
-    links = [fa.Link(length=1.4142, elements=2, **ROD), fa.Link(length=1.0, elements=1, **ROD)]
-    return fa.Arm(links=links, **fields)
+from paper_arms import ROD, table_one_arm
 
 
 def swing(amplitude, omega, phase=0.0):
@@ -25,7 +19,7 @@ def swing(amplitude, omega, phase=0.0):
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_joint_follows_its_motion(theory):
     given = swing(0.15, 5.0, 0.3)
-    arm = two_links(theory=theory, gravity=(0.0, -2.0))
+    arm = table_one_arm(theory=theory, gravity=(0.0, -2.0))
     result = fa.simulate(arm, 1.0, prescribed={1: given}, rate=200)
     exact = [(given.angle(t), given.rate(t)) for t in result.time.values]
     # The acceleration is interpolated a hundred times closer than the tolerance of 1e-7, and
@@ -39,7 +33,7 @@ def test_joint_follows_its_motion(theory):
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_torque_of_a_prescribed_joint_gives_the_same_motion(theory):
     joints = [fa.Joint(damping=0.3, stiffness=2.0), fa.Joint(friction=fa.Friction(coulomb=0.2))]
-    arm = two_links(theory=theory, gravity=(0.0, -9.81), joints=joints)
+    arm = table_one_arm(theory=theory, gravity=(0.0, -9.81), joints=joints)
     motion = {1: swing(0.4, 5.0), 2: swing(-0.7, 4.0, 0.5)}
     moved = fa.simulate(arm, 0.5, prescribed=motion, rate=20000, rtol=1e-9, atol=1e-11)
     start = {"initial": moved.q.values[0], "initial_rate": moved.qd.values[0]}
@@ -53,7 +47,7 @@ def test_torque_of_a_prescribed_joint_gives_the_same_motion(theory):
 @pytest.mark.parametrize("moved", [(1,), (2,), (1, 2)])
 def test_power_balance(moved):
     """Work of all torques on the joints is the change of energy."""
-    arm = two_links(theory="second_order", gravity=(0.0, -9.81))
+    arm = table_one_arm(theory="second_order", gravity=(0.0, -9.81))
     motion = {joint: swing(0.3 * joint, 6.0) for joint in moved}
     torque = [1.0 if joint in moved else 0.5 for joint in (1, 2)]
     result = fa.simulate(
@@ -74,7 +68,7 @@ def test_power_balance(moved):
 
 
 def test_motion_of_all_joints_is_divided_among_them():
-    arm = two_links()
+    arm = table_one_arm()
     motion = fa.line_motion(arm, start=(2.0, 1.0), end=(1.0, 2.0), duration=1.5)
     both = fa.simulate(arm, 1.7, prescribed={1: motion, 2: motion}, rate=100)
     requested = np.array([motion.joint_angle(t) for t in both.time.values])
@@ -88,7 +82,7 @@ def test_motion_of_all_joints_is_divided_among_them():
 
 def test_steps_end_at_breaks():
     """After a jump of the acceleration the angle is exactly its integral."""
-    arm = two_links().rigid()
+    arm = table_one_arm().rigid()
     given = fa.PrescribedAngle(
         lambda t: 4.0 * np.clip(t - 0.2, 0.0, 0.5) ** 2 + 4.0 * max(t - 0.7, 0.0),
         lambda t: 8.0 * np.clip(t - 0.2, 0.0, 0.5),
@@ -113,11 +107,11 @@ def test_unknown_joint_is_rejected(joint):
     with pytest.raises(
         fa.InputError, match="simulate: prescribed must name joints that are not fixed: 1, 2, got"
     ):
-        fa.simulate(two_links(), 0.1, prescribed={joint: swing(1.0, 1.0)})
+        fa.simulate(table_one_arm(), 0.1, prescribed={joint: swing(1.0, 1.0)})
 
 
 def test_prescribed_joints_cannot_be_combined_with_a_controller():
-    arm = two_links()
+    arm = table_one_arm()
     motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, 1.0], 0.1)
     controller = fa.JointPD([1.0, 1.0], [1.0, 1.0], 1e-3)
     with pytest.raises(fa.InputError, match="prescribed cannot be combined with a controller"):

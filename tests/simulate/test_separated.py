@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-
-ROD = {"mass_per_length": 0.61732}
-
-
-def paper_arm(rigidity=105.0, **fields):
-    rod = {"flexural_rigidity": rigidity, **ROD}
-    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
-    return fa.Arm(links=links, **fields)
+from paper_arms import table_one_arm
 
 
 def paper_line(arm, duration, **fields):
@@ -20,7 +13,7 @@ def paper_line(arm, duration, **fields):
 
 def deflection_error(duration, **fields):
     """Return the largest error of the link tips' deflection, and the largest deflection, m."""
-    arm = paper_arm()
+    arm = table_one_arm()
     line = paper_line(arm, duration)
     full = fa.simulate(arm, duration, torque=fa.rigid_torque(arm, line))
     parts = fa.simulate_separated(arm, line, **fields)
@@ -40,7 +33,7 @@ def test_error_is_quadratic_in_the_deflection():
     """Twenty times as stiff as the paper's arm, and ten times."""
     shares, largest = [], []
     for rigidity in (2000.0, 1000.0):
-        arm = paper_arm(rigidity)
+        arm = table_one_arm(rigidity)
         line = paper_line(arm, 1.0)
         full = fa.simulate(arm, 1.0, torque=fa.rigid_torque(arm, line))
         parts = fa.simulate_separated(arm, line, rtol=1e-5)
@@ -58,7 +51,7 @@ def test_quasi_static_estimate_of_a_slow_motion():
 
 def test_small_deviations_at_rest():
     """The error is quadratic in the deviation."""
-    arm = paper_arm(gravity=(0.0, 0.0))
+    arm = table_one_arm(gravity=(0.0, 0.0))
     line = paper_line(arm, 1.0, start_time=10.0)
     errors = []
     for size in (1e-3, 1e-4):
@@ -71,7 +64,7 @@ def test_small_deviations_at_rest():
 
 
 def test_locked_joints_equal_prescribed_ones():
-    arm = paper_arm(rigidity=2000.0)
+    arm = table_one_arm(rigidity=2000.0)
     line = paper_line(arm, 1.0, profile="trapezoidal")
     full = fa.simulate(
         arm, 1.2, prescribed={1: line, 2: line}, initial=arm.rest(line.joint_angle(0))
@@ -85,7 +78,7 @@ def test_locked_joints_equal_prescribed_ones():
 
 
 def test_added_torque_acts_as_in_the_full_model():
-    arm = paper_arm(rigidity=2000.0)
+    arm = table_one_arm(rigidity=2000.0)
     line = paper_line(arm, 1.0)
     rigid = fa.rigid_torque(arm, line)
 
@@ -103,7 +96,7 @@ def test_added_torque_acts_as_in_the_full_model():
 
 
 def test_wrong_arguments_are_rejected():
-    arm = paper_arm()
+    arm = table_one_arm()
     line = paper_line(arm, 1.0)
     with pytest.raises(fa.InputError, match="quasi_static"):
         fa.simulate_separated(arm, line, method="static")
@@ -114,7 +107,7 @@ def test_wrong_arguments_are_rejected():
 
 
 def test_result_can_be_cited():
-    arm = paper_arm()
+    arm = table_one_arm()
     parts = fa.simulate_separated(arm, paper_line(arm, 1.0), rate=100.0)
     assert "HairerWanner1996" in fa.citation(parts)
 
@@ -140,7 +133,7 @@ def test_separation_is_saved_with_its_suffix(tmp_path):
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_excessive_bending_gives_a_warning(method, theory):
     """Deviations are linear for any arm, so the limit is a tenth, as in simulate."""
-    arm = paper_arm(theory=theory)
+    arm = table_one_arm(theory=theory)
     with pytest.warns(fa.LargeDeflectionWarning, match="of its length of 1.4") as caught:
         result = fa.simulate_separated(arm, paper_line(arm, 0.7), method=method)
     assert caught[0].filename == __file__
@@ -151,5 +144,5 @@ def test_excessive_bending_gives_a_warning(method, theory):
 
 
 def test_small_bending_gives_no_warning():
-    arm = paper_arm()
+    arm = table_one_arm()
     assert fa.simulate_separated(arm, paper_line(arm, 2.0)).attrs["warning"] == ""

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
+from constant_torques import parabolas
 from flexarm.histories.functions import function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import find_kinks, sampled_torque
@@ -16,16 +17,6 @@ from strategies import between
 def unit_link():
     """Return one rigid link with an inertia of 1 kg m^2 about its joint: acceleration is torque."""
     return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
-
-
-def turned(edges, values, t):
-    """Return angle and rate at t (s) under torques that are constant between edges, from rest."""
-    angle = rate = 0.0
-    for start, end, value in zip(edges[:-1], edges[1:], values, strict=True):
-        span = np.clip(t, start, end) - start
-        angle += rate * span + value * span**2 / 2
-        rate += value * span
-    return angle, rate
 
 
 def end_of(result):
@@ -185,7 +176,7 @@ def test_jumps_at_irregular_times(places, values, closed):
 
     result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
     # The jump is located to 1e-12 of the duration; the rest is rounding.
-    np.testing.assert_allclose(end_of(result), turned(edges, values, 1.0), rtol=0, atol=2e-11)
+    np.testing.assert_allclose(end_of(result), parabolas(edges, values, 1.0), rtol=0, atol=2e-11)
 
 
 @pytest.mark.parametrize("place", [1.0, 0.5, 1 / 3, 1 / 64, 0.1, 1e-9, 1.0 - 1e-9])
@@ -197,7 +188,7 @@ def test_jumps_at_special_times(place, closed):
         return [1.0 if (t <= place if closed else t < place) else -2.0]
 
     result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
-    wanted = turned([0.0, place, 1.0], [1.0, -2.0], 1.0)
+    wanted = parabolas([0.0, place, 1.0], [1.0, -2.0], 1.0)
     np.testing.assert_allclose(end_of(result), wanted, rtol=0, atol=2e-11)
 
 
@@ -212,7 +203,7 @@ def test_close_jumps_are_given_by_breaks():
 
     result = fa.simulate(unit_link(), 1.0, torque=Pulse(), rate=10.0)
     np.testing.assert_allclose(
-        end_of(result), turned([0.0, 0.70001, 0.70011, 1.0], [0.0, 1e4, 0.0], 1.0), atol=1e-9
+        end_of(result), parabolas([0.0, 0.70001, 0.70011, 1.0], [0.0, 1e4, 0.0], 1.0), atol=1e-9
     )
 
 

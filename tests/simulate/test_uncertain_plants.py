@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from paper_arms import laboratory_arm
 
 GAIN = [30.0, 8.0]
 NAMES = [
@@ -116,13 +117,7 @@ def test_errors_of_sliding_mode_at_the_end_of_its_range_grow_more():
 
 def test_papers_line_with_other_arms():
     """The laboratory arm of ``which-controller``, whose links bend six times as easily."""
-    rods = [
-        fa.Link(length=length, elements=count, flexural_rigidity=105.0, mass_per_length=0.61732)
-        for length, count in ((1.4142, 2), (1.0, 1))
-    ]
-    elbow = fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02)
-    joints = [fa.Joint(hub_inertia=0.1), elbow]
-    arm = fa.Arm(links=rods, joints=joints, payload=fa.Payload(mass=0.1))
+    arm = laboratory_arm(payload=0.1)
     line = fa.line_motion(arm, start=(2.0, 1.0), end=(1.0, 2.0), duration=2.0, start_time=0.5)
     names = ["payload.mass", "joint_1.viscous", "joint_2.viscous"]
     gain, wrong = [6.0, 1.5], dict.fromkeys(names, 0.1)

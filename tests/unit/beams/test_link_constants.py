@@ -4,25 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, quad_vec
+from random_table import INTEGRATION, RandomTable
+from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
 from flexarm.beams.invariants import link_constants, rigid_constants
 from flexarm.errors import InputError
 
-INTEGRATION = 1e-9  # the adaptive integrals have a tenth of this tolerance
 
-
-class Table:
+class Table(RandomTable):
     """A random link and its integrals, one by one with adaptive quadrature."""
 
     def __init__(self, seed, elements, modes=None):
-        rng = np.random.default_rng(seed)
-        inner = np.sort(rng.uniform(0.1, 1.2, 2))
-        self.x = np.array([0.0, *inner, 1.3])
-        self.stiffness = rng.uniform(0.5, 3.0, 4)
-        self.mass = rng.uniform(0.2, 2.0, 4)
-        self.rotary = rng.uniform(0.0, 0.05, 4)
+        super().__init__(seed, least_rotary=0.0)
         self.link = link_constants(
             self.x, self.stiffness, self.mass, self.rotary, elements=elements, modes=modes
         )
@@ -32,23 +26,6 @@ class Table:
         self.shapes = CubicHermiteSpline(nodes, nodal[:, 0], nodal[:, 1])
         self.slopes = self.shapes.derivative()
         self.kinks = np.union1d(nodes, self.x)
-
-    def integral(self, function, end=1.3):
-        points = self.kinks[(self.kinks > 0.0) & (self.kinks < end)]
-        return quad_vec(function, 0.0, end, epsabs=1e-11, epsrel=1e-10, points=points)[0]
-
-    def mu(self, x):
-        return np.interp(x, self.x, self.mass)
-
-    def rho_i(self, x):
-        return np.interp(x, self.x, self.rotary)
-
-    def square(self, x):
-        return np.outer(self.slopes(x), self.slopes(x))
-
-    def shortening(self, x):
-        """Return g(x) by its definition: the integral from the root."""
-        return self.integral(self.square, x) if x > 0.0 else self.square(0.0) * 0.0
 
 
 @pytest.fixture(scope="module", params=[(1, 1, None), (2, 3, None), (3, 4, 4)], ids=str)

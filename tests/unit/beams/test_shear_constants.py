@@ -4,29 +4,22 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from scipy.integrate import quad_vec
+from random_table import INTEGRATION, L, RandomTable
 from scipy.interpolate import PPoly
 
 from flexarm.beams.invariants import link_constants
 from flexarm.beams.shortening import shortening_matrices
 
-INTEGRATION = 1e-9  # the adaptive integrals have a tenth of this tolerance
-L = 1.3
 
-
-class Table:
+class Table(RandomTable):
     """A random link, with its deflection and rotation computed from their definition."""
 
     def __init__(self, seed, elements, modes=None):
-        rng = np.random.default_rng(seed)
-        self.x = np.array([0.0, *np.sort(rng.uniform(0.1, 1.2, 2)), L])
-        self.bending = rng.uniform(0.5, 3.0, 4)
-        self.mass = rng.uniform(0.2, 2.0, 4)
-        self.rotary = rng.uniform(0.01, 0.05, 4)
-        self.shear = rng.uniform(5.0, 60.0, 4)
+        super().__init__(seed, least_rotary=0.01)
+        self.shear = self.rng.uniform(5.0, 60.0, 4)
         self.link = link_constants(
             self.x,
-            self.bending,
+            self.stiffness,
             self.mass,
             self.rotary,
             elements=elements,
@@ -57,7 +50,7 @@ class Table:
         dense = np.union1d(ends, self.x[(self.x > ends[0]) & (self.x < ends[1])])
         bending, shear = (
             np.trapezoid(np.interp(dense, self.x, column), dense) / h
-            for column in (self.bending, self.shear)
+            for column in (self.stiffness, self.shear)
         )
         conditions = np.array(
             [
@@ -78,20 +71,6 @@ class Table:
         v += np.stack([2 * cubic / h**2, -3 * cubic / h, cubic, 0 * cubic])
         turn += np.stack([-turned / h**2, turned / h, 0 * turned])
         return v, turn
-
-    def integral(self, function, end=L):
-        points = self.kinks[(self.kinks > 0.0) & (self.kinks < end)]
-        return quad_vec(function, 0.0, end, epsabs=1e-11, epsrel=1e-10, points=points)[0]
-
-    def mu(self, x):
-        return np.interp(x, self.x, self.mass)
-
-    def rho_i(self, x):
-        return np.interp(x, self.x, self.rotary)
-
-    def shortening(self, x):
-        """Return g(x) by its definition: the integral from the root."""
-        return self.integral(lambda s: np.outer(self.slopes(s), self.slopes(s)), x)
 
 
 @pytest.fixture(scope="module", params=[(1, 1, None), (2, 3, None), (3, 4, 4)], ids=str)

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-SCRIPT = Path(__file__).parents[3] / "docs" / "how-to" / "measure_consistency.py"
+from page_scripts import script
+
 #: Runs of each arm; the page "Control under uncertainty" has the table of 100.
 SEEDS = 8
 
 
-def _script():
-    spec = importlib.util.spec_from_file_location("measure_consistency", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-STUDY = _script()
+STUDY = script("measure_consistency")
 
 
 @pytest.mark.parametrize(("name", "moving"), [*itertools.product(STUDY.ARMS, [False, True])])

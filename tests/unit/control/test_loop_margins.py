@@ -10,6 +10,7 @@ import flexarm as fa
 from flexarm.loop_analysis.linear_controller import linear_controller
 from flexarm.loop_analysis.margins import loop_at
 from flexarm.loop_analysis.plant_model import instruments_of, model_at, signals_of
+from paper_arms import laboratory_arm
 
 sys.path.append(str(Path(__file__).parents[2] / "conformance"))
 from controller_examples import EXAMPLES, SAMPLE_TIME, two_links
@@ -130,20 +131,9 @@ def test_declared_memory_of_controllers_is_complete(name):
 
 def robust_arm(rigidity=1.0, payload=0.1, gravity=(0.0, -9.81)):
     """Return the arm of docs/how-to/control-linear.md with a payload, in a vertical plane."""
-    rod = {"mass_per_length": 0.61732, "damping": fa.ModalDamping(ratio=0.01)}
-    rod |= {
-        "flexural_rigidity": 105.0 * rigidity,
-        "gauges": [fa.Gauge(station=0.05, distance=0.005)],
-    }
-    return fa.Arm(
-        links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],
-        joints=[
-            fa.Joint(hub_inertia=0.1),
-            fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-        ],
-        payload=fa.Payload(mass=payload),
-        gravity=gravity,
-    )
+    gauges, damping = [fa.Gauge(station=0.05, distance=0.005)], fa.ModalDamping(ratio=0.01)
+    rod = {"gauges": gauges, "damping": damping}
+    return laboratory_arm(rigidity, payload, rod, gravity=gravity)
 
 
 PLANTS = {"soft": (0.7, 0.1), "stiff": (1.3, 0.1), "heavy": (1.0, 0.2), "both": (0.7, 0.2)}

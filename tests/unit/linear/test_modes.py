@@ -8,17 +8,12 @@ import pytest
 from scipy.linalg import eigvals
 
 import flexarm as fa
+from paper_arms import ROD, table_one_arm
 
 DATA = Path(__file__).parents[2] / "data"
 ROTATING = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))["rotating"]
-ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 ANGLES = [0.3, -0.5]
 PROPORTIONAL, DERIVATIVE = [40.0, 10.0], [20.0, 3.0]
-
-
-def two_links(**more):
-    links = [fa.Link(length=1.4142, elements=2, **ROD), fa.Link(length=1.0, elements=1, **ROD)]
-    return fa.Arm(links=links, **more)
 
 
 def beam(theory="second_order", **more):
@@ -42,7 +37,7 @@ def each_pair(found):
 
 class TestHeldByGains:
     def test_eigenvalues_equal_those_of_the_state_matrix(self):
-        arm = two_links()
+        arm = table_one_arm()
         found = fa.modes(arm, ANGLES, list(zip(PROPORTIONAL, DERIVATIVE, strict=True)))
         model = fa.linearize(arm, arm.rest(ANGLES))
         all_of_them = eigvals(closed_loop(model, arm.joint_index, PROPORTIONAL, DERIVATIVE))
@@ -56,7 +51,7 @@ class TestHeldByGains:
         assert np.all(found.damping_ratio[~oscillating] > 1.0)
 
     def test_shapes_solve_the_quadratic_problem(self):
-        arm = two_links()
+        arm = table_one_arm()
         found = fa.modes(arm, ANGLES, fa.JointPD(PROPORTIONAL, DERIVATIVE))
         q = arm.rest(ANGLES)
         M, K, D = arm.mass_matrix(q), arm.stiffness_matrix(q), arm.damping_matrix()
@@ -68,7 +63,7 @@ class TestHeldByGains:
             assert np.abs(left).max() < 1e-9 * np.abs(K @ shape).max()
 
     def test_large_gains_lock_joints_and_zero_gains_free_them(self):
-        arm = two_links()
+        arm = table_one_arm()
         tight = fa.modes(arm, ANGLES, [(1e9, 0.0), (1e9, 0.0)]).frequency_hz[:4]
         # The stiffness 105 N m^2 / 1 m over 1e9 N m/rad, in the square.
         np.testing.assert_allclose(tight, fa.modes(arm, ANGLES).frequency_hz[:4], rtol=1e-6)
@@ -143,7 +138,7 @@ class TestBentAndSpinning:
 
     def test_about_a_bent_spinning_arm(self):
         """Eigenvalues of the exact state matrix; Coriolis forces make the shapes complex."""
-        arm = two_links(theory="second_order")
+        arm = table_one_arm(theory="second_order")
         found = fa.modes(arm, [0.0, 1.0], spin=5.0)
         rates = np.zeros(arm.dof)
         rates[0] = 5.0
@@ -181,7 +176,7 @@ class TestCurves:
         np.testing.assert_allclose(moved[:, 0], 0.0, atol=1e-12)
 
     def test_displacements_are_derivatives_of_the_drawn_shape(self):
-        arm = two_links(theory="second_order", gravity=(0.0, -9.81))
+        arm = table_one_arm(theory="second_order", gravity=(0.0, -9.81))
         found = fa.modes(arm, fa.equilibrium(arm, ANGLES))
         step = 1e-7
         for shape, moved in zip(found.shapes, found.displacements(20), strict=True):
@@ -191,7 +186,7 @@ class TestCurves:
             np.testing.assert_allclose(moved, slope, atol=1e-8)
 
     def test_curves_have_the_requested_amplitude(self):
-        arm = two_links()
+        arm = table_one_arm()
         found = fa.modes(arm, ANGLES)
         away = found.curves(amplitude=0.05) - arm.shape(found.q)
         largest = np.linalg.norm(away, axis=-1).max(axis=(1, 2))
@@ -214,12 +209,12 @@ class TestCurves:
 )
 def test_wrong_input_is_rejected(fields, message):
     with pytest.raises(fa.InputError, match=message):
-        fa.modes(two_links(), **fields)
+        fa.modes(table_one_arm(), **fields)
 
 
 def test_impossible_spins_are_rejected():
     with pytest.raises(fa.InputError, match="zero for an arm with gravity"):
-        fa.modes(two_links(gravity=(0.0, -1.0)), spin=1.0)
+        fa.modes(table_one_arm(gravity=(0.0, -1.0)), spin=1.0)
     link = fa.Link(length=1.0, elements=1, **ROD)
     fixed = fa.Arm(links=[link] * 2, joints=[fa.Joint(fixed=True), fa.Joint()])
     with pytest.raises(fa.InputError, match="first joint is fixed"):

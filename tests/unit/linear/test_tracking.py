@@ -4,18 +4,12 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-
-ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-
-
-def two_links(**more):
-    links = [fa.Link(length=1.4142, elements=2, **ROD), fa.Link(length=1.0, elements=1, **ROD)]
-    return fa.Arm(links=links, **more)
+from paper_arms import table_one_arm
 
 
 class TestPostures:
     def test_every_line_has_modes_of_its_posture(self):
-        arm = two_links()
+        arm = table_one_arm()
         postures = np.stack([np.zeros(25), np.linspace(-3.0, 3.0, 25)], axis=1)
         tracks = fa.track_modes(arm, postures, count=4)
         for angles, found in zip(postures, tracks.frequency_hz, strict=True):
@@ -25,7 +19,7 @@ class TestPostures:
         np.testing.assert_array_equal(tracks.parameter, np.arange(25))
 
     def test_motion_gives_the_times(self):
-        arm = two_links()
+        arm = table_one_arm()
         motion = fa.joint_motion(arm, [0.0, 0.5], [1.0, 2.0], 2.0)
         tracks = fa.track_modes(arm, motion, count=3, samples=11)
         np.testing.assert_allclose(tracks.parameter, np.linspace(0.0, 2.0, 11))
@@ -37,14 +31,14 @@ class TestPostures:
     def test_coarse_steps_find_the_lines_of_fine_ones(self, joints):
         """With free joints shapes change so much that lines would swap without additional
         postures."""
-        arm = two_links()
+        arm = table_one_arm()
         path = np.stack([np.zeros(61), np.linspace(-3.0, 3.0, 61)], axis=1)
         fine = fa.track_modes(arm, path, joints).frequency_hz
         coarse = fa.track_modes(arm, path[::12], joints).frequency_hz
         np.testing.assert_allclose(coarse, fine[::12], rtol=1e-9)
 
     def test_tracking_about_sagging_equilibria(self):
-        arm = two_links(gravity=(0.0, -9.81), theory="second_order")
+        arm = table_one_arm(gravity=(0.0, -9.81), theory="second_order")
         tracks = fa.track_modes(arm, [[0.0, 0.2], [0.1, 0.2]], count=2, sag=True)
         expected = fa.modes(arm, fa.equilibrium(arm, [0.1, 0.2])).frequency_hz[:2]
         np.testing.assert_allclose(tracks.frequency_hz[1], expected, rtol=1e-12)
@@ -52,7 +46,7 @@ class TestPostures:
         assert np.abs(straight / tracks.frequency_hz - 1.0).max() > 1e-4
 
     def test_rigid_modes_have_no_lines(self):
-        tracks = fa.track_modes(two_links(), [[0.0, 0.3], [0.0, 0.4]], "free", count=3)
+        tracks = fa.track_modes(table_one_arm(), [[0.0, 0.3], [0.0, 0.4]], "free", count=3)
         assert np.all(tracks.frequency_hz > 1.0)
 
     def test_arm_with_a_single_mode(self):
@@ -78,7 +72,7 @@ class TestPostures:
     )
     def test_wrong_input_is_rejected(self, along, count, message):
         with pytest.raises(fa.InputError, match=message):
-            fa.track_modes(two_links(), along, count=count)
+            fa.track_modes(table_one_arm(), along, count=count)
 
 
 class TestCampbell:

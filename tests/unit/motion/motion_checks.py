@@ -53,3 +53,19 @@ def derivative(function: Callable[[np.ndarray], np.ndarray], t: np.ndarray, step
 def smooth_times(breaks: tuple[float, ...], away: float, count: int = 41) -> np.ndarray:
     """Return times between the breaks, at least `away` from each."""
     return np.concatenate([np.linspace(a + away, b - away, count) for a, b in pairwise(breaks)])
+
+
+def assert_scalars_and_arrays_agree(motion, atol: float) -> None:
+    """Compare values of single times with those of many times at once."""
+    t = np.array([0.2, 0.9, 1.7, 3.5])
+    together = motion.state(t)
+    for row, time in enumerate(t):
+        for many, one in zip(together, motion.state(time), strict=True):
+            assert one.shape == (motion.joints,)
+            np.testing.assert_allclose(many[row], one, rtol=0, atol=atol)
+    assert motion.tip(t).shape == (4, 2)
+    assert motion.tip(1.0).shape == (2,)
+    for part, function in zip(
+        together, [motion.joint_angle, motion.joint_rate, motion.joint_acceleration], strict=True
+    ):
+        np.testing.assert_array_equal(part, function(t))

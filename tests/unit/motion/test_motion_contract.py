@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from motion_checks import Links, derivative, smooth_times
+from motion_checks import Links, assert_scalars_and_arrays_agree, derivative, smooth_times
 
 from flexarm.errors import InputError
 from flexarm.motion import (
@@ -151,18 +151,7 @@ def test_values_on_both_sides_of_a_break(make):
 
 
 def test_scalars_and_arrays_agree(motion):
-    t = np.array([0.2, 0.9, 1.7, 3.5])
-    together = motion.state(t)
-    for row, time in enumerate(t):
-        for many, one in zip(together, motion.state(time), strict=True):
-            assert one.shape == (motion.joints,)
-            np.testing.assert_allclose(many[row], one, rtol=0, atol=1e-13)
-    assert motion.tip(t).shape == (4, 2)
-    assert motion.tip(1.0).shape == (2,)
-    for part, ask in zip(
-        together, [motion.joint_angle, motion.joint_rate, motion.joint_acceleration], strict=True
-    ):
-        np.testing.assert_array_equal(part, ask(t))
+    assert_scalars_and_arrays_agree(motion, atol=1e-13)
 
 
 def test_start_time_shifts_the_motion(make):

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from motion_checks import Links, derivative, smooth_times
+from motion_checks import Links, assert_scalars_and_arrays_agree, derivative, smooth_times
 
 import flexarm as fa
 from flexarm.motion import joint_motion, line_motion
+from paper_arms import table_one_arm
 
 
 def line(profile="quintic", start_time=0.4):
@@ -17,9 +18,7 @@ def way(profile="quintic"):
 
 
 def arm():
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5)])
+    return table_one_arm(joints=[fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5)])
 
 
 def changing_frequency(method, **options):
@@ -100,15 +99,8 @@ def test_angles_and_rates_are_continuous_at_breaks(motion):
 
 
 def test_scalars_and_arrays_agree(motion):
-    t = np.array([0.2, 0.9, 1.7, 3.5])
-    together = motion.state(t)
-    for row, time in enumerate(t):
-        for many, one in zip(together, motion.state(time), strict=True):
-            assert one.shape == (motion.joints,)
-            # Sums of a hundred terms in another order, times 1e4 in accelerations.
-            np.testing.assert_allclose(many[row], one, rtol=0, atol=1e-11)
-    assert motion.tip(t).shape == (4, 2)
-    assert motion.tip(1.0).shape == (2,)
+    # Sums of a hundred terms in another order, times 1e4 in accelerations.
+    assert_scalars_and_arrays_agree(motion, atol=1e-11)
     assert motion.state(np.zeros(0)).angle.shape == (0, motion.joints)
     with pytest.raises(fa.InputError, match="nan"):
         motion.joint_angle(np.nan)
