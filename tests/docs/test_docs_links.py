@@ -32,6 +32,13 @@ def test_named_files_exist(page: str) -> None:
         assert (ROOT / name).exists(), f"{page} names {name}, which does not exist"
 
 
+def test_patterns_find_links_and_files() -> None:
+    """Otherwise the tests above could not fail."""
+    text = '[a](b.md) <img src="c.png"> `docs/d.md`'
+    found = (_LINK.findall(text), _HTML.findall(text), _NAMED.findall(text))
+    assert found == (["b.md"], ["c.png"], ["docs/d.md"])
+
+
 def test_every_page_is_reachable() -> None:
     """By links from the README, in any number of steps."""
     reached, ahead = set(), {"README.md"}

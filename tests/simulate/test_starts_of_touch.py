@@ -45,7 +45,8 @@ def test_deep_start_is_reported_with_depth_force_and_energy(exponent):
 )
 def test_start_is_deep_only_with_large_depth_and_large_force(depth, weights):
     touch = contact(weights * WEIGHT, depth)
-    fa.simulate(rod(), 1e-4, initial=start(depth), contacts=[touch], rate=1e4)
+    result = fa.simulate(rod(), 1e-4, initial=start(depth), contacts=[touch], rate=1e4)
+    assert float(result.contact_gap[0, 0]) == pytest.approx(-depth, rel=1e-12)
 
 
 def test_wall_with_a_wrong_normal_is_a_deep_start():

@@ -124,22 +124,25 @@ def test_wrong_arms_are_rejected_with_every_reason(values, problems):
 
 
 def test_massless_links_are_accepted_where_inertia_remains():
-    ArmSpec(links=[MASSLESS, LINK])
-    ArmSpec(links=[MASSLESS], payload=Payload(mass=1))
-    ArmSpec(links=[MASSLESS], payload=Payload(inertia=1))
-    ArmSpec(links=[MASSLESS], joints=[Joint(hub_inertia=1)])
-    hubs = [Joint(hub_inertia=1), Joint(hub_inertia=1)]
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=hubs)
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(mass=1, hub_inertia=1)])
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(housing_inertia=1, hub_inertia=1)])
-    ArmSpec(links=[MASSLESS, MASSLESS], payload=Payload(mass=1))
-    fixed = Joint(fixed=True)
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[fixed, fixed])
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), fixed.replace(hub_inertia=1)])
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), fixed], payload=Payload(inertia=1))
-    ArmSpec(links=[MASSLESS], joints=[Joint(rotor_inertia=1, gear_ratio=5)])
+    hub, fixed = Joint(hub_inertia=1), Joint(fixed=True)
     turning = MASSLESS.replace(rotary_inertia_per_length=1)
-    ArmSpec(links=[turning])
+    one, two = [MASSLESS], [MASSLESS, MASSLESS]
+    for fields in (
+        {"links": [MASSLESS, LINK]},
+        {"links": one, "payload": Payload(mass=1)},
+        {"links": one, "payload": Payload(inertia=1)},
+        {"links": one, "joints": [hub]},
+        {"links": two, "joints": [hub, hub]},
+        {"links": two, "joints": [Joint(), Joint(mass=1, hub_inertia=1)]},
+        {"links": two, "joints": [Joint(), Joint(housing_inertia=1, hub_inertia=1)]},
+        {"links": two, "payload": Payload(mass=1)},
+        {"links": two, "joints": [fixed, fixed]},
+        {"links": two, "joints": [Joint(), fixed.replace(hub_inertia=1)]},
+        {"links": two, "joints": [Joint(), fixed], "payload": Payload(inertia=1)},
+        {"links": one, "joints": [Joint(rotor_inertia=1, gear_ratio=5)]},
+        {"links": [turning]},
+    ):
+        assert ArmSpec(**fields).links == tuple(fields["links"])
 
 
 def test_longest_arm_is_accepted():
