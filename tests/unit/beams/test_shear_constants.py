@@ -111,7 +111,7 @@ class TestIntegrals:
 
         def density(x):
             bent, sheared = curvature(x), table.slopes(x) - table.rotation(x)
-            return np.interp(x, table.x, table.bending) * np.outer(bent, bent) + np.interp(
+            return np.interp(x, table.x, table.stiffness) * np.outer(bent, bent) + np.interp(
                 x, table.x, table.shear
             ) * np.outer(sheared, sheared)
 
