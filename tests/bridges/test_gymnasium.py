@@ -59,7 +59,7 @@ def test_a_step_before_the_first_reset_is_rejected(name):
 
 
 @every
-def test_the_same_seed_gives_the_same_episode(name):
+def test_same_seed_gives_the_same_episode(name):
     env = gymnasium.make(name, duration=0.3)
     noisy = gymnasium.make(name, duration=0.3, hardware=fa.Hardware(instruments(noise=1e-3)))
     for one in (env, noisy):

@@ -295,7 +295,7 @@ def test_page_of_animate_can_be_zoomed(screen, tmp_path):
         assert np.abs(picture(torques.nth(k)) - before[k]).max() > 100
 
 
-def test_the_page_looks_like_the_picture_of_the_documentation(screen, tmp_path):
+def test_page_looks_like_the_picture_of_the_documentation(screen, tmp_path):
     """The run differs from that of the other tests: a picture for readers."""
     path = tmp_path / "report.html"
     stiff = LINK | {"flexural_rigidity": 10.0}

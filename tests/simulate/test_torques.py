@@ -271,7 +271,7 @@ def test_function_may_return_the_same_row_object_each_time(row):
     np.testing.assert_array_equal(history.at(times), plain.at(times))
 
 
-def test_masked_row_among_arrays_is_refused():
+def test_masked_row_among_arrays_is_rejected():
     def torque(t):
         return np.ma.masked_array([1.0], mask=[t > 0.5])
 

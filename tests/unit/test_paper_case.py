@@ -94,7 +94,7 @@ def test_remaining_vibration_is_undamped(slow):
     assert 1e-3 < link_numbers(slow)[0].residual < 2e-3
 
 
-def test_the_tip_error(slow):
+def test_tip_error(slow):
     numbers = tip_numbers(slow)
     at_end = slow.flexible["tip"].sel(time=SLOW) - slow.rigid["tip"].sel(time=SLOW)
     assert numbers.at_end == pytest.approx(float(np.hypot(*at_end.values)))
