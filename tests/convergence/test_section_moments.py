@@ -10,7 +10,7 @@ STATIONS = 17
 
 
 def swung(elements, element="euler_bernoulli", damping=None):
-    """Return a link on a hub and its motion, 0.3 s after the start of a smoothly rising torque."""
+    """Return a link on a hub and its state at 0.2 s, under a torque that rises until 0.3 s."""
     fields = {"rotary_inertia_per_length": 0.002}
     if element == "timoshenko":
         fields |= {"element": element, "shear_rigidity": 2000.0}

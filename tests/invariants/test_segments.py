@@ -87,7 +87,7 @@ def test_segments_do_not_change_rigid_motion(segments):
 
 
 def far(theory):
-    """Filter the bending warnings of runs in a theory."""
+    """Return a context that expects the bending warning, which only the linear theory gives here."""
     return pytest.warns(fa.LargeDeflectionWarning) if theory == "linear" else nullcontext()
 
 
