@@ -87,7 +87,7 @@ def test_segments_do_not_change_rigid_motion(segments):
 
 
 def far(theory):
-    """Return a context that expects the bending warning, which only the linear theory gives here."""
+    """Return a context that expects the bending warning of the linear theory."""
     return pytest.warns(fa.LargeDeflectionWarning) if theory == "linear" else nullcontext()
 
 
