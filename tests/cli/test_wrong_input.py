@@ -27,7 +27,7 @@ def assert_rejected(outcome):
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_check_rejects(what, tmp_path):
+def test_check_rejects_wrong_files(what, tmp_path):
     content, part = WRONG[what]
     outcome = invoke("check", write(tmp_path / "bad.yaml", content))
     assert_rejected(outcome)
@@ -36,7 +36,7 @@ def test_check_rejects(what, tmp_path):
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_run_rejects_and_leaves_nothing(what, tmp_path):
+def test_run_rejects_wrong_files_and_writes_nothing(what, tmp_path):
     content, part = WRONG[what]
     bad = write(tmp_path / "bad.yaml", content)
     out, plot = tmp_path / "run.nc", tmp_path / "run.png"

@@ -211,7 +211,7 @@ def test_direction(direction, expected):
         assert set(result.event_direction.values) == {direction}
 
 
-def test_contact_with_zero_is_not_a_crossing_and_short_crossings_need_the_rate():
+def test_tangent_zero_is_not_a_crossing_and_short_crossings_need_the_rate():
     arm = rod()
 
     def dip(depth):
