@@ -334,7 +334,7 @@ LONG = {
 
 
 @pytest.mark.parametrize("name", LONG)
-def test_arm_file_with_much_blank_space_is_read_fast(name, tmp_path):
+def test_arm_file_with_much_blank_space_is_read(name, tmp_path):
     # The search for the key `flexarm` must be linear in the number of blank characters.
     (tmp_path / "arm.yaml").write_text(LONG[name])
     (tmp_path / "run.yaml").write_text("flexarm: 1\nrun: {duration: 1}\narm: arm.yaml\n")
