@@ -285,7 +285,7 @@ def test_wrong_hardware_is_rejected(make, words):
     [
         (fa.Hardware([fa.Instrument("tip", sample_time=0.003)]), "multiple of the controller's"),
         (fa.Hardware([fa.Instrument(fa.Sensor("velocity", link=3))]), "number of a link, 1 to 2"),
-        (fa.Hardware(motors=fa.Motors(torque_limit=[1.0, 2.0, 3.0])), "each of the 2 joints"),
+        (fa.Hardware(motors=fa.Motors(torque_limit=[1.0, 2.0, 3.0])), "must have length 2, one"),
         (fa.Hardware([fa.Instrument("contact_force")]), "contact_force"),
         ("an encoder", "hardware must be a Hardware"),
     ],

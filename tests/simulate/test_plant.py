@@ -201,7 +201,7 @@ def test_memory_does_not_grow(arm):
         ({"base_acceleration": lambda t: [t], "duration": 1.0}, "^Plant: base_acceleration"),
         (
             {"hardware": fa.Hardware([fa.Instrument(fa.Sensor("position", 3))])},
-            r"^Hardware: Sensor\.link must be the number of a link, 1 to 2",
+            r"^Plant: Sensor\.link must be the number of a link, 1 to 2",
         ),
         (
             {"hardware": fa.Hardware([fa.Instrument("tip", sample_time=0.0003)])},

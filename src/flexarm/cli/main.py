@@ -57,7 +57,7 @@ def _options(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def paper(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for figures and data.")] = Path(
         "flexarm-paper"
@@ -73,7 +73,7 @@ def paper(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def warmup() -> None:
     """Compile everything now, so that no later run waits; needed once on a machine."""
     from flexarm.cli.commands.warmup import compile_everything
@@ -82,7 +82,7 @@ def warmup() -> None:
 
 
 @app.command()
-@report_failures()
+@report_failures
 def init(
     folder: Annotated[
         Path, typer.Argument(metavar="[FOLDER]", help="Where to write; created if missing.")
@@ -99,7 +99,7 @@ def init(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def run(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.yaml", help="Scenario file.")],
     out: Annotated[
@@ -139,7 +139,7 @@ def run(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm, scenario or study.")],
 ) -> None:
@@ -150,7 +150,7 @@ def check(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def compare(
     study: Annotated[
         Path, typer.Argument(metavar="STUDY.yaml", help="Drives, plants and motions to compare.")
@@ -169,7 +169,7 @@ def compare(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def modes(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     joints: Annotated[
@@ -218,7 +218,7 @@ def modes(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def linearize(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     angles: Annotated[
@@ -248,7 +248,7 @@ def linearize(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def report(
     result: Annotated[
         Path, typer.Argument(metavar="RESULT.nc", help="Result of `flexarm run --out`.")
@@ -277,7 +277,7 @@ def report(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def studio(
     file: Annotated[
         Path | None,
@@ -300,7 +300,7 @@ def studio(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def schema(
     kind: Annotated[Kind, typer.Option(help="Kind of file.")] = Kind.SCENARIO,
     out: Annotated[

@@ -29,7 +29,7 @@ _LOOKS = 41
 _NUDGE = 1e-6
 
 
-def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts) -> None:
+def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
     """Raise if a contact point starts deeper inside a surface than any motion could have taken it.
 
     A point may start inside a surface, at rest or during an impact. The state (2, n, 1 + m) is
@@ -47,7 +47,7 @@ def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts)
     for k, (law, values) in enumerate(zip(placed.law, seen, strict=True), start=1):
         if not np.isfinite(values[GAP]):  # at the centre of a circle the nearest point is undefined
             rule = f"lies at the centre of the surface of contact {k}"
-            raise InputError(Problem(where, "initial", rule, hint="Start outside the surface."))
+            raise InputError(Problem("initial", rule, hint="Start outside the surface."))
         depth = max(-float(values[GAP]), 0.0)
         force = float(law[STIFFNESS]) * depth ** float(law[EXPONENT])
         if depth > _DEEP * float(arm.lengths.sum()) and force > _UNHELD * weight:
@@ -61,11 +61,10 @@ def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts)
                 "pressed at rest (equilibrium, pressed_motion). The normal of a wall points out of "
                 "the solid."
             )
-            raise InputError(Problem(where, "initial", rule, value, hint))
+            raise InputError(Problem("initial", rule, value, hint))
 
 
 def refuse_pressing_outward(
-    where: str,
     arm: Arm,
     contacts: Sequence[Contact],
     placed: Contacts,
@@ -98,7 +97,7 @@ def refuse_pressing_outward(
         rule = f"point away from the surface of contact {touching[near[first]] + 1}"
         value = f"({few(normals[first])}) at t = {times[first]:g} s, into it"
         hint = "Reverse the normal of pressed_motion."
-        raise InputError(Problem(where, "reference.normal", rule, value, hint))
+        raise InputError(Problem("reference.normal", rule, value, hint))
 
 
 def _is_tip(arm: Arm, contact: Contact) -> bool:

@@ -212,9 +212,10 @@ class Watch:
             reason = f"the event {name!r} failed with {type(error).__name__}: {error}"
             raise SimulationError(t, reason, "", (q, qd)) from error
         try:
-            return float(check_array(f"event {name!r}", "its value", given, ()))
+            return float(check_array("its value", given, ()))
         except InputError as error:
-            reason = f"the event returned an unusable value: {error}"
+            placed = error.at(f"event {name!r}")
+            reason = f"the event returned an unusable value: {placed}"
             raise SimulationError(t, reason, "", (q, qd)) from None
 
 

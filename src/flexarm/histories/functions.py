@@ -44,7 +44,6 @@ def function_history(
     relative: float,
     breaks: ArrayLike = (),
     name: str = "torque",
-    where: str = "simulate",
     spacing: float | None = None,
 ) -> PiecewiseCubic:
     """Approximate a function ``t -> (columns,)`` by cubics, as accurately as the run requires.
@@ -60,7 +59,6 @@ def function_history(
         relative: relative tolerance of the run.
         breaks: times (s) of kinks or jumps, in addition to ``function.breaks`` if it exists.
         name: name of the function, for messages.
-        where: name of the calling function, for messages.
         spacing: interval (s) of the comparison, increased to limit it to 20 000 instants; None
             for no comparison.
 
@@ -69,9 +67,9 @@ def function_history(
             everywhere, or the breaks are not a list of numbers.
     """
     allowed = max(relative * _SHARE, _LEAST)
-    follower = _Follower(function, duration, columns, allowed, name, where)
+    follower = _Follower(function, duration, columns, allowed, name)
     given = breaks, getattr(function, "breaks", ())
-    known = np.concatenate([check_array(where, "breaks", part, (-1,)) for part in given])
+    known = np.concatenate([check_array("breaks", part, (-1,)) for part in given])
     known = known[(known > 0.0) & (known < duration)]
     edges = np.union1d(np.linspace(0.0, duration, _FIRST_PIECES + 1), known)
     starts, pieces, stops = follower.follow(edges[:-1], edges[1:])
@@ -125,10 +123,9 @@ class _Follower:
         columns: int,
         relative: float,
         name: str,
-        where: str,
     ) -> None:
         self._function = function
-        self._where, self._name = where, name
+        self._name = name
         self._columns, self._relative = columns, relative
         self._powers = np.vander(self._TESTS, 4, increasing=True)
         # Evaluate just inside each end, because the function may jump exactly on an edge and each
@@ -168,7 +165,7 @@ class _Follower:
                 rule = "be a function of time that is smooth except for a few jumps"
                 value = f"errors above the tolerance with steps of {(b - a).min():.2g} s"
                 hint = "It must be deterministic: give noise as samples at a rate."
-                raise InputError(Problem(self._where, self._name, rule, value, hint))
+                raise InputError(Problem(self._name, rule, value, hint))
             middle = 0.5 * (a + b)
             starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])
         times = np.concatenate([start for start, _ in kept])
@@ -200,7 +197,7 @@ class _Follower:
             except FunctionError:
                 many: Any = self._function
                 return self._one_by_one(times, lambda t: many(np.array([t]))[0])
-            return check_array(self._where, self._name, all_at_once, (times.size, self._columns))
+            return check_array(self._name, all_at_once, (times.size, self._columns))
         return self._one_by_one(times, self._function)
 
     def _one_by_one(self, times: FloatArray, function: Callable[[float], Any]) -> FloatArray:
@@ -231,11 +228,11 @@ class _Follower:
         """
         if set(map(type, rows)) <= _PLAIN:
             try:
-                return check_array(self._where, self._name, rows, (len(rows), self._columns))
+                return check_array(self._name, rows, (len(rows), self._columns))
             except InputError:
                 pass  # find the first wrong row
         checked = [
-            check_array(self._where, f"{self._name}({t:g})", row, (self._columns,))
+            check_array(f"{self._name}({t:g})", row, (self._columns,))
             for t, row in zip(times, rows, strict=False)
         ]
         return np.reshape(checked, (len(rows), self._columns))

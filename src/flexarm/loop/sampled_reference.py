@@ -32,7 +32,7 @@ class SampledReference:
         self._sample_time = sample_time
         if not duration / sample_time <= _MOST_TICKS:
             rule = f"be at least {duration / _MOST_TICKS:.3g} s for a duration of {duration:.6g} s"
-            raise InputError(Problem("controller", "sample_time", rule, shown(sample_time)))
+            raise InputError(Problem("controller.sample_time", rule, shown(sample_time)))
         self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
         self._tables: dict[str, FloatArray] = {}
         if isinstance(reference, Motion):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.arguments import check_choice, check_positive
+from flexarm.errors import public_call
 from flexarm.motion.motion import JointState, Motion, check_motion
 
 if TYPE_CHECKING:
@@ -109,6 +110,7 @@ def window_points(
     return ages, shares
 
 
+@public_call
 def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> SmoothedMotion:
     """Smooth a motion in time by averages of the joint angles over the last ``duration``.
 
@@ -128,7 +130,6 @@ def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> 
     A vibration of frequency f is not excited where ``f * duration`` is 1, 2, 3, ... (moving
     average) or 2, 3, ... (raised cosine); (C.10).
     """
-    where = "smoothed"
-    motion = check_motion(where, motion)
-    window = check_choice(where, "window", window, WINDOWS)
-    return SmoothedMotion(motion, window, check_positive(where, "duration", duration, "s"))
+    motion = check_motion(motion)
+    window = check_choice("window", window, WINDOWS)
+    return SmoothedMotion(motion, window, check_positive("duration", duration, "s"))

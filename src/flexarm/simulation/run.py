@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import BaseAcceleration, Environment
 from flexarm.arguments import (
     check_choice,
+    check_count,
     check_flag,
     check_function,
     check_kind,
@@ -37,6 +38,7 @@ from flexarm.errors import (
     SimulationError,
     UnstableLoopWarning,
     check_array,
+    public_call,
     shown,
     warn_caller,
 )
@@ -54,7 +56,7 @@ from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.observe import channels_of, contact_channels
 from flexarm.simulation.interrupted_runs import computed_until_failure
 from flexarm.simulation.result import add_loop, make_result
-from flexarm.stations import check_stations
+from flexarm.stations import MOST_STATIONS
 from flexarm.user_functions import call
 
 if TYPE_CHECKING:
@@ -64,6 +66,7 @@ Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
 
 
 @computed_until_failure
+@public_call
 def simulate(
     arm: Arm,
     duration: float,
@@ -163,43 +166,41 @@ def simulate(
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
     """
-    where = "simulate"
-    _check_objects(where, arm, plant, controller, hardware)
+    _check_objects(arm, plant, controller, hardware)
     if reference is not None:
-        check_reference(where, reference)
+        check_reference(reference)
     if prescribed is not None:
-        check_mapping(where, "prescribed", prescribed, "joint numbers and motions")
+        check_mapping("prescribed", prescribed, "joint numbers and motions")
     if specialized is not None:
-        check_flag(where, "specialized", specialized)
+        check_flag("specialized", specialized)
     for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
         if given and controller is not None:
-            raise InputError(Problem(where, name, "cannot be combined with a controller"))
-    duration = check_positive(where, "duration", duration)
-    if step is not None and check_positive(where, "step", step) > duration:
+            raise InputError(Problem(name, "cannot be combined with a controller"))
+    duration = check_positive("duration", duration)
+    if step is not None and check_positive("step", step) > duration:
         rule = f"be at most the duration of {duration:.6g} s"
-        raise InputError(Problem(where, "step", rule, shown(step)))
-    rate = check_positive(where, "rate", rate)
-    known = check_array(where, "breaks", breaks, (-1,))
-    check_choice(where, "torque_interpolation", torque_interpolation, INTERPOLATIONS)
-    rtol = check_positive(where, "rtol", rtol)
-    atol = check_positive(where, "atol", atol)
+        raise InputError(Problem("step", rule, shown(step)))
+    rate = check_positive("rate", rate)
+    known = check_array("breaks", breaks, (-1,))
+    check_choice("torque_interpolation", torque_interpolation, INTERPOLATIONS)
+    rtol = check_positive("rtol", rtol)
+    atol = check_positive("atol", atol)
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
         rule = f"have the number of joints of the arm, {arm.joints}"
-        raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
+        raise InputError(Problem("plant", rule, shown(simulated.joints)))
     if (fault := sample_fault(duration, rate)) is not None:
-        raise InputError(fault.problem(where))
+        raise InputError(fault.problem())
     if type(stations) is not int or stations != 0:
-        stations = check_stations(where, stations)
+        stations = check_count("stations", stations, 2, MOST_STATIONS)
     state = _initial_state(simulated, initial, initial_rate, reference, torque)
-    log = event_log(where, simulated, events)
+    log = event_log(simulated, events)
     # The last sample may exceed the end by rounding, and would then never be computed.
     times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     acting = tip_force, loads, base_acceleration, contacts
-    environment = Environment.of(simulated, where, *acting)
+    environment = Environment.of(simulated, *acting)
     with Meter("simulating", progress) as meter:
         run = new_run(
-            where,
             simulated,
             state,
             duration=duration,
@@ -217,8 +218,8 @@ def simulate(
             specialized=specialized,
         )
         placed = run.loads.placed.contacts
-        refuse_deep_start(where, simulated, state, placed)
-        refuse_pressing_outward(where, simulated, contacts, placed, reference, duration)
+        refuse_deep_start(simulated, state, placed)
+        refuse_pressing_outward(simulated, contacts, placed, reference, duration)
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
             q = simulated.unpadded(state[0])
@@ -328,24 +329,23 @@ def _result(
 
 
 def _check_objects(
-    where: str,
     arm: object,
     plant: object | None,
     controller: object | None,
     hardware: object | None,
 ) -> None:
     """Validate arm, plant, hardware and controller before their attributes are used."""
-    check_kind(where, "arm", arm, Arm)
+    check_kind("arm", arm, Arm)
     if plant is not None:
-        check_kind(where, "plant", plant, Arm)
+        check_kind("plant", plant, Arm)
     if hardware is not None:
-        check_kind(where, "hardware", hardware, Hardware)
+        check_kind("hardware", hardware, Hardware)
         if controller is None:
-            raise InputError(Problem(where, "hardware", "requires a controller"))
+            raise InputError(Problem("hardware", "requires a controller"))
     if controller is None:
         return
-    check_controller(where, "controller", controller)
-    check_positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
+    check_controller("controller", controller)
+    check_positive("controller.sample_time", getattr(controller, "sample_time", None))
 
 
 def _initial_state(
@@ -362,8 +362,8 @@ def _initial_state(
         straight = np.asarray(call(name, motion.joint_angle, 0.0))
         if straight.shape != (arm.joints,):
             rule = f"have the number of joints of the arm, {arm.joints}"
-            raise InputError(Problem("simulate", name, rule, str(straight.size)))
-    return initial_state("simulate", arm, initial, initial_rate, straight)
+            raise InputError(Problem(name, rule, str(straight.size)))
+    return initial_state(arm, initial, initial_rate, straight)
 
 
 def _history(
@@ -387,7 +387,7 @@ def _history(
     elif isinstance(torque, PiecewiseCubic):
         history = torque.held_to(duration)
     elif callable(torque):
-        check_function("simulate", "torque", torque)
+        check_function("torque", torque)
         history = function_history(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
     else:
         history = sampled_torque(torque, rate, duration, joints, interpolation, breaks)

@@ -21,6 +21,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     check_array,
+    public_call,
     warn_caller,
 )
 from flexarm.histories.functions import function_history
@@ -47,6 +48,7 @@ RTOL = 1e-2
 _HALVINGS = 12
 
 
+@public_call
 def simulate_separated(
     arm: Arm,
     motion: Motion,
@@ -90,35 +92,34 @@ def simulate_separated(
 
     Theory page "separation", (D.5) to (D.7).
     """
-    where = "simulate_separated"
     started = time.perf_counter()
-    arm = check_kind(where, "arm", arm, Arm)
-    motion = check_motion(where, motion, arm)
-    method = check_choice(where, "method", method, METHODS)
+    arm = check_kind("arm", arm, Arm)
+    motion = check_motion(motion, arm)
+    method = check_choice("method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))
-    until = motion.end_time if duration is None else check_positive(where, "duration", duration)
-    frequency = check_positive(where, "rate", rate)
+    until = motion.end_time if duration is None else check_positive("duration", duration)
+    frequency = check_positive("rate", rate)
     fault = sample_fault(until, frequency)
     if fault is not None:
-        raise InputError(fault.problem(where))
+        raise InputError(fault.problem())
     count = int(np.floor(until * frequency * (1 + 1e-12))) + 1
     times = np.minimum(np.arange(count) / frequency, until)
     start = [
-        _start(where, name, value, arm)[model.kept]
+        _start(name, value, arm)[model.kept]
         for name, value in (
             ("initial_deviation", initial_deviation),
             ("initial_deviation_rate", initial_deviation_rate),
         )
     ]
-    allowed = check_positive(where, "rtol", rtol)
+    allowed = check_positive("rtol", rtol)
     attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
     added = None
     if added_torque is not None:
-        check_function(where, "added_torque", added_torque)
+        check_function("added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         relative, name = min(allowed, CLOSE), "added_torque"
         added = function_history(
-            added_torque, until, arm.joints, relative, breaks, name, where, 1.0 / frequency
+            added_torque, until, arm.joints, relative, breaks, name, 1.0 / frequency
         )
         attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":
@@ -131,7 +132,7 @@ def simulate_separated(
             rule = (
                 "is not supported by the quasi_static estimate, which depends on the reference only"
             )
-            raise InputError(Problem(where, name, rule))
+            raise InputError(Problem(name, rule))
         dq, dqd = _quasi_static(model, times, until)
     else:
         path = _converged(model, until, start, added, allowed)
@@ -233,5 +234,5 @@ def _taken(sampled: Separation, dq: FloatArray, dqd: FloatArray) -> FloatArray:
     )
 
 
-def _start(where: str, name: str, value: ArrayLike | None, arm: Arm) -> FloatArray:
-    return np.zeros(arm.dof) if value is None else check_array(where, name, value, (arm.dof,))
+def _start(name: str, value: ArrayLike | None, arm: Arm) -> FloatArray:
+    return np.zeros(arm.dof) if value is None else check_array(name, value, (arm.dof,))

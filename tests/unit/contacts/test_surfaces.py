@@ -23,7 +23,7 @@ def views_from(surface, points, **law):
     bend = 2.0 * np.arccos(far / 2.0)
     q = np.stack([np.arctan2(y, x) - bend / 2.0, bend], axis=1)
     states = ARM.padded(np.stack([q, np.zeros_like(q)], axis=1))
-    placed = place_contacts(ARM, "test", [fa.Contact(surface, **law)])
+    placed = place_contacts(ARM, [fa.Contact(surface, **law)])
     values = contact_values(ARM, placed, states)[:, 0]
     np.testing.assert_allclose(values[:, POSITION : POSITION + 2], points, atol=1e-14)
     np.testing.assert_array_equal(

@@ -153,7 +153,7 @@ def test_base_acceleration_equals_opposite_gravity():
 
 def test_zero_loads_have_no_effect():
     of = arm()
-    placed = place_loads(of, "test", [])
+    placed = place_loads(of, [])
     assert placed.body.size == 0
     assert np.all(placed.base_acceleration == 0.0)
 

@@ -168,8 +168,7 @@ class KernelCalls:
         """Place a force (3,) on the last tip; None for no force."""
         if force is None:
             return no_loads(self.arm.assembly.constants)
-        where = "KernelCalls"
-        placed = place_loads(self.arm, where, tip_load(self.arm, where, np.ones(3)))
+        placed = place_loads(self.arm, tip_load(self.arm, np.ones(3)))
         i, own = placed.body, self.constants
         # Use the object constants, because the shapes at the tip may depend on parameters.
         return placed._replace(

@@ -190,8 +190,7 @@ def _description_faults(given: Given) -> Iterator[Fault]:
         yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
     for names in ways[1:]:
         for name in names:
-            rule = f"cannot be combined with {' and '.join(ways[0])}"
-            yield Fault((name,), rule, hint=_WAYS)
+            yield Fault((name,), f"cannot be combined with {' and '.join(ways[0])}", hint=_WAYS)
     if len(ways) == 1 and len(shape) == 1:
         other = "section" if shape == ["material"] else "material"
         yield Fault((other,), f"is required with {shape[0]}")
@@ -247,8 +246,7 @@ def _shear_faults(given: Given) -> Iterator[Fault]:
         yield Fault(path, "is not supported for an Euler-Bernoulli link", hint=hint)
     flexible = given.has("flexible") and given.flexible
     if given.element == "timoshenko" and value is None and needed and flexible:
-        hint = "It is k G A; material and section also define it."
-        yield Fault(path, "is missing", hint=hint)
+        yield Fault(path, "is missing", hint="It is k G A; material and section also define it.")
 
 
 def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
@@ -258,8 +256,7 @@ def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
     if (given.has("table") and not in_table) or (
         constants and given.absent("rotary_inertia_per_length")
     ):
-        rule = "requires rotary_inertia_per_length"
-        yield Fault(("rotary_inertia",), rule)
+        yield Fault(("rotary_inertia",), "requires rotary_inertia_per_length")
 
 
 def _table_end_faults(length: float, end: float) -> Iterator[Fault]:

@@ -84,7 +84,7 @@ class Load(Record, kw_only=False):
         if factor is None or _is_function(factor) or isinstance(factor, FactorTable | dict):
             return arguments
         rule = "be a function of time or a table (times, values)"
-        raise ModelError(Problem(cls.__name__, "factor", rule, shown(factor)))
+        raise ModelError(Problem("factor", rule, shown(factor)))
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

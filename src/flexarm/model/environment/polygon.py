@@ -32,8 +32,7 @@ def polygon_faults(x: Sequence[float], y: Sequence[float], closed: bool) -> Iter
         return
     for k in range(1, len(points)):
         if math.dist(points[k - 1], points[k]) <= near:
-            rule = "differ from the previous point in x or y"
-            yield Fault(("x", k), rule, shown(points[k][0]))
+            yield Fault(("x", k), "differ from the previous point in x or y", shown(points[k][0]))
             return
     if not closed:
         return

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Count, Flag, Number, Pair, Word
+from flexarm.model.quantities import Count, Direction, Flag, Number, Pair, Word
 from flexarm.model.wording import Fault
 
 #: Names of other ends of a run, not permitted for events.
@@ -59,13 +59,7 @@ class TipEvent(_Event):
 
     kind: Literal["tip_line"] = "tip_line"
     point: Pair = Field(description="Any point of the line [x, y], world frame (m).")
-    normal: Pair = Field(description="Normal of the line [x, y], of any length.")
-
-    @classmethod
-    def _faults(cls, given: Given) -> Iterator[Fault]:
-        yield from super()._faults(given)
-        if given.has("normal") and not any(given.normal):
-            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
+    normal: Direction = Field(description="Normal of the line [x, y], of any length.")
 
 
 EventSpec = Annotated[JointEvent | TipEvent, Field(discriminator="kind")]

@@ -9,7 +9,16 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, length_of, plain
+from flexarm.model.quantities import (
+    Direction,
+    Listed,
+    NonNegative,
+    Number,
+    Pair,
+    Positive,
+    length_of,
+    plain,
+)
 from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
 from flexarm.model.wording import Fault, look, refuse
 
@@ -148,7 +157,7 @@ class PressedMotionSpec(Record):
     kind: Literal["pressed"] = "pressed"
     path: PathSpec = Field(description="The motion of the rigid arm whose tip is the path.")
     force: Force = Field(description="Force on the surface (N), or a table of it over time.")
-    normal: Pair | None = Field(
+    normal: Direction | None = Field(
         default=None,
         description=(
             "Normal out of the surface [x, y], of any length; by default that of the first contact."
@@ -160,11 +169,6 @@ class PressedMotionSpec(Record):
     interval: Positive = Field(
         default=0.05, description="Time between the instants at which the bent arm is computed (s)."
     )
-
-    @classmethod
-    def _faults(cls, given: Given) -> Iterator[Fault]:
-        if given.has("normal") and not any(given.normal):
-            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
 
 
 MotionSpec = Annotated[PlainMotionSpec | PressedMotionSpec, Field(discriminator="kind")]
@@ -186,8 +190,7 @@ def motion_faults(given: Given) -> Iterator[Fault]:
         drive, place = look(drive, "inner"), (*place, "inner")
     for k, joint in enumerate(given.prescribed if given.has("prescribed") else ()):
         if joint.kind == "motion":
-            rule = "motion is not supported with a pressed motion"
-            yield Fault(("prescribed", k, "kind"), rule)
+            yield Fault(("prescribed", k, "kind"), "motion is not supported with a pressed motion")
     if look(motion, "normal") is None and given.has("contacts"):
         if not given.contacts:
             yield Fault(("motion", "normal"), "is required without contacts")
