@@ -121,12 +121,23 @@ def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path
     return record, where
 
 
+def describes_arm_only(document: Document) -> bool:
+    """Return whether a file has no other key than the arm, so that it cannot be simulated."""
+    return set(document.value) <= {"flexarm", "arm"}
+
+
 def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
-    """Raise if the file is a study instead of a scenario, or a scenario instead of a study.
+    """Raise if the file is of another kind: an arm, or a study for a scenario or vice versa.
 
     Raises:
-        ModelError: if the file has keys of the other kind of file only.
+        ModelError: if the file has only an arm, or keys of the other kind of file only.
     """
+    if describes_arm_only(document) and "arm" in document.value:
+        rule = f"has an arm only, so it is not a {kind.__name__.lower()}"
+        hint = "`flexarm check`, `modes` and `linearize` read an arm alone."
+        if kind is Scenario:
+            hint = f"Add `run: {{duration: 2}}` to simulate it. {hint}"
+        raise ModelError(Problem("the file", rule, hint=hint, where=document.where(())))
     keys = document.value.keys()
     own = keys & (kind.model_fields.keys() - _OTHERS[kind].model_fields.keys())
     others = keys & (_OTHERS[kind].model_fields.keys() - kind.model_fields.keys())
@@ -181,7 +192,7 @@ def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | Study:
     document = path if isinstance(path, Document) else load_document(path)
     if "drives" in document.value:
         return locate_study(document)[0]
-    if document.value.keys() <= {"flexarm", "arm"}:
+    if describes_arm_only(document):
         return load_arm_spec(document)
     return locate_scenario(document)[0]
 
