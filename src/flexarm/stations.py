@@ -91,7 +91,7 @@ def place_gauges(
             with np.errstate(over="ignore"):
                 rows[k, : curvature.size] = -distance * curvature
             if not np.isfinite(rows[k]).all():
-                rule = "be small enough that strains are floating-point numbers"
+                rule = "be small enough for finite strains"
                 raise InputError(Problem("gauges.distance", rule, shown(distance)))
     return rows, bodies
 

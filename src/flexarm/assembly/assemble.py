@@ -1,6 +1,6 @@
 """Assembly of the kernels' arrays from the specification of an arm.
 
-Only this module uses both: the model layer contains no arrays, and the kernels know no links.
+Only this module uses both: the model layer contains no arrays, and the kernels contain no links.
 """
 
 from __future__ import annotations

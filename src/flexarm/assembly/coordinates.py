@@ -22,8 +22,8 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
     numbers = arm.joint_numbers.tolist()
     if is_count(joint) and joint in numbers:
         return int(numbers.index(joint))
-    rule = "be the number of a joint that is not fixed: "
-    rule += ", ".join(map(str, numbers)) or "there is none"
+    known = ", ".join(map(str, numbers)) or "there are none"
+    rule = f"be the number of a joint that is not fixed ({known})"
     raise InputError(Problem(name, rule, shown(joint)))
 
 

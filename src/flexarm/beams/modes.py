@@ -46,7 +46,7 @@ class BeamBasis:
                 Problem(
                     "projector @ basis",
                     f"be the identity to {_ORTHONORMALITY:g}",
-                    f"off by {error:.2g}",
+                    f"an error of {error:.2g}",
                     "The mass matrix may not be positive definite.",
                 )
             )
@@ -142,7 +142,7 @@ def _check_stiffness(found: BeamBasis, stiffness: FloatArray) -> None:
         problem = Problem(
             "the stiffness over the shapes",
             "be diagonal",
-            f"off by {worst:.2g} times the allowance",
+            f"errors of {worst:.2g} times the tolerance",
             "Flexural rigidity or mass may vary by too many orders of magnitude along the link.",
         )
         raise InputError(problem)

@@ -116,10 +116,10 @@ def _check(
     fits, rule = lambda part: 0.0 < part < 1.0, "be between 0 and 1"
     problems = [*problems_of(check_number, "tolerance", tolerance, fits, rule)]
     if arm is not None and arm.joints != motion.joints:
-        rule = f"have the number of joints of the motion, {motion.joints}"
+        rule = f"have the number of joints of the motion ({motion.joints})"
         problems.append(Problem("arm", rule, f"{arm.joints}"))
     elif arm is None and frequency_hz is None:
-        problems.append(Problem("arm", "is required without frequency_hz"))
+        problems.append(Problem("arm", "is required if there is no frequency_hz"))
     if problems:
         raise InputError(*problems)
 
@@ -138,7 +138,7 @@ def _chosen(modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
     if most == 0:
         raise InputError(Problem("arm", "has no bending modes"))
     if numbers.min() < 1 or numbers.max() > most or len(set(numbers.tolist())) < numbers.size:
-        rule = f"be different numbers from 1 to {most}, the bending modes of the arm"
+        rule = f"be different numbers from 1 to {most} (the bending modes of the arm)"
         raise InputError(Problem("modes", rule, shown(modes)))
     chosen: NDArray[np.intp] = numbers - 1
     return chosen

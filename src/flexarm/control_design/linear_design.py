@@ -164,7 +164,7 @@ def design(
     B, C = B_all[:, :m], rows_of(model, tuple(requirements.measured))
     Z = sample_time * rows_of(model, tuple(requirements.integrated))
     if len(Z) > m:
-        rule = f"name at most as many numbers as the arm has joints, {m}"
+        rule = f"have at most one component for each joint of the arm ({m})"
         raise InputError(Problem("integral", rule, str(len(Z))))
     scale = sizes_of("acceptable", model, requirements.acceptable)
     wanted = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]

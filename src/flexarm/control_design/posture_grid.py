@@ -42,7 +42,7 @@ class PostureGrid:
             angles = posture[k : k + 1] if axis is None else axis
             found = check_array(f"schedule[{k}]", angles, (-1,))
             if found.size == 0 or np.any(np.diff(found) <= 0.0):
-                rule = "be increasing angles, at least one"
+                rule = "be one or more angles in increasing order"
                 raise InputError(Problem(f"schedule[{k}]", rule, shown(axis)))
             values.append(found.tolist())
         self.postures = np.array(list(product(*values)))

@@ -17,7 +17,7 @@ from flexarm.kernels.controller_terms.rigid_terms import SET_COLUMNS, momentum, 
 from flexarm.kernels.layout import ArmConstants
 from flexarm.model.wording import nearest
 
-#: Columns of a set that are one for a unit parameter of a link or a joint.
+#: Column of a set for each parameter of a link and of a joint; the derivative is 1 there.
 _LINK = {"mass": 0, "first_moment": 1, "inertia": 3}
 _JOINT = {"viscous": 7, "coulomb": 9}
 _PAYLOAD = ("mass", "inertia")

@@ -53,12 +53,12 @@ def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
         if depth > _DEEP * float(arm.lengths.sum()) and force > _UNHELD * weight:
             rule = f"start outside the surface of contact {k}"
             value = (
-                f"{depth:.3g} m deep, where it pushes with {force:.3g} N and stores "
+                f"{depth:.3g} m inside, with a contact force of {force:.3g} N and an energy of "
                 f"{values[ENERGY]:.3g} J"
             )
             hint = (
-                f"That is {force / weight:.0f} times the arm's weight. Start outside, or "
-                "pressed at rest (equilibrium, pressed_motion). The normal of a wall points out of "
+                f"The force is {force / weight:.0f} times the arm's weight. Start outside, or at "
+                "rest in contact (equilibrium, pressed_motion). The normal of a wall points out of "
                 "the solid."
             )
             raise InputError(Problem("initial", rule, value, hint))
@@ -95,7 +95,7 @@ def refuse_pressing_outward(
     if inward.any():
         first = int(np.argmax(inward))
         rule = f"point away from the surface of contact {touching[near[first]] + 1}"
-        value = f"({few(normals[first])}) at t = {times[first]:g} s, into it"
+        value = f"({few(normals[first])}) at t = {times[first]:g} s, which points into it"
         hint = "Reverse the normal of pressed_motion."
         raise InputError(Problem("reference.normal", rule, value, hint))
 

@@ -254,7 +254,7 @@ def _at_once(event: Event, times: FloatArray, q: FloatArray, qd: FloatArray) -> 
     try:
         values = np.asarray(event.function(times, q, qd), dtype=np.float64)
     except Exception:
-        return None  # the calls one by one then find the sample at which it fails
+        return None  # single calls then find the sample at which the function fails
     if values.shape != times.shape or not np.all(np.isfinite(values)):
         return None
     return values

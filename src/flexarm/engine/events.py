@@ -57,9 +57,9 @@ class Event:
             rule = "be a function of t, q and qd"
             problems.append(Problem("function", rule, shown(self.function)))
         if self.name is not None and not (isinstance(self.name, str) and self.name):
-            problems.append(Problem("name", "be text", shown(self.name)))
+            problems.append(Problem("name", "be a nonempty text", shown(self.name)))
         elif self.name in (DURATION, FAILURE):
-            rule = "differ from the names of other ends of a run"
+            rule = f"not be {DURATION!r} or {FAILURE!r} (other ends of a run)"
             problems.append(Problem("name", rule, shown(self.name)))
         if type(self.direction) is not int or self.direction not in (-1, 0, 1):
             problems.append(Problem("direction", "be -1, 0 or 1", shown(self.direction)))
@@ -98,7 +98,7 @@ def joint_event(
             raise InputError(Problem("angle", "be a number, 'lower' or 'upper'", shown(angle)))
         if limits is None:
             hint = "Give the joint limits, or the angle itself."
-            rule = f"be a number, because joint {joint} has no limits"
+            rule = f"be a number (joint {joint} has no limits)"
             raise InputError(Problem("angle", rule, shown(angle), hint))
         value = limits.lower if angle == "lower" else limits.upper
     else:

@@ -115,10 +115,10 @@ def choose_by_drive(
     angle = min(step, longest) * fastest
     if angle <= _STABLE:
         return choice
-    reason = f"the step turns the fastest vibration by {angle:.3g} rad, at which rk4 is unstable"
+    reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
     doubt = (
-        f"{reason}: generalized_alpha damps such vibrations instead of following them. A fixed "
-        "step has no estimate of its error; halve it once and compare."
+        f"{reason}: generalized_alpha damps such vibrations instead of resolving them. A fixed "
+        "step has no error estimate: halve it once and compare."
     )
     method = GeneralizedAlpha(step=step)
     return Choice(method, f"order 2 with bending implicit: {reason}", doubt=doubt)

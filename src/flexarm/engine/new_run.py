@@ -95,7 +95,7 @@ def initial_state(
     given = check_array("initial", q, (-1,))
     if given.size != arm.dof:
         hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
-        rule = f"have shape ({arm.dof},), the coordinates of the arm"
+        rule = f"have shape ({arm.dof},) for the coordinates of the arm"
         raise InputError(Problem("initial", rule, f"shape {given.shape}", hint))
     rates = np.zeros(arm.dof) if qd is None else qd
     return arm.padded(np.stack([given, check_array("initial_rate", rates, (arm.dof,))]))

@@ -189,7 +189,7 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
         if not all(np.isfinite(part.x).all() and np.isfinite(part.P).all() for part in self._parts):
             hint = "Correct the arm, the readings or the torques, and call reset."
             raise InputError(Problem("the estimate", "is not finite", hint=hint))
-        # The innovation test needs the weights of the prediction, which the update changes.
+        # The innovation test needs the weights of the hypotheses before the update changes them.
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
         for part, moved in zip(self._parts, self._moved, strict=True):

@@ -90,9 +90,9 @@ class PredictedReadings:
                 problems.append(Problem("instrument", rule))
             if not (item.noise or item.resolution):
                 rule = f"{item.label!r} has no noise and no resolution"
-                problems.append(Problem("instrument", rule, hint="They define its weight."))
+                problems.append(Problem("instrument", rule, hint="They define its variance."))
         if "joint_angle" not in [item.signal for item in instruments]:
-            rule = "do not measure 'joint_angle', where the estimate starts"
+            rule = "do not measure 'joint_angle', from which the estimate starts"
             problems.append(Problem("instruments", rule))
         if problems:
             raise InputError(*problems)

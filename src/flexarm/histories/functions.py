@@ -15,13 +15,14 @@ from flexarm.user_functions import FunctionError, call, first_failure
 
 #: Allowed error of the cubics, as a fraction of the integrator's tolerance, and its lower limit.
 _SHARE, _LEAST = 1e-2, 1e-12
-#: Limit on the pieces being halved at once. A few jumps keep a few pieces open, noise keeps all.
+#: Maximum number of pieces that are halved at once: a few for a function with a few jumps, all of
+#: them for noise.
 _MOST_PIECES = 50_000
 #: Initial number of pieces of a function of time.
 _FIRST_PIECES = 64
 #: Types of rows that can be checked together.
 _PLAIN = {tuple, list, np.ndarray}
-#: Limit on the instants of the comparison, whose calls then take a fraction of a second.
+#: Maximum number of instants of the comparison, so that it takes a fraction of a second.
 _MOST_INSTANTS = 20_000
 
 
@@ -113,7 +114,7 @@ class _Follower:
     #: Four points that the cubic interpolates (ends shared), and three that test it.
     _NODES = np.array([0.0, 0.25, 0.75, 1.0])
     _TESTS = np.array([0.1, 0.5, 0.9])
-    #: All of them, as fractions of a piece.
+    #: All seven points, as fractions of a piece.
     points = np.union1d(_NODES, _TESTS)
 
     def __init__(
@@ -177,10 +178,10 @@ class _Follower:
         """Return the times at which the function differs from its cubics."""
         values = self._values(times)
         self._grow(values)
-        # The error between the interpolated points is larger than at them, but never by this much.
+        # Between the tested points the error may be larger than at them, but never by this factor.
         far = np.any(np.abs(values - history.at(times)) > 100.0 * self.allowed, axis=1)
         times = times[far]
-        # Within the shortest pieces there is a jump, which is already in the stops.
+        # The shortest pieces contain a jump, which is already among the stops.
         piece = np.searchsorted(history.breaks, times, side="right") - 1
         return times[np.diff(history.breaks)[piece] > self._shortest]
 
@@ -221,7 +222,7 @@ class _Follower:
         """Return the function's values at `times`, checked together where that is safe.
 
         One check for all rows saves most of the time of a short run. NumPy would convert rows of
-        other types, such as masked arrays, without a complaint, so they are checked one by one.
+        other types, such as masked arrays, without an error, so they are checked one by one.
 
         Raises:
             InputError: if a value is not ``columns`` finite numbers; it contains the first time.

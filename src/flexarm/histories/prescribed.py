@@ -103,7 +103,7 @@ class _SplinePart:
         margin = 1e-9 * (last - first)
         if not self.rests and (np.min(times) < first - margin or np.max(times) > last + margin):
             rule = "cover the run from 0 to its end with ends='free'"
-            raise InputError(Problem("times", rule, f"from {first:.9g} to {last:.9g}"))
+            raise InputError(Problem("times", rule, f"{first:.9g} to {last:.9g}"))
         values = self.spline(np.clip(times, first, last), self.order)
         if self.rests and self.order:
             values = np.where((times >= first) & (times < last), values, 0.0)
@@ -209,5 +209,5 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
         rounding = 1e-14 * float(np.max(np.abs(before))) / step
         if np.max(np.abs(found - said)) > 0.01 * np.max(np.abs(found)) + rounding + 1e-9:
             worst = int(np.argmax(np.abs(found - said)))
-            rule = f"be the derivative, {found[worst]:.6g} at t = {times[worst]:.6g}"
+            rule = f"be the derivative ({found[worst]:.6g} at t = {times[worst]:.6g} s)"
             raise InputError(Problem(f"{name}.{kind}", rule, shown(float(said[worst]))))

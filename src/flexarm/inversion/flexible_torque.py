@@ -39,7 +39,7 @@ class FlexibleTorque:
         initial: initial q (dof,) at time zero.
     """
 
-    #: ``simulate`` may evaluate many times in one call.
+    #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
     arm: Arm
@@ -110,7 +110,7 @@ def flexible_torque(
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # simulating the torque warns
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
         result = simulate(
             arm,
             until,

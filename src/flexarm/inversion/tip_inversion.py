@@ -61,7 +61,8 @@ _KNOTS, _SAMPLES = 12.0, 64.0
 #: Levenberg-Marquardt damping, as a fraction of the tip's response to all coefficients together. It
 #: decreases to the minimum after each successful step and increases after each failed one.
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 1e-7, 0.1
-#: Fraction of the arm's length that limits the rigid torques' error as a scale for reductions.
+#: The reduction is relative to the tip error under rigid torques, or to this fraction of the length
+#: of the arm if that is smaller.
 _MOST_RIGID = 0.05
 _STEPS = 12
 #: Knots of the unsupported torque per knot of the original one, and samples per knot.

@@ -21,8 +21,8 @@ class SampledReference:
     """Reference that is evaluated for all sample times in one call.
 
     One call of a motion for a thousand times is a thousand times as fast as a thousand calls, and
-    controllers evaluate the reference at every sample time. Other times, and everything that is
-    not tabulated, go to the reference itself.
+    controllers evaluate the reference at every sample time. For other times, and for methods
+    that are not tabulated, the reference itself is called.
     """
 
     vectorized = True

@@ -204,7 +204,7 @@ def _plants(
     if len(set(joints)) > 1:
         raise InputError(Problem("plants", "be arms with the same number of joints", shown(plants)))
     if isinstance(own, Arm) and own.joints != joints[0]:
-        rule = f"have the number of joints of the controller's arm, {own.joints}"
+        rule = f"have the number of joints of the controller's arm ({own.joints})"
         raise InputError(Problem("plants", rule, shown(joints[0])))
     for name, arm in named.items():
         required = requirements_of(controller, arm, None)
@@ -212,7 +212,7 @@ def _plants(
             rule = f"is for {required.joints} joint(s), but the plant {name!r} has {arm.joints}"
             raise InputError(Problem("controller", rule))
         if "strain" in required.measured and required.gauges not in (None, len(arm.gauges)):
-            rule = f"have {required.gauges} gauge(s), as {type(controller).__name__} reads"
+            rule = f"have {required.gauges} gauge(s), which {type(controller).__name__} reads"
             raise InputError(Problem(f"plant {name!r}", rule, str(len(arm.gauges))))
     return named
 

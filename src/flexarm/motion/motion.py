@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
-#: Breaks nearer than this fraction of the duration are one.
+#: Breaks closer together than this fraction of the duration are merged.
 _SAME_TIME = 1e-9
 
 
@@ -60,7 +60,7 @@ class Motion(ABC):
         start_time: start of the motion, s.
     """
 
-    #: Rule 1, in the form that all references use.
+    #: Whether arrays of times are accepted, rule 1; all references declare it with this name.
     vectorized: ClassVar[bool] = True
 
     chain: RigidChain
@@ -260,7 +260,7 @@ def check_motion(motion: object, arm: Arm | None = None) -> Motion:
         hint = "Create one with fa.line_motion or fa.joint_motion."
         raise InputError(Problem("motion", "be a motion", shown(motion), hint))
     if arm is not None and motion.joints != arm.joints:
-        rule = f"have the number of joints of the arm, {arm.joints}"
+        rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("motion", rule, str(motion.joints)))
     return motion
 

@@ -69,7 +69,7 @@ class SmoothedMotion(Motion):
         if not parts:
             return self.motion.at(times)
         angle, rate, acceleration = (np.concatenate(part) for part in zip(*parts, strict=True))
-        # At the end, rounding may leave the last break in the window by a fraction of a bit.
+        # At the end, the last break may still be in the window because of rounding.
         moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
         return JointState(angle, rate * moving, acceleration * moving)
 

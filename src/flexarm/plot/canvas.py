@@ -68,7 +68,7 @@ def checked_axes(axes: object, count: int) -> list[Axes]:
     if len(given) == count and all(isinstance(each, Axes) for each in given):
         return given
     rule = "be Matplotlib axes" if count == 1 else f"be {count} Matplotlib axes, one for each panel"
-    found = f"{len(given)} of them" if all(isinstance(e, Axes) for e in given) else shown(axes)
+    found = f"{len(given)} axes" if all(isinstance(e, Axes) for e in given) else shown(axes)
     raise InputError(Problem("axes", rule, found))
 
 

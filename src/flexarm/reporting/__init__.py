@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 _BESIDE = 3
 #: Limit on the coordinates of all frames, so that they take about two megabytes.
 _MOST_COORDINATES = 300_000
-#: Coordinates of a joint with its part of the rigid counterpart, and of the arrow of a torque.
+#: Number of coordinates of a joint and its rigid counterpart, and of the arrow of a torque.
 _OF_JOINT, _OF_ARROW = 6, 56
 _MOST_FPS = 30.0
-#: Duration of the animation, s, beyond which it is slowed down or accelerated.
+#: Shortest and longest duration (s) of an animation; its speed is changed to stay between them.
 _SHORTEST, _LONGEST = 2.0, 60.0
 #: Links beyond which no torques are drawn: their arrows would overlap.
 _MOST_ARROWS = 8

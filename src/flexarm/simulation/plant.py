@@ -203,7 +203,7 @@ class Plant:
             raise InputError(Problem("the plant", rule))
         # The sum of the sample times may exceed the duration by rounding.
         if until > self._duration * (1.0 + 1e-12):
-            rule = f"be at most the duration of the plant, {self._duration:.6g} s"
+            rule = f"be at most the duration of the plant ({self._duration:.6g} s)"
             raise InputError(Problem("the next sample time", rule, f"{until:.6g} s"))
 
     @property

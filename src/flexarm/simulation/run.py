@@ -187,7 +187,7 @@ def simulate(
     atol = check_positive("atol", atol)
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
-        rule = f"have the number of joints of the arm, {arm.joints}"
+        rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("plant", rule, shown(simulated.joints)))
     if (fault := sample_fault(duration, rate)) is not None:
         raise InputError(fault.problem())
@@ -361,7 +361,7 @@ def _initial_state(
         name = "reference" if reference is not None else "torque"
         straight = np.asarray(call(name, motion.joint_angle, 0.0))
         if straight.shape != (arm.joints,):
-            rule = f"have the number of joints of the arm, {arm.joints}"
+            rule = f"have the number of joints of the arm ({arm.joints})"
             raise InputError(Problem(name, rule, str(straight.size)))
     return initial_state(arm, initial, initial_rate, straight)
 

@@ -192,13 +192,13 @@ def _converged(
     for _ in range(_HALVINGS):
         longest *= 0.5
         fine = run(longest)
-        # Compare between the coarser edges, where its polynomials have larger errors.
+        # Compare in the middle of the coarser steps, where the interpolation has larger errors.
         times = 0.5 * (coarse.edges[:-1] + coarse.edges[1:])
         (dq, _), (other, _) = fine.at(times), coarse.at(times)
         if np.max(np.abs(dq - other)) <= rtol * np.max(np.abs(dq)):
             return fine
         coarse = fine
-    reason = f"steps of {longest:.2g} s do not follow the deviations to rtol."
+    reason = f"the deviations have not converged to rtol with steps of {longest:.2g} s."
     raise SimulationError(0.0, reason, "Increase rtol, or add damping to the stiffest modes.")
 
 
@@ -214,7 +214,7 @@ def _quasi_static(
     breaks = break_times(model.motion, until)
     for a, b in pairwise(breaks):
         own = (times >= a) & ((times < b) | (b == until))
-        if np.count_nonzero(own) >= 4:  # a not-a-knot spline needs four
+        if np.count_nonzero(own) >= 4:  # a not-a-knot spline needs four samples
             dqd[own] = CubicSpline(times[own], dq[own])(times[own], 1)
     return dq, dqd
 

@@ -288,7 +288,7 @@ def _default_limit(laboratory: ArrayLike | None, motors: Motors | None) -> Array
         return motors.torque_limit
     if laboratory is not None:
         return laboratory
-    hint = "Give it, or motors with a torque_limit."
+    hint = "Give it, or hardware whose motors have a torque_limit."
     raise InputError(Problem("torque_limit", "is required with an arm", hint=hint))
 
 

@@ -27,7 +27,8 @@ _LENGTH = 0.125
 _GAP = 0.005
 #: Largest angle (rad) of a wall's normal to the base direction: the base is then on its free side.
 _TURN = np.pi / 6.0
-#: Bounds of a line's distance from the base (fractions of the reach); a straight arm is too stiff.
+#: Bounds of the distance of a line from the base, as fractions of the reach. Farther away the arm
+#: is almost straight, and too stiff.
 _NEAREST, _FARTHEST = 0.5, 0.85
 #: Largest joint rates (rad/s) along a line, and largest static torque of the maximum force as a
 #: fraction of the torque limits; more would bend the links too far.

@@ -35,7 +35,8 @@ from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 @cache
 def _plain(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    # The tanh of the kernels is for complex numbers; automatic differentiation gives slope 0 at 0.
+    # Use NumPy's tanh, because automatic differentiation of the kernels' tanh, which is made for
+    # complex numbers, gives slope 0 at 0.
     return undecorated(kernel, {tanh: np.tanh})
 
 

@@ -157,9 +157,9 @@ def _agree(found: FloatArray, wanted: FloatArray) -> bool:
 
 
 def _not_exact(name: str, arm: Arm, path: str) -> InputError:
-    rule = "be a parameter of a closed-form expression of the equations"
+    rule = "be a parameter whose effect on the equations has a closed form"
     if number_at(name, arm.spec, path) == 0.0:
-        hint = "It is 0 in this arm: terms that it multiplies are left out, or it has to be 0."
+        hint = "It is 0 in this arm: the equations omit its terms, or no other value is valid."
         return InputError(Problem(name, rule, shown(path), hint))
     root = path.partition(".")[0]
     near = [p for p in number_paths(arm.spec) if p.partition(".")[0] == root]

@@ -91,7 +91,7 @@ def _check_together(options: ModesOptions) -> None:
     if options.to is not None and turns:
         raise InputError(Problem("--to", "is not supported with a rotating arm"))
     if options.campbell_to is not None and options.campbell_to <= options.spin:
-        rule = f"be greater than --spin, {options.spin:g}"
+        rule = f"be greater than --spin ({options.spin:g})"
         raise InputError(Problem("--campbell", rule, f"{options.campbell_to:g}"))
 
 

@@ -78,7 +78,7 @@ class Composite(CompositeParameters, LQG):
     def __post_init__(self) -> None:
         arm = self.arm
         if arm.dof == arm.joints:
-            raise InputError(Problem("arm", "is rigid"))
+            raise InputError(Problem("arm", "has no flexible links"))
         weighted = self.acceptable or {"link_tip_deflection": 0.01, "link_tip_deflection_rate": 0.1}
         self.acceptable = check_names("acceptable", weighted, BENDING, arm)
         super().__post_init__()

@@ -267,7 +267,7 @@ class LQG(LQGParameters, OfArm, Controller):
         """
         arm = self.arm if plant is None else check_kind("plant", plant, Arm)
         if arm.joints != self.arm.joints:
-            rule = f"have the number of joints of the arm, {self.arm.joints}"
+            rule = f"have the number of joints of the arm ({self.arm.joints})"
             raise InputError(Problem("plant", rule, str(arm.joints)))
         at = check_array(
             "posture", self.posture if posture is None else posture, (self.arm.joints,)

@@ -49,7 +49,7 @@ class SlidingVariable:
         link = arm.joint_numbers[joint] - 1
         own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
         if not own:
-            rule = f"be 0 at joint {link + 1}: its link has no gauge off the neutral axis"
+            rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
             raise InputError(Problem("strain_gain", rule, shown(float(self.strain_gain[joint]))))
         self._gauge[joint] = min(own)[1]
         self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]

@@ -86,7 +86,7 @@ def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
             # The numbers of the load give its direction; the input scales them.
             found.append(Input(str(name), f"x {unit}", load=load))
         else:
-            rule = "have a direction and no factor to be an input"
+            rule = "have a nonzero force or moment, and no factor"
             raise InputError(Problem(f"inputs {name!r}", rule, shown(load.value)))
     _check_names("inputs", [item.name for item in found])
     return found
@@ -169,7 +169,7 @@ def _check_names(which: str, names: list[str]) -> None:
         raise InputError(Problem(which, rule, ", ".join(twice), hint))
     dotted = next((name for name in names if "." in name), None)
     if dotted is not None:
-        rule = "have names without dots, which python-control splits"
+        rule = "have names without dots (python-control splits names at dots)"
         raise InputError(Problem(which, rule, shown(dotted)))
 
 

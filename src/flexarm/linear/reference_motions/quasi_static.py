@@ -133,7 +133,7 @@ class QuasiStaticReference(Motion):
 class QuasiStaticTorque:
     """Torque of the bent arm along a quasi-static reference; callable with the time."""
 
-    #: ``simulate`` may evaluate many times in one call.
+    #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
     motion: QuasiStaticReference

@@ -47,7 +47,7 @@ def stepper_of(arm: Arm, method: str, h: float) -> Stepper:
     if isinstance(method, str) and method in REMOVED:
         hint = f"It was removed; use {REMOVED[method]!r}."
     elif kind is not None:
-        hint = "Methods with several previous states or iterations are not supported."
+        hint = "Multistep and iterative methods are not supported."
     raise InputError(Problem("method", rule, shown(method), hint))
 
 

@@ -62,8 +62,10 @@ def joint_feedback(arm: Arm, joints: Joints) -> JointFeedback:
         listed = as_list(joints)
         each = listed or []
         if listed is None or len(each) != arm.joints:
-            rule = f"be 'locked', 'free', or a list of these or of gains for each of {arm.joints}"
-            raise InputError(Problem("joints", rule + " joints", shown(joints)))
+            rule = (
+                "be 'locked', 'free', or a list with one of these, or with gains, for each of the "
+            )
+            raise InputError(Problem("joints", f"{rule}{arm.joints} joints", shown(joints)))
     for place, item in zip(index, each, strict=True):
         if isinstance(item, str):
             if item not in JOINTS:

@@ -164,7 +164,9 @@ def _follow(
     named: tuple[str, str],
 ) -> ModeTracks:
     if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
-        raise InputError(Problem(named[0], "be increasing, at least one", shown(parameter)))
+        raise InputError(
+            Problem(named[0], "be one or more numbers in increasing order", shown(parameter))
+        )
     bent: list[FloatArray] = []
 
     def solved(at: float) -> Modes:

@@ -89,7 +89,7 @@ class Load(Record, kw_only=False):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.omitted("force") and given.omitted("moment"):
-            yield Fault(("force",), "is required without a moment")
+            yield Fault(("force",), "is required if there is no moment")
         if given.absent("spread"):
             return
         if not given.absent("station"):

@@ -38,11 +38,14 @@ def polygon_faults(x: Sequence[float], y: Sequence[float], closed: bool) -> Iter
         return
     length = sum(math.dist(a, b) for a, b in pairwise(points))
     if abs(_area(points)) <= near * length:
-        yield Fault(("x",), "enclose an area with y", shown(list(x)))
+        yield Fault(("x",), "enclose an area together with y", shown(list(x)))
         return
     crossing = min(_crossings(points), default=None)
     if crossing is not None:
-        rule = f"and y cross themselves after the points [{crossing[0]}] and [{crossing[1]}]"
+        rule = (
+            "and y are a polygon that crosses itself after the points "
+            f"[{crossing[0]}] and [{crossing[1]}]"
+        )
         yield Fault(("x",), rule)
 
 

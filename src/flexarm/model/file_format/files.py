@@ -319,7 +319,7 @@ def _head_problems(document: Document, kind: type[Record] | None) -> list[Proble
     if version != FILE_VERSION or not isinstance(version, int) or isinstance(version, bool):
         newer = isinstance(version, int) and version > FILE_VERSION
         hint = "The file is for a newer flexarm: upgrade flexarm." if newer else ""
-        rule = f"be {FILE_VERSION}, the version of the file format"
+        rule = f"be {FILE_VERSION} (the version of the file format)"
         return [Problem("flexarm", rule, shown(version), hint, where=where), *problems]
     return problems
 

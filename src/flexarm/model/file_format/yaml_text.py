@@ -32,7 +32,7 @@ _TAG = "tag:yaml.org,2002:"
 
 
 class _Resolver(Resolver):
-    """The scalars of YAML 1.2, without those of PyYAML."""
+    """Resolver of the scalars of YAML 1.2, in place of those of PyYAML."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and form)
 

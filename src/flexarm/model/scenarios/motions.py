@@ -39,7 +39,7 @@ class _Timing(Record):
 
     duration: Positive = Field(description="Time from start to end (s).")
     profile: Profile = Field(default="quintic", description="Timing law along the path.")
-    start_time: NonNegative = Field(default=0.0, description="When the motion starts (s).")
+    start_time: NonNegative = Field(default=0.0, description="Start time of the motion (s).")
     shaping: ShapingSpec | None = Field(
         default=None, description="Input shaping against residual vibration."
     )
@@ -72,7 +72,7 @@ class ViaPointMotionSpec(_TipTiming):
     """Motion of the rigid arm's tip along lines between points, with rounded corners."""
 
     kind: Literal["via_points"] = "via_points"
-    points: Points = Field(description="Where the lines meet [[x, y], ...], world frame (m).")
+    points: Points = Field(description="Corners of the path [[x, y], ...], world frame (m).")
     blend: Positive | None = Field(
         default=None,
         description="Distance from each corner at which the tip leaves the lines (m); by default "
@@ -85,7 +85,7 @@ class SplineMotionSpec(_TipTiming):
 
     kind: Literal["spline"] = "spline"
     points: Points = Field(
-        description="Where the tip passes [[x, y], ...], world frame (m); the curve is closed if "
+        description="Points of the path [[x, y], ...], world frame (m); the curve is closed if "
         "the last equals the first."
     )
 
@@ -136,7 +136,7 @@ class ForceTable(Record):
             return
         for k in range(1, len(given.times)):
             if given.times[k] <= given.times[k - 1]:
-                rule = f"be greater than {given.times[k - 1]:.9g}, the previous time"
+                rule = f"be greater than {given.times[k - 1]:.9g} (the previous time)"
                 yield Fault(("times", k), rule, shown(given.times[k]))
                 return
 
@@ -193,7 +193,7 @@ def motion_faults(given: Given) -> Iterator[Fault]:
             yield Fault(("prescribed", k, "kind"), "motion is not supported with a pressed motion")
     if look(motion, "normal") is None and given.has("contacts"):
         if not given.contacts:
-            yield Fault(("motion", "normal"), "is required without contacts")
+            yield Fault(("motion", "normal"), "is required if there are no contacts")
             return
         if given.contacts[0].surface.kind not in ("wall", "round"):
             rule = "is required if the first contact is neither a wall nor round"

@@ -87,7 +87,7 @@ class RunSettings(Record):
         if given.has("stations") and given.stations == 1:
             yield Fault(("stations",), "be 0, or at least 2 (root and tip)", "1")
         if given.has("duration", "step") and given.step > given.duration:
-            rule = f"be at most {given.duration:.9g}, the duration of the run"
+            rule = f"be at most {given.duration:.9g} (the duration of the run)"
             yield Fault(("step",), rule, shown(given.step))
 
 

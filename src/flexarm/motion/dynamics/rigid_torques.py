@@ -31,7 +31,7 @@ class RigidTorque:
         motion: the motion.
     """
 
-    #: ``simulate`` may evaluate many times in one call.
+    #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
     rigid_counterpart: Arm

@@ -49,11 +49,11 @@ def inverse_kinematics(
             with theta_2 >= 0. For more links without a posture, the side of the line from base to
             point on which the arm is: `"up"` is the left side in the direction of the point.
         posture: for three links or more, relative joint angles (n,) rad; the result is then the
-            nearest solution: the sum of the squared differences from them is a minimum, to which
-            the descents from this posture and from those of both elbows lead. `elbow` is not used.
+            nearest solution, with the smallest sum of squared angle differences among the minima
+            found from this posture and from those of both elbows. `elbow` is not used.
 
     Returns:
-        The angles, each in [-pi, pi], except that those nearest to a posture keep its full turns.
+        The angles, each in [-pi, pi]; with a posture, near its angles, including full turns.
 
     Raises:
         InputError: if the point is out of reach, or an argument has the wrong shape or is not

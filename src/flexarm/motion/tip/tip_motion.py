@@ -142,7 +142,7 @@ def _check_margins(chain: RigidChain, path: TipPath) -> None:
         else:
             rule = f"stay less than {outer - margin:.9g} m from the base"
             value = f"a farthest point of {_place(points[far], distances[far])}"
-        hint = "The straight arm cannot follow a path."
+        hint = "There the arm is straight and cannot follow a path."
         raise InputError(Problem([*named, path.title][0], rule, value, hint))
     # Without a hole, three links or more can pass the base; only their posture may be singular.
     if (inner == 0.0 and len(chain.lengths) > 2) or distances[near] >= inner + margin:

@@ -209,8 +209,8 @@ def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
             the shorter of the two lines.
 
     Raises:
-        InputError: if the points are not two or more, each different from the one before it, or the
-            corners do not fit on the lines.
+        InputError: if there are fewer than two points, two successive points are equal, or the
+            rounded corners do not fit on the lines.
     """
     corners = _different(points)
     sides = np.diff(corners, axis=0)
@@ -222,7 +222,7 @@ def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
         reach = np.full_like(room, check_positive("blend", blend, "m"))
         tight = int(np.argmin(room)) if room.size else 0
         if room.size and reach[tight] > 0.5 * room[tight]:
-            rule = f"be at most {0.5 * room[tight]:.6g} m, half of the shorter line at a corner"
+            rule = f"be at most {0.5 * room[tight]:.6g} m (half of the shorter line at a corner)"
             hint = f"That corner is points[{tight + 1}]."
             raise InputError(Problem("blend", rule, shown(blend), hint))
     total = float(lengths.sum())
