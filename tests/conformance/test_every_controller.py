@@ -5,12 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, two_links
+from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links
 
 import flexarm as fa
 from flexarm.control.base import Controller
 from flexarm.controllers import CONTROLLERS
 from flexarm.hardware.measurement import Measurement
+from flexarm.loop_analysis.linear_controller import memory_of
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED, FilterSpec
 
@@ -21,11 +22,11 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning"),
 ]
 
-every = pytest.mark.parametrize("name", CONTROLLERS)
+every = pytest.mark.parametrize("name", EXAMPLES)
 
 
 def test_every_controller_has_an_example():
-    assert set(EXAMPLES) == set(CONTROLLERS), "add the newcomer to EXAMPLES"
+    assert set(EXAMPLES) == set(CONTROLLERS), "add it to ARGUMENTS of controller_examples.py"
 
 
 @pytest.fixture
@@ -205,6 +206,34 @@ def test_arm_with_another_number_of_joints_is_rejected_before_the_run(name, arm)
         fa.simulate(three, 0.02, controller=EXAMPLES[name]())
 
 
+def lists_for_joints():
+    """Return the names of all controllers and their parameters with a value for each joint."""
+    names = [(name, key) for name in EXAMPLES for key in CONTROLLED[name].per_joint]
+    return [
+        (name, key) for name, key in names if key in inspect.signature(CONTROLLERS[name]).parameters
+    ]
+
+
+@pytest.mark.parametrize(("name", "key"), lists_for_joints())
+def test_list_for_another_number_of_joints_is_rejected_before_the_run(name, key, arm):
+    def run():
+        controller = example(name, **{key: [1.0] * 3})
+        fa.simulate(arm, 0.02, controller=controller, reference=motion(arm))
+
+    with pytest.raises(fa.InputError, match=rf"{key} must have|controller is for 3 joints"):
+        run()
+
+
+#: Controllers without a stability analysis of the sampled loop, because their gains change.
+UNDECLARED = ("estimator", "rbf_adaptive")
+
+
+@every
+def test_memory_is_declared(name):
+    """Without `memory` no run warns of an unstable loop."""
+    assert (memory_of(EXAMPLES[name]()) is None) == (name in UNDECLARED)
+
+
 # In files ----------------------------------------------------------------------------------------
 
 #: Arguments that only Python can express, or that have no effect in a file.
@@ -264,7 +293,6 @@ def test_filter_record_has_the_same_arguments_and_defaults():
 
 def test_every_record_has_a_controller():
     assert set(CONTROLLED) == set(CONTROLLERS)
-    assert set(DRIVES) == set(CONTROLLERS), "add the newcomer to DRIVES of controller_examples.py"
 
 
 @every
