@@ -71,7 +71,7 @@ docs: $(VENV)/.ready-dev ## build the documentation site: out/site/html/index.ht
 conformance: $(VENV)/.ready-dev ## after an addition: which parts are missing in the code, the tests and the pages?
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
 		tests/conformance tests/docs/test_docs_reference.py tests/fuzz/test_calls.py \
-		tests/benchmarks/test_controllers_run.py
+		tests/benchmarks/test_controllers_run.py tests/unit/studio/test_state.py
 
 lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 	$(BIN)/ruff format --check .
