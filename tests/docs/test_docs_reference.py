@@ -9,7 +9,7 @@ import pytest
 import typer
 from docs_pages import ROOT, blocks, pages, text_of
 from python_tables import GROUPS
-from reference_tables import generated, part_pattern
+from reference_tables import generated, missing_sections, part_pattern
 
 import flexarm as fa
 from flexarm.cli.main import app
@@ -44,6 +44,8 @@ def test_generated_part_is_up_to_date(key: tuple[str, str]) -> None:
 
 def test_every_kind_of_mapping_has_a_section() -> None:
     """Parts are found by name above; here the page must not have further ones."""
+    lacking = missing_sections()
+    assert not lacking, f"docs/reference/file-format.md lacks:\n\n{lacking}"
     on_page = re.findall(r"<!-- begin (\w+) -->", text_of("docs/reference/file-format.md"))
     mappings = json_schema("study")["$defs"] | json_schema()["$defs"]
     with_keys = [n for n, d in mappings.items() if d["properties"].keys() - {"kind"}]
@@ -85,7 +87,10 @@ def test_pages_and_examples_import_public_modules_only() -> None:
 
 def test_every_public_name_is_in_one_table() -> None:
     listed = [name for names in GROUPS.values() for name in names]
-    assert sorted(listed) == sorted([*fa.__all__, *(f"plot.{name}" for name in fa.plot.__all__)])
+    public = [*fa.__all__, *(f"plot.{name}" for name in fa.plot.__all__)]
+    absent = set(public) - set(listed)
+    assert not absent, f"add to a part of GROUPS in tests/docs/python_tables.py: {sorted(absent)}"
+    assert sorted(listed) == sorted(public)
 
 
 def test_names_on_the_page_exist() -> None:
