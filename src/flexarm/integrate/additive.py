@@ -20,7 +20,7 @@ from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
-from flexarm.kernels.cache import apart, compiled, merged
+from flexarm.kernels.cache import apart, merged, unlocked
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.implicit_step import add_to_diagonal
 from flexarm.kernels.layout import ArmConstants, Array
@@ -104,7 +104,7 @@ def additive_step(
     combine(sizes, state, stages, AE, s, s, h, smooth)
 
 
-@compiled
+@unlocked
 def advance_additive(
     system: System,
     tolerance: Tolerance,

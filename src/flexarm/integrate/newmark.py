@@ -27,7 +27,7 @@ from flexarm.integrate.status import (
 from flexarm.integrate.steps import begin_span, error_norm, followed, inertia_left, step_of_span
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.articulated_body import solve_implicit
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.cache import merged, unlocked
 from flexarm.kernels.columns import MODE_DAMPING, W2
 from flexarm.kernels.layout import ArmConstants, Array
 
@@ -164,7 +164,7 @@ def _solve(
     return NOT_CONVERGED
 
 
-@compiled
+@unlocked
 def advance_newmark(
     system: System,
     tolerance: Tolerance,

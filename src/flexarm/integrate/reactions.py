@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexarm.integrate.base import System
 from flexarm.integrate.torque import loads_at
 from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.cache import compiled, unlocked
 from flexarm.kernels.columns import (
     GEAR_RATIO,
     ROOT_ACCELERATION_W,
@@ -19,7 +19,7 @@ from flexarm.kernels.newton_euler import inverse_dynamics
 from flexarm.kernels.section_forces import section_forces
 
 
-@compiled
+@unlocked
 def reactions_many(
     system: System,
     times: Array,

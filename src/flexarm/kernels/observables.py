@@ -8,7 +8,7 @@ rates; then deflection and slope of its tip from the root tangent (m, rad), and 
 
 from __future__ import annotations
 
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.cache import compiled, unlocked
 from flexarm.kernels.columns import (
     D0,
     D1,
@@ -196,7 +196,7 @@ def energies(
     energy[2] = potential
 
 
-@compiled
+@unlocked
 def observe_many(
     sizes: Sizes,
     constants: ArmConstants,

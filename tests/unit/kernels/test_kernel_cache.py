@@ -113,8 +113,8 @@ def test_edited_callee_gives_new_physics_and_everything_else_comes_from_disk(san
     assert again["directory"] == fresh["directory"]
 
     # The kernel's own file stays: what it calls turns its sign around.
-    assert "return np.sin(x)" in source
-    edited = source.replace("return np.sin(x)", "return -np.sin(x)")
+    assert "return _sine(x)" in source
+    edited = source.replace("return _sine(x)", "return -_sine(x)")
     callee.write_text(edited, encoding="utf-8")
     changed, words = run(sandbox, CALL_SWING)
     assert changed["value"] == pytest.approx(-2.5, rel=1e-14)
