@@ -5,6 +5,8 @@ from .arm import Arm as Arm
 from .arm import load_arm as load_arm
 from .arm import save_arm as save_arm
 from .arm import varied as varied
+from .batch.reductions import Reduction as Reduction
+from .batch.run import simulate_batch as simulate_batch
 from .bridges.symbolic.casadi_model import to_casadi as to_casadi
 from .bridges.symbolic.jax_model import to_jax as to_jax
 from .control.base import Controller as Controller

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache, partial
+from typing import Any
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
@@ -145,6 +146,13 @@ def _invert() -> None:
     fa.linearize_along(_arm(), _motion(), rate=3.0)
 
 
+def _batch() -> None:
+    starts = [_arm().rest(_START)] * 2
+    fixed: dict[str, Any] = {"integrator": "rk4", "step": 1e-3}
+    for options in (fixed, {}):
+        fa.simulate_batch(_arm(), 0.01, initial=starts, progress=False, **options)
+
+
 def _prescribe() -> None:
     held = fa.PrescribedAngle.hold(0.4)
     fa.simulate(_arm(), 0.01, prescribed={1: held}, initial=_arm().rest(_START))
@@ -164,6 +172,7 @@ FEATURES: dict[str, Callable[[], None]] = {
     "linear control": _linear_control,
     "closed loops": _loop,
     "prescribed joints": _prescribe,
+    "batches": _batch,
 }
 
 
