@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import flexarm as fa
-from flexarm.kernels.articulated_body import solve_forward
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.compilation.cache import compiled
 from flexarm.kernels.layout import (
     Sizes,
     compile_time_sizes,
@@ -14,6 +13,7 @@ from flexarm.kernels.layout import (
     no_loads,
     run_time_sizes,
 )
+from flexarm.kernels.recursion.articulated_body import solve_forward
 
 
 @compiled

@@ -20,7 +20,7 @@ HERE = Path(FOLDER.name)
 
 import flexarm as fa  # noqa: E402
 from flexarm.cli.failures import end_orderly_when_terminated  # noqa: E402
-from flexarm.kernels import cache, code_cache  # noqa: E402
+from flexarm.kernels.compilation import cache, code_cache  # noqa: E402
 from flexarm.plot.signals import signals_figure  # noqa: E402
 
 RANDOM = random.Random(1)
@@ -179,7 +179,7 @@ def kernel(scale: float) -> object:
     source = HERE / f"kernel_{scale:g}.py"
     # Every line keeps or shrinks rounding errors, so all correct compilations agree.
     lines = "\n".join(f"    y = np.sin(y + {scale}) + x[{k} % x.size]" for k in range(150))
-    head = "import numpy as np\nfrom flexarm.kernels.cache import compiled\n@compiled\n"
+    head = "import numpy as np\nfrom flexarm.kernels.compilation.cache import compiled\n@compiled\n"
     source.write_text(f"{head}def work(x):\n    y = 0.0\n{lines}\n    return y\n")
     spec = importlib.util.spec_from_file_location(source.stem, source)
     module = importlib.util.module_from_spec(spec)

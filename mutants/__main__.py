@@ -1,7 +1,8 @@
 """Put small errors into copies of the code and count how many the tests notice: `make mutants`.
 
 A sample of fixed size for each area (``areas``, ``sample``); exit status 1 if the tests notice less
-than nine in ten. `python -m mutants --only src/flexarm/cli/run.py:60` tries all errors of a line.
+than nine in ten. `python -m mutants --only src/flexarm/cli/commands/run.py:60` tries all errors of
+a line.
 """
 
 from __future__ import annotations

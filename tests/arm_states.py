@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 import flexarm as fa
-from flexarm.kernels.composite_body import mass_matrix
+from flexarm.actions.loads import place_loads, tip_load
 from flexarm.kernels.layout import (
     ArmConstants,
     Loads,
@@ -17,8 +17,8 @@ from flexarm.kernels.layout import (
     new_workspace,
     run_time_sizes,
 )
-from flexarm.kernels.observables import POSE_COLUMNS, energies
-from flexarm.loads import place_loads, tip_load
+from flexarm.kernels.observation.observables import POSE_COLUMNS, energies
+from flexarm.kernels.recursion.composite_body import mass_matrix
 from random_arms import NodalState, random_spec, random_state
 
 #: Perturbation along the imaginary axis: derivatives exact to rounding.

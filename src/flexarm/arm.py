@@ -9,17 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import Environment
 from flexarm.arguments import check_kind, check_last_axes, check_path
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.dynamics import Dynamics
-from flexarm.environment import Environment
 from flexarm.errors import check_result
 from flexarm.kernels.layout import Stations, run_time_sizes
-from flexarm.kernels.observables import energies, poses
-from flexarm.kernels.shapes import axis_points, gauge_strains
+from flexarm.kernels.observation.observables import energies, poses
+from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
+from flexarm.model.arm.variation import varied_spec
 from flexarm.model.help_text import signature_of
-from flexarm.model.variation import varied_spec
 from flexarm.notebook import html_table
 from flexarm.stations import (
     MOST_STATIONS,

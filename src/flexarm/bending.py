@@ -19,7 +19,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray, Piece
+from flexarm.assembly.assemble import FloatArray, Piece
 from flexarm.errors import LargeDeflectionWarning, warn_caller
 
 #: Error of a link relative to its length above which a state is reported: 10 % deflection of a link

@@ -11,17 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.assemble import FloatArray, assemble
-from flexarm.coordinates import Coordinates
-from flexarm.environment import Environment
+from flexarm.actions.environment import Environment
+from flexarm.assembly.assemble import FloatArray, assemble
+from flexarm.assembly.coordinates import Coordinates
+from flexarm.assembly.kernel_view import KernelView
+from flexarm.assembly.scratch import Pool, Scratch, is_finite, is_plain
 from flexarm.errors import check_array, check_result
-from flexarm.kernel_view import KernelView
-from flexarm.kernels.composite_body import mass_matrix
+from flexarm.kernels.derivatives.sensitivity import forward_jacobian, potential_hessian
 from flexarm.kernels.layout import Loads, no_loads
-from flexarm.kernels.newton_euler import inverse_dynamics_many
-from flexarm.kernels.sensitivity import forward_jacobian, potential_hessian
+from flexarm.kernels.recursion.composite_body import mass_matrix
+from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 from flexarm.model import ArmSpec, Contact, Load
-from flexarm.scratch import Pool, Scratch, is_finite, is_plain
 
 
 class Derivatives(NamedTuple):
@@ -276,7 +276,7 @@ class Dynamics(Coordinates):
         """Return the exact Jacobians of the accelerations by q, qd and torque.
 
         Arguments as in ``forward_dynamics``. The same kernels are evaluated with complex
-        perturbations (``kernels.sensitivity``), so the result is exact to rounding errors.
+        perturbations (``kernels.derivatives.sensitivity``), so the result is exact to rounding.
         """
         where = "Arm.derivatives"
         scratch, kernels = self._forward.take(), self._jacobian.take()

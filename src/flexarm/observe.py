@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
-from flexarm.kernel_view import KernelView
-from flexarm.kernels.contact import ENERGY, FORCE, GAP, look_many
+from flexarm.assembly.assemble import FloatArray
+from flexarm.assembly.kernel_view import KernelView
+from flexarm.kernels.forces.contact import ENERGY, FORCE, GAP, look_many
 from flexarm.kernels.layout import LOOK_COLUMNS, Contacts, run_time_sizes
-from flexarm.kernels.observables import POSE_COLUMNS, observe_many
+from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many
 
 #: Number of samples processed together, which bounds the scratch memory of long runs.
 _CHUNK = 4096
@@ -36,9 +36,9 @@ def contact_values(
 ) -> FloatArray:
     """Return contact quantities of states (samples, 2, n, 1 + m): (samples, contacts, 9).
 
-    The columns are named in ``kernels.contact``: position and velocity of the point, force on it,
-    gap, curvature, energy. ``contacts`` come from ``place_contacts``. Reusing a view of the kernels
-    saves time.
+    The columns are named in ``kernels.forces.contact``: position and velocity of the point, force
+    on it, gap, curvature, energy. ``contacts`` come from ``place_contacts``. Reusing a view of the
+    kernels saves time.
     """
     view = kernels or KernelView(arm.assembly.constants, states.dtype)
     values = np.zeros((len(states), contacts.body.size, LOOK_COLUMNS), dtype=states.dtype)

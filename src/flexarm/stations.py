@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm.assemble import FloatArray, IntArray
+from flexarm.actions.loads import SAME_PLACE, loads_inboard, parts_of
+from flexarm.assembly.assemble import FloatArray, IntArray
+from flexarm.assembly.coordinates import Coordinates
 from flexarm.beams.parts import PartConstants, inverse_inertia, part_constants
 from flexarm.beams.shortening import shortening_matrices
-from flexarm.coordinates import Coordinates
 from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.layout import (
     ArmConstants,
@@ -20,8 +21,7 @@ from flexarm.kernels.layout import (
     Workspace,
     run_time_sizes,
 )
-from flexarm.kernels.section_forces import section_forces
-from flexarm.loads import SAME_PLACE, loads_inboard, parts_of
+from flexarm.kernels.observation.section_forces import section_forces
 from flexarm.model import Load
 
 #: Maximum number of stations on a link; more give no information, because elements are smooth.

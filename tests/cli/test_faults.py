@@ -234,7 +234,7 @@ def test_standard_input(good):
 
 @posix_only
 def test_a_pipe_without_a_writer_is_refused(tmp_path, monkeypatch):
-    from flexarm.model import read_bytes
+    from flexarm.model.file_format import read_bytes
 
     monkeypatch.setattr(read_bytes, "_WAIT_FOR_WRITER", 0.05)
     os.mkfifo(tmp_path / "pipe")
@@ -245,7 +245,7 @@ def test_a_pipe_without_a_writer_is_refused(tmp_path, monkeypatch):
 
 @posix_only
 def test_a_pipe_whose_writer_writes_nothing_is_refused(tmp_path, monkeypatch):
-    from flexarm.model import read_bytes
+    from flexarm.model.file_format import read_bytes
 
     monkeypatch.setattr(read_bytes, "_WAIT_FOR_CONTENT", 0.05)
     os.mkfifo(tmp_path / "pipe")

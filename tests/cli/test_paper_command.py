@@ -12,7 +12,7 @@ from flexarm.cli.main import app
 from flexarm.model import load_scenario
 from flexarm.output import read_result
 from flexarm.paper import paper_scenario
-from flexarm.plot.paper_data import FIGURE_NAMES
+from flexarm.plot.paper.paper_data import FIGURE_NAMES
 
 
 def reproduce(folder, *options):

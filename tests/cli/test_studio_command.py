@@ -18,7 +18,7 @@ def test_without_its_packages_it_says_how_to_install_them(monkeypatch):
     found = importlib.util.find_spec
     for module in ("nicegui", "jinja2"):
         monkeypatch.setattr(
-            "flexarm.cli.studio.find_spec",
+            "flexarm.cli.commands.studio.find_spec",
             lambda name, missing=module: None if name == missing else found(name),
         )
         done = invoke()

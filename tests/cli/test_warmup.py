@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 from typer.testing import CliRunner
 
-from flexarm.cli import warmup
+from flexarm.cli.commands import warmup
 from flexarm.cli.failures import WRONG_INPUT
 from flexarm.cli.main import app
-from flexarm.kernels.compile_notice import CompileNotice
+from flexarm.kernels.compilation.compile_notice import CompileNotice
 
 
 def test_warmup_says_what_is_ready(monkeypatch):
@@ -42,7 +42,9 @@ def compiling(notice, name):
 
 
 def test_a_terminal_shows_the_kernel_at_hand(monkeypatch):
-    monkeypatch.setattr("flexarm.kernels.compile_notice.atexit", SimpleNamespace(register=id))
+    monkeypatch.setattr(
+        "flexarm.kernels.compilation.compile_notice.atexit", SimpleNamespace(register=id)
+    )
     for stream, shown in ((Terminal(), True), (io.StringIO(), False)):
         monkeypatch.setattr("sys.stderr", stream)
         notice = CompileNotice(kept=True)

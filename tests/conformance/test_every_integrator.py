@@ -26,7 +26,7 @@ from arm_states import state_array
 from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.integrate import status as codes
 from flexarm.integrate.base import Progress, Status
-from flexarm.kernels.cache import undecorated
+from flexarm.kernels.compilation.cache import undecorated
 from flexarm.references import citation
 
 every = pytest.mark.parametrize("name", INTEGRATORS)

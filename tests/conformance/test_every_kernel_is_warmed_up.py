@@ -51,5 +51,5 @@ def test_every_kernel_is_warmed_up():
     )
     assert done.returncode == 0, done.stderr
     ready = dict(line.split() for line in done.stdout.splitlines())
-    assert "flexarm.integrate.explicit.advance_explicit" in ready
+    assert "flexarm.integrate.explicit_runge_kutta.explicit.advance_explicit" in ready
     assert [name for name, there in ready.items() if there != "True"] == []

@@ -6,11 +6,13 @@ import itertools
 import numpy as np
 import pytest
 
-from flexarm.integrate import INTEGRATORS, cowell_formulas
-from flexarm.integrate.additive_tableau import Additive, AdditiveTableau
-from flexarm.integrate.cowell_formulas import check_formula
-from flexarm.integrate.gauss import gauss_coefficients
-from flexarm.integrate.kennedy_carpenter import ORDER_4
+from flexarm.integrate import INTEGRATORS
+from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
+from flexarm.integrate.implicit.additive_tableau import Additive, AdditiveTableau
+from flexarm.integrate.implicit.gauss import gauss_coefficients
+from flexarm.integrate.implicit.kennedy_carpenter import ORDER_4
+from flexarm.integrate.multistep import cowell_formulas
+from flexarm.integrate.multistep.cowell_formulas import check_formula
 from flexarm.integrate.order_conditions import (
     density,
     elementary_weights,
@@ -18,7 +20,6 @@ from flexarm.integrate.order_conditions import (
     size,
     trees,
 )
-from flexarm.integrate.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.tableau import Tableau, demand_order, hermite_dense
 
 METHODS = {n: kind for n, kind in INTEGRATORS.items() if issubclass(kind, ExplicitRungeKutta)}

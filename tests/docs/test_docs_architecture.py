@@ -36,7 +36,7 @@ def test_every_kernel_is_named() -> None:
         block_that_begins("src/flexarm/").partition("\n  kernels/")[2].partition("\n  integrate/")
     )
     named = set(re.findall(r"\w+", text[0]))
-    real = {path.stem for path in (ROOT / "src/flexarm/kernels").glob("*.py")} - {"__init__"}
+    real = {path.stem for path in (ROOT / "src/flexarm/kernels").rglob("*.py")} - {"__init__"}
     assert real <= named, real - named
 
 

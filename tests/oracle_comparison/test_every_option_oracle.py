@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from arm_states import parts, state_array
-from flexarm.environment import Environment
-from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.actions.environment import Environment
 from flexarm.kernels.columns import FREE
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from oracles.joint_laws import passive_torque
 from oracles.lagrangian import LagrangianOracle
 from random_options import busy

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from arm_states import drawn, parts, state_array
-from flexarm.kernels.articulated_body import forward_dynamics, implicit_dynamics
-from flexarm.kernels.implicit_step import add_to_diagonal, constants_to_soften
 from flexarm.kernels.layout import no_loads
+from flexarm.kernels.recursion.articulated_body import forward_dynamics, implicit_dynamics
+from flexarm.kernels.recursion.implicit_step import add_to_diagonal, constants_to_soften
 from random_options import busy
 
 seeds = st.integers(0, 10**6)

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 import flexarm as fa
 from flexarm.inversion.zero_dynamics import rest_end
-from flexarm.motion.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.tip_constraint import TipConstraint
 
 DATA = Path(__file__).parents[1] / "data"
 BEAM = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
-from flexarm.model.paths import with_number
+from flexarm.model.file_format.paths import with_number
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 1}
 HUBS = [fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05)]

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 import flexarm as fa
-from flexarm.motion.kinematics import tip_jacobian
+from flexarm.motion.geometry.kinematics import tip_jacobian
 from flexarm.simulation.metrics import metrics_of
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.signals import CHANNEL_OUTPUTS
 from flexarm.model.hardware import CHANNEL_SIGNALS, Signal
 from flexarm.model.sensors import POINT_SIGNALS
 

@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.model import load_scenario, locate_scenario
-from flexarm.model.motions import ForceTable
+from flexarm.model.scenarios.motions import ForceTable
 from flexarm.scenarios.motions import _over_time
 from flexarm.scenarios.scenario import prepare
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
-from flexarm.environment import Environment
+from flexarm.actions.environment import Environment
 from flexarm.histories.loads import load_history
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-import flexarm.replace_file as replace_module
+import flexarm.writing.replace_file as replace_module
 from flexarm.errors import InputError
 from flexarm.output import write_figure
-from flexarm.places import check_folder, check_place, write_text, write_whole
-from flexarm.replace_file import replace_file
+from flexarm.writing.places import check_folder, check_place, write_text, write_whole
+from flexarm.writing.replace_file import replace_file
 
 SUFFIXES = (".nc", ".csv")
 
@@ -132,7 +132,7 @@ def test_two_writers_of_one_file_do_not_meet(tmp_path):
 
 KILLED = """
 import os, signal, sys
-from flexarm.replace_file import replace_file
+from flexarm.writing.replace_file import replace_file
 def parts():
     yield b"half"
     os.kill(os.getpid(), signal.SIGKILL)
@@ -193,7 +193,7 @@ def test_a_temporary_file_that_cannot_be_opened_is_forgotten(tmp_path):
 
 FOREIGN = """
 import sys
-from flexarm.replace_file import replace_file
+from flexarm.writing.replace_file import replace_file
 replace_file(sys.argv[1], [b"newer"])
 """
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.batch.variations import Variations
 from flexarm.bending import theory_error
@@ -20,12 +21,11 @@ from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.new_run import restarted
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
-from flexarm.environment import Environment
 from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
-from flexarm.model.events import DURATION, FAILURE
+from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.compare import warnings_of
 from flexarm.simulation.preparation import RunOptions, start_of, torque_history

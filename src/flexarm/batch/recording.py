@@ -14,7 +14,7 @@ from flexarm.batch.variations import Variations
 from flexarm.engine.channels import CHANNELS
 from flexarm.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray
-from flexarm.model.events import FAILURE
+from flexarm.model.scenarios.events import FAILURE
 from flexarm.simulation.result import coordinates_of
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count
 from flexarm.arm import Arm
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
@@ -20,7 +21,6 @@ from flexarm.batch.reductions import Reduction, check_channel, check_reductions
 from flexarm.batch.variations import variations_of
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.progress import Meter
-from flexarm.environment import Environment
 from flexarm.errors import (
     FlexarmWarning,
     InputError,

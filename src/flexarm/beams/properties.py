@@ -16,7 +16,7 @@ _NODES = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 class BeamTable:
     """Section properties at stations from the root (0) to the tip, linear in between.
 
-    The conditions are those of `model.links.Link`, which checks them.
+    The conditions are those of `model.arm.links.Link`, which checks them.
 
     Attributes:
         x: (p,) stations (m), p >= 2, from 0, strictly increasing; the last one is the length.

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexarm.plot.paper_data import Histories
+    from flexarm.plot.paper.paper_data import Histories
 
 _MOST_PROCESSES = 2  # more would not speed up the figures of the paper
 _Task = tuple[Callable[..., None], tuple[object, ...]]
@@ -24,13 +24,13 @@ _Task = tuple[Callable[..., None], tuple[object, ...]]
 def load_plotting() -> None:
     """Import the modules for drawing."""
     import flexarm.output
-    import flexarm.plot.paper_figures  # noqa: F401
+    import flexarm.plot.paper.paper_figures  # noqa: F401
 
 
 def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
     """Save figures of the paper as PNG and PDF; also accepts "overview" and "theories"."""
     from flexarm.output import write_figure
-    from flexarm.plot.paper_figures import FIGURES
+    from flexarm.plot.paper.paper_figures import FIGURES
 
     for name in names:
         figure = FIGURES[name](case)

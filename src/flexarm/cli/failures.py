@@ -49,7 +49,7 @@ def end_orderly_when_terminated() -> None:
     """
 
     def leave(*_: object) -> None:
-        from flexarm.replace_file import remove_unfinished
+        from flexarm.writing.replace_file import remove_unfinished
 
         remove_unfinished()
         _flush_briefly()

@@ -9,8 +9,8 @@ from typing import Any
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
-from flexarm.kernels.cache import compile_seconds, notice
-from flexarm.kernels.code_cache import CodeCache
+from flexarm.kernels.compilation.cache import compile_seconds, notice
+from flexarm.kernels.compilation.code_cache import CodeCache
 from flexarm.motion import Motion
 
 _START, _END = [0.4, 0.6], [0.5, 0.5]

@@ -67,7 +67,7 @@ def paper(
     ] = False,
 ) -> None:
     """Reproduce the paper: its arm, its figures 3 to 16, and a table of numbers."""
-    from flexarm.cli.paper import reproduce
+    from flexarm.cli.commands.paper import reproduce
 
     reproduce(out, report)
 
@@ -76,7 +76,7 @@ def paper(
 @report_failures()
 def warmup() -> None:
     """Compile everything now, so that no later run waits; needed once on a machine."""
-    from flexarm.cli.warmup import compile_everything
+    from flexarm.cli.commands.warmup import compile_everything
 
     compile_everything()
 
@@ -93,7 +93,7 @@ def init(
     ] = False,
 ) -> None:
     """Write a commented arm and scenario to start from: arm.yaml and scenario.yaml."""
-    from flexarm.cli.init import write_starting_files
+    from flexarm.cli.commands.init import write_starting_files
 
     write_starting_files(folder, links, gravity)
 
@@ -131,7 +131,7 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", help="Print warnings and errors only.")] = False,
 ) -> None:
     """Simulate a scenario file."""
-    from flexarm.cli.run import run_file, run_options
+    from flexarm.cli.commands.run import run_file, run_options
 
     files = (out, plot, animate)
     options = run_options(files, sets or [], duration, integrator, json=json, quiet=quiet)
@@ -144,7 +144,7 @@ def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm, scenario or study.")],
 ) -> None:
     """Check an arm, scenario or study file and report every problem with its line."""
-    from flexarm.cli.check import check_file
+    from flexarm.cli.commands.check import check_file
 
     check_file(file)
 
@@ -163,7 +163,7 @@ def compare(
     ] = None,
 ) -> None:
     """Compare drives on plants along motions: errors, vibration, torque, computing time."""
-    from flexarm.cli.compare import compare_file
+    from flexarm.cli.commands.compare import compare_file
 
     compare_file(study, out, plot)
 
@@ -211,7 +211,7 @@ def modes(
     ] = None,
 ) -> None:
     """Show natural frequencies and damping of an arm at rest, or along postures or spins."""
-    from flexarm.cli.modes import ModesOptions, show_modes
+    from flexarm.cli.commands.modes import ModesOptions, show_modes
 
     held = (None if joints is None else joints.value, angles, proportional, derivative)
     show_modes(arm, ModesOptions(*held, sag, spin, to, campbell, count, csv, plot))
@@ -242,7 +242,7 @@ def linearize(
     ] = None,
 ) -> None:
     """Compute a linear model of an arm at rest: A, B, C, D and their poles."""
-    from flexarm.cli.linearize import show_linear
+    from flexarm.cli.commands.linearize import show_linear
 
     show_linear(arm, angles, inputs, outputs, count, out, plot)
 
@@ -271,7 +271,7 @@ def report(
     ] = False,
 ) -> None:
     """Write a report of a result: one HTML page in which the arm plays, with all numbers."""
-    from flexarm.cli.report import report_file
+    from flexarm.cli.commands.report import report_file
 
     report_file(result, out, title, magnify, rigid)
 
@@ -294,7 +294,7 @@ def studio(
     ] = True,
 ) -> None:
     """Change an arm and its run in the browser and see it move: a local web application."""
-    from flexarm.cli.studio import open_studio
+    from flexarm.cli.commands.studio import open_studio
 
     open_studio(file, host, port, browser)
 
@@ -308,7 +308,7 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON schema of files, from which editors complete and check."""
-    from flexarm.cli.schema import print_schema
+    from flexarm.cli.commands.schema import print_schema
 
     print_schema(kind.value, out)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm.model.sections import MATERIALS
+from flexarm.model.arm.sections import MATERIALS
 
 REACH = 2.0
 MOST_LINKS = 8

@@ -11,7 +11,7 @@ from flexarm.arm import Arm
 from flexarm.control_design.linear_design import DISTURBANCES, DesignRequirements, check_names
 from flexarm.control_design.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, shown
-from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.signals import CHANNEL_OUTPUTS
 from flexarm.model.drives.linear import LQGParameters
 
 #: Outputs that can be measured, because their nominal values are computed.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernel_view import KernelView
-from flexarm.kernels.newton_euler import inverse_dynamics_many
-from flexarm.kernels.observables import poses
+from flexarm.kernels.observation.observables import poses
+from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 
 
 class FlexibleModel:

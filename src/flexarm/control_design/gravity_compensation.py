@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernel_view import KernelView
 
 #: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio
 #: of sag to length, for example to a tenth if links sag by a tenth of their length.

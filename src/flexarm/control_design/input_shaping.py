@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import as_list, check_choice, check_each, check_kind
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, check_array, is_count, shown
-from flexarm.linear.held import Joints
-from flexarm.linear.tracking import track_modes
+from flexarm.linear.vibration.held import Joints
+from flexarm.linear.vibration.tracking import track_modes
 from flexarm.motion.motion import Motion, check_motion
 from flexarm.motion.shaping import SHAPERS, Clock, ShapedMotion, impulses
 

@@ -12,10 +12,10 @@ from flexarm.arguments import check_each
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, shown
 from flexarm.hardware.measurement import FloatArray
-from flexarm.linear.equilibrium import equilibrium
-from flexarm.linear.linearize import linearize
-from flexarm.linear.signals import INPUTS
-from flexarm.linear.state_space import LinearModel
+from flexarm.linear.models.linearize import linearize
+from flexarm.linear.models.signals import INPUTS
+from flexarm.linear.models.state_space import LinearModel
+from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.wording import nearest
 
 #: Energy of the unknown elastic forces relative to that of `bending`, and acceptable relative

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernel_view import KernelView
-from flexarm.kernels.composite_body import mass_matrix
+from flexarm.kernels.recursion.composite_body import mass_matrix
 
 
 class RigidModel:

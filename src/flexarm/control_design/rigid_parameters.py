@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.errors import InputError, Problem, shown
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernel_view import KernelView
 from flexarm.kernels.columns import HAS_JOINT_LAWS
+from flexarm.kernels.controller_terms.rigid_terms import SET_COLUMNS, momentum, regressor
 from flexarm.kernels.layout import ArmConstants
-from flexarm.kernels.rigid_terms import SET_COLUMNS, momentum, regressor
 from flexarm.model.wording import nearest
 
 #: Columns of a set that are one for a unit parameter of a link or a joint.

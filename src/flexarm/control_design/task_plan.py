@@ -10,8 +10,8 @@ from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.control.feedforward import SampledFeedforward
 from flexarm.hardware.measurement import FloatArray
-from flexarm.motion.chain import rigid_chain
-from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate
+from flexarm.motion.geometry.chain import rigid_chain
+from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate
 
 
 class TaskReference(NamedTuple):

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.hardware.measurement import FloatArray
-from flexarm.kernel_view import KernelView
-from flexarm.kernels.task_dynamics import task_dynamics, tip_torque
+from flexarm.kernels.controller_terms.task_dynamics import task_dynamics, tip_torque
 
 
 class TaskState(NamedTuple):

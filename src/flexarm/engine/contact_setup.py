@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexarm.actions.contacts import place_contacts, point_of
 from flexarm.arm import Arm
-from flexarm.contacts import place_contacts, point_of
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.nearness import turning_time
-from flexarm.kernels.cache import undecorated
-from flexarm.kernels.contact import MOBILITY
+from flexarm.kernels.compilation.cache import undecorated
+from flexarm.kernels.forces.contact import MOBILITY
 from flexarm.kernels.layout import Contacts
 from flexarm.model import Contact
 

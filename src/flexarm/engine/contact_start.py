@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexarm.actions.loads import SAME_PLACE
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, few
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.contact import ENERGY, EXPONENT, GAP, STIFFNESS
+from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, STIFFNESS
 from flexarm.kernels.layout import Contacts
-from flexarm.linear.pressed import PressedMotion
-from flexarm.loads import SAME_PLACE
+from flexarm.linear.reference_motions.pressed import PressedMotion
 from flexarm.model import Contact
-from flexarm.motion.kinematics import tip_jacobian
+from flexarm.motion.geometry.kinematics import tip_jacobian
 from flexarm.observe import contact_values
 
 #: Fractions of the reach: a larger depth is a visible error of the initial state, and a path that

@@ -9,15 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.actions.contacts import place_contacts
 from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
-from flexarm.contacts import place_contacts
 from flexarm.errors import InputError, Problem, check_array, is_count, shown
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.contact import GAP
+from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.model import Contact, EventSpec, JointEvent
-from flexarm.model.events import DURATION, FAILURE
+from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.observe import contact_values, tips_of
 
 #: Function of t (s), q (dof,) and qd (dof,) that returns a number.

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.default_step import default_step
@@ -18,7 +19,6 @@ from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.engine.tolerance import tolerance_of
-from flexarm.environment import Environment
 from flexarm.errors import InputError, Problem, check_array
 from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate import Integrator

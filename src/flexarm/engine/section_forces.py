@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from flexarm.actions.loads import loads_inboard
 from flexarm.arm import Arm
 from flexarm.histories.loads import LoadHistory
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.reactions import section_forces_many
 from flexarm.kernels.layout import Stations
-from flexarm.loads import loads_inboard
 from flexarm.stations import cuts_at
 
 #: Channels of the three section forces, in the order of the kernels.

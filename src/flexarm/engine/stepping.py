@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.engine.default_step import DefaultStep
 from flexarm.engine.event_search import Watch
 from flexarm.engine.integrator_choice import Choice, choose_by_drive
@@ -28,7 +29,6 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many
-from flexarm.kernel_view import KernelView
 from flexarm.kernels.columns import FREE
 from flexarm.kernels.layout import ArmConstants, compile_time_sizes
 

@@ -37,11 +37,11 @@ from flexarm.estimation.payload_hypotheses import (
 )
 from flexarm.estimation.predicted_readings import LARGEST, PredictedReadings
 from flexarm.hardware.measurement import FloatArray, Measurement
-from flexarm.linear.equilibrium import equilibrium
-from flexarm.linear.sampled_step import SampledStep
+from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Instrument
+from flexarm.model.arm.variation import varied_spec
 from flexarm.model.drives.around import FilterParameters
-from flexarm.model.variation import varied_spec
 
 #: Ratio of the standard deviation of joint angles before the first reading to that of the reading.
 _BEFORE_READING = 100.0

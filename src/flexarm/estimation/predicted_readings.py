@@ -7,17 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexarm.actions.loads import marker, place_loads
 from flexarm.arguments import check_numbers
 from flexarm.arm import Arm
-from flexarm.assemble import IntArray
+from flexarm.assembly.assemble import IntArray
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.errors import InputError, Problem, few, shown
 from flexarm.hardware.measurement import FloatArray, Measurement
-from flexarm.kernel_view import KernelView
-from flexarm.kernels.cache import Entry
+from flexarm.kernels.compilation.cache import Entry
+from flexarm.kernels.derivatives.point_sensitivity import point_jacobian
 from flexarm.kernels.layout import ArmConstants
-from flexarm.kernels.point_sensitivity import point_jacobian
-from flexarm.linear.sampled_step import state_places
-from flexarm.loads import marker, place_loads
+from flexarm.linear.step_derivatives.sampled_step import state_places
 from flexarm.model import Instrument, Sensor
 
 #: Largest accepted reading, mass and covariance, in SI units.

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import Environment
+from flexarm.actions.loads import parts_of
 from flexarm.arguments import check_function
 from flexarm.arm import Arm
-from flexarm.environment import Environment
 from flexarm.errors import InputError
 from flexarm.histories.functions import Row, function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.layout import Contacts, Loads
-from flexarm.loads import parts_of
 from flexarm.model import AccelerationTable, FactorTable, Load
-from flexarm.model.tables import is_table
+from flexarm.model.environment.tables import is_table
 
 
 @dataclass(frozen=True, eq=False)

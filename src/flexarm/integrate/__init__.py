@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from flexarm.integrate.base import Integrator
-from flexarm.integrate.dormand_prince import DormandPrince8
-from flexarm.integrate.gauss import Gauss6
-from flexarm.integrate.generalized_alpha import GeneralizedAlpha
-from flexarm.integrate.kennedy_carpenter import KennedyCarpenter5
-from flexarm.integrate.rk4 import RungeKutta4
-from flexarm.integrate.stoermer_cowell import Cowell4
+from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
+from flexarm.integrate.explicit_runge_kutta.rk4 import RungeKutta4
+from flexarm.integrate.implicit.gauss import Gauss6
+from flexarm.integrate.implicit.generalized_alpha import GeneralizedAlpha
+from flexarm.integrate.implicit.kennedy_carpenter import KennedyCarpenter5
+from flexarm.integrate.multistep.stoermer_cowell import Cowell4
 
 #: Every integrator by the name that ``simulate`` and scenario files use.
 INTEGRATORS: dict[str, type[Integrator]] = {

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from flexarm.integrate.memory import STEP, TIME, Memory, new_memory
 from flexarm.integrate.status import Status as Status
-from flexarm.kernels.cache import Entry
+from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
 
 FloatArray = NDArray[np.float64]

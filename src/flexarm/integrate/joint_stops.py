@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from flexarm.integrate.base import System
-from flexarm.kernels.cache import merged
 from flexarm.kernels.columns import FREE, JOINT_UW, LOWER_STOP, STOP_STIFFNESS
+from flexarm.kernels.compilation.cache import merged
 from flexarm.kernels.layout import Array
 
 #: Allowed distance in time of a corner from an end of a step, as a fraction of the time in which

@@ -35,13 +35,13 @@ from flexarm.integrate.steps import (
     step_landing,
 )
 from flexarm.integrate.torque import piece_of
-from flexarm.kernels.cache import apart, inner, merged, unlocked
 from flexarm.kernels.columns import FREE, JOINT_UW
-from flexarm.kernels.inward import inward
+from flexarm.kernels.compilation.cache import apart, inner, merged, unlocked
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes
-from flexarm.kernels.outward import outward
 from flexarm.kernels.packs import LANES, PackArray, chosen
+from flexarm.kernels.recursion.inward import inward
+from flexarm.kernels.recursion.outward import outward
 
 
 class LaneMethod(NamedTuple):

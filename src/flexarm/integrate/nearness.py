@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 
-from flexarm.kernels.cache import apart, merged
-from flexarm.kernels.contact import (
+from flexarm.kernels.compilation.cache import apart, merged
+from flexarm.kernels.forces.contact import (
     BEND,
     DAMPING,
     EXPONENT,

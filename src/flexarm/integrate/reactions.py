@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from flexarm.integrate.base import System
 from flexarm.integrate.torque import loads_at
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.cache import compiled, unlocked
 from flexarm.kernels.columns import (
     GEAR_RATIO,
     ROOT_ACCELERATION_W,
@@ -13,10 +11,12 @@ from flexarm.kernels.columns import (
     WRENCH_W,
     WRENCH_X,
 )
-from flexarm.kernels.joint_law import passive_torque, rotor_moment
+from flexarm.kernels.compilation.cache import compiled, unlocked
+from flexarm.kernels.forces.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.layout import Array, Stations
-from flexarm.kernels.newton_euler import inverse_dynamics
-from flexarm.kernels.section_forces import section_forces
+from flexarm.kernels.observation.section_forces import section_forces
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
+from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 
 @unlocked

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.memory import SAMPLES, STEPS, TIME, Memory
-from flexarm.kernels.cache import apart, inner, merged
 from flexarm.kernels.columns import W2
+from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
 #: Steps shorter than this fraction of a radian of the fastest mode are truncated steps, in which

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm.integrate.additive import AdditiveRecord, additive_step
 from flexarm.integrate.base import System
+from flexarm.integrate.implicit.additive import AdditiveRecord, additive_step
 from flexarm.integrate.memory import SOFTENED, Memory
 from flexarm.integrate.torque import slope_at
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
-from flexarm.kernels.sensitivity import STEP
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
 
 
 @compiled

@@ -39,8 +39,8 @@ from flexarm.integrate.status import (
     PRESSED_THROUGH,
     STEP_UNDERFLOW,
 )
-from flexarm.kernels.cache import apart, inner, merged
 from flexarm.kernels.columns import FREE, JOINT_UW
+from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.layout import Array, Sizes
 
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from flexarm.integrate.base import System
-from flexarm.kernels.articulated_body import solve_forward
-from flexarm.kernels.cache import compiled, merged
+from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.layout import Array
+from flexarm.kernels.recursion.articulated_body import solve_forward
 
 
 @merged

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_kind, check_positive, check_times
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import LargeDeflectionWarning
 from flexarm.linear import modes
 from flexarm.motion import Motion

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.inversion.correction import CorrectedTorque
 from flexarm.inversion.zero_dynamics import RestEnd
 from flexarm.linear import modes

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import LargeDeflectionWarning
 from flexarm.inversion.correction import CorrectedTorque
 from flexarm.inversion.joint_support import SupportedTorque
 from flexarm.motion import JointState, Motion
-from flexarm.motion.chain import RigidChain
+from flexarm.motion.geometry.chain import RigidChain
 from flexarm.simulation.run import simulate
 
 if TYPE_CHECKING:

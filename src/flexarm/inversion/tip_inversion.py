@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
 from flexarm.errors import (
     FlexarmError,
@@ -42,12 +42,12 @@ from flexarm.inversion.joint_support import JointSupport, SupportedTorque, joint
 from flexarm.inversion.reference import InversionReference, inversion_reference
 from flexarm.inversion.zero_dynamics import RestEnd, rest_end
 from flexarm.linear import modes
-from flexarm.linear.collocation import stage_times
-from flexarm.linear.response import torque_response
+from flexarm.linear.small_deviations.collocation import stage_times
+from flexarm.linear.small_deviations.response import torque_response
 from flexarm.motion import Motion, rigid_torque
-from flexarm.motion.dynamics_along import dynamics_along
+from flexarm.motion.dynamics.dynamics_along import dynamics_along
+from flexarm.motion.dynamics.tip_constraint import TipConstraint
 from flexarm.motion.motion import check_motion
-from flexarm.motion.tip_constraint import TipConstraint
 from flexarm.simulation.run import simulate
 
 #: Bending that remains at the start of the torques, as a fraction of that at the motion's start.

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm.errors import InputError, Problem
-from flexarm.motion.dynamics_along import dynamics_along
+from flexarm.motion.dynamics.dynamics_along import dynamics_along
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm.motion.tip_constraint import TipConstraint
+    from flexarm.motion.dynamics.tip_constraint import TipConstraint
 
     Floats = NDArray[np.float64]
 

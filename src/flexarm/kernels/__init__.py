@@ -1,0 +1,1 @@
+"""The equations of motion as compiled functions of arrays, one algorithm per file."""

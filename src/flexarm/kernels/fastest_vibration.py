@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.cache import unlocked
 from flexarm.kernels.columns import FREE, JOINT_STIFFNESS, W2
+from flexarm.kernels.compilation.cache import unlocked
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
 
 _ITERATIONS = 40
 #: Norm of the displacements: small enough to stay linear, large compared with rounding.

@@ -15,7 +15,6 @@ symbol             meaning                                                      
 
 from __future__ import annotations
 
-from flexarm.kernels.cache import merged
 from flexarm.kernels.columns import (
     ALPHA,
     BENT_INERTIA,
@@ -57,8 +56,9 @@ from flexarm.kernels.columns import (
     P,
     S,
 )
+from flexarm.kernels.compilation.cache import merged
+from flexarm.kernels.compilation.numbers import cos, sin, sqrt
 from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
-from flexarm.kernels.numbers import cos, sin, sqrt
 
 
 @merged

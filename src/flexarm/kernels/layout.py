@@ -30,9 +30,9 @@ from flexarm.kernels import columns
 
 Array = NDArray[Any]
 
-#: Columns of the law of one contact, named in ``kernels.contact``.
+#: Columns of the law of one contact, named in ``kernels.forces.contact``.
 LAW_PLACES = 15
-#: Columns of the observed quantities of one contact, named in ``kernels.contact``.
+#: Columns of the observed quantities of one contact, named in ``kernels.forces.contact``.
 LOOK_COLUMNS = 9
 
 
@@ -141,7 +141,7 @@ class Contacts(NamedTuple):
     body: Array  # (k,) integers, the body of the point
     rows: Array  # (k, m) Phi(x)
     shortening: Array  # (k, g, g) g(x)
-    law: Array  # (k, LAW_PLACES) constants of point, surface and law, see ``kernels.contact``
+    law: Array  # (k, LAW_PLACES) constants of point, surface and law; see ``forces.contact``
     knots: Array  # (pieces, 9) tabulated surfaces: arc length s, then cubics of x and y in s, m
     seen: Array  # (2, k, 9) scratch: at the start of a step, and at the last evaluation of forces
 

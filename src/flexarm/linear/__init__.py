@@ -1,10 +1,10 @@
 """Linear models and statics: equilibrium, modes of vibration, state space."""
 
-from flexarm.linear.equilibrium import Equilibrium, EquilibriumError, equilibrium
-from flexarm.linear.linearize import linearize
-from flexarm.linear.modal import Modes, modes
-from flexarm.linear.state_space import LinearModel
-from flexarm.linear.tracking import ModeTracks, campbell, track_modes
+from flexarm.linear.models.linearize import linearize
+from flexarm.linear.models.state_space import LinearModel
+from flexarm.linear.statics.equilibrium import Equilibrium, EquilibriumError, equilibrium
+from flexarm.linear.vibration.modal import Modes, modes
+from flexarm.linear.vibration.tracking import ModeTracks, campbell, track_modes
 from flexarm.model import Sensor
 
 __all__ = [

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flexarm.assembly.scratch import as_slice
 from flexarm.engine.stepping import Run
 from flexarm.hardware.measurement import Measurement
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -13,7 +14,6 @@ from flexarm.integrate.base import FloatArray, System
 from flexarm.loop.actuators import Acting
 from flexarm.loop.sensors import sensing_of
 from flexarm.model import Hardware
-from flexarm.scratch import as_slice
 
 
 class SampleSchedule:

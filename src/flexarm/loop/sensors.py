@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.actions.loads import marker, place_loads
 from flexarm.arm import Arm
+from flexarm.assembly.kernel_view import KernelView
+from flexarm.assembly.scratch import as_slice
 from flexarm.errors import InputError, Problem
 from flexarm.hardware.instruments import Readings
 from flexarm.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
-from flexarm.kernel_view import KernelView
-from flexarm.kernels.cache import Entry
-from flexarm.kernels.contact import GAP
-from flexarm.kernels.observables import poses
-from flexarm.kernels.point_motion import point_motions
-from flexarm.loads import marker, place_loads
+from flexarm.kernels.compilation.cache import Entry
+from flexarm.kernels.forces.contact import GAP
+from flexarm.kernels.observation.observables import poses
+from flexarm.kernels.observation.point_motion import point_motions
 from flexarm.model import Hardware, Instrument, Sensor
 from flexarm.observe import channels_of, contact_forces, contact_values
-from flexarm.scratch import as_slice
 
 if TYPE_CHECKING:
     from flexarm.engine.stepping import Run

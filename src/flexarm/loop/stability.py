@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm.actions.contacts import place_contacts
 from flexarm.arm import Arm
 from flexarm.bending import one_warning
-from flexarm.contacts import place_contacts
 from flexarm.control.base import Controller, Reference
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium

@@ -20,7 +20,7 @@ from flexarm.control.base import (
 )
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.hardware.measurement import FloatArray
-from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.signals import CHANNEL_OUTPUTS
 from flexarm.loop_analysis.linear_controller import FrozenReference, memory_of
 from flexarm.loop_analysis.plant_model import instruments_of, loop_of, model_at, signals_of, sliding
 from flexarm.loop_analysis.sampled_loop import ComplexArray, SampledLoop

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
 from flexarm.hardware.measurement import FloatArray
-from flexarm.linear.equilibrium import equilibrium
-from flexarm.linear.linearize import linearize
-from flexarm.linear.signals import OutputName
+from flexarm.linear.models.linearize import linearize
+from flexarm.linear.models.signals import OutputName
+from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.loop_analysis.linear_controller import (
     FrozenReference,
     LinearController,

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.arguments import check_numbers
 from flexarm.errors import ModelError, Problem
+from flexarm.model.arm.spec import place_faults
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import (
     NO_LIMIT,
@@ -25,7 +26,6 @@ from flexarm.model.quantities import (
     plain,
 )
 from flexarm.model.sensors import POINT_SIGNALS, PointSignal, Sensor, frame_faults
-from flexarm.model.spec import place_faults
 from flexarm.model.wording import Fault, refuse
 
 ChannelSignal = Literal[

@@ -47,7 +47,7 @@ class Sensor(Record, kw_only=False):
 
     @property
     def columns(self) -> slice:
-        """Columns of ``kernels.point_motion`` with the components of the output."""
+        """Columns of ``kernels.observation.point_motion`` with the components of the output."""
         first = 6 if self.frame == "link" else 2 * POINT_SIGNALS.index(self.kind)
         return slice(first, first + 2)
 

@@ -1,19 +1,19 @@
 """Motions of the joints and of the tip, inverse kinematics, and the rigid torques along them."""
 
-from flexarm.motion.inverse_kinematics import inverse_kinematics
+from flexarm.motion.dynamics.rigid_torques import RigidTorque, rigid_torque
+from flexarm.motion.geometry.inverse_kinematics import inverse_kinematics
 from flexarm.motion.motion import JointMotion, JointState, Motion, joint_motion
-from flexarm.motion.path_motions import (
+from flexarm.motion.sampled import SampledMotion
+from flexarm.motion.shaping import ShapedMotion
+from flexarm.motion.smoothing import SmoothedMotion, smoothed
+from flexarm.motion.timing import TIMING_LAWS, TimingLaw, quintic, trapezoidal
+from flexarm.motion.tip.path_motions import (
     circle_motion,
     line_motion,
     spline_motion,
     via_point_motion,
 )
-from flexarm.motion.rigid_torques import RigidTorque, rigid_torque
-from flexarm.motion.sampled import SampledMotion
-from flexarm.motion.shaping import ShapedMotion
-from flexarm.motion.smoothing import SmoothedMotion, smoothed
-from flexarm.motion.timing import TIMING_LAWS, TimingLaw, quintic, trapezoidal
-from flexarm.motion.tip_motion import TipMotion
+from flexarm.motion.tip.tip_motion import TipMotion
 
 __all__ = [
     "TIMING_LAWS",

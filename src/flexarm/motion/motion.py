@@ -15,7 +15,7 @@ import numpy as np
 
 from flexarm.arguments import check_positive, check_times
 from flexarm.errors import InputError, Problem, check_array, shown
-from flexarm.motion.chain import RigidChain, rigid_chain
+from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.timing import TimingLaw, timing_law
 
 if TYPE_CHECKING:

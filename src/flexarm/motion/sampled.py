@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from scipy.interpolate import PPoly
 
-    from flexarm.motion.chain import RigidChain
+    from flexarm.motion.geometry.chain import RigidChain
 
     Floats = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.interpolate import BSpline
 
-    from flexarm.motion.chain import RigidChain
+    from flexarm.motion.geometry.chain import RigidChain
 
     Floats = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from flexarm.motion.motion import JointState, Motion, check_motion
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm.motion.chain import RigidChain
+    from flexarm.motion.geometry.chain import RigidChain
 
     Floats = NDArray[np.float64]
 

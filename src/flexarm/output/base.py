@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import xarray as xr
 
-    from flexarm.places import AnyPath
+    from flexarm.writing.places import AnyPath
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any, Protocol
 
-from flexarm.places import AnyPath, check_place, write_whole
+from flexarm.writing.places import AnyPath, check_place, write_whole
 
 #: File suffixes of figures.
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")

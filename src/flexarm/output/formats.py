@@ -11,7 +11,7 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.output.base import Format
 from flexarm.output.csv_table import CSV
 from flexarm.output.netcdf import NETCDF
-from flexarm.places import AnyPath, check_place, write_whole
+from flexarm.writing.places import AnyPath, check_place, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.errors import InputError, Problem, shown
-from flexarm.places import AnyPath, check_place, write_text, write_whole
+from flexarm.writing.places import AnyPath, check_place, write_text, write_whole
 
 if TYPE_CHECKING:
     # Import for type checks only, because processes that only draw figures do not need the kernels.

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from flexarm.output.base import Format
-from flexarm.places import AnyPath
+from flexarm.writing.places import AnyPath
 
 if TYPE_CHECKING:
     import xarray as xr

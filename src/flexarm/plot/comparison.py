@@ -19,7 +19,7 @@ from flexarm.plot.style import GREY, Sheet, margins, styled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from flexarm.assemble import FloatArray
+    from flexarm.assembly.assemble import FloatArray
 
 #: Metrics to draw if available: name, title, factor to the displayed unit.
 _PANELS = (

@@ -9,13 +9,13 @@ import numpy as np
 
 from flexarm.arguments import check_kind
 from flexarm.model import Contact
-from flexarm.places import AnyPath, check_place, write_text
 from flexarm.plot.animation.page import fragment
 from flexarm.plot.animation.scene import SceneOptions, scene_of, stations_of
 from flexarm.plot.animation.surroundings import surroundings
 from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
 from flexarm.reporting.document import render, template_engine
 from flexarm.reporting.panels import fitted, panels
+from flexarm.writing.places import AnyPath, check_place, write_text
 
 if TYPE_CHECKING:
     import xarray as xr

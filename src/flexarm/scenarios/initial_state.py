@@ -16,7 +16,7 @@ from flexarm.histories.loads import interpolated
 from flexarm.histories.prescribed import PrescribedAngle, constant
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
-from flexarm.linear.pressed import PressedMotion
+from flexarm.linear.reference_motions.pressed import PressedMotion
 from flexarm.model import (
     AccelerationTable,
     FactorTable,

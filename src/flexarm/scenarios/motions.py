@@ -11,10 +11,10 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.control_design.input_shaping import shaped
 from flexarm.integrate.base import FloatArray
-from flexarm.linear.pressed import PressedMotion, pressed_motion
+from flexarm.linear.reference_motions.pressed import PressedMotion, pressed_motion
 from flexarm.model import Scenario
-from flexarm.model.contacts import RoundWall, Surface, Wall
-from flexarm.model.motions import ForceTable, PlainMotionSpec, PressedMotionSpec
+from flexarm.model.environment.contacts import RoundWall, Surface, Wall
+from flexarm.model.scenarios.motions import ForceTable, PlainMotionSpec, PressedMotionSpec
 from flexarm.motion import (
     Motion,
     TimingLaw,

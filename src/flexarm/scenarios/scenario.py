@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm.actions.contacts import place_contacts
 from flexarm.arguments import check_path
 from flexarm.arm import Arm
-from flexarm.contacts import place_contacts
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import events_of
 from flexarm.engine.integrator_choice import check_integrator

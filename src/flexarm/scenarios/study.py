@@ -14,7 +14,7 @@ from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.errors import InputError
 from flexarm.model import Study, locate_study
-from flexarm.model.study import placed, plant_spec
+from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.motions import TaskReference

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from flexarm.arm import Arm
 from flexarm.model import AccelerationTable, Scenario
-from flexarm.model.motions import (
+from flexarm.model.scenarios.motions import (
     CircleMotionSpec,
     JointMotionSpec,
     LineMotionSpec,

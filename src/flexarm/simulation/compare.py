@@ -25,7 +25,7 @@ from flexarm.errors import (
     warn_caller,
 )
 from flexarm.model import Hardware, Load
-from flexarm.model.events import DURATION
+from flexarm.model.scenarios.events import DURATION
 from flexarm.simulation.metrics import METRICS, metrics_of
 from flexarm.simulation.run import simulate
 

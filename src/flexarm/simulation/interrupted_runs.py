@@ -9,7 +9,7 @@ from inspect import signature
 from typing import TYPE_CHECKING, ParamSpec
 
 from flexarm.errors import InputError, LargeDeflectionWarning
-from flexarm.model.events import FAILURE
+from flexarm.model.scenarios.events import FAILURE
 from flexarm.user_functions import FunctionError
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import BaseAcceleration, Environment
 from flexarm.arguments import check_count, check_flag, check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.validity import BendingWatch
-from flexarm.environment import BaseAcceleration, Environment
 from flexarm.errors import (
     InputError,
     LargeDeflectionWarning,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import Environment
 from flexarm.arguments import check_choice, check_flag, check_function, check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
@@ -15,7 +16,6 @@ from flexarm.engine.events import EventLog
 from flexarm.engine.new_run import initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
-from flexarm.environment import Environment
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.histories.functions import function_history
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -23,7 +23,7 @@ from flexarm.histories.prescribed import Prescribed, prescribe
 from flexarm.histories.samples import INTERPOLATIONS, sampled_torque
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.model.scenario import sample_fault
+from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.stations import check_stations
 from flexarm.user_functions import call
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from flexarm.actions.environment import BaseAcceleration, Environment
 from flexarm.arguments import check_kind, check_mapping, check_positive
 from flexarm.arm import Arm
 from flexarm.bending import theory_error
@@ -19,7 +20,6 @@ from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
-from flexarm.environment import BaseAcceleration, Environment
 from flexarm.errors import (
     AccuracyWarning,
     InputError,
@@ -36,7 +36,7 @@ from flexarm.integrate import Integrator
 from flexarm.loop.closed_loop import ClosedLoop
 from flexarm.loop.stability import instability
 from flexarm.model import Contact, Hardware, Load
-from flexarm.model.events import DURATION, FAILURE
+from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.interrupted_runs import computed_until_failure
 from flexarm.simulation.preparation import Torque, run_options, start_of, torque_history

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arguments import check_choice, check_function, check_kind, check_positive
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import too_far_deviated
 from flexarm.engine.new_run import RTOL as CLOSE
 from flexarm.errors import (
@@ -26,11 +26,11 @@ from flexarm.errors import (
 from flexarm.histories.functions import function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.linear import modes
-from flexarm.linear.along import Separation, linearize_along
-from flexarm.linear.collocation import stage_times, step_edges
-from flexarm.linear.deviations import DeviationPath, break_times, solve_deviations
-from flexarm.linear.smooth import SmoothMatrices
-from flexarm.model.scenario import sample_fault
+from flexarm.linear.small_deviations.along import Separation, linearize_along
+from flexarm.linear.small_deviations.collocation import stage_times, step_edges
+from flexarm.linear.small_deviations.deviations import DeviationPath, break_times, solve_deviations
+from flexarm.linear.small_deviations.smooth import SmoothMatrices
+from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
 from flexarm.observe import channels_of

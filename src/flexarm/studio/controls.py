@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
-from flexarm.model.changes import change_of
+from flexarm.model.file_format.changes import change_of
 from flexarm.model.wording import Path
 from flexarm.studio.fields import Field
 from flexarm.studio.state import ORIGIN

@@ -30,7 +30,7 @@ def script_of(project: Project) -> str:
     if plant is None or plant == PlantSpec():
         lines += ["result = fa.run_scenario(scenario)"]
     else:
-        names.setdefault("flexarm.model.study", set()).add("plant_spec")
+        names.setdefault("flexarm.model.scenarios.study", set()).add("plant_spec")
         names.setdefault("flexarm.scenarios.scenario", set()).add("prepare")
         varied = _code(plant, names, 0, len("difference = "))
         lines += [

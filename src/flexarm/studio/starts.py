@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import FlexarmError
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Scenario

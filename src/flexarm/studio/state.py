@@ -8,14 +8,14 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from flexarm.model import ArmSpec, PlantSpec, Scenario, Study, file_text
-from flexarm.model.changes import Change, changed
-from flexarm.model.content import content_of
-from flexarm.model.files import load_any, record_of_bytes
-from flexarm.model.study import plant_spec
+from flexarm.model.file_format.changes import Change, changed
+from flexarm.model.file_format.content import content_of
+from flexarm.model.file_format.files import load_any, record_of_bytes
+from flexarm.model.file_format.yaml_text import parse
+from flexarm.model.scenarios.study import plant_spec
 from flexarm.model.wording import Path, look
-from flexarm.model.yaml_text import parse
-from flexarm.places import AnyPath
 from flexarm.studio.starts import scenario_around, start_of_kind
+from flexarm.writing.places import AnyPath
 
 #: Location of an edited value in messages.
 ORIGIN = "studio"

@@ -5,8 +5,8 @@ import pytest
 
 import flexarm as fa
 from arm_states import drawn
-from flexarm.contacts import place_contacts
-from flexarm.kernels.contact import FORCE, GAP, VELOCITY
+from flexarm.actions.contacts import place_contacts
+from flexarm.kernels.forces.contact import FORCE, GAP, VELOCITY
 from flexarm.observe import contact_values
 from random_options import busy
 

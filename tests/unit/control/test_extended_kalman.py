@@ -8,7 +8,7 @@ from scipy.stats import chi2
 import flexarm as fa
 from flexarm.estimation.predicted_readings import PredictedReadings
 from flexarm.hardware.measurement import Measurement
-from flexarm.linear.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 
 def one_link(payload=0.2, **options):

@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.estimation.predicted_readings import PredictedReadings
-from flexarm.linear.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 ANGLE = fa.Instrument("joint_angle", noise=1e-4)
 POINTS = [

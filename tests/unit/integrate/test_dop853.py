@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853
 
-from flexarm.integrate import dop853
+from flexarm.integrate.explicit_runge_kutta import dop853
 
 
 @pytest.mark.parametrize("name", ["B", "C", "D", "E3", "E5", "A_EXTRA", "C_EXTRA"])

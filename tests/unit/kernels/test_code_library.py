@@ -9,14 +9,14 @@ import pytest
 
 # Kernels of a user. The code of the callers, in another file, is kept when this file changes.
 HALF = """
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.compilation.cache import compiled
 
 @compiled
 def half(x):
     return 0.5 * x
 """
 CALLERS = """
-from flexarm.kernels.cache import apart, compiled, inner, merged
+from flexarm.kernels.compilation.cache import apart, compiled, inner, merged
 from half import half
 
 @inner
@@ -148,7 +148,7 @@ def test_a_users_cached_function_finds_the_kernel_in_a_later_process(tmp_path):
 VECTORS = """
 import sys
 import numba, numpy as np
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.compilation.cache import compiled
 
 def scaled(x, y):
     for i in range(x.shape[0]):
@@ -180,7 +180,7 @@ IN_A_COMPILATION = """
 import gc, os, sys, threading
 from numba.core import event
 from numba.core.types.functions import BaseFunction
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.compilation.cache import compiled
 
 before = BaseFunction.get_call_type
 compiling, forked = threading.Event(), threading.Event()

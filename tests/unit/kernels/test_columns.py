@@ -11,7 +11,7 @@ from flexarm.kernels import columns
 from flexarm.kernels.layout import ArmConstants, Columns, empty_constants
 
 PACKAGE = Path(flexarm.__file__).parent
-SOURCES = sorted([*PACKAGE.glob("kernels/*.py"), *PACKAGE.glob("integrate/*.py")])
+SOURCES = sorted([*PACKAGE.glob("kernels/**/*.py"), *PACKAGE.glob("integrate/**/*.py")])
 #: Arrays with named columns: the axis of the columns, and the name of their number.
 CONSTANTS = {
     "arm": (0, "ARM_COLUMNS"),

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.kernels.cache import _OFTEN, Entry, compiled
+from flexarm.kernels.compilation.cache import _OFTEN, Entry, compiled
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.newton_euler import inverse_dynamics
+from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 
 def arguments(arm):
@@ -75,7 +75,7 @@ def test_copies_and_pickles_find_their_own_way():
 
 def test_without_a_compiler_it_is_the_function_itself():
     program = (
-        "from flexarm.kernels.cache import Entry, compiled\n"
+        "from flexarm.kernels.compilation.cache import Entry, compiled\n"
         "@compiled\n"
         "def double(x):\n"
         "    return 2.0 * x\n"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexarm.kernels.cache import compiled, inner, merged, undecorated
+from flexarm.kernels.compilation.cache import compiled, inner, merged, undecorated
 
 
 @inner

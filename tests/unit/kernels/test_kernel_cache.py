@@ -22,8 +22,8 @@ NOTICE = "flexarm: compiling for this machine"
 
 # A kernel of the package that calls others, put into the copy: the real ones compile for seconds.
 SWING = """
-from flexarm.kernels.cache import compiled, inner
-from flexarm.kernels.numbers import cos, sin
+from flexarm.kernels.compilation.cache import compiled, inner
+from flexarm.kernels.compilation.numbers import cos, sin
 
 @inner
 def up(angle):
@@ -42,7 +42,7 @@ CALL_SWING = """
 import json
 import numba
 theirs = numba.config.CACHE_DIR
-from flexarm.kernels import cache
+from flexarm.kernels.compilation import cache
 from flexarm.kernels.swing import swing
 
 print(json.dumps({
@@ -91,7 +91,7 @@ def run(sandbox, program, **more):
 
 
 def test_edited_callee_gives_new_physics_and_everything_else_comes_from_disk(sandbox):
-    callee = sandbox / "src" / "flexarm" / "kernels" / "numbers.py"
+    callee = sandbox / "src" / "flexarm" / "kernels" / "compilation" / "numbers.py"
     source = callee.read_text(encoding="utf-8")
 
     fresh, words = run(sandbox, CALL_SWING)
@@ -135,7 +135,7 @@ def folder_of(sandbox, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(sandbox / "cache"))
 
     def found():
-        path = sandbox / "src" / "flexarm" / "kernels" / "code_cache.py"
+        path = sandbox / "src" / "flexarm" / "kernels" / "compilation" / "code_cache.py"
         module = types.ModuleType("code_cache_of_the_copy")
         module.__file__ = str(path)
         exec(compile(path.read_text(encoding="utf-8"), path, "exec"), module.__dict__)
@@ -147,7 +147,7 @@ def folder_of(sandbox, monkeypatch):
 def test_every_source_that_decides_takes_part_in_the_key(sandbox, folder_of):
     seen = {folder_of()}
     assert folder_of() in seen
-    for name in ("kernels/kinematics.py", "integrate/torque.py", "kernels/another.py"):
+    for name in ("kernels/kinematics.py", "integrate/torque.py", "kernels/forces/another.py"):
         path = sandbox / "src" / "flexarm" / name
         with path.open("a", encoding="utf-8") as file:
             file.write("# more\n")
@@ -173,14 +173,14 @@ def test_unused_machine_code_is_forgotten_and_the_rest_kept(sandbox, folder_of):
 
 # One small kernel outside the package: it compiles in a second.
 DOUBLE = """
-from flexarm.kernels.cache import compiled
+from flexarm.kernels.compilation.cache import compiled
 @compiled
 def double(x):
     return FACTOR * x
 """
 CALL_DOUBLE = """
 import json
-from flexarm.kernels import cache
+from flexarm.kernels.compilation import cache
 from double import double
 print(json.dumps({
     "value": double(1.5),
@@ -277,7 +277,7 @@ DAMAGED = """
 import hashlib, json, pickle, sys
 from pathlib import Path
 import numpy as np
-from flexarm.kernels import cache
+from flexarm.kernels.compilation import cache
 import double
 
 [code] = Path(cache.CACHE_DIRECTORY).glob("double.double-*.code")
@@ -317,7 +317,7 @@ def test_a_damaged_file_is_compiled_again(sandbox, doubled):
 def test_a_full_disk_costs_the_cache_and_nothing_else(sandbox):
     full = (
         "import errno, os\n"
-        "from flexarm.kernels import code_cache\n"
+        "from flexarm.kernels.compilation import code_cache\n"
         "def full(*_, **__):\n"
         "    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))\n"
         "code_cache.replace_file = full\n"
@@ -331,7 +331,7 @@ INTERRUPTED = """
 import os, signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it in background jobs
 from numba.core import event
-from flexarm.kernels import cache
+from flexarm.kernels.compilation import cache
 
 class Interrupt(event.Listener):
     # Ctrl-C in the middle of a compilation, after some kernels are finished.

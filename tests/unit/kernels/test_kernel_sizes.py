@@ -7,8 +7,8 @@ import numpy as np
 
 import flexarm as fa
 from arm_states import parts, state_array, tip_loads
-from flexarm.kernels.articulated_body import forward_dynamics
 from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
 
 
 def two_link_arm(theory="second_order"):

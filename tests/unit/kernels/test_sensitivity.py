@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from arm_states import changed, drawn, exact_derivative, parts, state_array, tip_loads
-from flexarm.kernels.articulated_body import forward_dynamics
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
 
 seeds = st.integers(0, 10**6)
 

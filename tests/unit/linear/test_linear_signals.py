@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.engine.channels import CHANNELS
-from flexarm.linear.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.signals import CHANNEL_OUTPUTS
 
 LINK = fa.Link(
     length=0.5,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.linear.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 SAMPLE_TIME, TORQUE = 0.01, np.array([1.5, -0.8])
 

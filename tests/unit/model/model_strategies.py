@@ -39,14 +39,14 @@ from flexarm.model.drives import (
     balances,
 )
 from flexarm.model.hardware import Instrument
-from flexarm.model.motions import (
+from flexarm.model.scenarios.motions import (
     CircleMotionSpec,
     ForceTable,
     PressedMotionSpec,
     SplineMotionSpec,
     ViaPointMotionSpec,
 )
-from flexarm.model.shaping import ShapingSpec, SmoothingSpec
+from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
 
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)

@@ -9,7 +9,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.model.checks import Record
-from flexarm.model.schema import json_schema
+from flexarm.model.file_format.schema import json_schema
 
 RECORDS = sorted(name for name in fa.__all__ if isinstance(getattr(fa, name), type(Record)))
 

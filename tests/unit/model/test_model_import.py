@@ -21,6 +21,5 @@ def test_model_imports_neither_numpy_nor_anything_above_it():
         "['arguments',",
         "'errors',",
         "'model',",
-        "'places',",
-        "'replace_file']",
+        "'writing']",
     ]

@@ -4,9 +4,9 @@ import pytest
 
 from flexarm.errors import ModelError
 from flexarm.model import Study
+from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.drives import CONTROLLED
-from flexarm.model.spec import ArmSpec
-from flexarm.model.study import PlantSpec, StudyRun, plant_spec
+from flexarm.model.scenarios.study import PlantSpec, StudyRun, plant_spec
 
 LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 0.5, "elements": 1}
 PD = {"kind": "joint_pd", "proportional": 4.0, "derivative": 1.0}

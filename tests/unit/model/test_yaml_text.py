@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 import flexarm as fa
-from flexarm.model import yaml_text
-from flexarm.model.yaml_text import parse, to_yaml
+from flexarm.model.file_format import yaml_text
+from flexarm.model.file_format.yaml_text import parse, to_yaml
 
 FILE = Path("file.yaml")
 

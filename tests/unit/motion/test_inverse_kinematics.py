@@ -8,9 +8,9 @@ from motion_checks import Links
 
 from flexarm.errors import InputError
 from flexarm.motion import inverse_kinematics as of_an_arm
-from flexarm.motion.inverse_kinematics import reach_limits
-from flexarm.motion.kinematics import tip_jacobian, tip_position
-from flexarm.motion.nearest_posture import damped_least_squares
+from flexarm.motion.geometry.inverse_kinematics import reach_limits
+from flexarm.motion.geometry.kinematics import tip_jacobian, tip_position
+from flexarm.motion.geometry.nearest_posture import damped_least_squares
 from strategies import between
 
 # Rounding of a tip position, of the angles that made it and of their sum, per metre of reach.
@@ -95,7 +95,7 @@ def test_damped_least_squares_reaches_from_a_posture(lengths, ratio, angle, seed
 def test_damped_least_squares_ends_quadratically(monkeypatch):
     lengths = np.array([1.0, 0.8, 0.6, 0.4])
     posture = np.array([0.4, 0.5, -0.7, 0.9])
-    monkeypatch.setattr("flexarm.motion.nearest_posture.MAX_ITERATIONS", 10)
+    monkeypatch.setattr("flexarm.motion.geometry.nearest_posture.MAX_ITERATIONS", 10)
     angles, missed = damped_least_squares(lengths, np.array([-1.0, 0.9]), posture)
     # Constant damping would gain about one digit a step.
     assert missed < 1e-12

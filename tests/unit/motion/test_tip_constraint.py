@@ -5,8 +5,8 @@ import pytest
 
 import flexarm as fa
 from flexarm.inversion.correction import CorrectedTorque, spline_knots, spline_values
-from flexarm.motion.dynamics_along import dynamics_along
-from flexarm.motion.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import dynamics_along
+from flexarm.motion.dynamics.tip_constraint import TipConstraint
 
 
 def an_arm(links):

@@ -17,8 +17,8 @@ from flexarm.motion import (
     trapezoidal,
     via_point_motion,
 )
-from flexarm.motion.kinematics import tip_jacobian, tip_jacobian_rate
-from flexarm.motion.tip_paths import arc_path, polygon_path, spline_path
+from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate
+from flexarm.motion.tip.tip_paths import arc_path, polygon_path, spline_path
 
 ARMS = [Links(), Links((0.9, 0.7, 0.5, 0.6))]
 POINTS = np.array([[1.9, 0.4], [1.4, 1.2], [0.4, 1.4], [-0.6, 1.7], [-1.2, 1.1]])

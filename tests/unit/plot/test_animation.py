@@ -281,7 +281,7 @@ def test_a_full_disk_leaves_the_older_file(suffix, tmp_path, monkeypatch, animat
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flexarm.places.replace_file", full)
+    monkeypatch.setattr("flexarm.writing.places.replace_file", full)
     with pytest.raises(fa.InputError, match="No space left on device"):
         animation.save(path)
     assert path.read_text() == "older"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from flexarm.paper import PaperCase
-from flexarm.plot.paper_data import FIGURE_NAMES, HISTORY_NAMES, PANELS, POSTURES, histories
-from flexarm.plot.paper_figures import FIGURES
+from flexarm.plot.paper.paper_data import FIGURE_NAMES, HISTORY_NAMES, PANELS, POSTURES, histories
+from flexarm.plot.paper.paper_figures import FIGURES
 
 
 @pytest.fixture(scope="module")

@@ -213,7 +213,7 @@ def test_a_full_disk_leaves_the_older_file(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flexarm.places.replace_file", full)
+    monkeypatch.setattr("flexarm.writing.places.replace_file", full)
     with pytest.raises(fa.InputError, match="No space left on device"):
         fa.report(controlled(), path)
     assert path.read_text() == "older"

@@ -4,7 +4,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.errors import ModelError
-from flexarm.model.files import load_any
+from flexarm.model.file_format.files import load_any
 from flexarm.studio.state import (
     MOST_UNDO,
     History,

@@ -16,7 +16,7 @@ from flexarm.bridges.gymnasium_env.reach import joint_range
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.model import Contact, Wall
 from flexarm.motion import line_motion
-from flexarm.motion.tip_motion import TipMotion
+from flexarm.motion.tip.tip_motion import TipMotion
 
 #: Start time and duration of the sliding motion, s.
 _TOUCHDOWN, _SLIDE = 0.5, 2.0

@@ -13,7 +13,7 @@ from flexarm.bridges.gymnasium_env.picture import Scene
 from flexarm.bridges.gymnasium_env.reach import joint_range
 from flexarm.errors import InputError, Problem
 from flexarm.motion import line_motion
-from flexarm.motion.tip_motion import TipMotion
+from flexarm.motion.tip.tip_motion import TipMotion
 
 #: Bounds of a line's length (fraction of the reach) and of the mean speed (reaches per second).
 _LENGTH, _SPEED = (0.15, 0.4), (0.2, 0.4)

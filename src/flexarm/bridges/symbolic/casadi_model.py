@@ -11,7 +11,7 @@ import numpy as np
 
 from flexarm.arguments import check_kind
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.bridges.symbolic.parameters import ParametricArm
 from flexarm.bridges.symbolic.scalars import library_missing, objects, plain

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm.arguments import check_kind
 from flexarm.arm import Arm, Energy
-from flexarm.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.symbolic.parameters import ParametricArm
 from flexarm.bridges.symbolic.scalars import library_missing, objects, plain
 from flexarm.errors import InputError, Problem, shown

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from flexarm.actions.loads import place_loads, tip_load
 from flexarm.arm import Arm
 from flexarm.bridges.symbolic.scalars import Objects
-from flexarm.kernels.articulated_body import forward_dynamics
-from flexarm.kernels.cache import undecorated
-from flexarm.kernels.composite_body import mass_matrix
+from flexarm.kernels.compilation.cache import undecorated
+from flexarm.kernels.compilation.numbers import tanh
 from flexarm.kernels.layout import (
     ArmConstants,
     Loads,
@@ -26,11 +26,11 @@ from flexarm.kernels.layout import (
     no_loads,
     run_time_sizes,
 )
-from flexarm.kernels.newton_euler import inverse_dynamics
-from flexarm.kernels.numbers import tanh
-from flexarm.kernels.observables import POSE_COLUMNS, energies, poses
-from flexarm.kernels.shapes import gauge_strains
-from flexarm.loads import place_loads, tip_load
+from flexarm.kernels.observation.observables import POSE_COLUMNS, energies, poses
+from flexarm.kernels.observation.shapes import gauge_strains
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
+from flexarm.kernels.recursion.composite_body import mass_matrix
+from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 
 @cache

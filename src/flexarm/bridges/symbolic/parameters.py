@@ -19,14 +19,14 @@ import numpy as np
 
 from flexarm.arguments import check_count, check_list_of
 from flexarm.arm import Arm
-from flexarm.assemble import FloatArray, constants_of_links, place_joints_and_payload
+from flexarm.assembly.assemble import FloatArray, constants_of_links, place_joints_and_payload
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.bridges.symbolic.scalars import Objects
 from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.layout import ArmConstants
-from flexarm.linear.parameters import POWERS
+from flexarm.linear.step_derivatives.parameters import POWERS
 from flexarm.model import ArmSpec, Link
-from flexarm.model.paths import number_at, number_paths, with_number
+from flexarm.model.file_format.paths import number_at, number_paths, with_number
 from flexarm.stations import place_gauges
 
 #: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a

@@ -16,13 +16,13 @@ from flexarm.arguments import (
 )
 from flexarm.errors import InputError, Problem, shown
 from flexarm.model import Contact
-from flexarm.places import AnyPath, write_text, write_whole
 from flexarm.plot.animation.page import inline, page
 from flexarm.plot.animation.scene import Scene, SceneOptions, scene_of, thin
 from flexarm.plot.animation.surroundings import surroundings
 from flexarm.plot.animation.video import check_animation_place, find_ffmpeg, gif, gif_delay, mp4
 from flexarm.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
 from flexarm.plot.selection import named_results, several
+from flexarm.writing.places import AnyPath, write_text, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexarm.actions.surfaces import arc_of, pieces_of
 from flexarm.model import RoundWall, Surface, SurfaceTable, Wall
 from flexarm.plot.drawn_arm import FloatArray
-from flexarm.surfaces import arc_of, pieces_of
 
 #: Thickness of the band, as a fraction of the width of the view.
 _BAND = 0.03

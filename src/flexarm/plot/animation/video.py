@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.errors import InputError, Problem
-from flexarm.places import AnyPath, check_place
 from flexarm.plot.palette import GREY, INK, SERIES
+from flexarm.writing.places import AnyPath, check_place
 
 if TYPE_CHECKING:
     from flexarm.plot.animation.frames import Picture

@@ -1,0 +1,1 @@
+"""External actions on an arm: loads, acceleration of its base, and contacts."""

@@ -1,0 +1,142 @@
+"""Coordinates q of an arm, and their conversion to and from the kernels' arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arguments import as_list, check_last_axes
+from flexarm.assembly.assemble import Assembly, FloatArray
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.model import ArmSpec
+
+
+class Coordinates:
+    """Generalised coordinates q (dof,) of an arm.
+
+    For each link: its joint angle (rad), relative to the tip tangent of the previous link (the
+    first: to world x), then its modal coordinates (m sqrt(kg)). A fixed joint has no coordinate; an
+    elastic one has two: the motor's angle behind the gear, and the additional rotation of the link
+    by the spring.
+    """
+
+    def __init__(self, spec: ArmSpec, assembly: Assembly) -> None:
+        self.spec = spec
+        self.assembly = assembly
+
+    @property
+    def dof(self) -> int:
+        """Number of coordinates: joints and modes."""
+        return int(self.assembly.coordinates.size)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints that are not fixed."""
+        return len(self.assembly.seats)
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return len(self.spec.links)
+
+    @property
+    def joint_numbers(self) -> NDArray[np.intp]:
+        """Numbers of the joints that are not fixed, (joints,): the links with these roots."""
+        return np.array([seat.link + 1 for seat in self.assembly.seats], dtype=np.intp)
+
+    @property
+    def joint_index(self) -> NDArray[np.intp]:
+        """Indices of the joint angles in q, (joints,)."""
+        return self.assembly.joint_index
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths of the links, (links,) m."""
+        return np.array([link.length for link in self.spec.links])
+
+    def rest(self, joint_angles: ArrayLike) -> FloatArray:
+        """Return q (dof,) of straight links at relative joint angles (joints,), rad."""
+        angles = check_array("Arm.rest", "joint_angles", joint_angles, (self.joints,))
+        q = np.zeros(self.dof)
+        q[self.joint_index] = angles
+        return q
+
+    def joint_angles(self, q: ArrayLike) -> FloatArray:
+        """Return the joint angles (joints,) of q (dof,), or joint rates from rates."""
+        return check_array("Arm.joint_angles", "q", q, (self.dof,))[self.joint_index]
+
+    def from_nodal(self, joint_angles: ArrayLike, nodal: Sequence[ArrayLike]) -> FloatArray:
+        """Return q (dof,) of links deformed to given nodal values.
+
+        Args:
+            joint_angles: (joints,) relative, rad.
+            nodal: for each link (elements, 2): deflection (m) and section rotation (rad; without
+                shear, the slope) at its free nodes, from its root tangent, or from the root tangent
+                of the node's segment; any value for a rigid link. With reduced modes, the result is
+                the least-squares fit weighted by mass.
+        """
+        q = self.rest(joint_angles)
+        items = list(nodal) if isinstance(nodal, np.ndarray) and nodal.ndim else as_list(nodal)
+        if items is None or len(items) != self.links:
+            rule = f"be a list of one array for each of the {self.links} links"
+            raise InputError(Problem("Arm.from_nodal", "nodal", rule, shown(nodal)))
+        values = {
+            i: check_array("Arm.from_nodal", f"nodal[{i}]", items[i], (link.elements, 2))
+            for i, link in enumerate(self.spec.links)
+            if link.flexible
+        }
+        for piece in self.assembly.pieces:
+            if piece.shapes.w2.size:
+                q[piece.modal] = piece.shapes.projector @ values[piece.link][piece.rows].ravel()
+        return q
+
+    def nodal(self, q: ArrayLike) -> list[FloatArray]:
+        """Return the deflection (m) and section rotation (rad) at the free nodes of the links.
+
+        (elements, 2) for each link; without shear the rotation is the slope.
+        """
+        values = check_array("Arm.nodal", "q", q, (self.dof,))
+        shapes = [np.zeros((link.elements, 2)) for link in self.spec.links]
+        for piece in self.assembly.pieces:
+            if piece.shapes.w2.size:
+                bent = piece.shapes.basis @ values[piece.modal]
+                shapes[piece.link][piece.rows] = bent.reshape(-1, 2)
+        return shapes
+
+    def padded(self, vector: ArrayLike) -> FloatArray:
+        """Convert a vector (dof,) or vectors (..., dof) to the kernels' array (..., n, 1 + m).
+
+        Raises:
+            InputError: if the last axis does not have dof numbers.
+        """
+        a = self.assembly
+        vector = check_last_axes("Arm.padded", "vector", vector, a.coordinates.shape)
+        array = np.zeros((*vector.shape[:-1], a.bodies * (1 + a.modes)), dtype=vector.dtype)
+        array[..., a.coordinates] = vector
+        return array.reshape(*vector.shape[:-1], a.bodies, 1 + a.modes)
+
+    def unpadded(self, array: ArrayLike) -> FloatArray:
+        """Convert the kernels' array (..., n, 1 + m) to coordinates (..., dof).
+
+        Raises:
+            InputError: if the last axes do not have the shape (n, 1 + m).
+        """
+        a = self.assembly
+        array = check_last_axes("Arm.unpadded", "array", array, (a.bodies, 1 + a.modes))
+        flat = array.reshape(*array.shape[:-2], a.bodies * (1 + a.modes))
+        taken: FloatArray = flat[..., a.coordinates]
+        return taken
+
+    def padded_torque(self, torque: ArrayLike) -> FloatArray:
+        """Convert joint torques (..., joints) to torques of the bodies (..., n).
+
+        Raises:
+            InputError: if the last axis does not have one number for each joint.
+        """
+        a = self.assembly
+        torque = check_last_axes("Arm.padded_torque", "torque", torque, a.joint_body.shape)
+        array = np.zeros((*torque.shape[:-1], a.bodies), dtype=torque.dtype)
+        array[..., a.joint_body] = torque
+        return array

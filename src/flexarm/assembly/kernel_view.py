@@ -1,0 +1,102 @@
+"""Kernels of one arm, with the arrays that every call requires besides its states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from flexarm.kernels.compilation.cache import Entry
+from flexarm.kernels.derivatives.sensitivity import forward_jacobian
+from flexarm.kernels.layout import (
+    ArmConstants,
+    Array,
+    Loads,
+    Sizes,
+    new_workspace,
+    no_loads,
+    run_time_sizes,
+)
+from flexarm.kernels.observation.observables import POSE_COLUMNS
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
+from flexarm.kernels.recursion.newton_euler import inverse_dynamics
+
+_Kernel = Callable[..., None]
+#: Kernels whose cached entry points are shared by all arms of the same sizes, by the number type of
+#: the workspace: each is always called with arrays of the same types.
+_SHARED: dict[str, tuple[_Kernel, ...]] = {
+    "d": (forward_dynamics, inverse_dynamics),
+    "D": (forward_jacobian,),
+}
+_known: dict[tuple[int | str, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
+
+
+class _Entries(dict[_Kernel, Entry]):
+    """Cached entry points by kernel.
+
+    A copy has its own entry points of the same kernels, because Numba takes 40 ms to copy a kernel.
+    """
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Entries:
+        return _Entries((kernel, Entry(kernel)) for kernel in self)
+
+
+class KernelView:
+    """Sizes, constants, workspace and cached entry points of one arm.
+
+    Allocating the workspace and determining the types of its arrays takes ten times as long as a
+    kernel, so keep a view for repeated calls. A view serves one thread.
+
+    Args:
+        constants: constants of the arm, n bodies with m modes.
+        dtype: number type of the workspace; complex for derivatives by complex perturbation.
+
+    Attributes:
+        sizes: loop lengths, as numbers at run time. constants: as given. loads: no loads, no
+        contacts, a base at rest. work: workspace with results of the last call. shape: (n, 1 + m).
+    """
+
+    __slots__ = ("_entries", "constants", "loads", "shape", "sizes", "work")
+
+    def __init__(self, constants: ArmConstants, dtype: Any = np.float64) -> None:
+        self.constants, self.loads = constants, no_loads(constants)
+        self.work = new_workspace(constants, dtype)
+        self.shape = self.work.acceleration.shape
+        sizes, number = run_time_sizes(constants), self.work.body.dtype.char
+        key = (*map(len, sizes), constants.body.dtype.char, number)
+        shared = {kernel: Entry(kernel) for kernel in _SHARED.get(number, ())}
+        self.sizes, shared = _known.setdefault(key, (sizes, shared))
+        self._entries = _Entries(shared)
+
+    def call(self, kernel: _Kernel, *arguments: Any) -> None:
+        """Call a kernel with sizes, constants and ``arguments``.
+
+        All calls of one kernel through one view must pass arguments of the same types, dimensions
+        and memory layouts; see ``Entry``.
+        """
+        entry = self._entries.get(kernel)
+        if entry is None:
+            entry = self._entries[kernel] = Entry(kernel)
+        entry(self.sizes, self.constants, *arguments)
+
+    def forward_dynamics(self, state: Array, torque: Array, loads: Loads | None = None) -> Array:
+        """Return the accelerations (n, 1 + m) of a state under torques (n,), in the workspace."""
+        self.call(forward_dynamics, state, torque, loads or self.loads, self.work)
+        return self.work.acceleration
+
+    def inverse_dynamics(
+        self, state: Array, acceleration: Array, loads: Loads | None = None
+    ) -> Array:
+        """Return the generalised force (n, 1 + m) of a motion, in the workspace."""
+        self.call(inverse_dynamics, state, acceleration, loads or self.loads, self.work)
+        return self.work.force
+
+    def zeros(self, *leading: int) -> Array:
+        """Return zeros (..., n, 1 + m) of the workspace's number type."""
+        return np.zeros((*leading, *self.shape), dtype=self.work.body.dtype)
+
+    def pose_arrays(self) -> tuple[Array, Array]:
+        """Return arrays for the poses of the bodies (n, POSE_COLUMNS) and of the tip (6,)."""
+        dtype = self.work.body.dtype
+        return np.zeros((self.shape[0], POSE_COLUMNS), dtype=dtype), np.zeros(6, dtype=dtype)

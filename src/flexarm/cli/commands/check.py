@@ -1,0 +1,68 @@
+"""``flexarm check``: read and validate a file, and print a summary of its content."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flexarm.arm import Arm
+from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
+from flexarm.cli.failures import warn
+from flexarm.cli.tables import console, facts
+from flexarm.errors import ModelError
+from flexarm.model import Scenario, Study, load_arm_spec, locate_scenario, locate_study
+from flexarm.model.file_format.files import load_document
+from flexarm.model.file_format.yaml_text import Document
+from flexarm.scenarios.file_errors import Where
+from flexarm.scenarios.scenario import prepare
+from flexarm.scenarios.study import PreparedStudy
+from flexarm.scenarios.summary import about_arm, about_run
+
+
+def check_file(path: Path) -> None:
+    """Check an arm file, a scenario with its motion, or a study, and print a summary.
+
+    Raises:
+        InputError: if the file is not valid; it lists every problem.
+    """
+    document = load_document(path)
+    is_study = "drives" in document.value
+    located = None if is_study else _scenario(document)
+    unstable: list[str] = []
+    if is_study:
+        study = PreparedStudy(*locate_study(document))
+        unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
+        found = [*about_arm(study.arm), *_about_study(study.study), *about_vibration(study.arm)]
+    elif located is None:
+        arm = Arm(load_arm_spec(document))
+        found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
+    else:
+        scenario, where = located
+        prepared = prepare(scenario, where)
+        poles = prepared.loop_poles()
+        unstable = list(filter(None, [prepared.unstable_loop(poles)]))
+        found = [*about_arm(prepared.arm), *about_run(scenario), *about_prepared(prepared, poles)]
+    screen = console()
+    screen.print(facts(found))
+    for text in unstable:
+        warn(text)
+    screen.print("ok, but for the warning" if unstable else "ok")
+
+
+def _about_study(study: Study) -> list[tuple[str, str]]:
+    names = (("drives", study.drives), ("plants", study.plants), ("motions", study.motions))
+    rows = [(kind, ", ".join(list(items))) for kind, items in names]
+    runs = len(study.drives) * len(study.plants) * len(study.motions)
+    return [*rows, ("runs", f"{runs} of {study.run.duration:g} s")]
+
+
+def _scenario(document: Document) -> tuple[Scenario, Where] | None:
+    """Read a scenario, see `locate_scenario`; return None if the file describes only an arm."""
+    try:
+        return locate_scenario(document)
+    except ModelError as error:
+        if all((problem.name, problem.rule) != ("run", "is missing") for problem in error.problems):
+            raise
+        # A missing run means an arm file or an incomplete scenario; the other keys decide.
+        if document.value.keys() <= {"flexarm", "arm"}:
+            return None
+        raise

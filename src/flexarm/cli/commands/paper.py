@@ -1,0 +1,137 @@
+"""``flexarm paper``: compute the paper's example, draw its figures, print a table of results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.resources import files
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console, Group, RenderableType
+
+from flexarm.cli.drawing import Drawing, draw_figures
+from flexarm.cli.tables import console, numbers
+from flexarm.writing.places import check_folder, write_text
+
+if TYPE_CHECKING:
+    from flexarm.paper import PaperCase
+
+#: Number of single figures that a process draws in one task.
+_AT_ONCE = 4
+_ROWS = {
+    "peak": "peak deflection",
+    "residual": "residual vibration",
+    "theory": "linear less second order",
+}
+_NOTES = """\
+The arm and its mesh are the paper's. Path, timing and torques are our choice,
+because the paper shows them only as pictures: compare shapes, not values.
+
+peak deflection: of the link's tip from its root tangent, during the motion
+residual vibration: amplitude of that deflection after the torques have ended
+linear less second order: largest difference of the deflection between the
+  paper's theory and the second-order theory, during the motion
+tip error: distance of the flexible arm's tip from the rigid arm's
+"""
+
+
+def reproduce(folder: Path, with_report: bool = False) -> None:
+    """Write figures, data and numbers of the paper's example to ``folder``; print the numbers.
+
+    Args:
+        with_report: whether to write ``report.html``, the report of the flexible arm.
+
+    Raises:
+        InputError: if the folder is not writable, or a report is requested and Jinja2 is not
+            installed.
+    """
+    check_folder("flexarm paper", "--out", folder)
+    if with_report:
+        from flexarm.reporting.document import template_engine
+
+        template_engine("flexarm paper")
+    with Drawing() as drawing:
+        # Import here, because the other processes load Matplotlib at the same time.
+        from flexarm.output import write_result
+        from flexarm.paper import FAST, SLOW, PaperCase
+        from flexarm.plot.paper.paper_data import FIGURE_NAMES, histories
+
+        slow, fast = PaperCase(SLOW), PaperCase(FAST)
+        shown = histories(slow)
+        # The overview takes as long as seven single figures. Small tasks after it keep both
+        # processes busy to the end.
+        drawing.submit(draw_figures, ["overview"], shown, folder)
+        for k in range(0, len(FIGURE_NAMES), _AT_ONCE):
+            drawing.submit(draw_figures, FIGURE_NAMES[k : k + _AT_ONCE], shown, folder)
+        compared = histories(fast, ("flexible", "rigid", "second_order"))
+        drawing.submit(draw_figures, ["theories"], compared, folder)
+        report = Group(*_report(slow, fast))
+        console().print(report)
+        write_result(slow.flexible, folder / "result.nc")
+        write_result(slow.rigid, folder / "result_rigid.nc")
+        write_text(_as_text(report), folder / "numbers.txt")
+        text = (files("flexarm") / "library" / "paper.yaml").read_text(encoding="utf-8")
+        write_text(text, folder / "paper.yaml")
+        if with_report:
+            _write_report(slow, _as_text(report), folder / "report.html")
+    console().print(f"figures, data and numbers in {folder}", soft_wrap=True)
+
+
+def _write_report(case: PaperCase, numbers: str, path: Path) -> None:
+    from flexarm.reporting import report
+
+    title = "The paper's arm along a line"
+    report(case.flexible, path, title=title, notes=numbers, rigid=case.rigid)
+
+
+def _report(slow: PaperCase, fast: PaperCase) -> Iterator[RenderableType]:
+    yield numbers(
+        "The paper's arm, tip sent from (2, 1) to (1, 2) m",
+        ("", f"in {slow.duration:g} s", f"in {fast.duration:g} s"),
+        _comparison(slow, fast),
+    )
+    yield _NOTES
+    yield from _frequencies(slow)
+
+
+def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, str, str]]:
+    from flexarm.paper import link_numbers, tip_numbers, torque_range
+
+    cases = (slow, fast)
+    for k, pair in enumerate(zip(*map(torque_range, cases), strict=True), start=1):
+        low_high = [f"{low:.2f} to {high:.2f}" for low, high in pair]
+        yield f"joint {k}: torque [N m]", low_high[0], low_high[1]
+    for k, links in enumerate(zip(*map(link_numbers, cases), strict=True), start=1):
+        for name, meaning in _ROWS.items():
+            a, b = (_millimetres(getattr(link, name)) for link in links)
+            yield f"link {k}: {meaning} [mm]", a, b
+    one, other = (tip_numbers(case) for case in cases)
+    yield "largest tip error [mm]", _millimetres(one.largest), _millimetres(other.largest)
+    yield "tip error at the end [mm]", _millimetres(one.at_end), _millimetres(other.at_end)
+
+
+def _millimetres(metres: float) -> str:
+    return f"{1e3 * metres:.2f}"
+
+
+def _frequencies(case: PaperCase) -> Iterator[RenderableType]:
+    from flexarm.paper import FINE_ELEMENTS, frequency_tables
+
+    tables = frequency_tables(case)
+    fine = f"{FINE_ELEMENTS} + {FINE_ELEMENTS}"
+    heads = ["mode", *(f"{table.joints}, {mesh}" for table in tables for mesh in ("2 + 1", fine))]
+    columns = [column for table in tables for column in (table.paper_mesh, table.fine_mesh)]
+    rows = [
+        (str(mode), *(f"{value:.3f}" for value in row))
+        for mode, row in enumerate(zip(*columns, strict=True), start=1)
+    ]
+    title = "Natural frequencies at the start [Hz]"
+    yield numbers(title, heads, rows)
+    yield "locked, free: the joints. 2 + 1 are the paper's elements."
+
+
+def _as_text(report: Group) -> str:
+    text = StringIO()
+    Console(file=text, width=80, highlight=False, markup=False).print(report)
+    return text.getvalue()

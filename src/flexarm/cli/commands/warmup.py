@@ -1,0 +1,48 @@
+"""``flexarm warmup``: compile all kernels in advance, in parallel processes."""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from flexarm.cli.features import FEATURES, compile_feature
+from flexarm.cli.tables import console
+from flexarm.errors import InputError, Problem
+from flexarm.kernels.compilation.cache import CACHE_DIRECTORY
+
+
+def compile_everything() -> None:
+    """Compile all features, store the machine code, and print the time.
+
+    Raises:
+        InputError: if the machine code cannot be stored.
+    """
+    if CACHE_DIRECTORY is None:
+        rule = "cannot be created as a private folder of this user"
+        raise InputError(Problem("flexarm warmup", "the cache folder", rule))
+    screen = console()
+    started = time.perf_counter()
+    compiled = 0.0
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    bar = Progress(*columns, TimeElapsedColumn(), console=screen, transient=True)
+    workers = min(os.cpu_count() or 1, len(FEATURES))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    with bar, pool:
+        task = bar.add_task("compiling", total=len(FEATURES))
+        waiting = {pool.submit(compile_feature, name): name for name in FEATURES}
+        for done in as_completed(waiting):
+            seconds, failure = done.result()
+            if failure:
+                rule = f"is not writable: {failure}"
+                raise InputError(Problem("flexarm warmup", str(CACHE_DIRECTORY), rule))
+            compiled += seconds
+            bar.update(task, advance=1, description=f"compiled: {waiting[done]}")
+    took = time.perf_counter() - started
+    screen.print(
+        f"{len(FEATURES)} features are ready after {took:.0f} s; "
+        f"{compiled:.0f} s of compiling in {workers} processes."
+    )

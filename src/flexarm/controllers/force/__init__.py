@@ -1,0 +1,1 @@
+"""Controllers of the tip and its contact force."""

@@ -1,0 +1,64 @@
+"""Computed torque: joint control with the inverse dynamics of the rigid model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from flexarm.arm import Arm
+from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.parametrised import OfArm
+from flexarm.control.requirements import JOINTS
+from flexarm.control_design.rigid_model import RigidModel
+from flexarm.controllers.joint.follower import JointFollower
+from flexarm.model.drives.joint import ComputedTorqueParameters
+
+
+class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
+    """Computed torque with the rigid model of an arm.
+
+    Without a reference the controller keeps the angles of its first measurement. On a rigid arm the
+    errors satisfy a linear equation of second order, (C.2). The model has no flexible links, so on
+    a flexible arm the frequency should be below the lowest one with locked joints.
+
+    Raises:
+        InputError: if a frequency or the sample time is not positive and finite, a damping ratio is
+            negative or not finite, or the length of a list differs from the number of joints.
+    """
+
+    memory = ()
+
+    _: KW_ONLY
+    feedforward: Callable[[float], ArrayLike] | None = Field(
+        default=None,
+        description="None for feedback linearisation, with the torques of the model at the "
+        "measured angles and rates; or a function of time that returns torques (joints,) N m to "
+        "follow the reference, such as the ``torque`` of `tip_inversion` together with its "
+        "``reference``. The mass matrix of the model then converts only the errors to torques.",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._model = RigidModel(self.arm)
+        omega = 2.0 * np.pi * self.frequency_hz
+        self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        return ControllerRequirements(self.arm.joints, JOINTS)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        now, speed = measurement.joint_angle, measurement.joint_rate
+        angle, rate = self._wanted(t, measurement, reference)
+        wanted: FloatArray = self._proportional * (angle - now) + self._derivative * (rate - speed)
+        if self.feedforward is not None:
+            return self._fed_forward(t) + self._model.mass_matrix(now) @ wanted
+        if reference is not None:
+            wanted = wanted + reference.joint_acceleration(t)
+        # Return a copy, because the next call of the model overwrites the array.
+        return self._model.torque(now, speed, wanted).copy()

@@ -1,0 +1,1 @@
+"""Controllers designed with linear models."""

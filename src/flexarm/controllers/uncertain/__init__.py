@@ -1,0 +1,1 @@
+"""Controllers for uncertain arms: adaptive, sliding-mode, disturbance observer."""

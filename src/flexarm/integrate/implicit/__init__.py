@@ -1,0 +1,1 @@
+"""Implicit methods: additive Runge-Kutta, Gauss collocation, generalised-alpha."""

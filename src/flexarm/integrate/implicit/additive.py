@@ -1,0 +1,161 @@
+"""Compiled stepping of additive Runge-Kutta methods, implicit in bending and damping.
+
+Theory page "integration", (I.1) to (I.4). Each stage has two states: an explicit one for the smooth
+terms (posture, rates, mass matrix, loads) and an implicit one for the forces of bending, of joint
+springs and of damping, in which the equations are linear. A stage is therefore one pass of the
+recursion with a diagonal added to the mass matrix, without iteration.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.memory import EVALUATIONS, SOFTENED, STEP, Memory
+from flexarm.integrate.nearness import step_on
+from flexarm.integrate.samples import begin_call, end_step, samples_between
+from flexarm.integrate.status import DONE, PAUSED
+from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
+from flexarm.integrate.torque import drive_at, slope_at
+from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
+from flexarm.kernels.compilation.cache import apart, merged, unlocked
+from flexarm.kernels.layout import ArmConstants, Array
+from flexarm.kernels.recursion.articulated_body import solve_implicit
+from flexarm.kernels.recursion.implicit_step import add_to_diagonal
+
+
+class AdditiveRecord(NamedTuple):
+    """Coefficients of an ``additive_tableau.AdditiveTableau``, and the arrays of a run."""
+
+    explicit: Array  # (s + 1, s)
+    implicit: Array  # (s + 1, s), equal diagonal entries except for the explicit first stage
+    c: Array  # (s + 1,)
+    error: Array  # (2, s + 1)
+    order: int
+    known: Array  # (2, n, 1 + m) implicit state of a stage without its own acceleration
+    stages: Array  # (s + 1, 2, n, 1 + m) derivatives; stage s belongs to the new point
+    softened: ArmConstants  # with the diagonal for a step of length ``clock[SOFTENED]``
+
+
+@merged
+def soften_for(system: System, softened: ArmConstants, damping: float, stiffness: float) -> None:
+    """Add ``damping`` (s) times D and ``stiffness`` (s^2) times K to the mass matrix."""
+    sizes = system.sizes
+    c = system.constants
+    added = system.work.force  # scratch
+    for i in range(len(sizes.bodies)):
+        added[i, 0] = damping * c.body[i, JOINT_DAMPING] + stiffness * c.body[i, JOINT_STIFFNESS]
+        for j in range(len(sizes.modes)):
+            added[i, 1 + j] = damping * c.mode[i, j, MODE_DAMPING] + stiffness * c.mode[i, j, W2]
+    add_to_diagonal(sizes, c, added, softened)
+
+
+@merged
+def shift_forces(system: System, smooth: Array, q: Array, v: Array, torque: Array) -> None:
+    """Replace bending, spring and damping forces at the smooth state by those at ``q`` and ``v``.
+
+    ``smooth`` has shape (2, n, 1 + m). Forces on joints are added to ``torque``, forces on modes
+    are written to ``work.force``.
+    """
+    sizes = system.sizes
+    c = system.constants
+    for i in range(len(sizes.bodies)):
+        torque[i] += c.body[i, FREE] * (
+            c.body[i, JOINT_STIFFNESS] * (smooth[0, i, 0] - q[i, 0])
+            + c.body[i, JOINT_DAMPING] * (smooth[1, i, 0] - v[i, 0])
+        )
+        for j in range(len(sizes.modes)):
+            system.work.force[i, 1 + j] = c.mode[i, j, W2] * (
+                smooth[0, i, 1 + j] - q[i, 1 + j]
+            ) + c.mode[i, j, MODE_DAMPING] * (smooth[1, i, 1 + j] - v[i, 1 + j])
+
+
+@apart
+def additive_step(
+    system: System, record: AdditiveRecord, memory: Memory, t: float, h: float
+) -> None:
+    """Fill ``stages[1:s]`` from ``stages[0]``, and write the new point to ``memory.new``."""
+    sizes, work = system.sizes, system.work
+    AE, AI, c, known, stages = (
+        record.explicit, record.implicit, record.c, record.known, record.stages,
+    )  # fmt: skip
+    state, smooth, torque = memory.state, memory.new, memory.torque
+    s = AE.shape[0] - 1
+    gamma = AI[1, 1]
+    if h != memory.clock[SOFTENED]:
+        soften_for(system, record.softened, h * gamma, h * gamma * h * gamma)
+        memory.clock[SOFTENED] = h
+    for k in range(1, s):
+        combine(sizes, state, stages, AE, k, k, h, smooth)
+        combine(sizes, state, stages, AI, k, k, h, known)
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                known[0, i, j] += h * gamma * known[1, i, j]
+        drive_at(system, t + c[k] * h, c[k] == 1.0, torque)
+        shift_forces(system, smooth, known[0], known[1], torque)
+        solve_implicit(sizes, record.softened, smooth, work.force, torque, system.drive.loads, work)
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                change = work.acceleration[i, j]
+                stages[k, 0, i, j] = known[1, i, j] + h * gamma * change
+                stages[k, 1, i, j] = change
+    combine(sizes, state, stages, AE, s, s, h, smooth)
+
+
+@unlocked
+def advance_additive(
+    system: System,
+    tolerance: Tolerance,
+    record: AdditiveRecord,
+    memory: Memory,
+    until: float,
+    max_steps: int,
+) -> int:
+    """Step to ``until``, by the rules of ``base.Integrator``."""
+    sizes = system.sizes
+    # Typed constants: with literals, the compiler would build each callee for every value.
+    zero = int(np.int64(0))
+    from_left = bool(np.bool_(True))
+    from_right = bool(np.bool_(False))
+    controlled = from_left
+    state, new, torque, stages = memory.state, memory.new, memory.torque, record.stages
+    clock, counts = memory.clock, memory.counts
+    s = record.error.shape[1] - 1
+    t = begin_call(sizes, memory)
+    if t >= until:
+        return DONE
+    slope_at(system, t, from_right, state, torque, stages, zero)
+    counts[EVALUATIONS] += 1
+    step_on(system.drive.loads.contacts)
+    for _ in range(max_steps):
+        t_new, h, lands = step_landing(system.drive.stops, t, clock[STEP], until)
+        additive_step(system, record, memory, t, h)
+        counts[EVALUATIONS] += s - 1
+        status = judge_step(system, tolerance, memory, stages, record.error, record.order, t, h)
+        if status == PAUSED:
+            continue
+        if status != DONE:
+            return status
+        slope_at(system, t_new, from_left, new, torque, stages, s)
+        counts[EVALUATIONS] += 1
+        status = judge_end(system, memory, h, controlled)
+        if status == PAUSED:
+            continue
+        if status != DONE:
+            return status
+        samples_between(system, tolerance, memory, stages, t, h, t_new)
+        end_step(sizes, memory, new, t_new)
+        for level in range(2):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
+                    stages[0, level, i, j] = stages[s, level, i, j]
+        t = t_new
+        choose_step(clock, h, record.order, lands)
+        if t >= until:
+            return DONE
+        if lands:  # the torque may jump here, and the last slope is the one from the left
+            slope_at(system, t, from_right, state, torque, stages, zero)
+            counts[EVALUATIONS] += 1
+    return PAUSED

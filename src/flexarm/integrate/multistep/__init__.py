@@ -1,0 +1,1 @@
+"""Cowell's method for long vibrations."""

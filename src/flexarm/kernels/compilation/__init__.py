@@ -1,0 +1,1 @@
+"""Compilation of kernels: decorators, number types, machine code on disk."""

@@ -1,0 +1,1 @@
+"""Terms that controllers evaluate at each sample time."""

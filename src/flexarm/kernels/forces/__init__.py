@@ -1,0 +1,1 @@
+"""Forces on the bodies: loads, contacts, and passive torques of the joints."""

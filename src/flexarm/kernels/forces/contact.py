@@ -1,0 +1,312 @@
+"""Contact of points of the arm with fixed surfaces: theory page "contact".
+
+Where a point penetrates a surface, the surface pushes along its normal by the law of Hunt and
+Crossley, and friction acts across the normal. One formula covers walls and circles, (T.2): a circle
+of curvature kappa, which is zero for a wall and negative if the point is inside the circle. A
+tabulated surface is a cubic spline whose nearest point is found by Newton's method, (T.4).
+
+=============  =================================================================================
+symbol         meaning
+=============  =================================================================================
+``gap``        distance of the point from the surface, negative for a penetration, m
+``n``          unit normal of the surface, pointing away from the solid
+``bend``       curvature of the surface, 1/m, positive if it is convex towards the point
+``depth``      max(-gap, 0), with a rounded corner
+``s``          arc length along a tabulated surface, m
+=============  =================================================================================
+
+Only two branches depend on the state, and both use real parts alone: the selection of the nearest
+piece of a table, and the steps of Newton's iteration. The spline is twice continuously
+differentiable, so force and derivatives are continuous across the knots, and the point found does
+not depend on the path of the iteration.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flexarm.kernels.columns import (
+    COSINE,
+    FX,
+    RATE,
+    SINE,
+    TIP_X,
+    TIP_Y,
+    WORLD_COSINE,
+    WORLD_SINE,
+    WORLD_X,
+    WORLD_X_RATE,
+    WORLD_Y,
+    WORLD_Y_RATE,
+    P,
+)
+from flexarm.kernels.compilation.cache import apart, compiled, merged
+from flexarm.kernels.compilation.numbers import exp, log, positive_part, real, sqrt, tanh
+from flexarm.kernels.forces.push import push_at
+from flexarm.kernels.kinematics import link_terms
+from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspace
+
+#: Columns of a row of ``Contacts.law``. WEIGHT 0 removes the force. CURVATURE, POINT and NORMAL
+#: describe a wall or a circle; FIRST is the first row of a table in ``knots`` and COUNT its number
+#: of rows, 0 without a table. MOBILITY of the arm at the point, 1/kg: integrators estimate the
+#: duration of a contact from it.
+WEIGHT, LEVER = 0, 1
+STIFFNESS, EXPONENT, DAMPING, FRICTION, FRICTION_SPEED = 2, 3, 4, 5, 6
+CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY = 7, 8, 10, 12, 13, 14
+
+#: Columns of the result of ``look_many``: world position and velocity of the point, force on it,
+#: gap, curvature of the surface, energy stored in the contact.
+POSITION, VELOCITY, FORCE, GAP, BEND, ENERGY = 0, 2, 4, 6, 7, 8
+
+#: Rounding radius of the depth (m): far below any measurable length, far above rounding errors.
+CORNER = 1e-9
+#: Rounding radius of the relative increase of the force by damping.
+PUSH = 1e-6
+#: Number of Newton iterations. Near the surface three reach rounding errors, because the pieces
+#: are short and the initial value is close.
+_ITERATIONS = 8
+_TINY = 1e-300
+
+
+@merged
+def _arc(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    """Return gap, normal and curvature of a wall or a circle at a world point, (T.2)."""
+    law = contacts.law
+    bend = law[k, CURVATURE]
+    dx = x - law[k, POINT]
+    dy = y - law[k, POINT + 1]
+    height = law[k, NORMAL] * dx + law[k, NORMAL + 1] * dy
+    rise = 2.0 * height + bend * (dx * dx + dy * dy)
+    root = sqrt(1.0 + bend * rise)
+    gap = rise / (1.0 + root)
+    nx = (law[k, NORMAL] + bend * dx) / root
+    ny = (law[k, NORMAL + 1] + bend * dy) / root
+    return gap, nx, ny, bend + 0.0 * gap
+
+
+@merged
+def _nearest_chord(knots: Array, first: int, last: int, x: Any, y: Any) -> tuple[int, float]:
+    """Return the piece between knots whose chord is nearest to a point, and the arc length."""
+    near = first + 1
+    place = knots[near, 0]
+    least = np.inf
+    for j in range(first + 1, last):
+        cx = knots[j + 1, 1] - knots[j, 1]
+        cy = knots[j + 1, 5] - knots[j, 5]
+        dx = real(x) - knots[j, 1]
+        dy = real(y) - knots[j, 5]
+        along = min(max((cx * dx + cy * dy) / (cx * cx + cy * cy), 0.0), 1.0)
+        away = (dx - along * cx) ** 2 + (dy - along * cy) ** 2
+        if away < least:
+            least = away
+            near = j
+            place = knots[j, 0] + along * (knots[j + 1, 0] - knots[j, 0])
+    return near, place
+
+
+@merged
+def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    """Return gap, normal and curvature at the nearest point of a table, (T.3), (T.4)."""
+    knots = contacts.knots
+    first = int(contacts.law[k, FIRST])
+    last = first + int(contacts.law[k, COUNT]) - 1
+    near, place = _nearest_chord(knots, first, last, x, y)
+    s = place + 0.0 * x
+    # Limit the search to the neighbouring pieces: a longer step could pass around a sharp end.
+    lowest = knots[near - 1, 0]
+    highest = knots[min(near + 2, last), 0]
+    if knots[first, 0] == knots[first + 1, 0]:  # an open curve continues straight beyond its ends
+        lowest = lowest if near - 1 > first else -np.inf
+        highest = highest if near + 2 < last else np.inf
+    elif near + 1 == last:
+        highest = knots[last, 0] + knots[first + 2, 0] - knots[first + 1, 0]
+    for _ in range(_ITERATIONS):
+        while near < last and real(s) >= knots[near + 1, 0]:
+            near += 1
+        while near > first and real(s) < knots[near, 0]:
+            near -= 1
+        u = s - knots[near, 0]
+        dx = knots[near, 1] + u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4])) - x
+        dy = knots[near, 5] + u * (knots[near, 6] + u * (knots[near, 7] + u * knots[near, 8])) - y
+        tx = knots[near, 2] + u * (2.0 * knots[near, 3] + u * 3.0 * knots[near, 4])
+        ty = knots[near, 6] + u * (2.0 * knots[near, 7] + u * 3.0 * knots[near, 8])
+        square = tx * tx + ty * ty
+        slope = square + dx * (2.0 * knots[near, 3] + u * 6.0 * knots[near, 4])
+        slope += dy * (2.0 * knots[near, 7] + u * 6.0 * knots[near, 8])
+        # Beyond half a radius of curvature Newton's method may diverge, so shorten its steps.
+        if real(slope) < 0.5 * real(square):
+            slope = 0.5 * square
+        s = s - (dx * tx + dy * ty) / slope
+        if real(s) < lowest or real(s) > highest:
+            s = min(max(real(s), lowest), highest) + 0.0 * x
+    while near < last and real(s) >= knots[near + 1, 0]:
+        near += 1
+    while near > first and real(s) < knots[near, 0]:
+        near -= 1
+    u = s - knots[near, 0]
+    dx = x - knots[near, 1] - u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4]))
+    dy = y - knots[near, 5] - u * (knots[near, 6] + u * (knots[near, 7] + u * knots[near, 8]))
+    tx = knots[near, 2] + u * (2.0 * knots[near, 3] + u * 3.0 * knots[near, 4])
+    ty = knots[near, 6] + u * (2.0 * knots[near, 7] + u * 3.0 * knots[near, 8])
+    turn = tx * (2.0 * knots[near, 7] + u * 6.0 * knots[near, 8])
+    turn -= ty * (2.0 * knots[near, 3] + u * 6.0 * knots[near, 4])
+    length = sqrt(tx * tx + ty * ty)
+    nx = -ty / length
+    ny = tx / length
+    return nx * dx + ny * dy, nx, ny, -turn / (length * length * length)
+
+
+@merged
+def _power(depth: Any, exponent: Any) -> Any:
+    """Return depth^exponent for an exponent >= 1; analytic, and exactly the depth for 1."""
+    return depth * exp((exponent - 1.0) * log(depth + _TINY))
+
+
+@merged
+def _place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
+    """Fill the WORLD columns: angle, position and velocity of each body's root in world axes."""
+    cosine = 1.0 + 0.0 * work.body[0, COSINE]
+    sine = 0.0 * cosine
+    x = 0.0 * cosine
+    y = 0.0 * cosine
+    x_dot = 0.0 * cosine
+    y_dot = 0.0 * cosine
+    for i in range(len(sizes.bodies)):
+        turned = cosine * work.body[i, COSINE] - sine * work.body[i, SINE]
+        sine = sine * work.body[i, COSINE] + cosine * work.body[i, SINE]
+        cosine = turned
+        work.body[i, WORLD_COSINE] = cosine
+        work.body[i, WORLD_SINE] = sine
+        work.body[i, WORLD_X] = x
+        work.body[i, WORLD_Y] = y
+        work.body[i, WORLD_X_RATE] = x_dot
+        work.body[i, WORLD_Y_RATE] = y_dot
+        u_dot = 0.0
+        v_dot = 0.0
+        for j in range(len(sizes.modes)):
+            v_dot += constants.mode[i, j, P] * state[1, i, 1 + j]
+        for j in range(len(sizes.geometric)):
+            u_dot += work.mode[i, j, FX] * state[1, i, 1 + j]
+        vx = u_dot - work.body[i, RATE] * work.body[i, TIP_Y]
+        vy = v_dot + work.body[i, RATE] * work.body[i, TIP_X]
+        x = x + cosine * work.body[i, TIP_X] - sine * work.body[i, TIP_Y]
+        y = y + sine * work.body[i, TIP_X] + cosine * work.body[i, TIP_Y]
+        x_dot = x_dot + cosine * vx - sine * vy
+        y_dot = y_dot + sine * vx + cosine * vy
+
+
+@merged
+def _motion_of_point(
+    sizes: Sizes, contacts: Contacts, k: int, state: Array, work: Workspace
+) -> tuple[Any, Any, Any, Any]:
+    """Return world position and velocity of the point of contact k, after ``_place_bodies``."""
+    i = contacts.body[k]
+    v = 0.0
+    v_dot = 0.0
+    for j in range(len(sizes.modes)):
+        v += contacts.rows[k, j] * state[0, i, 1 + j]
+        v_dot += contacts.rows[k, j] * state[1, i, 1 + j]
+    x = contacts.law[k, LEVER]
+    u_dot = 0.0
+    for j in range(len(sizes.geometric)):
+        drawn = 0.0
+        for p in range(len(sizes.geometric)):
+            drawn += contacts.shortening[k, j, p] * state[0, i, 1 + p]
+        x -= 0.5 * state[0, i, 1 + j] * drawn
+        u_dot -= state[1, i, 1 + j] * drawn
+    cosine = work.body[i, WORLD_COSINE]
+    sine = work.body[i, WORLD_SINE]
+    vx = u_dot - work.body[i, RATE] * v
+    vy = v_dot + work.body[i, RATE] * x
+    return (
+        work.body[i, WORLD_X] + cosine * x - sine * v,
+        work.body[i, WORLD_Y] + sine * x + cosine * v,
+        work.body[i, WORLD_X_RATE] + cosine * vx - sine * vy,
+        work.body[i, WORLD_Y_RATE] + sine * vx + cosine * vy,
+    )
+
+
+@merged
+def _near(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    """Return gap, normal and curvature of the surface of contact k at a world point."""
+    if contacts.law[k, COUNT] > 0.0:
+        return _table(contacts, k, x, y)
+    return _arc(contacts, k, x, y)
+
+
+@merged
+def _force(
+    contacts: Contacts, k: int, gap: Any, nx: Any, ny: Any, vx: Any, vy: Any
+) -> tuple[Any, Any]:
+    """Return the world force on the point of contact k: (T.5) normal, (T.6) tangential."""
+    law = contacts.law
+    depth = positive_part(-gap, CORNER)
+    closing = -(nx * vx + ny * vy)
+    # A surface never pulls, however fast the point leaves it.
+    push = positive_part(1.0 + law[k, DAMPING] * closing, PUSH)
+    normal = law[k, STIFFNESS] * _power(depth, law[k, EXPONENT]) * push
+    sliding = ny * vx - nx * vy
+    rub = -law[k, FRICTION] * normal * tanh(sliding / law[k, FRICTION_SPEED])
+    return normal * nx + rub * ny, normal * ny - rub * nx
+
+
+@apart
+def touch(
+    sizes: Sizes, constants: ArmConstants, contacts: Contacts, state: Array, work: Workspace
+) -> None:
+    """Subtract the contact forces from the biases computed by ``link_terms``.
+
+    The real parts of velocity, force, gap and curvature are written to ``seen``.
+    """
+    _place_bodies(sizes, constants, state, work)
+    for k in range(contacts.body.shape[0]):
+        x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work)
+        gap, nx, ny, bend = _near(contacts, k, x, y)
+        fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
+        i = contacts.body[k]
+        weight = contacts.law[k, WEIGHT]
+        along = weight * (work.body[i, WORLD_COSINE] * fx + work.body[i, WORLD_SINE] * fy)
+        across = weight * (work.body[i, WORLD_COSINE] * fy - work.body[i, WORLD_SINE] * fx)
+        push_at(
+            sizes, contacts.rows, contacts.shortening, k, i, 1.0, contacts.law[k, LEVER], along,
+            across, state, work,
+        )  # fmt: skip
+        contacts.seen[1, k, FORCE] = real(fx)
+        contacts.seen[1, k, FORCE + 1] = real(fy)
+        contacts.seen[1, k, GAP] = real(gap)
+        contacts.seen[1, k, BEND] = real(bend)
+        contacts.seen[1, k, VELOCITY] = real(vx)
+        contacts.seen[1, k, VELOCITY + 1] = real(vy)
+
+
+@compiled
+def look_many(
+    sizes: Sizes,
+    constants: ArmConstants,
+    contacts: Contacts,
+    states: Array,
+    work: Workspace,
+    values: Array,
+) -> None:
+    """Fill ``values`` (samples, k, 9) for states (samples, 2, n, 1 + m), with the columns above."""
+    for sample in range(states.shape[0]):
+        state = states[sample]
+        link_terms(sizes, constants, state, work)
+        _place_bodies(sizes, constants, state, work)
+        for k in range(contacts.body.shape[0]):
+            x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work)
+            gap, nx, ny, bend = _near(contacts, k, x, y)
+            fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
+            above = contacts.law[k, EXPONENT] + 1.0
+            stored = _power(positive_part(-gap, CORNER), above) / above
+            values[sample, k, POSITION] = x
+            values[sample, k, POSITION + 1] = y
+            values[sample, k, VELOCITY] = vx
+            values[sample, k, VELOCITY + 1] = vy
+            values[sample, k, FORCE] = fx
+            values[sample, k, FORCE + 1] = fy
+            values[sample, k, GAP] = gap
+            values[sample, k, BEND] = bend
+            values[sample, k, ENERGY] = contacts.law[k, STIFFNESS] * stored

@@ -1,0 +1,1 @@
+"""Observables of a state: poses, energies, shapes, section forces, motion of points."""

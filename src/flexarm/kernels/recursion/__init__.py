@@ -1,0 +1,1 @@
+"""The recursion over the bodies: forward and inverse dynamics, mass matrix."""

@@ -1,0 +1,158 @@
+"""Mass matrix by composite bodies: M of the kinetic energy 1/2 qd' M qd.
+
+Theory page "recursion", (R.18) and (R.19). The outboard chain, moving as one rigid body, is a 3 x 3
+inertia ``W`` at the tip of a body. A unit acceleration of a coordinate requires a wrench at the
+root of its own body. Transmitted towards the base, that wrench gives the entries of all inboard
+coordinates.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm.kernels.columns import (
+    ALPHA,
+    BENT_INERTIA,
+    BETA,
+    COSINE,
+    D0_ETA,
+    DP,
+    FIRST_MOMENT_X,
+    FREE,
+    FX,
+    GEAR_RATIO,
+    INERTIA,
+    INVERSE_MASS,
+    MASS,
+    MOMENT_MU,
+    MOMENT_S,
+    ROTOR_INERTIA,
+    SINE,
+    TIP_INERTIA,
+    TIP_MASS,
+    TIP_X,
+    TIP_Y,
+    A,
+    P,
+    S,
+)
+from flexarm.kernels.compilation.cache import compiled, merged
+from flexarm.kernels.kinematics import link_terms
+from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
+
+
+@compiled
+def mass_matrix(
+    sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace, M: Array
+) -> None:
+    """Write M into an array (n, 1 + m, n, 1 + m); padded and fixed coordinates get unit mass."""
+    c = constants
+    link_terms(sizes, constants, state, work)
+    last = len(sizes.bodies) - 1
+    Wxx = 0.0
+    Wxy = 0.0
+    Wyy = 0.0
+    Wxw = 0.0
+    Wyw = 0.0
+    Www = 0.0
+    for back in range(len(sizes.bodies)):
+        i = last - back
+        Wxx = Wxx + c.body[i, TIP_MASS]
+        Wyy = Wyy + c.body[i, TIP_MASS]
+        Www = Www + c.body[i, TIP_INERTIA]
+        x_tip = work.body[i, TIP_X]
+        v_tip = work.body[i, TIP_Y]
+        tx = x_tip * Wxy - v_tip * Wxx + Wxw
+        ty = x_tip * Wyy - v_tip * Wxy + Wyw
+        tw = x_tip * Wyw - v_tip * Wxw + Www
+        Hxx = c.body[i, MASS] + Wxx
+        Hxy = Wxy
+        Hyy = c.body[i, MASS] + Wyy
+        Hxw = tx - work.body[i, MOMENT_S]
+        Hyw = ty + c.body[i, FIRST_MOMENT_X] + work.body[i, MOMENT_MU]
+        Hww = c.body[i, INERTIA] + work.body[i, BENT_INERTIA] + x_tip * ty - v_tip * tx + tw
+        free = c.body[i, FREE]
+        # The rotor turns with its carrier, plus the gear ratio times the joint rate.
+        rotor = 0.0
+        geared = 0.0
+        for _ in range(len(sizes.joint_laws)):
+            rotor = c.body[i, ROTOR_INERTIA]
+            geared = c.body[i, ROTOR_INERTIA] * c.body[i, GEAR_RATIO]
+        M[i, 0, i, 0] = free * (Hww + geared * c.body[i, GEAR_RATIO]) + (1.0 - free)
+        _carry(sizes, c, work, M, i, 0, Hxw * free, Hyw * free, (Hww + geared) * free)
+        for j in range(len(sizes.modes)):
+            deflection = c.mode[i, j, P]
+            slope = c.mode[i, j, DP]
+            # Wrench of a unit modal acceleration at the tip, then at the root.
+            px = Wxy * deflection + Wxw * slope
+            py = Wyy * deflection + Wyw * slope
+            pw = Wyw * deflection + Www * slope
+            bx = px
+            turning = c.mode[i, j, A]
+            for k in range(len(sizes.geometric)):
+                if k == j:
+                    turning += work.body[i, ALPHA] * c.mode[i, k, S]
+                    turning += work.body[i, BETA] * c.mode[i, k, A]
+                    turning += (
+                        c.body[i, INVERSE_MASS] * work.body[i, MOMENT_S] * work.mode[i, k, D0_ETA]
+                    )
+                    Fx = work.mode[i, k, FX]
+                    px += Wxx * Fx
+                    py += Wxy * Fx
+                    pw += Wxw * Fx
+                    bx = px - work.mode[i, k, D0_ETA]
+            by = py + c.mode[i, j, S]
+            bw = x_tip * py - v_tip * px + pw + turning
+            M[i, 1 + j, i, 0] = free * bw
+            M[i, 0, i, 1 + j] = free * bw
+            for k in range(len(sizes.modes)):
+                M[i, 1 + k, i, 1 + j] = c.mode[i, k, P] * py + c.mode[i, k, DP] * pw
+            for k in range(len(sizes.geometric)):
+                mean = c.body[i, INVERSE_MASS] * work.mode[i, k, D0_ETA]
+                M[i, 1 + k, i, 1 + j] += work.mode[i, k, FX] * px + mean * work.mode[i, j, D0_ETA]
+            M[i, 1 + j, i, 1 + j] += 1.0
+            _carry(sizes, c, work, M, i, 1 + j, bx, by, bw)
+        cosine = work.body[i, COSINE]
+        sine = work.body[i, SINE]
+        cross = 2.0 * cosine * sine * Hxy
+        Wxx = cosine * cosine * Hxx - cross + sine * sine * Hyy
+        Wyy = sine * sine * Hxx + cross + cosine * cosine * Hyy
+        Wxy = cosine * sine * (Hxx - Hyy) + (cosine * cosine - sine * sine) * Hxy
+        Wxw = cosine * Hxw - sine * Hyw
+        Wyw = sine * Hxw + cosine * Hyw
+        Www = Hww + rotor
+
+
+@merged
+def _carry(
+    sizes: Sizes,
+    constants: ArmConstants,
+    work: Workspace,
+    M: Array,
+    body: int,
+    column: int,
+    rx: Any,
+    ry: Any,
+    rw: Any,
+) -> None:
+    """Transmit the root wrench (rx, ry, rw) of one coordinate to the base and fill M."""
+    c = constants
+    for back in range(body):
+        outer = body - back
+        i = outer - 1
+        cosine = work.body[outer, COSINE]
+        sine = work.body[outer, SINE]
+        kx = cosine * rx - sine * ry
+        ky = sine * rx + cosine * ry
+        kw = rw
+        for j in range(len(sizes.modes)):
+            M[i, 1 + j, body, column] = c.mode[i, j, P] * ky + c.mode[i, j, DP] * kw
+        for j in range(len(sizes.geometric)):
+            M[i, 1 + j, body, column] += work.mode[i, j, FX] * kx
+        rx = kx
+        ry = ky
+        rw = kw + work.body[i, TIP_X] * ky - work.body[i, TIP_Y] * kx
+        M[i, 0, body, column] = c.body[i, FREE] * rw
+        M[body, column, i, 0] = M[i, 0, body, column]
+        for j in range(len(sizes.modes)):
+            M[body, column, i, 1 + j] = M[i, 1 + j, body, column]

@@ -1,0 +1,1 @@
+"""Linear state-space models with named inputs and outputs."""

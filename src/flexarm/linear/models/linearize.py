@@ -1,0 +1,276 @@
+"""Linear models about any state: theory page "small motion", (S.1).
+
+The kernels evaluate accelerations and outputs at states, torques and loads with an imaginary part
+of 1e-30 in one entry at a time (``kernels.derivatives.sensitivity``). Every entry of A, B, C and
+D is therefore exact to rounding without hand-written derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.actions.environment import Environment
+from flexarm.actions.loads import marker, parts_of, place_loads
+from flexarm.arguments import check_kind
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.assembly.kernel_view import KernelView
+from flexarm.bending import one_warning, warn_of_bending
+from flexarm.errors import InputError, Problem, check_array, check_result
+from flexarm.kernels.derivatives.sensitivity import STEP
+from flexarm.kernels.layout import Loads
+from flexarm.kernels.observation.point_motion import point_motions
+from flexarm.linear.models.signals import (
+    Input,
+    InputName,
+    Output,
+    OutputName,
+    find_inputs,
+    find_outputs,
+    state_names,
+    torque_places,
+)
+from flexarm.linear.models.state_space import LinearModel
+from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium
+from flexarm.linear.statics.tangent import tangent
+from flexarm.model import Contact, Load
+from flexarm.observe import channels_of, contact_channels
+
+_WHERE = "linearize"
+ComplexArray = NDArray[Any]
+
+
+def linearize(
+    arm: Arm,
+    q: ArrayLike | Equilibrium | None = None,
+    qd: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    *,
+    inputs: Sequence[InputName] = ("torque",),
+    outputs: Sequence[OutputName] = ("joint_angle",),
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: ArrayLike | None = None,
+    contacts: Sequence[Contact] = (),
+) -> LinearModel:
+    """Linearise an arm about a state.
+
+    Args:
+        arm: the arm.
+        q: (dof,) operating point; or an `Equilibrium`, with its torque, loads and contacts; or None
+            for the equilibrium with the joints at zero, or with free joints under ``torque`` if
+            that is given.
+        qd: (dof,) rates; zero by default.
+        torque: (joints,) N m; by default those of the inverse dynamics at zero acceleration.
+        inputs: "torque", "tip_force", "tip_moment", "base_acceleration"; a `Load`, whose numbers
+            give the direction of a unit input; or a pair of a name and a `Load`.
+        outputs: channels of results such as "joint_angle", "tip", "strain", "torque"; a `Sensor`.
+        tip_force, loads, base_acceleration, contacts: those at the operating point, as in
+            `Arm.forward_dynamics`. A contact that is open at the operating point has no effect on
+            the model.
+
+    Raises:
+        InputError: if a signal is unknown, a shape is wrong, torque, loads or contacts are given
+            with an equilibrium, or ``base_acceleration`` is given without ``q``.
+        EquilibriumError: if ``q`` is None and no equilibrium is found.
+
+    Warns:
+        LargeDeflectionWarning: a link is bent too far for the theory of the arm.
+    """
+    arm = check_kind(_WHERE, "arm", arm, Arm)
+    given = tip_force, loads, base_acceleration, contacts
+    environment = Environment.of(arm, _WHERE, *given)
+    environment.placed(arm, _WHERE)  # errors name this function
+    count = len(q.contacts if isinstance(q, Equilibrium) else environment.contacts)
+    wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, count)
+    if q is None and base_acceleration is not None:
+        rule = "is not supported with an equilibrium: give q"
+        raise InputError(Problem(_WHERE, "base_acceleration", rule))
+    with one_warning():
+        point = _operating_point(arm, q, qd, torque, environment)
+    warn_of_bending(arm, point.q)
+    if torque is None and not isinstance(q, Equilibrium) and q is not None:
+        holding = arm.inverse_dynamics(point.q, point.qd, np.zeros(arm.dof), *given)
+        point.torque[:] = holding[arm.joint_index]
+    return _Perturbed(arm, point, wanted, seen).model()
+
+
+@dataclass
+class _Point:
+    q: FloatArray
+    qd: FloatArray
+    torque: FloatArray
+    environment: Environment
+
+
+def _operating_point(
+    arm: Arm,
+    q: ArrayLike | Equilibrium | None,
+    qd: ArrayLike | None,
+    torque: ArrayLike | None,
+    environment: Environment,
+) -> _Point:
+    loads, contacts = environment.loads, environment.contacts
+    if q is None:
+        q = equilibrium(arm, torque=torque, loads=loads, contacts=contacts)
+    elif isinstance(q, Equilibrium) and (loads or contacts or torque is not None):
+        rule = "cannot be combined with an equilibrium, which contains its own"
+        raise InputError(Problem(_WHERE, "torque, loads and contacts", rule))
+    rates = np.zeros(arm.dof) if qd is None else check_array(_WHERE, "qd", qd, (arm.dof,))
+    if isinstance(q, Equilibrium):
+        own = replace(q.environment, base_acceleration=environment.base_acceleration)
+        return _Point(q.q, rates, q.torque.copy(), own)
+    place = check_array(_WHERE, "q", q, (arm.dof,))
+    tau = np.zeros(arm.joints)
+    if torque is not None:
+        tau = check_array(_WHERE, "torque", torque, (arm.joints,))
+    return _Point(place, rates, tau, environment)
+
+
+class _Perturbed:
+    """States, torques and loads, each row with an imaginary step in one entry.
+
+    Row 0 is the operating point; rows 1 to 2 dof perturb a state, the other rows an input.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        point: _Point,
+        inputs: list[Input],
+        outputs: list[Output],
+    ) -> None:
+        self.arm, self.point = arm, point
+        self.inputs, self.outputs = inputs, outputs
+        self.kernels = KernelView(arm.assembly.constants, complex)
+        size = 2 * arm.dof
+        self.rows = 1 + size + len(inputs)
+        moved = np.tile(np.concatenate([point.q, point.qd]).astype(complex), (self.rows, 1))
+        moved[np.arange(1, 1 + size), np.arange(size)] += STEP * 1j
+        self.states = arm.padded(moved.reshape(self.rows, 2, arm.dof))
+        torque = np.tile(point.torque.astype(complex), (self.rows, 1))
+        torque[1 + size :] += STEP * 1j * torque_places(inputs, arm.joints).T
+        self.torque = torque
+        self.placed, self.values, self.bases = self._loads()
+        self.accelerations = self._respond()
+
+    def _loads(self) -> tuple[Loads, ComplexArray, ComplexArray]:
+        """Return all loads, their values (rows, k, 3) and the base accelerations (rows, 2)."""
+        environment = self.point.environment
+        pushes = [item.load for item in self.inputs if item.load is not None]
+        with_inputs = replace(environment, loads=[*environment.loads, *pushes])
+        placed = with_inputs.placed(self.arm, _WHERE)
+        owners = [
+            *(None for _ in parts_of(self.arm, environment.loads)),
+            *(k for k, load in enumerate(pushes) for _ in parts_of(self.arm, [load])),
+        ]
+        values = np.tile(placed.value.astype(complex), (self.rows, 1, 1))
+        bases = np.tile(placed.base_acceleration.astype(complex), (self.rows, 1))
+        for part, owner in enumerate(owners):
+            if owner is not None:
+                values[:, part] = 0.0  # inputs are zero at the operating point
+        push = -1
+        for row, item in enumerate(self.inputs, start=1 + 2 * self.arm.dof):
+            if item.axis is not None:
+                bases[row, item.axis] += STEP * 1j
+            if item.load is not None:
+                push += 1
+                own = [part for part, owner in enumerate(owners) if owner == push]
+                values[row, own] = STEP * 1j * placed.value[own]
+        return placed, values, bases
+
+    def _loads_of(self, row: int) -> Loads:
+        return self.placed._replace(value=self.values[row], base_acceleration=self.bases[row])
+
+    def _respond(self) -> ComplexArray:
+        kernels, acceleration = self.kernels, self.kernels.work.acceleration
+        tau = self.arm.padded_torque(self.torque)
+        found = np.empty((self.rows, *self.states.shape[2:]), dtype=complex)
+        for row in range(self.rows):
+            try:
+                kernels.forward_dynamics(self.states[row], tau[row], self._loads_of(row))
+            except ZeroDivisionError:  # complex division only; real division gives infinity
+                acceleration[:] = np.nan
+            found[row] = acceleration
+        point = self.point
+        check_result(_WHERE, found.view(np.float64), point.q, point.qd, point.torque)
+        return found
+
+    def _outputs(self) -> ComplexArray:
+        """Return the outputs (rows, outputs) of every row."""
+        channels: dict[str, Any] = {}
+        if any(item.channel not in (None, "torque") for item in self.outputs):
+            channels = channels_of(self.arm, self.states)
+            channels |= contact_channels(self.arm, self.placed.contacts, self.states)
+        channels["torque"] = self.torque
+        columns = [np.zeros((self.rows, 0), dtype=complex)]
+        motions = self._sensors()
+        for item in self.outputs:
+            if item.sensor is not None:
+                columns.append(motions.pop(0)[:, item.sensor.columns])
+            else:
+                columns.append(channels[str(item.channel)].reshape(self.rows, -1))
+        return np.concatenate(columns, axis=1)
+
+    def _sensors(self) -> list[ComplexArray]:
+        """Return the motions (rows, 8) of the point of each sensor."""
+        sensors = [item.sensor for item in self.outputs if item.sensor is not None]
+        if not sensors:
+            return []
+        places = [marker(sensor.link, sensor.station) for sensor in sensors]
+        stations = place_loads(self.arm, _WHERE, places)
+        kernels, motions = self.kernels, np.zeros((self.rows, len(sensors), 8), complex)
+        poses, tip = kernels.pose_arrays()
+        for row in range(self.rows):
+            kernels.call(
+                point_motions,
+                self.states[row],
+                self.accelerations[row],
+                self._loads_of(row),
+                stations,
+                kernels.work,
+                poses,
+                tip,
+                motions[row],
+            )
+        return [motions[:, k] for k in range(len(sensors))]
+
+    def model(self) -> LinearModel:
+        """Assemble the matrices of the linear model."""
+        arm, point, size = self.arm, self.point, 2 * self.arm.dof
+        qdd = arm.unpadded(self.accelerations)
+        by_all = qdd[1:].imag.T / STEP
+        A, B = np.zeros((size, size)), np.zeros((size, len(self.inputs)))
+        A[: arm.dof, arm.dof :] = np.eye(arm.dof)
+        A[arm.dof :], B[arm.dof :] = by_all[:, :size], by_all[:, size:]
+        seen = self._outputs()
+        slopes = seen[1:].imag.T / STEP
+        names, units = state_names(arm)
+        outputs = [name for item in self.outputs for name in item.names]
+        units_of = dict(zip(names, units, strict=True))
+        units_of |= {item.name: item.unit for item in self.inputs}
+        units_of |= {name: item.unit for item in self.outputs for name in item.names}
+        small = tangent(arm, point.q, point.qd, qdd[0].real, point.environment)
+        return LinearModel(
+            A=A,
+            B=B,
+            C=slopes[:, :size],
+            D=slopes[:, size:],
+            states=tuple(names),
+            inputs=tuple(item.name for item in self.inputs),
+            outputs=tuple(outputs),
+            units=units_of,
+            mass=small.mass,
+            damping=small.damping,
+            stiffness=small.stiffness,
+            q=point.q,
+            qd=point.qd,
+            torque=point.torque,
+            drift=np.concatenate([point.qd, qdd[0].real]),
+            output=seen[0].real,
+        )

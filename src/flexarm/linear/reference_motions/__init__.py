@@ -1,0 +1,1 @@
+"""References of the bent arm: quasi-static, and pressing on a surface."""

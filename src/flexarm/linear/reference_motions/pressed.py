@@ -1,0 +1,272 @@
+"""References for force control: the bent arm follows a surface and presses on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import (
+    check_function,
+    check_kind,
+    check_nonnegative,
+    check_positive,
+    check_times,
+)
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.bending import one_warning, warn_of_bending
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.motion import Motion
+from flexarm.motion.geometry.kinematics import tip_jacobian
+from flexarm.motion.motion import check_motion
+from flexarm.user_functions import call
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+#: Tolerance of the tip position (m), and largest number of corrections.
+_CLOSE, _CORRECTIONS = 1e-9, 60
+_FEWEST_SAMPLES, _MOST_SAMPLES = 8, 4000
+#: Friction changes sign smoothly below this fraction of the largest sliding speed, because a jump
+#: would excite vibration.
+_SLOW = 0.2
+
+
+class JointFeedback(NamedTuple):
+    """Equilibrium of the bent arm at one instant, with the contact force at its tip."""
+
+    angle: FloatArray  # (joints,) rad
+    torque: FloatArray  # (joints,) N m, in equilibrium
+    pressing: FloatArray  # (joints,) N m, minus the torque of the rigid model
+    q: FloatArray  # (dof,)
+
+
+class PressedMotion:
+    """Reference for force control: a motion of the joints and the force at the tip.
+
+    At each instant the joint angles place the tip of the *bent* arm, in equilibrium with the
+    contact force, on the path of the motion. Between the sampled times all quantities are splines
+    of degree five. After the last sample the arm is at rest and the force remains constant. All
+    methods accept a time (s) or times (T,).
+
+    Attributes:
+        motion: motion of the rigid arm, whose tip follows the path.
+        start_time, end_time, breaks: those of ``motion``, s.
+        initial: q (dof,) of the arm in contact at time zero.
+        vectorized: true: methods accept many times at once.
+    """
+
+    vectorized = True
+
+    def __init__(
+        self,
+        motion: Motion,
+        force: Callable[[float], float],
+        normal: Callable[[float], FloatArray],
+        times: FloatArray,
+        held: Sequence[JointFeedback],
+    ) -> None:
+        self.motion = motion
+        self.start_time, self.end_time, self.breaks = (
+            motion.start_time,
+            motion.end_time,
+            motion.breaks,
+        )
+        self.initial = held[0].q
+        self._force, self._normal = force, normal
+        self._first, self._last = float(times[0]), float(times[-1])
+        self._angle = _spline(times, [one.angle for one in held])
+        self._rate, self._acceleration = self._angle.derivative(1), self._angle.derivative(2)
+        self._holding = _spline(times, [one.torque for one in held])
+        self._pressing = _spline(times, [one.pressing for one in held])
+
+    def __repr__(self) -> str:
+        size = self.motion.joints
+        return f"<flexarm.PressedMotion: {size} joints, up to {self._last:g} s>"
+
+    def _inside(self, t: ArrayLike) -> FloatArray:
+        return np.clip(check_times("PressedMotion", "t", t), self._first, self._last)
+
+    def _moving(self, t: ArrayLike) -> FloatArray:
+        """Return 1 within the sampled times and 0 outside, (..., 1)."""
+        times = check_times("PressedMotion", "t", t)
+        return np.asarray((times >= self._first) & (times <= self._last), float)[..., None]
+
+    def joint_angle(self, t: ArrayLike) -> FloatArray:
+        """Return the joint angles (joints,) or (T, joints), rad."""
+        return np.asarray(self._angle(self._inside(t)))
+
+    def joint_rate(self, t: ArrayLike) -> FloatArray:
+        """Return the joint rates (joints,) or (T, joints), rad/s."""
+        return np.asarray(self._rate(self._inside(t)) * self._moving(t))
+
+    def joint_acceleration(self, t: ArrayLike) -> FloatArray:
+        """Return the joint accelerations (joints,) or (T, joints), rad/s^2."""
+        return np.asarray(self._acceleration(self._inside(t)) * self._moving(t))
+
+    def holding_torque(self, t: ArrayLike) -> FloatArray:
+        """Return the equilibrium torques of the arm in contact, (joints,) or (T, joints), N m."""
+        return np.asarray(self._holding(self._inside(t)))
+
+    def pressing_torque(self, t: ArrayLike) -> FloatArray:
+        """Return ``holding_torque`` minus the torque of the rigid model at the same angles, N m."""
+        return np.asarray(self._pressing(self._inside(t)))
+
+    def tip(self, t: ArrayLike) -> FloatArray:
+        """Return the prescribed position of the tip, (2,) or (T, 2), m."""
+        return self.motion.tip(t)
+
+    def contact_force(self, t: ArrayLike) -> FloatArray:
+        """Return the contact force () or (T,) of the tip on the surface, N, at least 0."""
+        times = self._inside(t)
+        forces = [float(self._force(float(now))) for now in times.ravel()]
+        return np.array(forces).reshape(times.shape)
+
+    def normal(self, t: ArrayLike) -> FloatArray:
+        """Return the outward unit normal of the surface, (2,) or (T, 2), world axes."""
+        times = self._inside(t)
+        normals = [self._normal(float(now)) for now in times.ravel()]
+        return np.array(normals).reshape(*times.shape, 2)
+
+
+def _spline(times: FloatArray, values: Sequence[FloatArray]) -> BSpline:
+    from scipy.interpolate import make_interp_spline
+
+    return make_interp_spline(times, np.array(values), k=5)
+
+
+def pressed_motion(
+    arm: Arm,
+    motion: Motion,
+    force: float | Callable[[float], float],
+    normal: ArrayLike | Callable[[float], ArrayLike],
+    *,
+    duration: float | None = None,
+    friction: float = 0.0,
+    interval: float = 0.05,
+) -> PressedMotion:
+    """Compute a reference for a tip that presses on a surface along a motion.
+
+    Args:
+        arm: flexible or rigid; its deflection under the force and gravity is included.
+        motion: motion of the rigid arm whose tip path is on the surface.
+        force: N, at least 0, or a smooth function of time (s) that returns it.
+        normal: (2,) outward normal of the surface on the path, world axes, any length; or a
+            function of time that returns it, for a surface that is not straight.
+        duration: s, of the whole run; by default until the end of the motion.
+        friction: coefficient of sliding friction at the tip.
+        interval: s between the times at which the equilibrium is computed; force and path must be
+            smooth over several intervals.
+
+    Raises:
+        InputError: if a force is negative or not finite, a normal is zero, ``friction`` is
+            negative, the motion is for another arm, or the bent arm cannot reach the path.
+        SimulationError: if a function of time raises an exception.
+    """
+    where = "pressed_motion"
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    friction = check_nonnegative(where, "friction", friction)
+    interval = check_positive(where, "interval", interval)
+    end = check_positive(where, "duration", motion.end_time if duration is None else duration)
+    count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
+    times = np.linspace(0.0, end, count)
+    pressing, outward = _force(where, force), _normal(where, normal)
+    search = _Search(arm, motion, friction)
+    with one_warning():
+        held = [search.at(t, pressing(t), outward(t)) for t in times.tolist()]
+    warn_of_bending(arm, np.array([one.q for one in held]))
+    return PressedMotion(motion, pressing, outward, times, held)
+
+
+def _force(where: str, given: float | Callable[[float], float]) -> Callable[[float], float]:
+    """Return the force as a function of time that raises for negative values."""
+    if callable(given):
+        check_function(where, "force", given)
+    return partial(_checked_force, where, given)
+
+
+def _checked_force(where: str, given: float | Callable[[float], float], t: float) -> float:
+    value = call("the force", given, t) if callable(given) else given
+    name = f"force at t = {t:g} s" if callable(given) else "force"
+    return check_nonnegative(where, name, value)
+
+
+def _normal(
+    where: str, given: ArrayLike | Callable[[float], ArrayLike]
+) -> Callable[[float], FloatArray]:
+    """Return the unit normal as a function of time."""
+    if callable(given):
+        check_function(where, "normal", given)
+    return partial(_unit_normal, where, given)
+
+
+def _unit_normal(
+    where: str, given: ArrayLike | Callable[[float], ArrayLike], t: float
+) -> FloatArray:
+    value = call("the normal", given, t) if callable(given) else given
+    name = f"normal at t = {t:g} s" if callable(given) else "normal"
+    outward = check_array(where, name, value, (2,))
+    length = float(np.hypot(*outward))
+    if not length > 0.0:
+        raise InputError(Problem(where, name, "have a length greater than 0", shown(value)))
+    return np.asarray(outward / length)
+
+
+class _Search:
+    """Search for joint angles that place the tip of the loaded arm, starting at the last result."""
+
+    def __init__(self, arm: Arm, motion: Motion, friction: float) -> None:
+        self._arm, self._motion, self._friction = arm, motion, friction
+        self._rigid = arm.rigid()
+        times = np.linspace(motion.start_time, motion.end_time, 201)
+        fastest = float(np.hypot(*np.gradient(motion.tip(times), times, axis=0).T).max())
+        self._slow = max(_SLOW * fastest, 1e-9)
+        self._q: FloatArray | None = None
+        self._beside = np.zeros(arm.joints)
+        self._drift = np.zeros(arm.joints)  # its change between two times
+
+    def at(self, t: float, force: float, normal: FloatArray) -> JointFeedback:
+        """Return the equilibrium at time t (s) under a force (N) along a normal (2,)."""
+        arm, motion = self._arm, self._motion
+        tangent = np.array([-normal[1], normal[0]])
+        rigid = np.asarray(motion.joint_angle(t))
+        J = tip_jacobian(motion.chain.lengths, rigid + motion.chain.offset)
+        sliding = float(np.tanh(tangent @ J @ motion.joint_rate(t) / self._slow))
+        on_tip = force * (normal - self._friction * sliding * tangent)
+        angle, wanted = rigid + self._beside + self._drift, motion.tip(t)
+        J = tip_jacobian(motion.chain.lengths, angle + motion.chain.offset)
+        way = np.linalg.pinv(J, rcond=1e-6)
+        step, before = np.zeros(arm.joints), np.zeros(2)
+        for _ in range(_CORRECTIONS):
+            if self._q is None:
+                rest = equilibrium(arm, angle, tip_force=on_tip)
+            else:
+                start = self._q.copy()
+                start[arm.joint_index] = angle
+                rest = equilibrium(arm, tip_force=on_tip, start=start)
+            self._q = rest.q
+            missed = arm.tip(rest.q)[:2] - wanted
+            if np.hypot(*missed) < _CLOSE:
+                self._drift = angle - rigid - self._beside
+                self._beside = angle - rigid
+                rigid_counterpart = self._rigid.bias_force(
+                    self._rigid.rest(angle), np.zeros(self._rigid.dof)
+                )
+                pressing = rest.torque - rigid_counterpart[self._rigid.joint_index]
+                return JointFeedback(angle, rest.torque, pressing, rest.q)
+            if step.any():  # Broyden's update of the inverse Jacobian
+                gained = way @ (missed - before)
+                scale = step @ gained
+                if scale > 0.1 * (step @ step):
+                    way += np.outer(step - gained, step @ way) / scale
+            step, before = -way @ missed, missed
+            angle = angle + step
+        hint = "The arm bends too far under the force, or its tip is at the edge of its reach."
+        rule = f"misses the path by {np.hypot(*missed):.3g} m at t = {t:g} s"
+        raise InputError(Problem("pressed_motion", "the bent arm", rule, hint=hint))

@@ -1,0 +1,242 @@
+"""Quasi-static reference: links bend statically under inertia and gravity, tip on its path.
+
+Theory page "position control", (C.13) to (C.15).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arguments import check_kind, check_positive, check_times
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.bending import warn_of_bending
+from flexarm.errors import InputError, Problem, SimulationError
+from flexarm.linear.vibration.modal import modes
+from flexarm.motion.dynamics.dynamics_along import dynamics_along
+from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.geometry.chain import RigidChain
+from flexarm.motion.motion import JointState, Motion, check_motion
+from flexarm.motion.smoothing import window_points
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+#: Number of instants between two breaks at which the bending of the links is computed.
+_INSTANTS = 161
+_NEWTON_STEPS = 12
+#: Gauss points between two breaks of the bending, and number of times averaged in one batch.
+_POINTS, _CHUNK = 32, 512
+#: Default averaging window as a fraction of the slowest period.
+_SHARE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiStaticReference(Motion):
+    """Joint angles that keep the tip of a flexible arm on a motion, and the torques for them.
+
+    The bending at each instant is the static response to inertia and gravity, without vibration.
+
+    Attributes:
+        arm: the flexible arm.
+        motion: motion of the rigid arm, which the tip follows.
+        smoothing: s, window over which the bending is averaged, centred at each instant.
+    """
+
+    arm: Arm = field(repr=False)
+    motion: Motion
+    smoothing: float
+    _bends: tuple[BSpline, ...] = field(repr=False)  # before, between two breaks each, after
+    chain: RigidChain = field(init=False, repr=False)
+    duration: float = field(init=False)
+    start_time: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chain", self.motion.chain)
+        object.__setattr__(self, "duration", self.motion.duration + self.smoothing)
+        object.__setattr__(self, "start_time", self.motion.start_time - 0.5 * self.smoothing)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Breaks of the motion, and the times at which they enter and leave the window, s."""
+        own, half = self.motion.breaks, 0.5 * self.smoothing
+        inner = {t + d for t in own for d in (-half, 0.0, half)}
+        inside = (t for t in inner if self.start_time < t < self.end_time)
+        return (self.start_time, *sorted(inside), self.end_time)
+
+    @cached_property
+    def initial(self) -> FloatArray:
+        """Coordinates q (dof,) before the start."""
+        q: FloatArray = self.coordinates(np.array([-np.inf]))[0][0]
+        return q
+
+    @property
+    def torque(self) -> QuasiStaticTorque:
+        """Joint torques (joints,) N m of the bent arm along this reference, as a function of time.
+
+        See (C.14).
+        """
+        return QuasiStaticTorque(self)
+
+    def tip(self, t: ArrayLike) -> FloatArray:
+        """Return the prescribed position of the tip, (2,) or (T, 2), world axes, m."""
+        return self.motion.tip(t)
+
+    def at(self, times: FloatArray) -> JointState:
+        """See `Motion.at`."""
+        return JointState(*(part[:, self.arm.joint_index] for part in self.coordinates(times)))
+
+    def coordinates(self, times: FloatArray) -> list[FloatArray]:
+        """Return q, qd and qdd of the bent arm, (T, dof) each, at times (T,)."""
+        times = check_times("QuasiStaticReference", "times", times).reshape(-1)
+        parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
+        if not parts:
+            return [np.zeros((0, self.arm.dof))] * 3
+        whole = [np.concatenate(part) for part in zip(*parts, strict=True)]
+        for array, rigid in zip(whole, self.motion.at(times), strict=True):
+            array[:, self.arm.joint_index] += rigid
+        return whole
+
+    def _averages(self, times: FloatArray) -> list[FloatArray]:
+        """Return the averaged bending and its two derivatives, those of the window; (C.15)."""
+        half = 0.5 * self.smoothing
+        ages, shares = window_points(times, self.motion.breaks, (-half, half), _POINTS)
+        bent = self._bent(times[:, None] - ages)
+        turn = 2.0 * np.pi / self.smoothing
+        moving = (times >= self.start_time) & (times < self.end_time)
+        windows = (
+            1.0 + np.cos(turn * ages),
+            -turn * np.sin(turn * ages) * moving[:, None],
+            -(turn**2) * np.cos(turn * ages) * moving[:, None],
+        )
+        return [np.einsum("tk,tkd->td", shares * window, bent) for window in windows]
+
+    def _bent(self, times: FloatArray) -> FloatArray:
+        """Return the unaveraged corrections of the rigid q, (T, k, dof), at times (T, k)."""
+        breaks = np.array(self.motion.breaks)
+        inside = np.clip(times, breaks[0], breaks[-1])
+        piece = np.searchsorted(breaks, times, side="right")
+        bent = np.empty((*times.shape, self.arm.dof))
+        for k in np.unique(piece):
+            bent[piece == k] = self._bends[k](inside[piece == k])
+        return bent
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiStaticTorque:
+    """Torque of the bent arm along a quasi-static reference; callable with the time."""
+
+    #: ``simulate`` may evaluate many times in one call.
+    vectorized: ClassVar[bool] = True
+
+    motion: QuasiStaticReference
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) where the torque or a derivative of it may jump."""
+        return self.motion.breaks
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.motion.joints
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
+        times = check_times("QuasiStaticTorque", "t", t)
+        arm = self.motion.arm
+        force = arm.inverse_dynamics_many(*self.motion.coordinates(times.reshape(-1)))
+        return force[:, arm.joint_index].reshape(*times.shape, self.joints)
+
+
+def quasi_static_reference(
+    arm: Arm, motion: Motion, *, smoothing: float | None = None
+) -> QuasiStaticReference:
+    """Compute joint angles and torques that keep the tip of a flexible arm on a motion.
+
+    The links bend statically under inertia and gravity: their vibration is neglected.
+
+    Args:
+        arm: the arm, with links that bend.
+        motion: motion of the rigid arm from rest to rest, whose tip is followed. With three joints
+            or more, all joints except the two that move the tip best follow the motion. With a
+            single link, the tip keeps the direction of the rigid link.
+        smoothing: s, window over which the bending is averaged, by default a quarter of the slowest
+            period with locked joints. Averaging is necessary because bending follows the
+            accelerations, which may have jumps or corners. The reference starts half a window
+            before the motion and ends half a window after it.
+
+    Raises:
+        InputError: if ``motion`` is not a motion of this arm, the arm is rigid, the joints cannot
+            move the tip in every direction somewhere along the motion, or the window is not
+            positive.
+        SimulationError: if Newton's method does not converge.
+
+    (C.13) to (C.15). This is the first term of the solution that `tip_inversion` computes in full,
+    at a small fraction of the cost.
+    """
+    where = "quasi_static_reference"
+    arm = check_kind(where, "arm", arm, Arm)
+    motion = check_motion(where, motion, arm)
+    if arm.dof == arm.joints:
+        raise InputError(Problem(where, "arm", "is rigid"))
+    constraint = TipConstraint(arm, motion)
+    constraint.check()
+    if smoothing is None:
+        slowest = modes(arm, motion.joint_angle(motion.start_time)).frequency_hz
+        window = _SHARE / float(slowest[slowest > 0.0].min())
+    else:
+        window = check_positive(where, "smoothing", smoothing, "s")
+    pieces = [_piece(constraint, a, b) for a, b in pairwise(motion.breaks)]
+    rests = [_rest(constraint, t) for t in (motion.start_time - 1.0, motion.end_time + 1.0)]
+    reference = QuasiStaticReference(arm, motion, window, (rests[0], *pieces, rests[1]))
+    times = np.linspace(reference.start_time, reference.end_time, _INSTANTS)
+    warn_of_bending(arm, reference.coordinates(times)[0])
+    return reference
+
+
+def _piece(constraint: TipConstraint, a: float, b: float) -> BSpline:
+    from scipy.interpolate import make_interp_spline
+
+    # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
+    times = a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
+    times[0], times[-1] = a, np.nextafter(b, -np.inf)
+    return make_interp_spline(times, _bending(constraint, times), k=5)
+
+
+def _rest(constraint: TipConstraint, t: float) -> BSpline:
+    from scipy.interpolate import BSpline
+
+    value = _bending(constraint, np.array([t]))
+    return BSpline(np.array([t, t + 1.0]), value, 0, extrapolate=True)
+
+
+def _bending(constraint: TipConstraint, times: FloatArray) -> FloatArray:
+    """Solve (C.13) by Newton's method at each instant; return the corrections of q, (T, dof)."""
+    arm, motion = constraint.arm, constraint.motion
+    elastic: NDArray[np.intp] = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    rigid = np.zeros((3, times.size, arm.dof))
+    rigid[:, :, arm.joint_index] = np.stack(motion.at(times))
+    added = np.zeros((times.size, arm.dof))
+    for _ in range(_NEWTON_STEPS):
+        q = rigid[0] + added
+        along = dynamics_along(arm, q, rigid[1], rigid[2])
+        value, by = constraint.misses(times, q, along)
+        missing = np.concatenate([along.force[:, elastic], value], axis=1)
+        matrix = np.concatenate([along.force_by[:, elastic, 0], by], axis=1)
+        step = np.linalg.solve(matrix, missing[:, :, None])[:, :, 0]
+        added -= step
+        size = np.abs(step).max(axis=1)
+        if not np.all(np.isfinite(size)):
+            break
+        if size.max() <= 1e-11 * (1.0 + np.abs(added).max()):
+            return added
+    worst = float(times[int(np.argmax(np.nan_to_num(size, nan=np.inf)))])
+    reason = "links bend too far for a quasi-static reference."
+    raise SimulationError(worst, reason, "Move more slowly, or make the links stiffer.")

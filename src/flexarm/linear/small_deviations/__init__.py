@@ -1,0 +1,1 @@
+"""Small deviations from a motion, linearised along it."""

@@ -1,0 +1,1 @@
+"""Statics: equilibrium, steady rotation, and the matrices of small motion."""

@@ -1,0 +1,300 @@
+"""Static equilibrium of an arm under gravity, loads and joint torques."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.actions.environment import Environment
+from flexarm.arguments import check_kind
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.bending import warn_of_bending
+from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
+from flexarm.linear.statics.descent import LONGEST, descent_step, largest_turn
+from flexarm.model import Contact, Load
+from flexarm.notebook import html_table
+
+#: Residual forces below this fraction of the largest force count as zero.
+_RESIDUAL = 1e-11
+_NEWTON_STEPS = 30
+_DESCENT_STEPS = 300
+_SMALLEST_STEP = 1e-4
+
+
+class EquilibriumError(FlexarmError, RuntimeError):
+    """No equilibrium was found.
+
+    Attributes:
+        load_fraction: largest fraction of gravity and loads for which one was found.
+        q: (dof,) equilibrium under that fraction.
+    """
+
+    def __init__(self, load_fraction: float, q: FloatArray, reason: str) -> None:
+        super().__init__(load_fraction, q, reason)
+        self.load_fraction = load_fraction
+        self.q = q
+        self.reason = reason
+
+    def __str__(self) -> str:
+        if self.load_fraction == 0.0:
+            return f"no equilibrium found: {self.reason}"
+        part = f"{self.load_fraction:.4g} of gravity and loads"
+        return f"no equilibrium found above {part}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A static equilibrium of an arm.
+
+    Attributes:
+        q: (dof,) coordinates.
+        torque: (joints,) N m of the motors: the prescribed torques, or those that lock the joints.
+        stable: whether the stiffness of the coordinates that are free is positive definite.
+        lowest_eigenvalue: of stiffness over mass, rad^2/s^2: the lowest squared frequency;
+            negative if unstable.
+        loads: loads in addition to gravity, including the force at the tip.
+        contacts: contacts between the arm and surfaces.
+    """
+
+    q: FloatArray
+    torque: FloatArray
+    stable: bool
+    lowest_eigenvalue: float
+    loads: tuple[Load, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+
+    @property
+    def environment(self) -> Environment:
+        """Loads and contacts."""
+        return Environment(self.loads, None, self.contacts)
+
+    def __repr__(self) -> str:
+        stable = "stable" if self.stable else "unstable"
+        held = f", held by {few(self.torque)} N m" if self.torque.size else ""
+        count = len(self.loads)
+        loads = f", {count} load{'s' * (count > 1)}" if count else ""
+        return f"<flexarm.Equilibrium: {self.q.size} coordinates, {stable}{held}{loads}>"
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [
+            ("stable", "yes" if self.stable else "no"),
+            ("lowest eigenvalue (rad²/s²)", self.lowest_eigenvalue),
+            ("coordinates q", few(self.q)),
+        ]
+        rows += [(f"torque of joint {k} (N m)", t) for k, t in enumerate(self.torque, 1)]
+        return html_table("flexarm.Equilibrium", ("property", "value"), rows)
+
+
+def equilibrium(
+    arm: Arm,
+    joint_angles: ArrayLike | None = None,
+    *,
+    torque: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: ArrayLike | None = None,
+    contacts: Sequence[Contact] = (),
+    start: ArrayLike | None = None,
+) -> Equilibrium:
+    """Compute a static equilibrium of an arm.
+
+    Args:
+        arm: the arm, with its gravity.
+        joint_angles: (joints,) relative, rad, at which the joints are locked, all zero by
+            default; the links deflect.
+        torque: (joints,) N m that act on free joints. ``joint_angles`` is then the starting point
+            of the search.
+        tip_force, loads: as in ``Arm.forward_dynamics``, without a factor of time.
+        base_acceleration: (ax, ay) m/s^2, constant; the equilibrium is relative to the base.
+        contacts: contacts of points of the arm with surfaces, without friction.
+        start: q (dof,) from which the search starts under the full load. By default it starts from
+            straight links without load.
+
+    Raises:
+        InputError: if an argument has the wrong shape or is not finite.
+        EquilibriumError: if no equilibrium was found. The exception has the last equilibrium found
+            under a part of the load.
+
+    Warns:
+        LargeDeflectionWarning: a link bends too far for the theory of the arm.
+
+    Newton's method with the exact stiffness matrix; gravity and loads grow from zero in adaptive
+    steps, so that large deflections are reached. Descent steps then search for a stable equilibrium
+    if this one is unstable or was not found; with free joints they come first. Friction is
+    neglected.
+    """
+    where = "equilibrium"
+    arm = check_kind(where, "arm", arm, Arm)
+    if base_acceleration is not None:
+        felt = arm.spec.gravity - check_array(where, "base_acceleration", base_acceleration, (2,))
+        arm = Arm(arm.spec.replace(gravity=felt))
+    if torque is not None and joint_angles is None and start is None:
+        joint_angles = np.zeros(arm.joints)
+    angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
+    q = arm.rest(check_array(where, "joint_angles", angles, (arm.joints,)))
+    if start is not None:
+        q = check_array(where, "start", start, (arm.dof,))
+    search = _Search(arm, Environment.of(arm, where, tip_force, loads, None, contacts), q)
+    if torque is not None:
+        search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
+        search.unknown = np.arange(arm.dof)
+    if start is not None:
+        found = search.result(search.follow(q, at_once=True))
+    else:
+        found = search.best(q, free=torque is not None)
+    warn_of_bending(arm, found.q)
+    return found
+
+
+class _Search:
+    """Residual, stiffness and load steps of one equilibrium problem."""
+
+    def __init__(self, arm: Arm, environment: Environment, q: FloatArray) -> None:
+        self.arm, self.loads, self.contacts = arm, environment.loads, environment.contacts
+        self.force = np.zeros(arm.dof)
+        self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+        factor = next((load.factor for load in self.loads if load.factor is not None), None)
+        if factor is not None:
+            rule = "be constant in time"
+            value = "a function" if callable(factor) else "a table"
+            raise InputError(Problem("equilibrium", "Load.factor", rule, value))
+        environment.placed(arm, "equilibrium")  # raises if a load or a contact is not on the arm
+
+    def _scaled(self, fraction: float) -> tuple[Arm, Sequence[Load]]:
+        if fraction == 1.0:
+            return self.arm, self.loads
+        gravity = tuple(fraction * g for g in self.arm.spec.gravity)
+        arm = Arm(self.arm.spec.replace(gravity=gravity))
+        loads = [load.scaled(fraction) for load in self.loads]
+        return arm, loads
+
+    def _force(self, arm: Arm, q: FloatArray, loads: Sequence[Load]) -> FloatArray:
+        """Return the generalised force (dof,) required for rest at q."""
+        rest = np.zeros(arm.dof)
+        return arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=self.contacts)
+
+    def newton(self, q: FloatArray, fraction: float) -> FloatArray:
+        """Solve under a fraction of the load, from q; LinAlgError if it does not converge."""
+        from scipy.linalg import solve
+
+        arm, loads = self._scaled(fraction)
+        free = self.unknown
+        if free.size == 0:
+            return q
+        q = q.copy()
+        part = np.ix_(free, free)
+
+        def residual(at: FloatArray) -> FloatArray:
+            missing = self._force(arm, at, loads) - fraction * self.force
+            return np.asarray(missing[free])
+
+        missing = residual(q)
+        scale = np.max(np.abs(missing), initial=0.0)
+        for _ in range(_NEWTON_STEPS):
+            K = arm.stiffness_matrix(q, loads=loads, contacts=self.contacts)[part]
+            step = solve(K, -missing)
+            # The stiffest modes carry forces far larger than those of the lowest, so convergence
+            # is judged by the size of the displacement step.
+            size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(q[free])))
+            shortened = 1.0
+            while shortened > 1e-3:
+                trial = q.copy()
+                trial[free] += shortened * step
+                left = residual(trial)
+                if np.max(np.abs(left)) <= max(np.max(np.abs(missing)), _RESIDUAL * scale):
+                    break
+                shortened *= 0.5
+            q, missing = trial, left
+            scale = max(scale, float(np.max(np.abs(K @ q[free]))))
+            if shortened == 1.0 and (size < 1e-12 or np.max(np.abs(missing)) <= _RESIDUAL * scale):
+                return q
+        raise np.linalg.LinAlgError("Newton's method does not converge")
+
+    def best(self, q: FloatArray, free: bool) -> Equilibrium:
+        """Return a stable equilibrium if the search finds one, else an unstable one.
+
+        With load steps Newton's method remains on the branch that begins at the straight arm, and
+        descent steps leave this branch where it becomes unstable. With free joints descent comes
+        first, because without loads their position is indeterminate.
+        """
+        found, failure = None, None
+        for way in (self.descend, self.follow) if free else (self.follow, self.descend):
+            try:
+                there = self.result(way(q))
+            except EquilibriumError as error:
+                failure = failure or error
+                continue
+            if there.stable:
+                return there
+            found = found or there
+        if found is None:
+            assert failure is not None
+            raise failure
+        return found
+
+    def descend(self, q: FloatArray) -> FloatArray:
+        """Take descent steps under the full load, then converge by Newton's method."""
+        arm, free, begin = self.arm, self.unknown, q
+        part = np.ix_(free, free)
+        for _ in range(_DESCENT_STEPS if free.size else 0):
+            try:
+                force = self.force - self._force(arm, q, self.loads)
+                K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)
+                M = arm.mass_matrix(q)
+                step = np.zeros(arm.dof)
+                step[free], stable = descent_step(K[part], M[part], force[free])
+                turn = largest_turn(arm, step)
+                q = q + step * min(1.0, LONGEST / max(turn, 1e-300))
+                if stable and turn < 0.1 * LONGEST:
+                    near = self.newton(q, 1.0)
+                    if largest_turn(arm, near - q) < LONGEST:
+                        return near
+            except (np.linalg.LinAlgError, ValueError):
+                reason = "the arm buckles or swings away."
+                raise EquilibriumError(0.0, begin, reason) from None
+        raise EquilibriumError(0.0, begin, "the search did not converge.")
+
+    def follow(self, q: FloatArray, at_once: bool = False) -> FloatArray:
+        """Increase the load from zero to one; ``at_once`` permits the full load only."""
+        done, step = 0.0, 1.0
+        while done < 1.0:
+            wanted = min(1.0, done + step)
+            try:
+                q = self.newton(q, wanted)
+            except (np.linalg.LinAlgError, ValueError):
+                step *= 0.25
+                if at_once or step < _SMALLEST_STEP:
+                    reason = "the arm buckles or swings away."
+                    raise EquilibriumError(done, q, reason) from None
+            else:
+                done, step = wanted, 2.0 * step
+        return q
+
+    def result(self, q: FloatArray) -> Equilibrium:
+        """Evaluate stability and collect the torques."""
+        from scipy.linalg import eigh
+
+        arm, free = self.arm, self.unknown
+        holding = self._force(arm, q, self.loads)[arm.joint_index]
+        lowest = np.inf
+        if free.size:
+            part = np.ix_(free, free)
+            K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)[part]
+            M = arm.mass_matrix(q)[part]
+            # Only the symmetric part has a potential; with follower loads flutter remains possible.
+            try:
+                stored = (K + K.T) / 2.0
+                lowest = float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
+            except np.linalg.LinAlgError:
+                reason = (
+                    "the mass matrix is indefinite there, because links bend beyond the "
+                    "second-order theory. Give them segments=2 or more."
+                )
+                raise EquilibriumError(1.0, q, reason) from None
+        return Equilibrium(
+            q, holding, lowest > 0.0, lowest, tuple(self.loads), tuple(self.contacts)
+        )

@@ -1,0 +1,61 @@
+"""Steady rotation of a whole arm: the bent shape at a constant rate of the base joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.errors import InputError, Problem, shown
+from flexarm.linear.statics.equilibrium import EquilibriumError
+from flexarm.linear.statics.tangent import tangent
+
+_STEPS = 40
+
+
+def steady_rates(arm: Arm, spin: float) -> FloatArray:
+    """Return the rates (dof,) of an arm that rotates as a whole with ``spin``, rad/s.
+
+    Raises:
+        InputError: if the spin is not zero and the arm has gravity, under which no shape is steady,
+            or its first joint is fixed.
+    """
+    rates = np.zeros(arm.dof)
+    if spin == 0.0:
+        return rates
+    if any(arm.spec.gravity):
+        raise InputError(Problem("modes", "spin", "be zero for an arm with gravity", shown(spin)))
+    if arm.joints == 0 or arm.joint_numbers[0] != 1:
+        rule = "be zero for an arm whose first joint is fixed"
+        raise InputError(Problem("modes", "spin", rule, shown(spin)))
+    rates[arm.joint_index[0]] = spin
+    return rates
+
+
+def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
+    """Compute the steady shape q (dof,) at a constant spin, with the joint angles of ``q``.
+
+    Theory page "small motion", (S.5); Newton's method with the exact tangent.
+
+    Raises:
+        InputError: under the conditions of ``steady_rates``.
+        EquilibriumError: if Newton's method does not converge.
+    """
+    from scipy.linalg import solve
+
+    rates, still = steady_rates(arm, spin), np.zeros(arm.dof)
+    bending = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    if spin == 0.0 or bending.size == 0:
+        return q
+    found, part = q.copy(), np.ix_(bending, bending)
+    for _ in range(_STEPS):
+        missing = arm.inverse_dynamics(found, rates, still)[bending]
+        try:
+            step = solve(tangent(arm, found, rates, still).stiffness[part], -missing)
+        except np.linalg.LinAlgError:
+            break
+        found[bending] += step
+        # Newton's method converges quadratically: after a step this small only rounding remains.
+        if np.max(np.abs(step)) <= 1e-9 * (1e-3 + np.max(np.abs(found[bending]))):
+            return found
+    raise EquilibriumError(0.0, q, f"the links have no steady shape at {spin:g} rad/s.")

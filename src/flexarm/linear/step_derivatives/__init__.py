@@ -1,0 +1,1 @@
+"""Exact derivatives of integrator steps by state, torque and parameters."""

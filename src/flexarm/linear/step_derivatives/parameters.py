@@ -1,0 +1,130 @@
+"""Exact derivatives of the constants of an arm by its parameters, from scaling laws.
+
+If a whole link becomes stiffer, heavier or longer by a factor, its mode shapes keep their form:
+only amplitudes and frequencies change, by powers of the factor. No derivative of an eigenvector is
+needed, and the derivatives are exact for reduced modes too; theory page "separation", (D.15).
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import Piece
+from flexarm.errors import InputError, Problem, shown
+from flexarm.kernels.layout import ArmConstants
+from flexarm.model import RayleighDamping
+
+#: Exponents of the constants of a body for a factor on its whole link. Constants that are not
+#: listed do not change. ``inertia`` and ``residual_inertia`` are those of the link without the hub.
+POWERS: dict[str, dict[str, Any]] = {
+    "length": {
+        "mass": 1.0,
+        "inverse_mass": -1.0,
+        "first_moment_x": 2.0,
+        "inertia": 3.0,
+        "inverse_inertia": -3.0,
+        "length": 1.0,
+        "S": 0.5,
+        "a": 1.5,
+        "P": -0.5,
+        "dP": -1.5,
+        "w2": -4.0,
+        "D0": -1.0,
+        "G": -2.0,
+        "residual_inertia": (1.0, 2.0, 3.0),
+        "residual_tip": (0.0, 1.0, -1.0, 0.0),
+        "N": (-1.0, -2.0, -3.0),
+    },
+    "mass": {
+        "mass": 1.0,
+        "inverse_mass": -1.0,
+        "first_moment_x": 1.0,
+        "inertia": 1.0,
+        "inverse_inertia": -1.0,
+        "S": 0.5,
+        "a": 0.5,
+        "P": -0.5,
+        "dP": -0.5,
+        "w2": -1.0,
+        "G": -1.0,
+        "residual_inertia": 1.0,
+        "N": -1.0,
+    },
+    "rigidity": {"w2": 1.0},
+}
+_LINK = re.compile(r"link_(\d+)\.(length|mass|rigidity)")
+_PAYLOAD = ("payload.mass", "payload.inertia")
+
+
+def parameter_names(arm: Arm) -> tuple[str, ...]:
+    """Return the names of all parameters that ``constants_by`` accepts for this arm."""
+    links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in POWERS]
+    return (*links, *_PAYLOAD)
+
+
+def constants_by(arm: Arm, where: str, parameter: str) -> ArmConstants:
+    """Return the derivatives of all constants of an arm by a parameter.
+
+    Args:
+        parameter: "link_1.length", "link_1.mass" or "link_1.rigidity": derivative by a factor on
+            the whole link, at factor one; "mass" scales mass and rotary inertia, "rigidity" scales
+            bending and shear rigidity. "payload.mass" by kg, "payload.inertia" by kg m^2.
+
+    Raises:
+        InputError: if the parameter is unknown, or is the length of a link with shear or rotary
+            inertia, whose mode shapes change their form with the length.
+    """
+    known = parameter_names(arm)
+    if parameter not in known:
+        rule = f"be one of {', '.join(known)}"
+        raise InputError(Problem(where, "parameters", rule, shown(parameter)))
+    constants = arm.assembly.constants
+    by = ArmConstants(*(np.zeros(array.shape) for array in constants))
+    found = _LINK.fullmatch(parameter)
+    if found is None:
+        _payload(arm, by, parameter)
+        return by
+    link, name = int(found[1]) - 1, found[2]
+    for piece in arm.assembly.pieces_of(link):
+        if name == "length":
+            _check_length(arm, where, piece, parameter)
+        _scale(arm, by, piece, name)
+    return by
+
+
+def _scale(arm: Arm, by: ArmConstants, piece: Piece, name: str) -> None:
+    i, constants, shapes = piece.body, arm.assembly.constants, piece.shapes
+    for field, power in POWERS[name].items():
+        own = {"inertia": shapes.inertia, "residual_inertia": shapes.residual_inertia}
+        value = own.get(field, getattr(constants, field)[i])
+        getattr(by, field)[i] = np.asarray(power) * value
+    damping = arm.spec.links[piece.link].damping
+    if isinstance(damping, RayleighDamping):
+        by.damping[i] = damping.stiffness_coefficient * by.w2[i]
+    elif damping is not None:
+        by.damping[i] = 0.5 * POWERS[name]["w2"] * constants.damping[i]
+
+
+def _check_length(arm: Arm, where: str, piece: Piece, parameter: str) -> None:
+    if np.any(piece.shapes.rotary) or np.any(piece.shapes.shear_parameter):
+        rule = f"{parameter} is not supported for a link with rotary inertia or shear"
+        hint = "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
+        raise InputError(Problem(where, "parameter", rule, hint=hint))
+
+
+def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:
+    payload = arm.spec.payload
+    if not (payload.mass > 0.0 and any(payload.offset)):
+        (by.tip_mass if parameter == "payload.mass" else by.tip_inertia)[-1] = 1.0
+        return
+    x, y = payload.offset
+    if parameter == "payload.inertia":
+        by.inertia[-1] = by.residual_inertia[-1, 2] = 1.0
+        return
+    by.mass[-1], by.first_moment_x[-1], by.first_moment_y[-1] = 1.0, x, y
+    by.inertia[-1] = x * x + y * y
+    by.residual_inertia[-1] = 1.0, x, x * x + y * y

@@ -1,0 +1,1 @@
+"""Modes of vibration: frequencies, damping, shapes, and their tracking."""

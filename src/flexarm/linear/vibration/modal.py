@@ -1,0 +1,229 @@
+"""Natural frequencies, damping ratios and mode shapes of an arm at a posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.actions.environment import Environment
+from flexarm.arguments import check_flag, check_kind
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.bending import warn_of_bending
+from flexarm.errors import InputError, Problem, check_array, check_result, few
+from flexarm.linear.statics.equilibrium import Equilibrium
+from flexarm.linear.statics.steady_rotation import steady_rates, steady_shape
+from flexarm.linear.statics.tangent import Tangent, tangent
+from flexarm.linear.vibration.curves import displacements
+from flexarm.linear.vibration.eigen import damped, undamped
+from flexarm.linear.vibration.held import JointFeedback, Joints, joint_feedback
+from flexarm.model import Load
+from flexarm.notebook import html_table
+from flexarm.stations import check_stations
+
+_WHERE = "modes"
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of small vibration, in the order of ascending frequency.
+
+    Attributes:
+        frequency_hz: (k,) natural frequencies: undamped at rest; for a spinning arm the moduli of
+            the eigenvalues over 2 pi. Zero for rigid-body modes, and for modes that gravity or spin
+            makes unstable (``squared_frequency`` is negative there).
+        damping_ratio: (k,) -Re / modulus of the eigenvalues; above one if a mode does not
+            oscillate; NaN if the frequency is zero.
+        squared_frequency: (k,) eigenvalues of stiffness over mass, rad^2/s^2.
+        shapes: (k, dof) undamped shapes in the arm's coordinates, unit modal mass.
+        eigenvalues: (k,) of the damped motion, 1/s, with nonnegative imaginary part; the other one
+            of a pair is the conjugate. For a mode that does not oscillate, the slower of two.
+        complex_shapes: (k, dof) shapes of the damped motion; imaginary parts are out of phase.
+        q: (dof,) state of the linearisation. spin: rate of the whole arm, rad/s.
+    """
+
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+    squared_frequency: FloatArray
+    shapes: FloatArray
+    eigenvalues: NDArray[Any]
+    complex_shapes: NDArray[Any]
+    q: FloatArray
+    spin: float
+    arm: Arm = field(repr=False)
+
+    def __repr__(self) -> str:
+        about = f", spinning at {self.spin:g} rad/s" if self.spin else ""
+        frequencies = f": {few(self.frequency_hz)} Hz" if self.frequency_hz.size else ""
+        return f"<flexarm.Modes: {self.frequency_hz.size}{about}{frequencies}>"
+
+    def _repr_html_(self) -> str:
+        heads = ("mode", "frequency (Hz)", "damping ratio")
+        numbers = range(1, self.frequency_hz.size + 1)
+        rows = zip(numbers, self.frequency_hz, self.damping_ratio, strict=True)
+        return html_table(repr(self).strip("<>"), heads, rows)
+
+    @property
+    def damped_frequency_hz(self) -> FloatArray:
+        """Frequencies (k,) of damped free vibration, imaginary parts of the eigenvalues, Hz."""
+        hertz: FloatArray = np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
+        return hertz
+
+    def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
+        """Return displacements of the axis for unit modal amplitude, (k, links, stations, 2) m.
+
+        World axes. ``damped`` selects ``complex_shapes``: multiply by exp(i phase).
+        """
+        where = "Modes.displacements"
+        shapes = self.complex_shapes if check_flag(where, "damped", damped) else self.shapes
+        return displacements(self.arm, self.q, shapes, check_stations(where, stations))
+
+    def curves(self, stations: int = 50, amplitude: float | None = None) -> FloatArray:
+        """Return the mode shapes as curves in the world frame, (k, links, stations, 2) m.
+
+        The shape of the arm at ``q`` plus displacements; the largest displacement of each mode is
+        ``amplitude`` (m), by default a tenth of the arm's length.
+
+        Raises:
+            InputError: if ``amplitude`` is not a finite number, or there are fewer than two
+                stations.
+        """
+        size = 0.1 * self.arm.lengths.sum()
+        if amplitude is not None:
+            size = float(check_array("Modes.curves", "amplitude", amplitude, ()))
+        moved = self.displacements(check_stations("Modes.curves", stations))
+        largest = np.linalg.norm(moved, axis=-1).max(axis=(1, 2), initial=0.0)
+        factor = size / np.where(largest > 0.0, largest, 1.0)
+        drawn: FloatArray = self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved
+        return drawn
+
+
+def modes(
+    arm: Arm,
+    joint_angles: ArrayLike | Equilibrium | None = None,
+    joints: Joints = "locked",
+    *,
+    q: ArrayLike | Equilibrium | None = None,
+    spin: float = 0.0,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+) -> Modes:
+    """Compute the modes of an arm about a posture, a bent state, or a steady spin.
+
+    Args:
+        arm: the arm.
+        joint_angles: (joints,) relative, rad, with straight links; all zero by default. Or an
+            `Equilibrium`, with its loads and contacts.
+        joints: "locked" clamps every joint, "free" lets every joint rotate. Or one entry per joint:
+            one of these words, or feedback gains (proportional N m/rad, derivative N m s/rad). Or
+            an object with gains for all joints, such as a `JointPD`.
+        q: (dof,) state of the linearisation, or an `Equilibrium`, in place of ``joint_angles``.
+        spin: rad/s of the whole arm about its base joint, in its steady bent shape; the first joint
+            is driven at that rate, or free. Not supported with gravity, loads or contacts.
+        tip_force, loads: as in `Arm.forward_dynamics`; they contribute to the stiffness. Not to be
+            combined with an `Equilibrium`, which has its own.
+
+    Raises:
+        InputError: if ``joints`` is unknown, numbers have the wrong shape, ``spin`` is combined
+            with gravity or loads, or loads are combined with an equilibrium.
+        EquilibriumError: if the arm has no steady shape at that spin.
+
+    Warns:
+        LargeDeflectionWarning: a link is bent too far for the theory of the arm.
+
+    The stiffness is that of small motion about the state, which is treated as an equilibrium.
+    Theory page "small motion", (S.2) to (S.5).
+    """
+    arm = check_kind(_WHERE, "arm", arm, Arm)
+    given = Environment.of(arm, _WHERE, tip_force, loads)
+    given.placed(arm, _WHERE)  # errors name this function
+    held = joint_feedback(arm, _WHERE, joints)
+    rate = float(check_array(_WHERE, "spin", spin, ()))
+    place, environment = _place(arm, joint_angles, q, given)
+    if rate != 0.0 and (environment.loads or environment.contacts):
+        raise InputError(Problem(_WHERE, "loads", "cannot be combined with spin"))
+    if rate != 0.0 and q is None:
+        place = steady_shape(arm, place, rate)
+    found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, environment))
+    warn_of_bending(arm, place)
+    return found
+
+
+def _place(
+    arm: Arm,
+    joint_angles: ArrayLike | Equilibrium | None,
+    q: ArrayLike | Equilibrium | None,
+    environment: Environment,
+) -> tuple[FloatArray, Environment]:
+    """Return q and the environment of the operating point."""
+    if q is not None and joint_angles is not None:
+        raise InputError(Problem(_WHERE, "joint_angles", "cannot be combined with q"))
+    given = joint_angles if isinstance(joint_angles, Equilibrium) else q
+    if isinstance(given, Equilibrium):
+        if environment.loads:
+            rule = "cannot be combined with an equilibrium, which contains its own"
+            raise InputError(Problem(_WHERE, "loads", rule))
+        return given.q, given.environment
+    if given is not None:
+        return check_array(_WHERE, "q", given, (arm.dof,)), environment
+    angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
+    return arm.rest(check_array(_WHERE, "joint_angles", angles, (arm.joints,))), environment
+
+
+def _small_motion(arm: Arm, q: FloatArray, spin: float, environment: Environment) -> Tangent:
+    if spin == 0.0 and not environment.contacts and not arm.assembly.constants.has_joint_laws:
+        # At rest the rates have an effect through constant dampers only, and K may be diagonal.
+        K = arm.stiffness_matrix(q, loads=environment.loads)
+        return Tangent(arm.mass_matrix(q), arm.damping_matrix(), K)
+    return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), environment)
+
+
+def _solve(arm: Arm, q: FloatArray, spin: float, held: JointFeedback, small: Tangent) -> Modes:
+    part = np.ix_(held.moving, held.moving)
+    M = small.mass[part]
+    _check_mass(M)
+    K = (small.stiffness + np.diag(held.stiffness))[part]
+    D = (small.damping + np.diag(held.damping))[part]
+    squared, vectors = undamped(M, (K + K.T) / 2.0)
+    # Follower loads and centrifugal terms give a skew part; otherwise it is rounding.
+    skew = (K - K.T) / 2.0
+    lasting = np.abs(skew).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0)
+    coupling = vectors.T @ skew @ vectors * lasting
+    damping = vectors.T @ D @ vectors
+    check_result(_WHERE, np.concatenate([squared[None], coupling, damping]), M, K, D)
+    found = damped(squared, coupling, damping)
+    frequency = np.sqrt(np.maximum(squared, 0.0))
+    if spin != 0.0:
+        frequency = np.where(found.eigenvalues.imag > 0.0, np.abs(found.eigenvalues), 0.0)
+    order = np.argsort(frequency, kind="stable")
+    shapes = np.zeros((held.moving.size, arm.dof))
+    shapes[:, held.moving] = vectors.T
+    turning = np.zeros((held.moving.size, arm.dof), dtype=complex)
+    turning[:, held.moving] = (vectors @ found.vectors).T
+    ratio = np.where(frequency > 0.0, found.ratio, np.nan)
+    return Modes(
+        frequency_hz=frequency[order] / (2.0 * np.pi),
+        damping_ratio=ratio[order] + 0.0,  # avoids negative zeros
+        squared_frequency=squared[order],
+        shapes=shapes[order],
+        eigenvalues=found.eigenvalues[order],
+        complex_shapes=turning[order],
+        q=q,
+        spin=spin,
+        arm=arm,
+    )
+
+
+def _check_mass(M: FloatArray) -> None:
+    from scipy.linalg import cholesky
+
+    try:
+        cholesky(M)
+    except np.linalg.LinAlgError:
+        hint = "Divide the links into segments."
+        rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
+        raise InputError(Problem(_WHERE, "the state", rule, hint=hint)) from None

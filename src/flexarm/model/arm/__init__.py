@@ -1,0 +1,1 @@
+"""Description of an arm: links, sections, joints, damping, and variations of them."""

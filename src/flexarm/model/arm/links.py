@@ -1,0 +1,288 @@
+"""A link: an Euler-Bernoulli or Timoshenko beam, or a rigid bar, between two joints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from flexarm.errors import shown
+from flexarm.model.arm.damping import Damping
+from flexarm.model.arm.sections import MaterialOrName, Section, SectionTable
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Count, Flag, Listed, NonNegative, Number, Positive, plain
+from flexarm.model.wording import Fault, Path, refuse
+
+MOST_ELEMENTS = 256
+
+_CONSTANTS = (
+    "flexural_rigidity",
+    "mass_per_length",
+    "rotary_inertia_per_length",
+    "shear_rigidity",
+)
+_WAYS = (
+    "A link is described by flexural_rigidity and mass_per_length, by material and section, "
+    "or by table."
+)
+
+
+def _affordable(elements: int) -> int:
+    if elements > MOST_ELEMENTS:
+        hint = (
+            "The modal basis of a link is dense: more elements increase memory and rounding errors "
+            "and do not improve the accuracy."
+        )
+        raise refuse(f"be at most {MOST_ELEMENTS}", elements, hint)
+    return elements
+
+
+Elements = Annotated[
+    int,
+    Field(strict=True, ge=1, json_schema_extra={"maximum": MOST_ELEMENTS}),
+    AfterValidator(_affordable),
+    BeforeValidator(plain),
+]
+
+
+class Gauge(Record):
+    """A strain gauge; it reads ``-distance`` times the curvature at its station."""
+
+    station: NonNegative = Field(description="Distance from the root along the link (m).")
+    distance: Number = Field(
+        description="Distance from the neutral axis, positive on the side of +y (m)."
+    )
+
+
+class Link(Record):
+    """A link, described in exactly one of three ways.
+
+    The ways are constants (`flexural_rigidity` and `mass_per_length`), `material` and `section`,
+    or a `table` along the link. A rigid link (``flexible=False``) does not require
+    `flexural_rigidity` and ignores `elements`, `segments`, `modes` and `damping`.
+    """
+
+    length: Positive = Field(description="Length (m).")
+    flexural_rigidity: Positive | None = Field(
+        default=None, description="Constant bending stiffness E I (N m^2)."
+    )
+    mass_per_length: NonNegative | None = Field(
+        default=None, description="Constant mass per length (kg/m)."
+    )
+    rotary_inertia_per_length: NonNegative | None = Field(
+        default=None, description="Constant rotary inertia rho I of the section per length (kg m)."
+    )
+    shear_rigidity: Positive | None = Field(
+        default=None,
+        description="Constant shear stiffness k G A (N); for links with element: timoshenko.",
+    )
+    material: MaterialOrName | None = Field(
+        default=None, description="Material, or the name of a preset: steel, aluminium."
+    )
+    section: Section | None = Field(
+        default=None, description="Cross-section, the same along the link."
+    )
+    table: SectionTable | None = Field(
+        default=None, description="Section properties along the link."
+    )
+    element: Literal["euler_bernoulli", "timoshenko"] = Field(
+        default="euler_bernoulli",
+        description=(
+            "Beam theory: without (euler_bernoulli) or with (timoshenko) shear deformation."
+        ),
+    )
+    elements: Elements = Field(default=4, description="Number of equal beam elements.")
+    segments: Count = Field(
+        default=1,
+        description=(
+            "Number of equal pieces, rigidly joined, for large deflection; a divisor of elements."
+        ),
+    )
+    modes: Count | None = Field(
+        default=None,
+        description=(
+            "Number of modes of each segment; by default all of its coordinates, two "
+            "for each element."
+        ),
+    )
+    flexible: Flag = Field(default=True, description="Whether the link bends.")
+    rotary_inertia: Flag | None = Field(
+        default=None,
+        description=(
+            "Whether rotary inertia of the sections is included; by default, if "
+            "material and section, a table or rotary_inertia_per_length define it."
+        ),
+    )
+    damping: Damping | None = Field(
+        default=None, description="Structural damping; none by default."
+    )
+    gauges: Listed[Gauge] = Field(default=(), description="Strain gauges on the link.")
+
+    _hints: ClassVar[dict[str, str]] = {"element": "How many there are is said by elements."}
+
+    @property
+    def coordinates(self) -> int:
+        """Number of elastic coordinates: 0 for a rigid link, else those of its segments."""
+        if not self.flexible:
+            return 0
+        return self.segments * (self.modes or 2 * (self.elements // self.segments))
+
+    def beam(self) -> SectionTable:
+        """Return the section properties along the link for any of the three descriptions.
+
+        Returns:
+            A table from 0 to `length` with at least two points and a column of rotary inertia,
+            which is zero if it is switched off. `shear_rigidity` is set for the Timoshenko element
+            only. A rigid link may have neither `flexural_rigidity` nor `shear_rigidity`. It is not
+            validated, because the fields of this link are, and because they may be symbols.
+        """
+        if self.table is not None:
+            columns = dict(self.table)
+            # The last point may differ from the length by rounding in the user's computation.
+            columns["x"] = (*self.table.x[:-1], self.length)
+        else:
+            values = {name: getattr(self, name) for name in _CONSTANTS}
+            if self.material is not None and self.section is not None:
+                effective = self.section.shear_coefficient * self.section.area
+                values = {
+                    "flexural_rigidity": self.material.youngs_modulus * self.section.second_moment,
+                    "mass_per_length": self.material.density * self.section.area,
+                    "rotary_inertia_per_length": self.material.density * self.section.second_moment,
+                    "shear_rigidity": self.material.shear_modulus * effective,
+                }
+            columns = {k: None if v is None else (v, v) for k, v in values.items()}
+            columns["x"] = (0.0, self.length)
+        if self.rotary_inertia is False or columns["rotary_inertia_per_length"] is None:
+            columns["rotary_inertia_per_length"] = (0.0,) * len(columns["x"])
+        if self.element != "timoshenko":
+            columns["shear_rigidity"] = None
+        return SectionTable.model_construct(**columns)
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from _description_faults(given)
+        yield from _rigid_or_flexible_faults(given)
+        yield from _shear_faults(given)
+        if given.has("rotary_inertia") and given.rotary_inertia:
+            yield from _rotary_inertia_faults(given)
+        if given.has("length", "table"):
+            yield from _table_end_faults(given.length, given.table.x[-1])
+        if given.has("elements", "segments"):
+            yield from _mesh_faults(given)
+        if given.has("segments", "damping") and given.segments > 1:
+            yield from _segment_damping_faults(given.damping)
+        if given.has("length", "gauges"):
+            for i, gauge in enumerate(given.gauges):
+                if gauge.station > given.length:
+                    rule = f"be at most {given.length:.9g}, the length of the link"
+                    yield Fault(("gauges", i, "station"), rule, shown(gauge.station))
+
+
+def _description_faults(given: Given) -> Iterator[Fault]:
+    """Yield the faults of a link whose description is incomplete or given twice."""
+    constants = [name for name in _CONSTANTS if not given.absent(name)]
+    shape = [name for name in ("material", "section") if not given.absent(name)]
+    table = ["table"] if not given.absent("table") else []
+    ways = [names for names in (table, shape, constants) if names]
+    if not ways:
+        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
+    for names in ways[1:]:
+        for name in names:
+            rule = f"cannot be combined with {' and '.join(ways[0])}"
+            yield Fault((name,), rule, hint=_WAYS)
+    if len(ways) == 1 and len(shape) == 1:
+        other = "section" if shape == ["material"] else "material"
+        yield Fault((other,), f"is required with {shape[0]}")
+    if ways == [constants] and given.absent("mass_per_length"):
+        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
+
+
+def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
+    """Yield the faults of a flexible link without stiffness or mass."""
+    if not given.has("flexible") or not given.flexible:
+        return
+    hint = "Only a rigid link (flexible: false) does not need it."
+    constants = all(given.absent(name) for name in ("material", "section", "table"))
+    if constants and not given.absent("mass_per_length") and given.absent("flexural_rigidity"):
+        yield Fault(("flexural_rigidity",), "is missing", hint=hint)
+    if given.has("table") and given.table.flexural_rigidity is None:
+        yield Fault(("table", "flexural_rigidity"), "is missing", hint=hint)
+    hint = "Only a rigid link (flexible: false) may be massless."
+    if given.has("mass_per_length") and given.mass_per_length == 0:
+        yield Fault(("mass_per_length",), "be greater than 0", "0", hint)
+    if given.has("table") and 0 in given.table.mass_per_length:
+        where = ("table", "mass_per_length", given.table.mass_per_length.index(0))
+        yield Fault(where, "be greater than 0", "0", hint)
+
+
+def _segment_damping_faults(damping: Damping) -> Iterator[Fault]:
+    """Yield a fault if damping would have another meaning for a segment than for the whole link."""
+    if damping.kind == "rayleigh" and damping.mass_coefficient == 0:
+        return
+    hint = (
+        "Ratios and mass_coefficient refer to modes of the whole link, which its segments do not "
+        "have. Use stiffness_coefficient alone (Kelvin-Voigt)."
+    )
+    rule = "be rayleigh without mass_coefficient on a link with segments"
+    yield Fault(("damping",), rule, damping.kind, hint)
+
+
+def _shear_faults(given: Given) -> Iterator[Fault]:
+    """Yield a fault if a Timoshenko link has no shear rigidity, or another link has one."""
+    if not given.has("element"):
+        return
+    constants = all(given.absent(name) for name in ("table", "material", "section"))
+    if given.has("table"):
+        path: Path = ("table", "shear_rigidity")
+        value, needed = given.table.shear_rigidity, True
+    elif constants:
+        path, value = ("shear_rigidity",), given.raw("shear_rigidity")
+        needed = not given.absent("mass_per_length")
+    else:
+        return
+    if given.element == "euler_bernoulli" and value is not None:
+        hint = "For shear deformation use element: timoshenko."
+        yield Fault(path, "is not supported for an Euler-Bernoulli link", hint=hint)
+    flexible = given.has("flexible") and given.flexible
+    if given.element == "timoshenko" and value is None and needed and flexible:
+        hint = "It is k G A; material and section also define it."
+        yield Fault(path, "is missing", hint=hint)
+
+
+def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
+    """Yield a fault if rotary inertia is requested and the description has none."""
+    in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
+    constants = given.absent("table") and given.absent("material") and given.absent("section")
+    if (given.has("table") and not in_table) or (
+        constants and given.absent("rotary_inertia_per_length")
+    ):
+        rule = "requires rotary_inertia_per_length"
+        yield Fault(("rotary_inertia",), rule)
+
+
+def _table_end_faults(length: float, end: float) -> Iterator[Fault]:
+    """Yield a fault if a table does not end at the tip."""
+    if not math.isclose(end, length, rel_tol=1e-9):  # above rounding, below any intended difference
+        rule = f"end at {length:.9g}, the length of the link"
+        yield Fault(("table", "x"), rule, shown(end), "A table covers the link from root to tip.")
+
+
+def _mesh_faults(given: Given) -> Iterator[Fault]:
+    """Yield a fault if segments do not divide the mesh, or have fewer modes than requested."""
+    if given.elements % given.segments:
+        rule = f"be a divisor of elements ({given.elements})"
+        yield Fault(("segments",), rule, shown(given.segments), "Each segment has its own mesh.")
+        return
+    most = 2 * (given.elements // given.segments)
+    modes = given.modes if given.has("modes") else None
+    if modes is not None and modes > most:
+        rule = f"be at most {most}, twice the number of elements of a segment"
+        yield Fault(("modes",), rule, shown(modes), "Use more elements, or fewer modes.")
+        return
+    ratio = given.damping.ratio if given.has("damping") and given.damping.kind == "modal" else ()
+    kept = modes or most
+    if isinstance(ratio, tuple) and len(ratio) > kept:
+        rule = f"have length at most {kept}, the number of modes of the link"
+        yield Fault(("damping", "ratio"), rule, str(len(ratio)))

@@ -1,0 +1,1 @@
+"""Description of the environment of an arm: contacts and loads."""

@@ -1,0 +1,1 @@
+"""Files of arms, scenarios and studies: YAML text, reading, writing, JSON schemas."""

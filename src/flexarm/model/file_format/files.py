@@ -1,0 +1,386 @@
+"""Arm, scenario and study files: strict reading with the line of each problem, atomic writing."""
+
+from __future__ import annotations
+
+import gc
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from flexarm.arguments import check_path
+from flexarm.errors import ModelError, Problem, shown
+from flexarm.model.arm.spec import ArmSpec
+from flexarm.model.checks import Record, faults_of
+from flexarm.model.file_format.changes import changed
+from flexarm.model.file_format.content import content_of
+from flexarm.model.file_format.read_bytes import read_bytes
+from flexarm.model.file_format.yaml_text import Document, parse, to_yaml
+from flexarm.model.scenarios.scenario import Scenario
+from flexarm.model.scenarios.study import Study
+from flexarm.model.wording import Path, suggestion
+from flexarm.writing.places import AnyPath, write_text
+
+FILE_VERSION = 1
+
+_MOST_BYTES = 100_000_000  # no description is longer; limits reading from devices
+
+R = TypeVar("R", bound=Record)
+
+
+def load_document(path: AnyPath) -> Document:
+    """Read a YAML file whose content is a mapping; other functions accept it in place of a path.
+
+    This permits reading a pipe, which can be read only once.
+
+    Raises:
+        ModelError: if the file cannot be read or is not a mapping in YAML.
+    """
+    file = FilePath(path)
+    return _parsed(file, _text(file))
+
+
+def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
+    """Read the arm of an arm file, or of a scenario or study file, whose other keys are ignored.
+
+    Raises:
+        ModelError: if the file cannot be read or has no valid arm; lists all problems with lines.
+    """
+    problems: list[Problem] = []
+    document = path if isinstance(path, Document) else load_document(path)
+    holder = _holder_of_arm(document, problems, ())
+    spec = None
+    if holder is not None:
+        spec = _checked(ArmSpec, holder.value["arm"], ("arm",), holder.where, problems)
+    if spec is None or problems:
+        raise ModelError(*_in_order(document.file, problems))
+    return spec
+
+
+def load_scenario(path: AnyPath) -> Scenario:
+    """Read a scenario file; its `arm` may be the path of another file, relative to the scenario.
+
+    Raises:
+        ModelError: if the file or its arm file is invalid; lists all problems with lines.
+    """
+    return locate_scenario(check_path("load_scenario", "path", path))[0]
+
+
+def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path], str]]:
+    """Read a scenario file, and return the scenario with a function from key path to line.
+
+    The function returns ``file:line``, for problems that are found after reading. See
+    `load_scenario`.
+    """
+    return _located(Scenario, path)
+
+
+def locate_study(path: AnyPath | Document) -> tuple[Study, Callable[[Path], str]]:
+    """Read a study file, and return the study with a function from key path to line.
+
+    Raises:
+        ModelError: if the file or its arm file is invalid; lists all problems with lines.
+    """
+    return _located(Study, path)
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Pause the garbage collector, which would visit the nodes of a long table repeatedly."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+@_uncollected()
+def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path], str]]:
+    document = path if isinstance(path, Document) else load_document(path)
+    _refuse_other_kind(document, kind)
+    problems: list[Problem] = []
+    holder = _holder_of_arm(document, problems, (), kind)
+    content = {key: document.value[key] for key in kind.model_fields if key in document.value}
+    content["arm"] = holder.value["arm"] if holder else None
+
+    def where(place: Path) -> str:
+        return (holder if holder and place[:1] == ("arm",) else document).where(place)
+
+    reported = () if holder else ("arm",)
+    record = _checked(kind, content, (), where, problems, reported)
+    if record is None or problems:
+        raise ModelError(*_in_order(document.file, problems))
+    return record, where
+
+
+def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
+    """Raise if the file is a study instead of a scenario, or a scenario instead of a study.
+
+    Raises:
+        ModelError: if the file has keys of the other kind of file only.
+    """
+    keys = document.value.keys()
+    own = keys & (kind.model_fields.keys() - _OTHERS[kind].model_fields.keys())
+    others = keys & (_OTHERS[kind].model_fields.keys() - kind.model_fields.keys())
+    if kind is Study:
+        others |= keys & {"run"}  # the only key of its own in a scenario of a free arm
+    if own or not others:
+        return
+    names = {Scenario: ("scenario", "run"), Study: ("study", "compare")}
+    wanted, (other, command) = names[kind][0], names[_OTHERS[kind]]
+    hint = f"Run it with `flexarm {command}`, or with run_{other} in Python."
+    place = document.where((min(others),))
+    raise ModelError(Problem(place, "the file", f"is a {other}, not a {wanted}", hint=hint))
+
+
+_OTHERS: dict[type[Record], type[Record]] = {Scenario: Study, Study: Scenario}
+
+
+def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
+    """Write an arm file; `load_arm_spec` returns an equal arm.
+
+    Values equal to their defaults are omitted. The file is written completely or not at all;
+    missing folders are created.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    write_text(file_text(spec), path)
+
+
+def save_scenario(scenario: Scenario, path: AnyPath) -> None:
+    """Write a scenario file that contains the arm; see `save_arm_spec`.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    write_text(file_text(scenario), path)
+
+
+def file_text(record: ArmSpec | Scenario | Study) -> str:
+    """Return the YAML text of an arm file, a scenario file or a study file."""
+    content = content_of(record)
+    parts = {"arm": content} if isinstance(record, ArmSpec) else content
+    return to_yaml({"flexarm": FILE_VERSION, **parts})
+
+
+def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | Study:
+    """Read a file of any kind: a study has `drives`, an arm file has no other key than `arm`.
+
+    Raises:
+        ModelError: if the file cannot be read or is invalid; lists all problems with lines.
+    """
+    document = path if isinstance(path, Document) else load_document(path)
+    if "drives" in document.value:
+        return locate_study(document)[0]
+    if document.value.keys() <= {"flexarm", "arm"}:
+        return load_arm_spec(document)
+    return locate_scenario(document)[0]
+
+
+def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | Study:
+    """Return the arm, scenario or study of a file's content; see `arm_spec_of_text`, `load_any`.
+
+    Raises:
+        ModelError: if the content is too long, is not text or describes none of them.
+    """
+    return load_any(_whole(_decoded(FilePath(file), raw), file))
+
+
+def arm_spec_of_text(text: str, file: AnyPath) -> ArmSpec:
+    """Return the arm of the text of an arm or scenario file that names no other file.
+
+    Args:
+        text: as `file_text` writes it. file: where it comes from, for messages.
+
+    Raises:
+        ModelError: the text describes no arm.
+    """
+    return load_arm_spec(_whole(text, file))
+
+
+def scenario_of_text(text: str, file: AnyPath) -> Scenario:
+    """Return the scenario of a text; see `arm_spec_of_text`.
+
+    Raises:
+        ModelError: the text describes no scenario.
+    """
+    return locate_scenario(_whole(text, file))[0]
+
+
+def _whole(text: str, file: AnyPath) -> Document:
+    """Return the content of a text that is kept in another file, and names none itself."""
+    document = _parsed(FilePath(file), text)
+    if isinstance(document.value.get("arm"), str):
+        rule = (
+            f"refers to another file, {shown(document.value['arm'])}; it must describe the arm here"
+        )
+        raise ModelError(Problem(str(file), "arm", rule))
+    return document
+
+
+def _checked(
+    kind: type[R],
+    value: Any,
+    inside: Path,
+    where: Callable[[Path], str],
+    problems: list[Problem],
+    reported: Path = (),
+) -> R | None:
+    """Return a record of the value at the path `inside`, and add its faults to `problems`.
+
+    Problems at the path `reported` have been reported before and are omitted.
+    """
+    try:
+        return kind.model_validate(value)
+    except ValidationError as error:
+        for fault in faults_of(error):
+            place = (*inside, *fault.path)
+            if not reported or place != reported:
+                problems.append(replace(fault, path=place).problem(where(place), "the file"))
+        return None
+
+
+def _holder_of_arm(
+    document: Document,
+    problems: list[Problem],
+    came_from: tuple[str, ...],
+    kind: type[Record] | None = None,
+) -> Document | None:
+    """Return the document that contains the arm, following ``arm: other.yaml``, or None."""
+    problems += document.problems
+    problems += _head_problems(document, kind)
+    if "arm" not in document.value:
+        problems.append(Problem(document.where(()), "arm", "is missing"))
+        return None
+    named = document.value["arm"]
+    if not isinstance(named, str):
+        return document
+    here = document.where(("arm",))
+    came_from = (*came_from, _real(document.file))
+    other = document.file.parent / named
+    if _real(other) in came_from:
+        problems.append(Problem(here, "arm", "refers to itself through a circle of files"))
+        return None
+    try:
+        text = _text(other)
+        if not _ARM_FILE.search(text):
+            # The author of a scenario may have fewer rights than this process: do not quote the
+            # content of files that were not written for flexarm.
+            rule = f"names {shown(named)}, which is not an arm file: it has no key `flexarm`"
+            problems.append(Problem(here, "arm", rule))
+            return None
+        inside = [c for c in document.changes if c.path[0] == "arm" and len(c.path) > 1]
+        return _holder_of_arm(changed(_parsed(other, text), inside), problems, came_from)
+    except ModelError as error:
+        reported = f"It is named in {here}."
+        problems += [replace(p, hint=f"{p.hint} {reported}".strip()) for p in error.problems]
+        return None
+
+
+def _head_problems(document: Document, kind: type[Record] | None) -> list[Problem]:
+    """Return the problems of the version and of the names of the top-level keys.
+
+    If only the arm is read, the file may be of any kind.
+    """
+    if kind is None:
+        kind = Study if "drives" in document.value else Scenario
+    keys = ("flexarm", *kind.model_fields)
+    problems = [
+        Problem(document.where((key,)), key, "is not a known key", hint=suggestion(key, keys))
+        for key in document.value
+        if key not in keys
+    ]
+    where = document.where(("flexarm",))
+    if "flexarm" not in document.value:
+        hint = f"Start the file with `flexarm: {FILE_VERSION}`, the version of its format."
+        return [Problem(where, "flexarm", "is missing", hint=hint), *problems]
+    version = document.value["flexarm"]
+    if version != FILE_VERSION or not isinstance(version, int) or isinstance(version, bool):
+        newer = isinstance(version, int) and version > FILE_VERSION
+        hint = "The file is for a newer flexarm: upgrade flexarm." if newer else ""
+        rule = f"be {FILE_VERSION}, the version of the file format"
+        return [Problem(where, "flexarm", rule, shown(version), hint), *problems]
+    return problems
+
+
+def _in_order(first: FilePath, problems: list[Problem]) -> list[Problem]:
+    """Sort problems by file and line; those of the file `first` come first."""
+
+    def place(problem: Problem) -> tuple[int, int]:
+        file, _, line = problem.where.rpartition(":")
+        return files.index(file), int(line) if line.isdigit() else 0
+
+    named = [problem.where.rpartition(":")[0] for problem in problems]
+    files = list(dict.fromkeys([str(first), *named]))
+    return sorted(problems, key=place)
+
+
+#: A line that every arm file has, even if it has syntax errors further on. Blank lines are not
+#: part of the match, because the time would increase with a power of their number.
+_ARM_FILE = re.compile(r"""^[ \t]*(?:\{\s*)?["']?flexarm["']?\s*:""", re.MULTILINE)
+
+
+def _real(file: FilePath) -> str:
+    """Return the path with links resolved, or the path itself if no file can have it."""
+    try:
+        return os.path.realpath(file)
+    except ValueError:
+        return str(file)
+
+
+def _text(file: FilePath) -> str:
+    """Return the text of a file in UTF-8."""
+    try:
+        raw = read_bytes(file, _MOST_BYTES + 1)
+    except FileNotFoundError:
+        raise ModelError(
+            Problem(str(file), "the file", "does not exist", hint=_near(file))
+        ) from None
+    except IsADirectoryError:
+        raise ModelError(Problem(str(file), "the file", "is a directory")) from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ModelError(Problem(str(file), "the file", f"cannot be read: {reason}")) from None
+    return _decoded(file, raw)
+
+
+def _decoded(file: FilePath, raw: bytes) -> str:
+    """Return the text of the content of a file."""
+    if len(raw) > _MOST_BYTES:
+        rule = f"is larger than {_MOST_BYTES // 10**6} MB"
+        raise ModelError(Problem(str(file), "the file", rule))
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        where = f"{file}:{line}"
+        raise ModelError(Problem(where, "the file", "is not text in UTF-8")) from None
+
+
+def _parsed(file: FilePath, text: str) -> Document:
+    """Return the content of a YAML file; raise if it is not a mapping."""
+    document = parse(file, text)
+    if not isinstance(document.value, dict):
+        rule, value = "be a mapping of keys to values", shown(document.value)
+        raise ModelError(Problem(document.where(()), "the file", rule, value))
+    return document
+
+
+def _near(file: FilePath) -> str:
+    """Return a sentence with a file name in the same folder that is similar to the missing one."""
+    import difflib
+
+    try:
+        names = {FilePath(name).stem: name for name in sorted(os.listdir(file.parent))}
+    except (OSError, ValueError):
+        return ""
+    near = difflib.get_close_matches(file.stem, names, n=1)
+    return f"Did you mean {str(file.with_name(names[near[0]]))!r}?" if near else ""

@@ -1,0 +1,54 @@
+"""JSON schemas of the file formats, for completion and validation in editors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm.errors import ModelError, Problem, shown
+from flexarm.model.arm.sections import MATERIALS
+from flexarm.model.arm.spec import ArmSpec
+from flexarm.model.file_format.files import FILE_VERSION
+from flexarm.model.scenarios.scenario import Scenario
+from flexarm.model.scenarios.study import Study
+from flexarm.model.wording import suggestion
+
+_KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": Study}
+
+
+def json_schema(kind: str = "scenario") -> dict[str, Any]:
+    """Return the JSON schema of a kind of file.
+
+    Args:
+        kind: ``"scenario"``, which is valid for arm files too (only `flexarm` and `arm` are
+            required), ``"arm"``, which permits no other keys, or ``"study"``.
+
+    Raises:
+        ModelError: if there is no such kind of file.
+    """
+    if kind not in _KINDS:
+        rule = f"be one of {', '.join(map(repr, _KINDS))}"
+        hint = suggestion(kind, _KINDS) if isinstance(kind, str) else ""
+        raise ModelError(Problem("json_schema", "kind", rule, shown(kind), hint))
+    whole = (Study if kind == "study" else Scenario).model_json_schema()
+    definitions = whole["$defs"]
+    for definition in definitions.values():
+        if "kind" in definition.get("properties", {}):
+            # The field has a default, so pydantic lists it as optional, but files require it.
+            definition["required"] = ["kind", *definition.get("required", [])]
+    material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
+    material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before validation
+    properties: dict[str, Any] = whole["properties"]
+    parts = ["arm"] if kind == "arm" else list(properties)
+    arm = properties["arm"]
+    file = {"type": "string", "description": "An arm file, relative to this file."}
+    properties["arm"] = {"description": arm.pop("description", ""), "anyOf": [arm, file]}
+    version = {"const": FILE_VERSION, "description": "Version of the file format."}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"flexarm {kind} file",
+        "type": "object",
+        "properties": {"flexarm": version, **{part: properties[part] for part in parts}},
+        "required": ["flexarm", *(whole["required"] if kind == "study" else ["arm"])],
+        "additionalProperties": False,
+        "$defs": definitions,
+    }

@@ -1,0 +1,278 @@
+"""YAML text: reading to plain values with line numbers, and writing of records.
+
+Scalars follow YAML 1.2: ``1e5`` and ``70e9`` are numbers (text in YAML 1.1), ``1:30`` and ``yes``
+are text (90 and true in YAML 1.1), ``010`` is ten.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from copy import copy
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from yaml.composer import Composer
+from yaml.resolver import Resolver
+
+from flexarm.errors import ModelError, Problem, shown
+from flexarm.model.wording import Path, path_text
+
+if TYPE_CHECKING:
+    from flexarm.model.file_format.changes import Change
+
+#: Parser of libyaml; None if PyYAML was built without it.
+CParser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", None)
+
+# Aliases can expand a small file to a huge one; no description needs this many values.
+_MOST_VALUES = 5_000_000
+
+_TAG = "tag:yaml.org,2002:"
+
+
+class _Resolver(Resolver):
+    """The scalars of YAML 1.2, without those of PyYAML."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and form)
+
+
+for _name, _pattern, _first in (
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?((\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|\.(inf|Inf|INF))|\.(nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+    ("merge", r"<<", "<"),
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+):
+    _Resolver.add_implicit_resolver(_TAG + _name, re.compile(f"(?:{_pattern})$"), [*_first])
+
+
+class _Loader(yaml.SafeLoader):
+    """Loader of nodes by PyYAML's own parser; constructs no Python objects."""
+
+    yaml_implicit_resolvers = _Resolver.yaml_implicit_resolvers
+
+
+class _FastLoader(Composer, CParser or object, _Resolver):  # type: ignore[misc]
+    """Loader of the same nodes from the events of libyaml, in a seventh of the time.
+
+    It does not use the composer of ``CParser``, which overflows the stack for deep nesting.
+    """
+
+    def __init__(self, text: str) -> None:
+        CParser.__init__(self, text)
+        Composer.__init__(self)
+        _Resolver.__init__(self)
+
+
+class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
+    """Dumper without anchors, whose output the loaders read as the same values."""
+
+    yaml_implicit_resolvers = _Resolver.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def to_yaml(content: dict[str, Any]) -> str:
+    """Return YAML text of plain values in block style, innermost collections on one line."""
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
+
+
+Entries = dict[str, tuple[yaml.Node, yaml.Node]]
+
+
+class Document:
+    """A YAML file that was read.
+
+    Attributes:
+        file: path of the file, as given by the user.
+        value: content of the file as plain Python values.
+        problems: problems of the content as YAML that did not prevent reading.
+        changes: values that replaced those of the file, of which a later one prevails.
+    """
+
+    def __init__(self, file: FilePath, root: yaml.Node) -> None:
+        self.file = file
+        self.changes: tuple[Change, ...] = ()
+        self.problems: list[Problem] = []
+        self._root = root
+        # By node: aliases have the node of their anchor, and nested merges take exponential time.
+        self._entries: dict[int, Entries] = {}
+        self._built: dict[int, tuple[Any, int]] = {}
+        self._open: set[int] = set()
+        self.value = self._sized(root, ())[0]
+
+    def changed(self, value: Any, changes: Sequence[Change]) -> Document:
+        """Return this document with another value, and the changes that led to it."""
+        other = copy(self)
+        other.value, other.changes = value, (*self.changes, *changes)
+        return other
+
+    def where(self, path: Path) -> str:
+        """Return ``file:line`` of the value at a path, or of the nearest container of it.
+
+        For a value that was replaced, return the change.
+        """
+        for change in reversed(self.changes):
+            if path[: len(change.path)] == change.path:
+                return change.origin
+        node, line = self._root, self._root.start_mark.line
+        for part in path:
+            if isinstance(node, yaml.MappingNode):
+                found = self._entries_of(node).get(str(part))
+                if found is None:
+                    break
+                line, node = found[0].start_mark.line, found[1]
+            elif isinstance(node, yaml.SequenceNode) and isinstance(part, int):
+                node = node.value[part]
+                line = node.start_mark.line
+            else:
+                break
+        return f"{self.file}:{line + 1}"
+
+    def _sized(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
+        """Return the value of a node, and the number of values in it with aliases expanded."""
+        if id(node) in self._open:
+            self._report(node, path, "is an alias of a value that contains it")
+            return None, 1
+        if id(node) not in self._built:
+            self._open.add(id(node))
+            self._built[id(node)] = self._build(node, path)
+            self._open.remove(id(node))
+        value, size = self._built[id(node)]
+        if size > _MOST_VALUES:
+            rule = f"has more than {_MOST_VALUES} values with its aliases expanded"
+            raise ModelError(Problem(str(self.file), "the file", rule))
+        return value, size
+
+    def _build(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
+        if node.tag not in _TAGS:
+            tag = node.tag.removeprefix(_TAG)
+            self._report(node, path, f"has the tag {shown(tag)}; tags are not supported")
+        if isinstance(node, yaml.SequenceNode):
+            # Numbers of long tables need neither a path nor protection against aliases.
+            items = [
+                (_SCALARS[item.tag](item.value), 1)
+                if item.tag in _NUMBERS and isinstance(item, yaml.ScalarNode)
+                else self._sized(item, (*path, i))
+                for i, item in enumerate(node.value)
+            ]
+            return [value for value, _ in items], 1 + sum(size for _, size in items)
+        if isinstance(node, yaml.MappingNode):
+            self._check_keys(node, path)
+            entries = {
+                key: self._sized(value, (*path, key))
+                for key, (_, value) in self._entries_of(node).items()
+            }
+            size = 1 + sum(size for _, size in entries.values())
+            return {key: value for key, (value, _) in entries.items()}, size
+        return _SCALARS.get(node.tag, str)(node.value), 1
+
+    def _entries_of(self, mapping: yaml.MappingNode) -> Entries:
+        """Return key and value nodes by key; own keys override merged ones (``<<``)."""
+        if id(mapping) in self._entries:
+            return self._entries[id(mapping)]
+        own: Entries = {}
+        merged: Entries = {}
+        for key, value in mapping.value:
+            if key.tag == _TAG + "merge":
+                for source in value.value if isinstance(value, yaml.SequenceNode) else [value]:
+                    if isinstance(source, yaml.MappingNode):
+                        merged = self._entries_of(source) | merged
+            elif isinstance(key, yaml.ScalarNode):
+                own.setdefault(key.value, (key, value))
+        self._entries[id(mapping)] = merged | own
+        return merged | own
+
+    def _check_keys(self, node: yaml.MappingNode, path: Path) -> None:
+        """Report duplicate keys and keys that are not scalars."""
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                self._report(key, path, "has a list or a mapping as a key")
+            elif key.value in lines:
+                rule = f"is a duplicate key, first given in line {lines[key.value]}"
+                self._report(key, (*path, key.value), rule)
+            else:
+                lines[key.value] = line
+
+    def _report(self, node: yaml.Node, path: Path, rule: str) -> None:
+        where = f"{self.file}:{node.start_mark.line + 1}"
+        self.problems.append(Problem(where, path_text(path) or "the file", rule))
+
+
+def parse(file: FilePath, text: str) -> Document:
+    """Read YAML text.
+
+    Args:
+        file: path of the file, for messages.
+        text: one YAML document.
+
+    Raises:
+        ModelError: if the text is not YAML, is empty, or contains too many values.
+    """
+    try:
+        root = _composed(text)
+        if root is None:
+            raise ModelError(Problem(str(file), "the file", "is empty"))
+        return Document(file, root)
+    except yaml.MarkedYAMLError as error:
+        raise ModelError(_syntax_problem(file, error)) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        rule = f"contains the character {error.character:#x}, which YAML does not allow"
+        raise ModelError(Problem(f"{file}:{line}", "the file", rule)) from None
+    except RecursionError:
+        raise ModelError(Problem(str(file), "the file", "is nested too deeply")) from None
+
+
+def _composed(text: str) -> yaml.Node | None:
+    """Compose the nodes of YAML text.
+
+    Raises:
+        yaml.YAMLError: if it is not YAML; by PyYAML's own parser, whose messages are clearer.
+    """
+    if CParser is not None:
+        try:
+            return yaml.compose(text, Loader=_FastLoader)
+        except (yaml.YAMLError, UnicodeError):
+            pass
+    return yaml.compose(text, Loader=_Loader)
+
+
+def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
+    """Convert PyYAML's syntax error to a problem."""
+    mark = error.problem_mark or error.context_mark
+    where = f"{file}:{mark.line + 1}" if mark else str(file)
+    rule = f"is not valid YAML: {error.problem or error.context}"
+    hint = "Indent with spaces." if "'\\t'" in rule else ""
+    return Problem(where, "the file", rule, hint=hint)
+
+
+def _whole(text: str) -> int | float:
+    """Convert text to an integer; thousands of digits give infinity, which is rejected later."""
+    if text.startswith(("0o", "0x")):
+        return int(text, 0)
+    return int(text) if len(text) < 400 else float(text)
+
+
+def _real(text: str) -> float:
+    """Convert text with a point or an exponent, ``.inf`` or ``.nan``, to a number."""
+    return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+
+
+_NUMBERS = {_TAG + "int", _TAG + "float"}
+#: Conversion of a scalar by its tag; any other scalar is text.
+_SCALARS: dict[str, Callable[[str], Any]] = {
+    _TAG + "int": _whole,
+    _TAG + "float": _real,
+    _TAG + "bool": lambda text: text.lower() == "true",
+    _TAG + "null": lambda text: None,
+}
+_TAGS = {*_SCALARS, *(_TAG + name for name in ("str", "seq", "map", "merge"))}

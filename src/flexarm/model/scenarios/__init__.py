@@ -1,0 +1,1 @@
+"""Description of scenarios and studies: motions, prescribed joints, events, runs."""

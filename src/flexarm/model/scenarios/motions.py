@@ -1,0 +1,197 @@
+"""Motions of a scenario: the tip along a path, joints between postures, pressing on a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Discriminator, Field, Tag
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, length_of, plain
+from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
+from flexarm.model.wording import Fault, look, refuse
+
+Profile = Literal["quintic", "trapezoidal"]
+
+
+def _two_points(value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if len(value) < 2:
+        raise refuse("have at least two points", list(value))
+    return value
+
+
+Points = Annotated[Listed[Pair], AfterValidator(_two_points)]
+
+
+class _Timing(Record):
+    """Base of motions: duration, timing law and start; the arm is at rest before and after."""
+
+    duration: Positive = Field(description="Time from start to end (s).")
+    profile: Profile = Field(default="quintic", description="Timing law along the path.")
+    start_time: NonNegative = Field(default=0.0, description="When the motion starts (s).")
+    shaping: ShapingSpec | None = Field(
+        default=None, description="Input shaping against residual vibration."
+    )
+    smoothing: SmoothingSpec | None = Field(
+        default=None, description="Moving average over time, after the shaping."
+    )
+
+
+class _TipTiming(_Timing):
+    """Base of motions of the tip, with the posture."""
+
+    elbow: Literal["up", "down"] = Field(
+        default="up",
+        description=(
+            "Posture: elbow to the left (up) or to the right (down) of the line from "
+            "the base to the tip."
+        ),
+    )
+
+
+class LineMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip along a straight line."""
+
+    kind: Literal["line"] = "line"
+    start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
+    end: Pair = Field(description="Tip at the end [x, y], world frame (m).")
+
+
+class ViaPointMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip along lines between points, with rounded corners."""
+
+    kind: Literal["via_points"] = "via_points"
+    points: Points = Field(description="Where the lines meet [[x, y], ...], world frame (m).")
+    blend: Positive | None = Field(
+        default=None,
+        description="Distance from each corner at which the tip leaves the lines (m); by default "
+        "a quarter of the shorter line.",
+    )
+
+
+class SplineMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip on a smooth curve through points."""
+
+    kind: Literal["spline"] = "spline"
+    points: Points = Field(
+        description="Where the tip passes [[x, y], ...], world frame (m); the curve is closed if "
+        "the last equals the first."
+    )
+
+
+class CircleMotionSpec(_TipTiming):
+    """Motion of the rigid arm's tip on a circle."""
+
+    kind: Literal["circle"] = "circle"
+    center: Pair = Field(description="Centre of the circle [x, y], world frame (m).")
+    start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
+    angle: Number = Field(
+        description="Angle about the centre, counter-clockwise (rad); negative the other way."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("angle") and given.angle == 0.0:
+            yield Fault(("angle",), "differ from 0", "0")
+
+
+class JointMotionSpec(_Timing):
+    """Synchronous motion of all joints between two postures."""
+
+    kind: Literal["joint"] = "joint"
+    start: Listed[Number] = Field(description="Relative joint angles at the start (rad).")
+    end: Listed[Number] = Field(description="Relative joint angles at the end (rad).")
+
+
+TipMotionSpec = LineMotionSpec | ViaPointMotionSpec | SplineMotionSpec | CircleMotionSpec
+PlainMotionSpec = TipMotionSpec | JointMotionSpec
+PathSpec = Annotated[PlainMotionSpec, Field(discriminator="kind")]
+
+
+class ForceTable(Record):
+    """A force as a function of time: smooth between the values, constant before and after."""
+
+    times: Listed[Number] = Field(description="Increasing times (s).")
+    values: Listed[NonNegative] = Field(description="The force at each time (N).")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        times, values = length_of(given.raw("times")), length_of(given.raw("values"))
+        if times == 0:
+            yield Fault(("times",), "is empty")
+        elif times is not None and values is not None and values != times:
+            yield Fault(("values",), f"have length {times}, one value for each time", str(values))
+        if not given.has("times"):
+            return
+        for k in range(1, len(given.times)):
+            if given.times[k] <= given.times[k - 1]:
+                rule = f"be greater than {given.times[k - 1]:.9g}, the previous time"
+                yield Fault(("times", k), rule, shown(given.times[k]))
+                return
+
+
+def _number_or_table(value: Any) -> str:
+    return "<table>" if isinstance(plain(value), dict | ForceTable) else "<number>"
+
+
+Force = Annotated[
+    Annotated[NonNegative, Tag("<number>")] | Annotated[ForceTable, Tag("<table>")],
+    Discriminator(_number_or_table),
+]
+
+
+class PressedMotionSpec(Record):
+    """Motion of the bent arm's tip along a surface on which it presses."""
+
+    kind: Literal["pressed"] = "pressed"
+    path: PathSpec = Field(description="The motion of the rigid arm whose tip is the path.")
+    force: Force = Field(description="Force on the surface (N), or a table of it over time.")
+    normal: Pair | None = Field(
+        default=None,
+        description=(
+            "Normal out of the surface [x, y], of any length; by default that of the first contact."
+        ),
+    )
+    friction: NonNegative = Field(
+        default=0.0, description="Coefficient of friction assumed for the bent arm."
+    )
+    interval: Positive = Field(
+        default=0.05, description="Time between the instants at which the bent arm is computed (s)."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("normal") and not any(given.normal):
+            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
+
+
+MotionSpec = Annotated[PlainMotionSpec | PressedMotionSpec, Field(discriminator="kind")]
+
+
+def motion_faults(given: Given) -> Iterator[Fault]:
+    """Yield the faults between a motion that presses and the other parts of a scenario."""
+    motion, drive = given.raw("motion"), given.raw("drive")
+    if look(motion, "kind") != "pressed":
+        return
+    kind = look(drive, "kind")
+    if kind == "rigid_inverse_dynamics":
+        yield Fault(("drive", "kind"), f"{kind} is not supported with a pressed motion")
+    place: tuple[str, ...] = ("drive",)
+    while drive is not None:
+        if look(drive, "feedforward") == "rigid_inverse_dynamics":
+            rule = "rigid_inverse_dynamics is not supported with a pressed motion"
+            yield Fault((*place, "feedforward"), rule)
+        drive, place = look(drive, "inner"), (*place, "inner")
+    for k, joint in enumerate(given.prescribed if given.has("prescribed") else ()):
+        if joint.kind == "motion":
+            rule = "motion is not supported with a pressed motion"
+            yield Fault(("prescribed", k, "kind"), rule)
+    if look(motion, "normal") is None and given.has("contacts"):
+        if not given.contacts:
+            yield Fault(("motion", "normal"), "is required without contacts")
+            return
+        if given.contacts[0].surface.kind not in ("wall", "round"):
+            rule = "is required if the first contact is neither a wall nor round"
+            yield Fault(("motion", "normal"), rule)

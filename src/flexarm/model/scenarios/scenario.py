@@ -1,0 +1,195 @@
+"""Description of a scenario: an arm, its motion and drive, its environment, and the run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BeforeValidator, Field
+
+from flexarm.errors import shown
+from flexarm.model.arm.spec import ArmSpec
+from flexarm.model.checks import Given, Record
+from flexarm.model.drives import CONTROLLED, Drive, NoDrive, balances
+from flexarm.model.environment.contacts import Contact, contact_faults
+from flexarm.model.environment.loads import BaseAcceleration, Load, load_faults
+from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
+from flexarm.model.quantities import Flag, Listed, Number, Positive, Word, finite, length_of, plain
+from flexarm.model.scenarios.events import EventSpec, event_faults
+from flexarm.model.scenarios.motions import MotionSpec, motion_faults
+from flexarm.model.scenarios.prescribed import PrescribedJoint, prescribed_faults
+from flexarm.model.wording import Fault, Path, look
+
+MOST_SAMPLES = 10**7
+Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+Stations = Annotated[int, Field(strict=True, ge=0, le=1000), BeforeValidator(plain)]
+
+
+def sample_fault(duration: float, rate: float) -> Fault | None:
+    """Return a fault if a rate (Hz) gives too many samples in a duration (s), else None."""
+    samples = duration * rate
+    if samples <= MOST_SAMPLES:
+        return None
+    rule = f"be at most {MOST_SAMPLES / duration:.6g} for a duration of {duration:.6g}"
+    hint = f"A result has at most {MOST_SAMPLES:.0e} samples."
+    return Fault(("rate",), rule, shown(rate), hint)
+
+
+class InitialState(Record):
+    """Initial state of the arm; by default at the start of the motion."""
+
+    joint_angle: Listed[Number] | None = Field(
+        default=None, description="Relative joint angles (rad)."
+    )
+    joint_rate: Listed[Number] | None = Field(
+        default=None, description="Relative joint rates (rad/s); zero by default."
+    )
+    equilibrium: Flag = Field(
+        default=False,
+        description=(
+            "Whether the run starts in the equilibrium with locked joints; otherwise "
+            "the links start straight."
+        ),
+    )
+    balance: Flag = Field(
+        default=False,
+        description="Whether the torque of that equilibrium is added to the drive.",
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if not given.has("equilibrium"):
+            return
+        if given.equilibrium and not given.absent("joint_rate"):
+            yield Fault(("joint_rate",), "cannot be combined with equilibrium")
+        if given.has("balance") and given.balance and not given.equilibrium:
+            yield Fault(("equilibrium",), "must be true with balance")
+
+
+class RunSettings(Record):
+    """Duration, recording and integrator of a run."""
+
+    duration: Positive = Field(description="Simulated time (s).")
+    rate: Positive = Field(default=1000.0, description="Samples recorded per second (Hz).")
+    stations: Stations = Field(
+        default=0,
+        description="Number of sections of each link at which section forces are recorded.",
+    )
+    integrator: Word = Field(default="auto", description="Name of the integrator.")
+    rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
+    atol: Positive | None = Field(default=None, description="Absolute tolerance.")
+    step: Positive | None = Field(default=None, description="Step of a fixed-step method (s).")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        fault = sample_fault(given.duration, given.rate) if given.has("duration", "rate") else None
+        if fault is not None:
+            yield fault
+        if given.has("stations") and given.stations == 1:
+            yield Fault(("stations",), "be 0, or at least 2 (root and tip)", "1")
+        if given.has("duration", "step") and given.step > given.duration:
+            rule = f"be at most {given.duration:.9g}, the duration of the run"
+            yield Fault(("step",), rule, shown(given.step))
+
+
+class Scenario(Record):
+    """One run of an arm."""
+
+    arm: ArmSpec = Field(description="The arm.")
+    motion: MotionSpec | None = Field(default=None, description="The reference motion.")
+    drive: Drive = Field(default=NoDrive(), description="Source of the joint torques.")
+    hardware: Hardware | None = Field(
+        default=None, description="Instruments and motors between the controller and the arm."
+    )
+    prescribed: Listed[PrescribedJoint] = Field(
+        default=(), description="Joints with a prescribed motion."
+    )
+    loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
+    base_acceleration: BaseAcceleration | None = Field(
+        default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
+    )
+    events: Listed[EventSpec] = Field(
+        default=(), description="Events to locate, which are recorded or end the run."
+    )
+    contacts: Listed[Contact] = Field(
+        default=(), description="Contacts of points of the arm with surfaces."
+    )
+    initial: InitialState = Field(default=InitialState(), description="Initial state of the arm.")
+    run: RunSettings = Field(description="Settings of the run.")
+
+    _hints: ClassVar[dict[str, str]] = {
+        "arm": "In Python, load_arm_spec reads a file.",
+        "run": "It says how long to simulate, for example `run: {duration: 2}`.",
+    }
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        kind = look(given.raw("drive"), "kind")
+        kind = kind if isinstance(kind, str) else None
+        if kind in _FOLLOWING and given.absent("motion"):
+            yield Fault(("motion",), f"is required for drive {kind}")
+        turning = _turning(given.raw("arm"))
+        joints = len(turning)
+        for path, values in _values_per_joint(given):
+            length = length_of(values)
+            if joints and length not in (None, joints):
+                rule = f"have length {joints}, one value for each joint"
+                yield Fault(path, rule, str(length))
+        if given.has("hardware") and kind not in CONTROLLED:
+            yield Fault(("hardware",), "requires a controller as drive")
+        yield from hardware_faults(given)
+        yield from load_faults(given)
+        yield from contact_faults(given)
+        yield from motion_faults(given)
+        yield from prescribed_faults(given, turning)
+        yield from event_faults(given, turning)
+        if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
+            rule = "cannot be combined with a drive that compensates gravity"
+            yield Fault(("initial", "balance"), rule)
+
+
+_FOLLOWING = ("rigid_inverse_dynamics", *CONTROLLED)
+"""Drives that follow a motion."""
+
+
+def _turning(arm: object) -> list[int]:
+    """Return the numbers of the joints that turn, from a description that may be invalid."""
+    joints = plain(look(arm, "joints"))
+    joints = joints if isinstance(joints, list | tuple) else ()
+    fixed = {number for number, joint in enumerate(joints, 1) if look(joint, "fixed") is True}
+    links = length_of(look(arm, "links")) or 0
+    return [number for number in range(1, links + 1) if number not in fixed]
+
+
+def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
+    """Yield the values that need one entry per joint of the arm, with their paths.
+
+    These are raw values, because only lengths are compared here and the entries may be invalid.
+    """
+    motion, drive, initial = (given.raw(name) for name in ("motion", "drive", "initial"))
+    place: Path = ("motion",)
+    if look(motion, "kind") == "pressed":
+        motion, place = look(motion, "path"), ("motion", "path")
+    if look(motion, "kind") == "joint":
+        yield (*place, "start"), look(motion, "start")
+        yield (*place, "end"), look(motion, "end")
+    if look(drive, "kind") == "torque":
+        rows = plain(look(drive, "values"))
+        # Rows of equal length have the same problem, so only the first of them is checked.
+        seen: set[int | None] = set()
+        for i, row in enumerate(rows if isinstance(rows, list | tuple) else ()):
+            if length_of(row) not in seen:
+                yield ("drive", "values", i), row
+            seen.add(length_of(row))
+    place = ("drive",)
+    while drive is not None:  # a controller may contain another one
+        kind = look(drive, "kind")
+        record = CONTROLLED.get(kind) if isinstance(kind, str) else None
+        for name in record.per_joint if record else ():
+            yield (*place, name), look(drive, name)
+        drive, place = look(drive, "inner"), (*place, "inner")
+    motors = look(given.raw("hardware"), "motors")
+    for name in LIMITS:
+        yield ("hardware", "motors", name), look(motors, name)
+    yield ("initial", "joint_angle"), look(initial, "joint_angle")
+    yield ("initial", "joint_rate"), look(initial, "joint_rate")

@@ -1,0 +1,185 @@
+"""Description of a study, which compares drives on plants along motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Any, ClassVar
+
+from pydantic import Field, ValidationError
+
+from flexarm.errors import InputError, shown
+from flexarm.model.arm.joints import Friction
+from flexarm.model.arm.spec import ArmSpec
+from flexarm.model.arm.variation import varied_spec
+from flexarm.model.checks import Given, Record, faults_of
+from flexarm.model.drives import CONTROLLED, Drive
+from flexarm.model.environment.contacts import Contact
+from flexarm.model.environment.loads import Load, off_the_arm
+from flexarm.model.hardware import Hardware
+from flexarm.model.quantities import (
+    Listed,
+    Named,
+    NonNegative,
+    OneOrMany,
+    Positive,
+    Word,
+)
+from flexarm.model.scenarios.motions import MotionSpec
+from flexarm.model.scenarios.scenario import RunSettings, Scenario
+from flexarm.model.wording import Fault, Path
+
+
+class PlantSpec(Record):
+    """Differences between the simulated arm and the model in the controllers."""
+
+    payload_factor: NonNegative = Field(
+        default=1.0, description="Factor of the mass and inertia of the payload."
+    )
+    payload_mass: NonNegative | None = Field(
+        default=None, description="Mass of the payload, instead of a factor (kg)."
+    )
+    flexural_rigidity_factor: OneOrMany[Positive] = Field(
+        default=1.0,
+        description="Factor of the flexural rigidity, one for all links or one for each.",
+    )
+    mass_factor: OneOrMany[Positive] = Field(
+        default=1.0, description="Factor of the mass per length, one for all links or one for each."
+    )
+    friction: Friction | None = Field(
+        default=None, description="Friction of every joint that is not fixed."
+    )
+    loads: Listed[Load] = Field(
+        default=(), description="Forces and moments that act on this plant alone."
+    )
+
+
+class StudyRun(Record):
+    """Duration and integrator of each run, and the time after which it counts as settled."""
+
+    duration: Positive = Field(description="Simulated time of each run (s).")
+    rate: Positive = Field(
+        default=1000.0, description="Samples per second used for the metrics (Hz)."
+    )
+    settling: NonNegative = Field(
+        default=0.0,
+        description=(
+            "Time after the end of a motion that is excluded from settled error and "
+            "residual vibration (s); less than the duration."
+        ),
+    )
+    integrator: Word = Field(default="auto", description="Name of the integrator.")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("duration", "settling") and given.settling >= given.duration:
+            rule = f"be less than the duration of {given.duration:g} s"
+            yield Fault(("settling",), rule, shown(given.settling))
+
+    def settings(self) -> RunSettings:
+        """Return these settings for a single run."""
+        return RunSettings(duration=self.duration, rate=self.rate, integrator=self.integrator)
+
+
+#: Keys that every scenario of a study shares.
+_SHARED = ("hardware", "loads", "contacts")
+
+
+class Study(Record):
+    """A comparison of all drives on all plants along all motions."""
+
+    arm: ArmSpec = Field(description="The arm that the drives use as their model.")
+    motions: Named[MotionSpec] = Field(description="Reference motions by name.")
+    drives: Named[Drive] = Field(description="Sources of the joint torques, by name.")
+    plants: Named[PlantSpec] = Field(
+        default={"as believed": PlantSpec()},
+        validate_default=True,
+        description="Arms that are simulated, by name.",
+    )
+    hardware: Hardware | None = Field(
+        default=None, description="Instruments and motors of every drive that is a controller."
+    )
+    loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
+    contacts: Listed[Contact] = Field(
+        default=(), description="Contacts of points of the arm with surfaces."
+    )
+    run: StudyRun = Field(description="Settings of the runs and of their metrics.")
+
+    _hints: ClassVar[dict[str, str]] = {
+        "run": "It says how long to simulate, for example `run: {duration: 2}`.",
+    }
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from _unfit_plants(given)
+        if not given.has("arm", "motions", "drives", "run"):
+            return
+        if not all(given.absent(name) or given.has(name) for name in _SHARED):
+            return  # their own faults are reported
+        reported: set[Fault] = set()
+        for drive, motion in _pairs(given):
+            for fault in _of_one(given, drive, motion):
+                if fault not in reported:
+                    reported.add(fault)
+                    yield fault
+
+    def scenario(self, drive: str, motion: str) -> Scenario:
+        """Return the scenario of one drive along one motion, on the arm without variation."""
+        return Scenario(**_content(self, drive, motion))
+
+
+def _pairs(given: Given) -> Iterator[tuple[str, str]]:
+    """Yield all pairs of a drive and a motion, some of which may be incompatible."""
+    yield from product(given.drives, given.motions)
+
+
+def _of_one(given: Given, drive: str, motion: str) -> Iterator[Fault]:
+    """Yield the faults of the scenario of one drive and one motion, with paths in the study."""
+    try:
+        Scenario.model_validate(_content(given, drive, motion))
+    except ValidationError as error:
+        for fault in faults_of(error):
+            path = placed(fault.path, drive, motion)
+            yield Fault(path, fault.rule, fault.value, fault.hint)
+
+
+def placed(path: Path, drive: str, motion: str) -> Path:
+    """Return the key path in a study for a key path in one of its scenarios."""
+    for head, place in (("drive", ("drives", drive)), ("motion", ("motions", motion))):
+        if path[:1] == (head,):
+            return (*place, *path[1:])
+    return path
+
+
+def _content(source: Any, drive: str, motion: str) -> dict[str, Any]:
+    asked = source.drives[drive]
+    content = {"arm": source.arm, "motion": source.motions[motion], "drive": asked}
+    content |= {"loads": source.loads or (), "contacts": source.contacts or ()}
+    if asked.kind in CONTROLLED:
+        content["hardware"] = source.hardware
+    return {**content, "run": source.run.settings()}
+
+
+def _unfit_plants(given: Given) -> Iterator[Fault]:
+    if not given.has("arm", "plants"):
+        return
+    for name, plant in given.plants.items():
+        try:
+            plant_spec(given.arm, plant)
+        except InputError as error:
+            for problem in error.problems:
+                path = ("plants", name, problem.name)
+                value = shown(getattr(plant, problem.name)) if problem.value else ""
+                yield Fault(path, problem.rule, value, problem.hint)
+        for fault in off_the_arm(given.arm, plant.loads):
+            yield fault.inside("plants", name)
+
+
+def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
+    """Return the description of a simulated arm, without its loads.
+
+    Raises:
+        InputError: if a list does not fit the links, or the arm has no payload to change.
+    """
+    factors = [name for name in PlantSpec.model_fields if name != "loads"]
+    return varied_spec(arm, **{name: getattr(plant, name) for name in factors})

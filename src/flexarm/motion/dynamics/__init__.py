@@ -1,0 +1,1 @@
+"""Dynamics along a motion: rigid torques, inverse dynamics, tip constraints."""

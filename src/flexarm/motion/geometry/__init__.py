@@ -1,0 +1,1 @@
+"""Geometry of the rigid chain: forward and inverse kinematics."""

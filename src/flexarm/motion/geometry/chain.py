@@ -1,0 +1,93 @@
+"""Rigid chain of an arm: straight bars between the joints that turn.
+
+Links with fixed joints between them form one bar, from the root of the first to the next joint that
+turns or to the tip. Its length is the sum of theirs if they are in line. Otherwise it is the
+straight line between both ends, at an angle to the root tangent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem, shown
+from flexarm.motion.geometry.kinematics import tip_position
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm.arm import Arm
+
+    Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RigidChain:
+    """Straight bars between the joints that turn.
+
+    Attributes:
+        lengths: lengths of the bars (n,), m.
+        offset: angles between bars minus joint angles (n,), rad; zero unless a fixed joint
+            has a rest angle.
+        base: position of the first joint that turns (2,), world axes, m.
+    """
+
+    lengths: Floats
+    offset: Floats
+    base: Floats
+
+    def tip(self, joint_angles: Floats) -> Floats:
+        """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
+        return self.base + tip_position(self.lengths, joint_angles + self.offset)
+
+
+def check_arm(where: str, arm: Arm) -> Arm:
+    """Return an object that has the joints and links of an arm.
+
+    Raises:
+        InputError: if it does not have them.
+    """
+    parts = ("joints", "links", "lengths", "spec", "assembly")
+    if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
+        given = f"the class {arm.__name__}" if isinstance(arm, type) else shown(arm)
+        raise InputError(Problem(where, "arm", "be an Arm", given))
+    return arm
+
+
+def rigid_chain(where: str, arm: Arm) -> RigidChain:
+    """Return the rigid chain of an arm.
+
+    Raises:
+        InputError: if no joint turns, or two joints that turn are at the same position.
+    """
+    if check_arm(where, arm).joints == 0:
+        raise InputError(Problem(where, "arm", "has no joint that is not fixed"))
+    turning = [seat.link for seat in arm.assembly.seats]
+    base, before = _walk(arm, 0, turning[0])
+    lengths, offset = [], []
+    for first, end in zip(turning, [*turning[1:], arm.links], strict=True):
+        bar, turned = _walk(arm, first, end)
+        length, direction = float(np.hypot(*bar)), float(np.arctan2(bar[1], bar[0]))
+        if length <= 1e-12 * float(np.sum(arm.lengths)):
+            rule = f"has two joints at one place: its fixed links return to joint {first + 1}"
+            raise InputError(Problem(where, "arm", rule))
+        lengths.append(length)
+        offset.append(before + direction)
+        before = turned - direction
+    return RigidChain(np.array(lengths), np.array(offset), base)
+
+
+def _walk(arm: Arm, first: int, end: int) -> tuple[Floats, float]:
+    """Return position (2,) and angle from the root of one link to the root of another or the tip.
+
+    In the axes of the first link. The joint of the first link has an effect only if it is fixed.
+    """
+    at, angle = np.zeros(2), 0.0
+    for i in range(first, end):
+        joint = arm.spec.joints[i]
+        if joint.fixed:
+            angle += joint.rest_angle
+        at = at + arm.lengths[i] * np.array([np.cos(angle), np.sin(angle)])
+    return at, angle

@@ -1,0 +1,190 @@
+"""Inverse kinematics of a rigid arm: relative joint angles for a position of the tip.
+
+Two links have a closed-form solution with two elbow branches. Longer arms are redundant: a posture
+is constructed link by link in closed form, or the nearest to a given posture is found. A point out
+of reach raises an error with the reach and the distance.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.motion.geometry.chain import RigidChain, rigid_chain
+from flexarm.motion.geometry.nearest_posture import nearest_posture
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from flexarm.arm import Arm
+
+    Floats = NDArray[np.float64]
+
+REACH_TOLERANCE = 1e-9
+"""Points this fraction of the reach outside count as on the boundary: a nanometre per metre."""
+ELBOWS = ("up", "down")
+
+
+def reach_limits(lengths: Floats) -> tuple[float, float]:
+    """Return the smallest and largest distance (m) of the tip from the base.
+
+    The smallest is zero unless one link is longer than all the others together.
+    """
+    total = float(np.sum(lengths))
+    return max(0.0, 2.0 * float(np.max(lengths)) - total), total
+
+
+def inverse_kinematics(
+    arm: Arm, point: ArrayLike, elbow: str = "up", posture: ArrayLike | None = None
+) -> Floats:
+    """Return relative joint angles (n,) (rad) that place the tip of the rigid arm at a point.
+
+    Args:
+        arm: only its link lengths are used, so it may be flexible or rigid.
+        point: world (x, y), m.
+        elbow: for two links, `"up"` is the branch with theta_2 <= 0 and `"down"` its mirror image
+            with theta_2 >= 0. For more links without a posture, the side of the line from base to
+            point on which the arm is: `"up"` is the left side in the direction of the point.
+        posture: for three links or more, relative joint angles (n,) rad; the result is then the
+            nearest solution: the sum of the squared differences from them is a minimum, to which
+            the descents from this posture and from those of both elbows lead. `elbow` is not used.
+
+    Returns:
+        The angles, each in [-pi, pi], except that those nearest to a posture keep its full turns.
+
+    Raises:
+        InputError: if the point is out of reach, or an argument has the wrong shape or is not
+            finite.
+    """
+    where = "inverse_kinematics"
+    chain = rigid_chain(where, arm)
+    target = check_array(where, "point", point, (2,))
+    check_elbow(where, elbow)
+    check_reach(where, "point", chain, target)
+    return posture_at(where, chain, target, elbow, posture)
+
+
+def posture_at(
+    where: str, chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike | None
+) -> Floats:
+    """Return joint angles (n,) of a rigid chain for a point (2,) within reach.
+
+    Args:
+        where: name of the calling function, for messages.
+        chain, point, elbow, posture: see `inverse_kinematics`.
+
+    Raises:
+        InputError: if the posture has the wrong shape, is not finite, or is not permitted.
+    """
+    lengths, target = chain.lengths, point - chain.base
+    if posture is None:
+        return _wrapped(built_posture(lengths, target, elbow) - chain.offset)
+    seed = check_array(where, "posture", posture, (len(lengths),))
+    if len(lengths) < 3:
+        rule = "is not supported for an arm of one or two links"
+        hint = "Choose the posture with elbow='up' or 'down'."
+        raise InputError(Problem(where, "posture", rule, hint=hint))
+    bars = seed + chain.offset
+    built = [built_posture(lengths, target, elbow) for elbow in ELBOWS]
+    starts = [angles + _full_turns(bars - angles) for angles in built]
+    if _on_boundary(lengths, target):
+        # The only posture is straight or folded, and a search would converge slowly to it.
+        return starts[0] - chain.offset
+    return nearest_posture(lengths, target, bars, starts) - chain.offset
+
+
+def check_elbow(where: str, elbow: str) -> None:
+    """Raise if an elbow is neither up nor down."""
+    if not isinstance(elbow, str) or elbow not in ELBOWS:
+        raise InputError(Problem(where, "elbow", "be 'up' or 'down'", shown(elbow)))
+
+
+def check_reach(where: str, name: str, chain: RigidChain, point: Floats) -> None:
+    """Raise if a point (2,) is outside the ring (for one link the circle) of reachable points."""
+    inner, outer = reach_limits(chain.lengths)
+    distance = float(np.hypot(*(point - chain.base)))
+    slack = REACH_TOLERANCE * outer
+    value = f"({point[0]:.6g}, {point[1]:.6g}), {distance:.6g} m from it"
+    if len(chain.lengths) == 1 and abs(distance - outer) > slack:
+        rule = f"lie on the circle of radius {outer:.6g} m about the base"
+        hint = "The tip of a one-link arm stays on that circle."
+        raise InputError(Problem(where, name, rule, value, hint))
+    if distance > outer + slack:
+        rule = f"lie within the reach of {outer:.6g} m from the base"
+        raise InputError(Problem(where, name, rule, value, "The straight arm is too short."))
+    if distance < inner - slack:
+        rule = f"lie at least {inner:.6g} m from the base"
+        hint = "One link is longer than all the others together."
+        raise InputError(Problem(where, name, rule, value, hint))
+
+
+def elbow_angle(lengths: Floats, distance: Floats | float, elbow: str) -> Floats:
+    """Return theta_2 of a two-link arm whose tip is `distance` (any shape, m) from the base.
+
+    The half-angle form tan^2(theta_2 / 2) = (R^2 - r^2) / (r^2 - h^2), with R and h the outer and
+    inner reach, keeps all its digits near the straight and the folded posture, where the cosine
+    rule loses half of them.
+    """
+    inner, outer = abs(float(lengths[0] - lengths[1])), float(lengths[0] + lengths[1])
+    to_outer = np.maximum((outer - distance) * (outer + distance), 0.0)
+    to_inner = np.maximum((distance - inner) * (distance + inner), 0.0)
+    bend: Floats = 2.0 * np.arctan2(np.sqrt(to_outer), np.sqrt(to_inner))
+    return -bend if elbow == "up" else bend
+
+
+def shoulder_offset(lengths: Floats, bend: Floats) -> Floats:
+    """Return the direction of the tip relative to link 1 for theta_2 = `bend`, in [-pi, pi]."""
+    first, second = lengths
+    direction: Floats = np.arctan2(second * np.sin(bend), first + second * np.cos(bend))
+    return direction
+
+
+def built_posture(lengths: Floats, point: Floats, elbow: str) -> Floats:
+    """Return a posture (n,) for a point within reach, constructed link by link in closed form.
+
+    Each link is rotated so that the remaining distance to the point is the same fraction of the
+    remaining reach, or as near to that as the triangle permits with a margin. At the limits of the
+    triangle the link would be in line with the others, and the arm nearer to a singular posture.
+    """
+    side = 1.0 if elbow == "up" else -1.0
+    absolute: list[float] = []
+    left = np.array(point)
+    for i in range(len(lengths) - 2):
+        inner, outer = reach_limits(lengths[i + 1 :])
+        distance = float(np.hypot(*left))
+        low = max(inner, abs(distance - lengths[i]))
+        high = min(outer, distance + lengths[i])
+        room = 0.1 * (high - low)
+        share = distance * outer / (outer + lengths[i])
+        rest = float(np.clip(share, low + room, high - room)) if room > 0.0 else low
+        triangle = np.array([lengths[i], rest])
+        bend = elbow_angle(triangle, distance, elbow)
+        turn = side * abs(float(shoulder_offset(triangle, bend)))
+        absolute.append(float(np.arctan2(left[1], left[0])) + turn)
+        left -= lengths[i] * np.array([np.cos(absolute[-1]), np.sin(absolute[-1])])
+    last = float(np.arctan2(left[1], left[0]))
+    if len(lengths) == 1:
+        return np.array([last])
+    bend = elbow_angle(lengths[-2:], np.hypot(*left), elbow)
+    absolute.append(last - float(shoulder_offset(lengths[-2:], bend)))
+    return np.array([absolute[0], *np.diff(absolute), bend])
+
+
+def _on_boundary(lengths: Floats, point: Floats) -> bool:
+    inner, outer = reach_limits(lengths)
+    distance = float(np.hypot(*point))
+    slack = REACH_TOLERANCE * outer
+    return distance > outer - slack or (inner > 0.0 and distance < inner + slack)
+
+
+def _wrapped(angles: Floats) -> Floats:
+    """Return the angles in [-pi, pi]; those already in this interval are returned unchanged."""
+    inside = np.abs(angles) <= np.pi
+    return np.where(inside, angles, np.pi - np.mod(np.pi - angles, 2.0 * np.pi))
+
+
+def _full_turns(angles: Floats) -> Floats:
+    """Return the angles rounded to full turns."""
+    return 2.0 * np.pi * np.round(angles / (2.0 * np.pi))

@@ -1,0 +1,1 @@
+"""Paths of the tip, and motions along them."""

@@ -1,0 +1,1 @@
+"""Writing of files: paths checked in advance, files written completely or not at all."""
