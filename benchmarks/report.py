@@ -86,10 +86,10 @@ once, and of the start-up, which are the minimum of a few runs.
 
 The limit is a C++ template with sizes known to the compiler, `benchmarks/limit`. It was written by
 hand for this comparison only and is compiled with `-O3 -march=native`. Before it is timed, its
-accelerations are verified to agree to 1e-11. The goal is 1.5 times the limit. flexarm reaches it
-if the compiler knows the sizes: with `specialized=True`, and in long runs by default, as decided
-from the number of evaluations. Other runs use the code for any size, which is not compiled again
-for each arm.
+accelerations are verified to agree to 1e-11. The goal is 1.15 times the limit with sizes known to
+the compiler. They are known with `specialized=True`, and in long runs by default, as decided from
+the number of evaluations. Other runs use the code for any size, which is not compiled again for
+each arm.
 
 ## Scaling
 

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from PIL import Image
+from stored_pictures import assert_looks_like
 
 import flexarm as fa
 from flexarm.plot.palette import BLUE, ORANGE
@@ -292,3 +293,18 @@ def test_a_page_of_animate_zooms_too(screen, tmp_path):
     drag(screen, torques.nth(0), 0.45, 0.6)
     for k in (0, 1):
         assert np.abs(picture(torques.nth(k)) - before[k]).max() > 100
+
+
+def test_the_page_looks_like_the_picture_of_the_documentation(screen, tmp_path):
+    """The run differs from that of the other tests: a picture for readers."""
+    path = tmp_path / "report.html"
+    stiff = LINK | {"flexural_rigidity": 10.0}
+    arm = fa.Arm(links=[stiff, stiff], payload={"mass": 0.1}, gravity=(0.0, -9.81))
+    run = fa.simulate(arm, 2.0, initial=arm.rest([0.3, 0.6]), rate=200.0)
+    run.attrs["wall_seconds"] = 0.01  # the page shows it
+    fa.report(run, path, title="A double pendulum of two beams", rigid=True)
+    screen.set_viewport_size({"width": 1200, "height": 900})
+    screen.goto(path.as_uri())
+    screen.locator(".time").fill("35")
+    screen.evaluate("document.activeElement.blur()")
+    assert_looks_like(screen, "report.png")

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import os
 import urllib.request
-from pathlib import Path
 from urllib.error import HTTPError
 
 import numpy as np
 import pytest
-from PIL import Image
+from stored_pictures import assert_looks_like
 from studio_server import LENGTH, MASS, Screen, assert_shows, project_with, studio
 
 from flexarm.studio.state import open_bytes
 
-#: Made anew with STUDIO_PICTURE=1.
-PICTURE = Path(__file__).parents[2] / "docs" / "how-to" / "studio.png"
-
 
 def test_the_page_looks_like_the_picture_of_the_documentation(new_window):
-    """Means of squares of 10 pixels, because fonts and smoothing differ between machines."""
     window = new_window(1400, 900)
     page = window.page
     window.choose("drive.kind", "joint pd")
@@ -32,16 +26,7 @@ def test_the_page_looks_like_the_picture_of_the_documentation(new_window):
     page.locator(".panel").evaluate("panel => { panel.scrollTop = 0; }")
     page.evaluate("document.querySelector('.status').textContent = ''")
     page.evaluate("document.activeElement.blur()")
-    found = page.screenshot()
-    if os.environ.get("STUDIO_PICTURE"):
-        PICTURE.write_bytes(found)
-    with Image.open(io.BytesIO(found)) as new, Image.open(PICTURE) as old:
-        each = [np.asarray(image.convert("RGB")).astype(float) for image in (new, old)]
-    assert each[0].shape == each[1].shape
-    squares = [pixels.reshape(90, 10, 140, 10, 3).mean(axis=(1, 3)) for pixels in each]
-    away = np.abs(squares[0] - squares[1]).max(axis=-1)
-    assert away.mean() < 3.0  # of 255
-    assert (away > 60.0).mean() < 0.01
+    assert_looks_like(page, "studio.png")
 
 
 def test_two_windows_have_their_own_states(new_window):

@@ -67,3 +67,9 @@ def test_functions_on_the_two_ways_exist_and_are_as_many_as_stated() -> None:
             names = [n for n in re.findall(r"`([\w.]+)`", text) if re.match(values, n)]
             assert {n.rpartition(".")[2] for n in names} <= defined, names
             assert len(names) == int(count), names
+
+
+def test_every_folder_of_the_package_is_small() -> None:
+    for folder in {path.parent for path in (ROOT / "src").rglob("*.py")}:
+        modules = {path.stem for path in folder.glob("*.py")} - {"__init__"}
+        assert len(modules) <= 15, f"{folder}: {len(modules)} modules"

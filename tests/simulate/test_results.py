@@ -51,6 +51,38 @@ def test_every_channel_has_its_dimensions_units_and_meaning(result, arm):
         assert np.all(np.isfinite(variable))
 
 
+def test_every_arm_has_its_own_labels_and_values():
+    """Results of arms with equal labels share them, so runs of different arms alternate here."""
+
+    def arm(station, modes, segments):
+        link = fa.Link(
+            length=1.0,
+            flexural_rigidity=20.0,
+            mass_per_length=0.4,
+            elements=2,
+            modes=modes,
+            segments=segments,
+            gauges=[fa.Gauge(station=station, distance=0.004)],
+        )
+        return fa.Arm(links=[link])
+
+    def names(modes, segments):
+        one = ["link_1"] if segments == 1 else [f"link_1_segment_{n + 1}" for n in range(segments)]
+        return ["joint_1", *(f"{piece}_mode_{k + 1}" for piece in one for k in range(modes))]
+
+    runs = {(0.1, 2, 1): [], (0.2, 2, 1): [], (0.1, 3, 1): [], (0.1, 1, 2): []}
+    for _ in range(2):
+        for choice, results in runs.items():
+            torque = [[sum(choice)]] * 5
+            results.append(fa.simulate(arm(*choice), 0.1, torque=torque, rate=50.0))
+    for (station, *rest), (first, second) in runs.items():
+        assert first.gauge.values == [f"link 1 at {station:g} m"]
+        assert list(first.coordinate.values) == names(*rest)
+        np.testing.assert_array_equal(first.torque, sum((station, *rest)))
+        del first.attrs["wall_seconds"], second.attrs["wall_seconds"]
+        xr.testing.assert_identical(first, second)
+
+
 def test_coordinates_are_labelled(result):
     names = {"time", "joint", "link", "axis", "coordinate", "gauge", "station", "position"}
     assert set(result.coords) == names

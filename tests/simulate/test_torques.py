@@ -268,6 +268,36 @@ def test_function_that_returns_something_else(answer):
         fa.simulate(unit_link(), 1.0, torque=lambda t: answer)
 
 
+@pytest.mark.parametrize("row", [np.zeros(1), [0.0]], ids=["array", "list"])
+def test_function_may_return_the_same_row_object_each_time(row):
+    def torque(t):
+        row[0] = np.sin(t)
+        return row
+
+    history = function_history(torque, 1.0, 1, 1e-9)
+    plain = function_history(lambda t: (np.sin(t),), 1.0, 1, 1e-9)
+    times = np.linspace(0.0, 1.0, 50)
+    np.testing.assert_array_equal(history.at(times), plain.at(times))
+
+
+def test_masked_row_among_arrays_is_refused():
+    def torque(t):
+        return np.ma.masked_array([1.0], mask=[t > 0.5])
+
+    with pytest.raises(fa.InputError, match=r"torque\(.*is a masked array"):
+        fa.simulate(unit_link(), 1.0, torque=torque)
+
+
+def test_wrong_value_before_a_failure_is_reported_first():
+    def torque(t):
+        if t > 0.6:
+            raise ArithmeticError("too late")
+        return (1.0,) if t < 0.3 else (np.nan,)
+
+    with pytest.raises(fa.InputError, match=r"torque\(0\.3\d*\)\[0\] must be finite"):
+        fa.simulate(unit_link(), 1.0, torque=torque)
+
+
 def test_torque_history_and_constant():
     history = sampled_torque(SAMPLES[:, :1], RATE, 1.0, 1, "linear")
     direct = fa.simulate(unit_link(), 1.0, torque=history)

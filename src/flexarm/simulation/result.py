@@ -25,12 +25,12 @@ class _Labels(NamedTuple):
     """Dimensions, coordinates and attributes of a result, with placeholder data."""
 
     times: FloatArray
-    shapes: dict[str, tuple[int, ...]]
     dataset: xr.Dataset
 
 
-#: Labels of each arm's last result, because the next one often has the same.
-_labels_of: WeakKeyDictionary[Arm, _Labels] = WeakKeyDictionary()
+#: Labels of the last results, because the next arm often has the same links, joints and channels.
+_kept_labels: dict[tuple[object, ...], _Labels] = {}
+_MOST_LABELS = 16
 _texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
 
 
@@ -72,25 +72,27 @@ def make_result(
     if "bending_moment" in values:  # not cached, because users may change `position`
         dataset = _labelled(arm, times, values)
     else:
-        labels = _labels_of.get(arm)
-        shapes = {name: array.shape for name, array in values.items()}
-        if (
-            labels is None
-            or list(labels.shapes.items()) != list(shapes.items())
-            or not np.array_equal(labels.times, times)
-        ):
-            labels = _labels_of[arm] = _new_labels(arm, times, shapes)
-        dataset = labels.dataset.copy(data=values)
+        dataset = _labels(arm, times, values).dataset.copy(data=values)
     software = {"flexarm_version": package_version(), "software": software_versions()}
     dataset.attrs = {**software, **attributes, "arm": arm_text(arm)}
     return dataset
 
 
-def _new_labels(arm: Arm, times: FloatArray, shapes: dict[str, tuple[int, ...]]) -> _Labels:
-    times = times.copy()
-    times.setflags(write=False)  # results share the time index
-    nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
-    return _Labels(times, shapes, _labelled(arm, times, nothing))
+def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labels:
+    """Return the labels of a result: those of an earlier one with the same labels, or new ones."""
+    shapes = {name: array.shape for name, array in values.items()}
+    numbers = tuple(arm.joint_numbers.tolist())
+    key = (_coordinate_names(arm), numbers, arm.links, _gauge_names(arm), *shapes.items())
+    labels = _kept_labels.get(key)
+    if labels is None or not np.array_equal(labels.times, times):
+        times = times.copy()
+        times.setflags(write=False)  # results share the time index
+        nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
+        labels = _Labels(times, _labelled(arm, times, nothing))
+        _kept_labels[key] = labels
+        for oldest in list(_kept_labels)[:-_MOST_LABELS]:
+            _kept_labels.pop(oldest, None)  # another thread may have removed it
+    return labels
 
 
 def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
@@ -148,6 +150,29 @@ def coordinates_of(
     Args:
         stations: number of sections of each link; contacts: number of contacts.
     """
+    coordinates: dict[str, Any] = {
+        "time": ("time", times, {"units": "s", "long_name": "time"}),
+        "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
+        "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
+        "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
+        "coordinate": (
+            "coordinate",
+            list(_coordinate_names(arm)),
+            {"long_name": "generalised coordinate"},
+        ),
+    }
+    if arm.gauges:
+        coordinates["gauge"] = ("gauge", list(_gauge_names(arm)), {"long_name": "strain gauge"})
+    if stations:
+        coordinates |= _stations(arm, stations)
+    if contacts:
+        numbers = np.arange(1, contacts + 1)
+        meaning = "contact, counted as given"
+        coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
+    return coordinates
+
+
+def _coordinate_names(arm: Arm) -> tuple[str, ...]:
     names = [""] * arm.dof
     for seat in arm.assembly.seats:
         names[seat.angle] = f"joint_{seat.link + 1}"
@@ -159,23 +184,11 @@ def coordinates_of(
             label += f"_segment_{piece.body - arm.assembly.link_body[piece.link] + 1}"
         for mode, place in enumerate(range(arm.dof)[piece.modal], start=1):
             names[place] = f"{label}_mode_{mode}"
-    coordinates: dict[str, Any] = {
-        "time": ("time", times, {"units": "s", "long_name": "time"}),
-        "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
-        "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
-        "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
-        "coordinate": ("coordinate", names, {"long_name": "generalised coordinate"}),
-    }
-    if arm.gauges:
-        labels = [f"link {link + 1} at {station:g} m" for link, station, _ in arm.gauges]
-        coordinates["gauge"] = ("gauge", labels, {"long_name": "strain gauge"})
-    if stations:
-        coordinates |= _stations(arm, stations)
-    if contacts:
-        numbers = np.arange(1, contacts + 1)
-        meaning = "contact, counted as given"
-        coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
-    return coordinates
+    return tuple(names)
+
+
+def _gauge_names(arm: Arm) -> tuple[str, ...]:
+    return tuple(f"link {link + 1} at {station:g} m" for link, station, _ in arm.gauges)
 
 
 def _stations(arm: Arm, count: int) -> dict[str, Any]:
