@@ -19,11 +19,17 @@ from flexarm.errors import InputError, SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Status, Tolerance
+from flexarm.integrate.explicit_runge_kutta.lanes import (
+    LaneDrive,
+    LaneMemory,
+    LaneMethod,
+    LaneRuns,
+    advance_lanes,
+)
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
-from flexarm.integrate.lanes import LaneDrive, LaneMemory, LaneMethod, LaneRuns, advance_lanes
 from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, STEP, STEPS
+from flexarm.kernels.compilation.packs import COMPILED, LANES, Packs
 from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
-from flexarm.kernels.packs import COMPILED, LANES, Packs
 from flexarm.model.scenarios.events import DURATION
 from flexarm.observe import channels_of
 from flexarm.simulation.preparation import RunOptions

@@ -29,7 +29,7 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
-from flexarm.kernels.packs import LANES
+from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
 from flexarm.simulation.preparation import Torque, run_options
 from flexarm.simulation.result import arm_text, package_version, software_versions

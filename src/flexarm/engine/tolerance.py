@@ -9,7 +9,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.kernel_view import KernelView
 from flexarm.integrate.base import FloatArray, Tolerance
-from flexarm.kernels.fastest_vibration import fastest_vibrations
+from flexarm.kernels.recursion.fastest_vibration import fastest_vibrations
 
 #: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
 _INTERIOR = 0.1

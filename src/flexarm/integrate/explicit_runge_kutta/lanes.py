@@ -37,9 +37,9 @@ from flexarm.integrate.steps import (
 from flexarm.integrate.torque import piece_of
 from flexarm.kernels.columns import FREE, JOINT_UW
 from flexarm.kernels.compilation.cache import apart, inner, merged, unlocked
+from flexarm.kernels.compilation.packs import LANES, PackArray, chosen
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes
-from flexarm.kernels.packs import LANES, PackArray, chosen
 from flexarm.kernels.recursion.inward import inward
 from flexarm.kernels.recursion.outward import outward
 

@@ -28,8 +28,7 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
-
-from flexarm.kernels.layout import Array
+from numpy.typing import NDArray
 
 #: Number of lanes of a pack.
 LANES = 8
@@ -183,7 +182,7 @@ PackArray = Any
 class Packs:
     """Array whose last axis is the lanes; ``packs[i, j]`` is a pack in a kernel."""
 
-    def __init__(self, array: Array) -> None:
+    def __init__(self, array: NDArray[np.float64]) -> None:
         if array.shape[-1] != LANES or array.dtype != np.float64 or not array.flags.c_contiguous:
             raise ValueError("packs are contiguous float64 arrays with eight lanes")
         self.array = array
