@@ -19,13 +19,13 @@ from flexarm.errors import InputError, SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.explicit_runge_kutta.lanes import (
+from flexarm.integrate.explicit_runge_kutta.lane_data import (
     LaneDrive,
     LaneMemory,
     LaneMethod,
     LaneRuns,
-    advance_lanes,
 )
+from flexarm.integrate.explicit_runge_kutta.lanes import advance_lanes
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, STEP, STEPS
 from flexarm.kernels.compilation.packs import COMPILED, LANES, Packs
