@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from threading import local
 from typing import Any, NamedTuple
 
@@ -18,20 +19,23 @@ from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate import Integrator
-from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.explicit_runge_kutta.lane_data import (
-    LaneDrive,
-    LaneMemory,
-    LaneMethod,
-    LaneRuns,
-)
-from flexarm.integrate.explicit_runge_kutta.lanes import advance_lanes
+from flexarm.integrate.base import FloatArray, Status, System, Tolerance
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
+from flexarm.integrate.implicit.additive_tableau import Additive
+from flexarm.integrate.lanes.additive import (
+    AdditiveLanes,
+    AdditiveScratch,
+    advance_additive_lanes,
+)
+from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
+from flexarm.integrate.lanes.explicit import ExplicitLanes, advance_explicit_lanes
 from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, STEP, STEPS
+from flexarm.integrate.steps import LONGEST
 from flexarm.kernels.compilation.packs import COMPILED, LANES, Packs
 from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
 from flexarm.model.scenarios.events import DURATION
 from flexarm.observe import channels_of
+from flexarm.simulation.channels import BY_FORCES
 from flexarm.simulation.preparation import RunOptions
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
@@ -39,11 +43,6 @@ from flexarm.simulation.preparation import RunOptions
 _MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
-#: Channels that are not functions of state and torque.
-_OTHER = {
-    *("torque_command", "joint_force", "joint_moment", "axial_force", "shear_force"),
-    *("bending_moment", "contact_force", "contact_gap", "contact_energy"),
-}
 
 
 def fits_lanes(
@@ -62,11 +61,15 @@ def fits_lanes(
         return False
     arm = variations.arms[0]
     stops = any(joint.limits is not None for joint in arm.spec.joints)
-    return not stops and not _OTHER.intersection(channels)
+    return not stops and not BY_FORCES.intersection(channels)
 
 
 def _is_absent(value: Any) -> bool:
     return value is None or (isinstance(value, list | tuple | dict) and not value)
+
+
+#: Integrators that have a stepper for lanes.
+LaneIntegrator = ExplicitRungeKutta | Additive
 
 
 class _Ready(NamedTuple):
@@ -100,17 +103,10 @@ class Lanes:
 
     def __call__(self, runs: range) -> Iterator[tuple[int, Outcome]]:
         """Execute the runs of a block; yield the number and the outcome of each."""
-        ready, done = [], set()
-        for k in runs:
-            try:
-                state = self._alone.start(k, self._arm)
-                history = self._alone.history(k, self._arm, state, self._options.rtol)
-                ready.append(_Ready(k, state, history))
-            except (SimulationError, InputError):
-                continue  # ``alone`` reports it
+        ready, done = self._ready(runs), set()
         states = np.array([run.state for run in ready])
         fastest = fastest_frequencies(self._arm, states) if ready else np.zeros(0)
-        groups: dict[str, tuple[ExplicitRungeKutta, list[int]]] = {}
+        groups: dict[str, tuple[LaneIntegrator, list[int]]] = {}
         for place, run in enumerate(ready):
             method = self._method(run.history, float(fastest[place]))
             if method is not None:
@@ -124,19 +120,29 @@ class Lanes:
             if k not in done:
                 yield k, attempt(self._alone, k)
 
-    def _method(self, history: PiecewiseCubic, fastest: float) -> ExplicitRungeKutta | None:
+    def _ready(self, runs: range) -> list[_Ready]:
+        """Return the runs whose start and torque are valid; ``alone`` reports the others."""
+        found = []
+        for k in runs:
+            with suppress(SimulationError, InputError):
+                state = self._alone.start(k, self._arm)
+                history = self._alone.history(k, self._arm, state, self._options.rtol)
+                found.append(_Ready(k, state, history))
+        return found
+
+    def _method(self, history: PiecewiseCubic, fastest: float) -> LaneIntegrator | None:
         """Return the method of a run; None if lanes do not have it."""
         options, tolerance = self._options, self._tolerance._replace(fastest=fastest)
         choice = choose_integrator(options.integrator, options.step, self._arm, tolerance)
         choice = choose_by_drive(choice, self._arm, tolerance, history.stops, options.duration)
         method: Integrator = choice.integrator
-        if not isinstance(method, ExplicitRungeKutta) or choice.doubt:
+        if not isinstance(method, LaneIntegrator) or choice.doubt:
             return None
         return method if method.adaptive or method.step is not None else None
 
     def _advance(
         self,
-        method: ExplicitRungeKutta,
+        method: LaneIntegrator,
         ready: Sequence[_Ready],
         states: FloatArray,
         fastest: FloatArray,
@@ -155,16 +161,16 @@ class Lanes:
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         constants = arm.assembly.constants
-        advance_lanes(
-            run_time_sizes(constants),
-            constants,
-            self._tolerance,
-            _coefficients(method),
-            _drive(arm, [run.history for run in ready]),
-            runs,
-            self._memory(method),
-            _MOST_STEPS,
-        )
+        drive = _drive(arm, [run.history for run in ready])
+        memory, scratch = self._memory(method)
+        given = drive, runs, memory, _MOST_STEPS
+        sizes = run_time_sizes(constants)
+        if isinstance(method, Additive):
+            system = System(sizes, constants, drive, memory.work)  # type: ignore[arg-type]
+            coefficients = _additive(method)
+            advance_additive_lanes(system, self._tolerance, coefficients, scratch, *given)
+        else:
+            advance_explicit_lanes(sizes, constants, self._tolerance, _explicit(method), *given)
         done = np.flatnonzero(runs.status == Status.DONE)
         together = max(1, _CHUNK // max(1, self._times.size))
         for first in range(0, len(done), together):
@@ -172,7 +178,7 @@ class Lanes:
 
     def _outcomes(
         self,
-        method: ExplicitRungeKutta,
+        method: LaneIntegrator,
         ready: Sequence[_Ready],
         runs: LaneRuns,
         places: NDArray[np.intp],
@@ -181,13 +187,10 @@ class Lanes:
         samples = runs.samples[places]
         channels: dict[str, FloatArray] = {}
         if self._channels:
-            found = channels_of(self._arm, samples.reshape(-1, *samples.shape[2:]))
+            flat = samples.reshape(-1, *samples.shape[2:])
+            found = channels_of(self._arm, flat, self._channels)
             shape = samples.shape[:2]
-            channels = {
-                name: found[name].reshape(*shape, *found[name].shape[1:])
-                for name in self._channels
-                if name != "torque"
-            }
+            channels = {name: row.reshape(*shape, *row.shape[1:]) for name, row in found.items()}
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
         for row, place in enumerate(places):
             run = ready[place]
@@ -210,24 +213,29 @@ class Lanes:
                 ),
             )
 
-    def _memory(self, method: ExplicitRungeKutta) -> LaneMemory:
+    def _memory(self, method: LaneIntegrator) -> tuple[LaneMemory, AdditiveScratch]:
         """Return the scratch of the present thread for a method."""
-        memories: dict[str, LaneMemory] = self._thread.__dict__.setdefault("memories", {})
+        memories: dict[str, Any] = self._thread.__dict__.setdefault("memories", {})
         if method.name not in memories:
             memories[method.name] = _new_memory(self._arm, len(method.tableau.c))
-        return memories[method.name]
+        found: tuple[LaneMemory, AdditiveScratch] = memories[method.name]
+        return found
 
 
-def _coefficients(method: ExplicitRungeKutta) -> LaneMethod:
+def _control(method: LaneIntegrator, longest: float) -> StepControl:
     tableau = method.tableau
-    return LaneMethod(
-        A=tableau.A,
-        c=tableau.c,
-        error=tableau.error,
-        dense=tableau.dense,
-        order=tableau.order,
-        adaptive=method.adaptive,
-    )
+    return StepControl(tableau.error, tableau.order, method.adaptive, longest)
+
+
+def _explicit(method: ExplicitRungeKutta) -> ExplicitLanes:
+    control = _control(method, LONGEST if method.adaptive else np.inf)
+    tableau = method.tableau
+    return ExplicitLanes(control, tableau.A, tableau.c, tableau.dense)
+
+
+def _additive(method: Additive) -> AdditiveLanes:
+    tableau = method.tableau
+    return AdditiveLanes(_control(method, np.inf), tableau.explicit, tableau.implicit, tableau.c)
 
 
 def _drive(arm: Arm, histories: Sequence[PiecewiseCubic]) -> LaneDrive:
@@ -249,7 +257,7 @@ def _drive(arm: Arm, histories: Sequence[PiecewiseCubic]) -> LaneDrive:
     )
 
 
-def _new_memory(arm: Arm, rows: int) -> LaneMemory:
+def _new_memory(arm: Arm, rows: int) -> tuple[LaneMemory, AdditiveScratch]:
     """Allocate the scratch of a thread for a method with ``rows`` stages."""
     constants = arm.assembly.constants
     n, m = constants.S.shape
@@ -257,7 +265,7 @@ def _new_memory(arm: Arm, rows: int) -> LaneMemory:
         name: Packs.zeros(*array.shape)
         for name, array in new_workspace(constants)._asdict().items()
     }
-    return LaneMemory(
+    memory = LaneMemory(
         state=Packs.zeros(2, n, 1 + m),
         new=Packs.zeros(2, n, 1 + m),
         point=Packs.zeros(2, n, 1 + m),
@@ -275,3 +283,8 @@ def _new_memory(arm: Arm, rows: int) -> LaneMemory:
         piece=np.zeros(LANES, dtype=np.int64),
         end=np.zeros(LANES),
     )
+    softened: Any = {
+        name: Packs(np.repeat(getattr(constants, name)[..., None], LANES, axis=-1))
+        for name in ("body", "mode")
+    }
+    return memory, AdditiveScratch(Packs.zeros(2, n, 1 + m), constants._replace(**softened))

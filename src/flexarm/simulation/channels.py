@@ -9,6 +9,12 @@ from flexarm.engine.stepping import Run
 from flexarm.integrate.base import FloatArray
 from flexarm.observe import channels_of, contact_channels
 
+#: Channels that need more than states and torques: reaction forces, or contacts.
+BY_FORCES = {
+    *("joint_force", "joint_moment", "axial_force", "shear_force", "bending_moment"),
+    *("contact_force", "contact_gap", "contact_energy"),
+}
+
 
 def channels_of_run(
     run: Run, given: FloatArray, names: Collection[str] | None = None
@@ -21,9 +27,9 @@ def channels_of_run(
     """
     count = run.progress.sample
     times, states = run.sample_times[:count], run.samples[:count]
+    if names is not None and not run.prescribed and not BY_FORCES.intersection(names):
+        return channels_of(run.arm, states, names) | {"torque": given}
     channels = channels_of(run.arm, states)
-    if names is not None and not run.prescribed and {*channels, "torque"}.issuperset(names):
-        return channels | {"torque": given}
     motor, force, moment, inside = run.reactions(times, channels["link_angle"], given)
     channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
     channels |= section_channels(inside)

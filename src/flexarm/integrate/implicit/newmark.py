@@ -118,7 +118,7 @@ def _pass(
     """
     sizes, work = system.sizes, system.work
     smooth, known, change = memory.new, record.known, record.change
-    shift_forces(system, smooth, known[0], known[1], memory.torque)
+    shift_forces(system, smooth, known, memory.torque)
     solve_implicit(
         sizes, record.softened, smooth, work.force, memory.torque,
         system.drive.loads, work,

@@ -99,6 +99,15 @@ def poses(
     tip[5] = rate
 
 
+@unlocked
+def poses_many(
+    sizes: Sizes, constants: ArmConstants, states: Array, body_poses: Array, tips: Array
+) -> None:
+    """Fill poses (k, n, 10) and tips (k, 6) of states (k, 2, n, 1 + m)."""
+    for k in range(states.shape[0]):
+        poses(sizes, constants, states[k], body_poses[k], tips[k])
+
+
 @compiled
 def energies(
     sizes: Sizes,

@@ -8,15 +8,13 @@ from flexarm.kernels.compilation.packs import PackArray
 from flexarm.kernels.layout import Array, Loads
 
 
-class LaneMethod(NamedTuple):
-    """Coefficients of a ``tableau.Tableau``, as in ``explicit.ExplicitRecord``."""
+class StepControl(NamedTuple):
+    """Data of a method for the control of its steps."""
 
-    A: Array  # (r, r)
-    c: Array  # (r,)
-    error: Array  # (2, s + 1)
-    dense: Array  # (r, d)
+    error: Array  # (2, s + 1) weights of the error estimates
     order: int
     adaptive: bool
+    longest: float  # rad, largest phase of the fastest mode in a step
 
 
 class LaneRuns(NamedTuple):
