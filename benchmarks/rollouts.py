@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import cache, partial
 from typing import NamedTuple
@@ -16,15 +15,19 @@ from peers.flexarm_arm import Torque
 import flexarm as fa
 from benchmarks import programs
 from benchmarks.arms import table_one
+from benchmarks.measure import in_turns
 from benchmarks.table_one import CASE, EXACT, PAPER, second_order, truths
 
 #: Number of runs of the goal, and its time on two cores (s).
 RUNS, GOAL = 1000, 0.15
 #: Spread of the initial joint angles (rad); the first run is the case itself.
 _SPREAD = 0.1
-#: Arguments of flexarm: second-order theory with three modes on each link.
-_MODES, _STEP = 3, 1.25e-3
+#: Modes of each link in flexarm, and the relative tolerance of `kennedy_carpenter_5`.
+_MODES, _RTOL = 3, 8e-4
+#: Bars of each link and step (s) of MuJoCo; step (s) of JAX.
 _MUJOCO, _JAX_STEP = (8, 2.5e-4), 6.25e-4
+#: Threads of the batches and of MuJoCo.
+_THREADS = 2
 
 
 class Rollouts(NamedTuple):
@@ -32,21 +35,22 @@ class Rollouts(NamedTuple):
 
     Attributes:
         program, setting: names. against: reference solution of the error.
-        error: m, of the tip in the first run. runs: number of runs that were timed.
-        seconds: for all of them.
+        error: m, of the tip in the first run. rate: runs per second.
     """
 
     program: str
     setting: str
     against: str
     error: float
-    runs: int
-    seconds: float
+    rate: float
 
-    @property
-    def rate(self) -> float:
-        """Runs per second."""
-        return self.runs / self.seconds
+
+class _Entry(NamedTuple):
+    program: str
+    setting: str
+    against: str
+    runs: int
+    tips: Callable[[int], np.ndarray]  # of the first of some runs (samples, 2), m
 
 
 def starts(count: int) -> np.ndarray:
@@ -66,92 +70,97 @@ def _paper_arm() -> fa.Arm:
     return table_one()
 
 
-def _own(count: int, threads: int, **how: object) -> np.ndarray:
-    arm = _arm()
-    batch = fa.simulate_batch(
-        arm,
-        CASE.duration,
-        torque=Torque(CASE),
-        initial=[arm.rest(angles) for angles in starts(count)],
-        rate=CASE.rate,
-        channels=["tip"],
-        threads=threads,
-        progress=False,
-        **{"integrator": "rk4", "step": _STEP, **how},
-    )
-    return np.asarray(batch["tip"][0])
+_OWN = {
+    "torque": Torque(CASE),
+    "rate": CASE.rate,
+    "integrator": "kennedy_carpenter_5",
+    "rtol": _RTOL,
+    "atol": 1e-2 * _RTOL,
+    "progress": False,
+}
 
 
-def _one_at_a_time(count: int) -> np.ndarray:
-    arm = _arm()
-    results = [
-        fa.simulate(
-            arm,
-            CASE.duration,
-            torque=Torque(CASE),
-            initial=arm.rest(angles),
-            rate=CASE.rate,
-            integrator="rk4",
-            step=_STEP,
-            progress=False,
-        )
-        for angles in starts(count)
-    ]
-    return np.asarray(results[0]["tip"])
+def _loop(count: int) -> np.ndarray:
+    initial = [_arm().rest(angles) for angles in starts(count)]
+    found = [fa.simulate(_arm(), CASE.duration, initial=start, **_OWN) for start in initial]
+    return np.asarray(found[0]["tip"])
 
 
-def _mujoco(count: int, threads: int) -> np.ndarray:
+def _batch(count: int, threads: int, **other: object) -> np.ndarray:
+    initial = [_arm().rest(angles) for angles in starts(count)]
+    own = {"initial": initial, "channels": ["tip"], "threads": threads, **_OWN, **other}
+    return np.asarray(fa.simulate_batch(_arm(), CASE.duration, **own)["tip"][0])
+
+
+def _mujoco(count: int) -> np.ndarray:
     from peers import mujoco_arm
 
-    tips = mujoco_arm.rollouts(CASE, *_MUJOCO, starts(count), threads)
-    return tips[0]
+    return mujoco_arm.rollouts(CASE, *_MUJOCO, starts(count), _THREADS)[0]
 
 
 def _jax(count: int) -> np.ndarray:
     from benchmarks import jax_diffrax
 
-    arm = _paper_arm()
-    states = jax_diffrax.many(CASE, arm, _JAX_STEP, starts(count))
-    return programs.tips(arm, states[0])
+    states = jax_diffrax.many(CASE, _paper_arm(), _JAX_STEP, starts(count))
+    return programs.tips(_paper_arm(), states[0])
 
 
-def rollouts(runs: int = RUNS, few: int = 100, threads: int = 2) -> list[Rollouts]:
-    """Time all programs, each after a call that compiles.
-
-    Args:
-        runs: number of runs in lanes. few: of slow programs. threads: of the last entries.
-    """
-    rk4 = f"rk4, {_MODES} modes, step {_STEP:g} s"
-    entries: list[tuple[str, str, str, int, Callable[[int], np.ndarray]]] = [
-        ("flexarm, `simulate` in a loop", rk4, EXACT, few, _one_at_a_time),
-        (
-            "flexarm, batch without lanes, 1 thread",
-            rk4,
+def _entries(runs: int, few: int) -> list[_Entry]:
+    own = f"kennedy_carpenter_5, {_MODES} modes, rtol {_RTOL:.0e}"
+    # A load of zero excludes lanes.
+    alone = partial(_batch, loads=[fa.Load(1, force=(0.0, 0.0))], threads=_THREADS)
+    found = [
+        _Entry("flexarm, `simulate` in a loop", own, EXACT, few, _loop),
+        _Entry(f"flexarm, single runs in {_THREADS} threads", own, EXACT, few, alone),
+        _Entry("flexarm, lanes, 1 thread", own, EXACT, runs, partial(_batch, threads=1)),
+        _Entry(
+            f"flexarm, lanes, {_THREADS} threads",
+            own,
             EXACT,
-            few,
-            partial(_own, threads=1, loads=[fa.Load(1)]),
+            runs,
+            partial(_batch, threads=_THREADS),
         ),
-        ("flexarm, lanes, 1 thread", rk4, EXACT, runs, partial(_own, threads=1)),
-        (f"flexarm, lanes, {threads} threads", rk4, EXACT, runs, partial(_own, threads=threads)),
     ]
     missing = programs.missing()
     if "MuJoCo" not in missing:
-        segments, step = _MUJOCO
-        setting = f"{segments} bars a link, RK4 step {step:g} s"
-        name = f"MuJoCo, rollout, {threads} threads"
-        entries.append((name, setting, EXACT, few, partial(_mujoco, threads=threads)))
+        setting = "{} bars a link, RK4 step {:g} s".format(*_MUJOCO)
+        name = f"MuJoCo, `rollout`, {_THREADS} threads"
+        found.append(_Entry(name, setting, EXACT, few, _mujoco))
     if "JAX" not in missing:
         setting = f"2+1 elements, RK4 step {_JAX_STEP:g} s"
-        entries.append(("JAX, vmap", setting, PAPER, runs, _jax))
-    known = truths(CASE.duration)
-    found = []
-    for program, setting, against, count, run in entries:
-        tip = run(count)  # compiles
-        error = float(np.hypot(*(tip - known[against]).T).max())
-        seconds = []
-        for _ in range(3):
-            started = time.perf_counter()
-            run(count)
-            seconds.append(time.perf_counter() - started)
-        found.append(Rollouts(program, setting, against, error, count, sorted(seconds)[1]))
+        found.append(_Entry("JAX, `vmap`", setting, PAPER, runs, _jax))
     return found
+
+
+def rollouts(runs: int = RUNS, few: int = 40, repeats: int = 5) -> list[Rollouts]:
+    """Time all programs alternately, each after a call that compiles.
+
+    Args:
+        runs: number of runs of the fast programs. few: of the others.
+    """
+    entries, known = _entries(runs, few), truths(CASE.duration)
+    calls = {entry.program: partial(entry.tips, entry.runs) for entry in entries}
+    seconds = in_turns(calls, repeats)
+    found = []
+    for entry in entries:
+        missed = entry.tips(1) - known[entry.against]
+        error = float(np.hypot(*missed.T).max())
+        rate = entry.runs / seconds[entry.program]
+        found.append(Rollouts(entry.program, entry.setting, entry.against, error, rate))
+    return found
+
+
+def table(found: list[Rollouts]) -> str:
+    """Return the measurements as a table, with ratios to lanes in all threads."""
+    best = next(one.rate for one in found if f"lanes, {_THREADS}" in one.program)
+    head = "| program | setting | against | tip error (m) | runs per second | ratio |"
+    rows = [
+        f"| {one.program} | {one.setting} | {one.against} | {one.error:.1e} | {one.rate:.3g} | "
+        f"{best / one.rate:.3g} |"
+        for one in found
+    ]
+    return "\n".join([head, "| --- | --- | --- | --- | --- | --- |", *rows])
+
+
+if __name__ == "__main__":
+    print(table(rollouts()))
