@@ -86,9 +86,9 @@ AREAS: dict[str, Area] = {
                 tests=(
                     "unit/control/test_rigid_model.py",
                     "unit/control/test_task_space.py",
-                    f"{_ADAPTIVE}::test_columns_add_up_to_the_inverse_dynamics",
-                    f"{_ADAPTIVE}::test_a_column_is_what_one_unit_of_its_parameter_adds",
-                    f"{_ADAPTIVE}::test_centrifugal_matrix_is_christoffels",
+                    f"{_ADAPTIVE}::test_regressor_columns_add_up_to_the_inverse_dynamics",
+                    f"{_ADAPTIVE}::test_regressor_column_is_the_effect_of_a_unit_of_its_parameter",
+                    f"{_ADAPTIVE}::test_centrifugal_matrix_has_christoffel_symbols",
                 ),
                 plain=True,
             ),
@@ -120,7 +120,7 @@ AREAS: dict[str, Area] = {
                 tests=(
                     "oracle_comparison/test_every_option_oracle.py",
                     "oracle_comparison/test_forward_dynamics_oracle.py",
-                    f"{_INVERSE}::test_inverse_of_forward_is_the_torque_and_no_force_on_the_modes",
+                    f"{_INVERSE}::test_inverse_of_forward_is_the_torque_without_modal_forces",
                     "oracle_comparison/test_implicit_solve.py",
                     "unit/kernels/test_joint_laws.py",
                     "unit/kernels/test_columns.py",
@@ -154,7 +154,7 @@ AREAS: dict[str, Area] = {
                 sources=("integrate/**/step_sensitivity.py",),
                 tests=(
                     "unit/linear/test_sampled_step.py",
-                    "unit/linear/test_step_jacobian.py::test_by_state_and_torque",
+                    "unit/linear/test_step_jacobian.py::test_derivatives_by_state_and_torque",
                 ),
                 plain=True,
             ),
@@ -163,9 +163,9 @@ AREAS: dict[str, Area] = {
                 tests=(
                     "unit/integrate/test_steps.py",
                     "conformance/test_few_steps.py",
-                    f"{_INTEGRATOR}::test_lands_on_stops_with_the_torque_of_the_right_side",
-                    f"{_INTEGRATOR}::test_contacts_are_followed_or_refused",
-                    f"{_INTEGRATOR}::test_an_accuracy_beyond_double_precision_is_refused",
+                    f"{_INTEGRATOR}::test_steps_end_at_stops_with_the_torque_of_the_correct_side",
+                    f"{_INTEGRATOR}::test_contacts_are_simulated_or_rejected",
+                    f"{_INTEGRATOR}::test_accuracy_beyond_double_precision_is_rejected",
                 ),
                 plain=True,
             ),
@@ -309,10 +309,10 @@ AREAS: dict[str, Area] = {
             Group(
                 sources=("model/**/polygon.py", "model/**/contacts.py"),
                 tests=(
-                    f"{_SURFACES}::test_a_closed_line_does_not_cross_itself",
-                    f"{_SURFACES}::test_a_crossing_is_found_among_all_sides",
-                    f"{_SURFACES}::test_a_closed_line_encloses_nothing",
-                    f"{_SURFACES}::test_nonsense_is_refused",
+                    f"{_SURFACES}::test_closed_line_that_crosses_itself_is_rejected",
+                    f"{_SURFACES}::test_crossing_is_the_first_of_all_pairs",
+                    f"{_SURFACES}::test_closed_line_without_area_is_rejected",
+                    f"{_SURFACES}::test_wrong_surfaces_are_rejected",
                     "unit/model/test_contact_specs.py",
                 ),
             ),

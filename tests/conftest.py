@@ -1,10 +1,10 @@
-"""Settings of the whole suite; being here, it also puts ``tests/`` on the import path."""
+"""Settings of the whole suite. This file also puts ``tests/`` on the import path."""
 
 import os
 from pathlib import Path
 
-# One thread for linear algebra, before NumPy loads: the matrices are small, and threads would
-# compete with pytest's own workers.
+# Set before NumPy loads: the matrices are small, and threads would compete with the workers of
+# pytest.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Plots open no windows.
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -15,8 +15,8 @@ from hypothesis import settings
 
 from slowest import SLOWEST
 
-# The first example of a test may compile a kernel for seconds, so no deadline is right. Examples
-# are the same in every run, because a result must not depend on luck; `make suite SEED=7` draws
+# The first example of a test may compile a kernel for seconds, so there is no deadline. Examples
+# are the same in every run, so that results do not depend on chance; `make suite SEED=7` draws
 # others.
 settings.register_profile("flexarm", deadline=None, derandomize=True)
 settings.register_profile("random", deadline=None)
@@ -26,14 +26,16 @@ _RANKS = {Path(__file__).parent / file: rank for rank, file in enumerate(SLOWEST
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """With NUMBA_DISABLE_JIT=1, let kernels compute infinities as quietly as compiled ones do."""
+    """With NUMBA_DISABLE_JIT=1, let kernels compute infinities without warnings, as compiled ones
+    do."""
     if numba.config.DISABLE_JIT:
         for event in ("overflow", "invalid value", "divide by zero"):
             config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Move the slowest files to the front; the order within a file, and of the others, stays."""
+    """Move the slowest files to the front; other files, and tests within a file, keep their
+    order."""
     items.sort(key=lambda item: _RANKS.get(item.path, len(_RANKS)))
     if numba.config.DISABLE_JIT:
         for item in items:

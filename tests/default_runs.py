@@ -16,7 +16,7 @@ from flexarm.scenarios.scenario import run_scenario
 PROMISED = 1e-6
 #: The tight runs agree with runs ten times tighter to 3e-13 of the reach.
 TIGHT = {"integrator": "dormand_prince_8", "rtol": 1e-11, "atol": 1e-13}
-#: Settings that are not the default any more.
+#: Arguments that replace default settings.
 _ASKED = ("rtol", "atol", "step")
 _simulate = fa.simulate
 
@@ -32,8 +32,8 @@ class DefaultRun(NamedTuple):
     def error(self) -> float:
         """Return the largest distance of the tips at any time, over the length of the arm.
 
-        Repeats the run at tight tolerances: a closed loop with the same controller, at the same
-        sample times.
+        The run is repeated at tight tolerances; a closed loop with the same controller and sample
+        times.
         """
         tight = _simulate(self.arm, *self.given, **self.options | TIGHT)
         away = self.result["tip"].values - tight["tip"].values
@@ -53,6 +53,6 @@ def record(patch: pytest.MonkeyPatch) -> list[DefaultRun]:
         return result
 
     patch.setattr(fa, "simulate", spy)
-    # By its name in the table of modules: as an attribute, `simulate` is the function.
+    # The module is found in `sys.modules`, because the attribute `simulate` is the function.
     patch.setattr(sys.modules[run_scenario.__module__], "simulate", spy)
     return found

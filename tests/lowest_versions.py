@@ -1,6 +1,6 @@
 """Print the lowest versions of dependencies that pyproject.toml allows, as constraints for pip.
 
-The tools of `dev` stay at their newest: they check the code, users do not run them.
+The tools of `dev` keep their newest versions, because only developers run them.
 """
 
 import tomllib
@@ -10,7 +10,7 @@ PROJECT = tomllib.loads(Path(__file__).parents[1].joinpath("pyproject.toml").rea
 
 
 def lowest_versions():
-    """Return lines such as "numpy==2.0", of the package and of the extras that tests use."""
+    """Return lines such as "numpy==2.0", for the package and for the extras that tests use."""
     extras = PROJECT["optional-dependencies"]
     used = [extras[name] for name in extras if name not in ("dev", "peers", "docs")]
     wanted = [line for group in [PROJECT["dependencies"], *used] for line in group]

@@ -1,6 +1,6 @@
-"""Arms and states drawn at random, with every option of the specification taking its turn.
+"""Random arms and states, with every option of the specification.
 
-Numbers stay in the range of laboratory arms: lengths of 0.5 to 1.5 m, masses of 0.1 to 5 kg, first
+Numbers are in the range of laboratory arms: lengths of 0.5 to 1.5 m, masses of 0.1 to 5 kg, first
 clamped frequencies of 10 to 300 rad/s, deflections of a few percent of the length.
 """
 
@@ -57,7 +57,7 @@ def random_spec(
     damping: bool | None = None,
     reduced: bool = False,
 ) -> ArmSpec:
-    """An arm of 1 to 4 links; whatever is left at None is decided by the dice.
+    """Draw an arm of 1 to 4 links; arguments that are None are random.
 
     rigid: all links rigid, or none. damping: in links and joints, or nowhere. reduced: links keep
     some of their modes only.
@@ -74,7 +74,8 @@ def random_spec(
 
 
 def random_state(rng: np.random.Generator, spec: ArmSpec) -> NodalState:
-    """Any joint angles, smooth bending of a few percent and a trace of every higher mode."""
+    """Draw joint angles, smooth bending of a few percent and a small amount of every higher
+    mode."""
     n, size = len(spec.links), MODERATE
     return NodalState(
         angles=rng.uniform(-np.pi, np.pi, n),
@@ -85,13 +86,13 @@ def random_state(rng: np.random.Generator, spec: ArmSpec) -> NodalState:
 
 
 def decide(rng: np.random.Generator, wish: bool | None, chance: float = 0.5) -> bool:
-    """The wish, or where there is none, yes with this chance."""
+    """Return the requested value or, if there is none, true with this probability."""
     drawn = bool(rng.random() < chance)
     return drawn if wish is None else wish
 
 
 def maybe(rng: np.random.Generator, low: float, high: float, wish: bool | None = None) -> float:
-    """A number between the limits, or zero half of the time."""
+    """Draw a number between the limits, or zero with probability one half."""
     value = float(rng.uniform(low, high))
     return value if decide(rng, wish) else 0.0
 
@@ -172,7 +173,7 @@ def material_section(rng: np.random.Generator, length: float) -> dict[str, Any]:
 
 
 def table(rng: np.random.Generator, length: float) -> dict[str, Any]:
-    """A tapering link whose breakpoints fall anywhere between the nodes."""
+    """Draw a tapered link whose breakpoints are anywhere between the nodes."""
     count = int(rng.integers(2, 6))
     x = np.concatenate([[0.0], np.sort(rng.uniform(0.05, 0.95, count - 2)), [1.0]]) * length
     x[-1] = length
@@ -187,9 +188,9 @@ def table(rng: np.random.Generator, length: float) -> dict[str, Any]:
 
 
 def random_bending(rng: np.random.Generator, link: Link, size: float) -> np.ndarray:
-    """Nodal values of ``v = size * L * (a s^2 + b s^3 + c s^4)``, s = x/L, plus one percent noise.
+    """Draw nodal values of ``v = size * L * (a s^2 + b s^3 + c s^4)``, s = x/L, with noise.
 
-    The noise reaches the mesh's highest modes, which no smooth shape would excite.
+    The noise of one percent excites the highest modes of the mesh, which a smooth shape would not.
     """
     if not link.flexible:
         return np.zeros((0, 2))

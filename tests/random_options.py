@@ -1,8 +1,8 @@
-"""Arms with every option switched on at random, in surroundings that load and shake them.
+"""Arms with random options, under random loads and on moving bases.
 
-On top of ``random_arms``: links in segments; joints with springs, friction, stops and geared
-rotors, elastic and fixed ones; loads at stations and spread ones in both frames; an accelerating
-base; joints that follow a motion.
+In addition to ``random_arms``: links in segments; joints with springs, friction, stops and geared
+rotors, elastic and fixed ones; point and distributed loads in both frames; an accelerating base;
+joints with a prescribed motion.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from random_arms import MODERATE, NodalState, decide, maybe, random_bending, ran
 
 @dataclass(frozen=True)
 class Busy:
-    """An arm with a state (package's coordinates and nodal ones) and all that acts on it.
+    """An arm with a state (modal and nodal coordinates), its loads and prescribed motions.
 
     torque (joints,) N m; tip_force (3,); loads without the tip force; base_velocity and
     base_acceleration (2,); given: joint number from 1 to acceleration, rad/s^2.
@@ -38,13 +38,13 @@ class Busy:
 
     @property
     def all_loads(self) -> list[fa.Load]:
-        """The loads and the tip force."""
+        """Return the loads and the tip force."""
         force = fa.Load(link=self.arm.links, force=self.tip_force[:2], moment=self.tip_force[2])
         return [*self.loads, force]
 
 
 def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
-    """Draw an arm, its state and its surroundings."""
+    """Draw an arm, its state and what acts on it."""
     rng = np.random.default_rng(seed)
     plain = random_spec(rng, theory=theory)
     links = [in_segments(rng, link, reduced) for link in plain.links]
@@ -90,14 +90,14 @@ def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
 
 
 def in_segments(rng: np.random.Generator, link: Link, reduced: bool) -> Link:
-    """The same link, as a chain of 1 to 4 segments."""
+    """Return the same link as a chain of 1 to 4 segments."""
     if not link.flexible:
         return link
     count = int(rng.integers(1, 5))
     mesh = int(rng.integers(1, 4 if count < 3 else 2))
     modes = int(rng.integers(1, 2 * mesh + 1)) if reduced else None
     damping = link.damping
-    if damping is not None and count > 1:  # the only one that segments take
+    if damping is not None and count > 1:  # segments accept no other kind
         damping = RayleighDamping(stiffness_coefficient=float(rng.uniform(0, 1e-3)))
     elif getattr(damping, "kind", None) == "modal" and isinstance(damping.ratio, tuple):
         damping = damping.replace(ratio=damping.ratio[0])  # there may be fewer modes
@@ -105,7 +105,7 @@ def in_segments(rng: np.random.Generator, link: Link, reduced: bool) -> Link:
 
 
 def bent(rng: np.random.Generator, spec: ArmSpec, size: float) -> list[np.ndarray]:
-    """Nodal values per link, every segment bent from its own root tangent."""
+    """Draw nodal values per link, with every segment bent from its own root tangent."""
     nodal = [np.zeros((link.elements, 2)) for link in spec.links]
     for piece in cut(spec):
         if piece.link.flexible:
@@ -114,9 +114,9 @@ def bent(rng: np.random.Generator, spec: ArmSpec, size: float) -> list[np.ndarra
 
 
 def with_laws(rng: np.random.Generator, joint: Joint, angle: float) -> Joint:
-    """The joint with a spring, friction and stops, at the given angle beyond one of them or not.
+    """Return the joint with a spring, friction and stops; the given angle may be beyond a stop.
 
-    Always some way off a stop's corner, which the package rounds.
+    It keeps a distance from the corner of a stop, which the package rounds.
     """
     friction, limits = None, None
     if decide(rng, None):
@@ -149,13 +149,14 @@ def with_laws(rng: np.random.Generator, joint: Joint, angle: float) -> Joint:
 
 
 def fixed(rng: np.random.Generator, joint: Joint) -> Joint:
-    """A rigid connection in the joint's place, with what it carries."""
+    """Return a rigid connection in the joint's place, with the same lumps."""
     carried = joint.model_dump(include={"hub_inertia", "mass", "housing_inertia"})
     return Joint(fixed=True, rest_angle=float(rng.normal()), **carried)
 
 
 def random_loads(rng: np.random.Generator, spec: ArmSpec) -> list[fa.Load]:
-    """Up to four loads anywhere: at tips and stations, with moments, or spread over a stretch."""
+    """Draw up to four loads: at tips and stations, with moments, or distributed over an
+    interval."""
     loads = []
     for _ in range(int(rng.integers(0, 5))):
         link = int(rng.integers(1, len(spec.links) + 1))

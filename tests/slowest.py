@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 #: Files with tests of several seconds, the slowest first. They run before the others, so that no
-#: worker waits at the end for one that began late.
+#: worker is busy at the end with one that started late.
 SLOWEST = (
     "docs/test_site.py",
     "docs/test_docs_examples.py",

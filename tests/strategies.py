@@ -1,10 +1,10 @@
-"""What tests draw numbers from."""
+"""Strategies of Hypothesis for numbers."""
 
 from hypothesis import strategies as st
 
 
 def between(low, high):
-    """Draw numbers from low to high as a person writes them, with nine decimals at most.
+    """Draw numbers from low to high with nine decimals at most.
 
     Hypothesis likes 2e-313: tolerances relative to such a number underflow, and no arm has it.
     """

@@ -1,4 +1,4 @@
-"""Every benchmark runs once, small, so that it cannot rot. No time is judged here."""
+"""Every benchmark runs once with a small problem. Times are not checked."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from flexarm.integrate import INTEGRATORS
 
 @pytest.fixture(scope="module")
 def points() -> list[Point]:
-    """Flexarm's integrators and every installed peer on a tenth of a second of the problem."""
+    """Measure flexarm's integrators and every installed peer over a tenth of a second."""
     own = table_one.own_entries(rtol=(1e-4,), steps=(2.5e-4,), duration=0.1)
     entries = [entry for entry in own if "segments" not in entry.setting]
     entries += table_one.peer_entries(duration=0.1, quick=True)
@@ -42,24 +42,24 @@ def points() -> list[Point]:
     return found
 
 
-def test_everybody_finds_the_same_motion(points: list[Point]) -> None:
-    """A benchmark of a wrong answer would be worth nothing. The tip moves by 40 mm here."""
+def test_all_programs_compute_the_same_motion(points: list[Point]) -> None:
+    """The tip moves by 40 mm here."""
     for point in points:
-        # The coarsest peers are off by 1e-4 m over the whole two seconds.
+        # The coarsest peers have errors of 1e-4 m over the whole two seconds.
         assert point.error < 1e-4, point
         assert 0.0 < point.seconds <= point.total
         if point.program in ("CasADi CVODES", "JAX"):
-            # The same equations as in the file compared with: only the steps err.
+            # These programs solve the equations of the reference, so only their steps cause errors.
             assert point.error < 1e-6, point
 
 
-def test_every_integrator_takes_part(points: list[Point]) -> None:
+def test_every_integrator_is_measured(points: list[Point]) -> None:
     settings = " ".join(point.setting for point in points if point.program == "flexarm")
     assert [name for name in INTEGRATORS if name not in settings] == []
 
 
 @pytest.mark.parametrize("peer", programs.PEERS)
-def test_every_installed_peer_takes_part(points: list[Point], peer: str) -> None:
+def test_every_installed_peer_is_measured(points: list[Point], peer: str) -> None:
     if peer in programs.missing():
         pytest.skip(f"{peer} is not installed: its benchmark was not tried")
     assert peer in {point.program for point in points}
@@ -67,17 +67,17 @@ def test_every_installed_peer_takes_part(points: list[Point], peer: str) -> None
 
 @pytest.mark.skipif(compiler() is None, reason="no C++ compiler: the limit was not measured")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_limit_is_the_same_physics(theory: str) -> None:
+def test_limit_program_computes_the_same_accelerations(theory: str) -> None:
     arm = chain(2, theory=theory)
     forward_dynamics.checked_limit(arm, *moving_state(arm))
     heavier = fa.Arm(links=arm.spec.links, theory=theory, gravity=(0.0, -9.81))
     limit = Limit(heavier, *moving_state(arm))
     limit.compile_time_sizes(1)
     far = np.abs(heavier.unpadded(limit.acceleration) - arm.forward_dynamics(*moving_state(arm)))
-    assert far.max() > 1.0  # gravity is seen
+    assert far.max() > 1.0  # gravity has an effect
 
 
-def test_limit_refuses_what_it_leaves_out() -> None:
+def test_limit_program_rejects_fixed_joints() -> None:
     arm = fa.Arm(links=chain(2).spec.links, joints=[fa.Joint(), fa.Joint(fixed=True)])
     with pytest.raises(ValueError, match="free joints"):
         Limit(arm, *moving_state(arm))
@@ -91,11 +91,11 @@ def test_forward_dynamics_with_and_without_a_compiler(monkeypatch: pytest.Monkey
     assert forward_dynamics.compare("second_order", calls=2, repeats=1).limit is None
 
 
-def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> None:
+def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point]) -> None:
     case = long_chain.short(3, 0.02)
     chain, failed = measure(list(long_chain.entries(case)), long_chain.truth(case), repeats=1)
     assert all("rk4" in sentence for sentence in failed), failed
-    # Compiled for its size it would be a minute; that costs time and changes no digit.
+    # Compiling for the sizes takes a minute and changes no digit.
     beside, failed = raw.beside_peers(points, repeats=1, duration=0.1, specialized=False)
     assert not failed
     own = [point for point in beside if point.program == raw.PROGRAM]
@@ -141,8 +141,8 @@ def test_measures_and_writes_its_page(tmp_path: Path, points: list[Point]) -> No
         assert (tmp_path / figure).stat().st_size > 10_000, figure
 
 
-def test_runs_compiled_for_their_size() -> None:
-    """But for the compiling."""
+def test_specialized_entries_have_small_errors() -> None:
+    """The size-specific compilation itself is left out, because it takes a minute."""
     entries = table_one.specialized_entries(rtol=(1e-4,), duration=0.1, specialized=False)
     found, failed = measure(list(entries), table_one.truths(0.1), repeats=1)
     assert not failed
@@ -150,8 +150,8 @@ def test_runs_compiled_for_their_size() -> None:
     assert max(point.error for point in found) < 1e-4
 
 
-def test_what_a_user_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the figures of `flexarm paper`, which `tests/cli` draws: its options are checked."""
+def test_warm_runs_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`flexarm paper` is called with `--help`; its figures are tested in `tests/cli`."""
     least = startup._least
     without = lambda command, n: least([*command, *["--help"] * ("paper" in command)], n)  # noqa: E731
     monkeypatch.setattr(startup, "_least", without)
@@ -160,7 +160,7 @@ def test_what_a_user_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
     assert all(0.0 < wait.processor < 600.0 for wait in waits.values())
 
 
-def test_fastest_that_is_accurate_enough() -> None:
+def test_fastest_returns_the_fastest_accurate_point() -> None:
     slow, fast, wrong = (
         Point("p", "s", "t", error, seconds, seconds)
         for error, seconds in ((1e-6, 3.0), (1e-5, 2.0), (1e-2, 1.0))
@@ -170,7 +170,7 @@ def test_fastest_that_is_accurate_enough() -> None:
     assert fastest([slow], "another", 1.0) is None
 
 
-def test_best_settings_are_beaten_by_none() -> None:
+def test_best_returns_the_points_that_no_other_dominates() -> None:
     points = [
         Point("p", name, "t", error, seconds, seconds)
         for name, error, seconds in (
@@ -184,8 +184,9 @@ def test_best_settings_are_beaten_by_none() -> None:
     assert [point.setting for point in best(points)] == ["fast", "slow"]
 
 
-def test_ratios_of_steps_and_whole_calls() -> None:
-    """The fastest of each side that is accurate enough, and the peer's time over ours."""
+def test_table_of_ratios_of_steps_and_whole_calls() -> None:
+    """The table compares the fastest sufficiently accurate run of each program; the ratio is the
+    peer's time over that of flexarm."""
     truth, level, *_ = raw.LEVELS[1]
     named = [
         (raw.PROGRAM, "good", 0.5, 2e-3, 9e-3),
@@ -201,8 +202,8 @@ def test_ratios_of_steps_and_whole_calls() -> None:
     assert "| none | none |  |" in report.raw_table([])
 
 
-def test_ratios_of_the_chain() -> None:
-    """Our fastest run that is as accurate as MuJoCo's, or none."""
+def test_table_of_ratios_of_the_chain() -> None:
+    """The table has flexarm's fastest run that is at least as accurate as MuJoCo's, or none."""
     named = [
         ("flexarm", "good", 1e-4, 2e-3),
         ("flexarm", "wrong", 1e-2, 1e-3),

@@ -1,4 +1,7 @@
-"""The benchmark of first uses runs, small, and prints its table. No time is judged here."""
+"""The benchmark of first uses runs with small programs and prints its table.
+
+Times are not checked.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from benchmarks.first_run import ALONE, FURTHER, Feature
 from benchmarks import first_run, report
 from flexarm.integrate import INTEGRATORS
 
-#: Programs say what they find in the cache, in place of compiling: that would be minutes.
+#: The programs check the files in the cache instead of compiling, which would take minutes.
 _LOOK = """
 import os, pathlib
 cache = pathlib.Path(os.environ["XDG_CACHE_HOME"])
@@ -20,14 +23,17 @@ cache.mkdir(exist_ok=True)
 """
 
 
-def looking(name: str, found: list[str]) -> Feature:
+def feature_that_checks_the_cache(name: str, found: list[str]) -> Feature:
     return Feature(name, ("-c", _LOOK.format(name=name, found=found)), 4.0)
 
 
-def test_each_begins_with_the_machine_code_that_it_may_find() -> None:
-    base = looking("simulate", [])
-    alone = [looking("paper", []), base]
-    further = [looking("modes", ["simulate"]), looking("force", ["simulate"])]
+def test_each_feature_starts_with_the_expected_cache() -> None:
+    base = feature_that_checks_the_cache("simulate", [])
+    alone = [feature_that_checks_the_cache("paper", []), base]
+    further = [
+        feature_that_checks_the_cache("modes", ["simulate"]),
+        feature_that_checks_the_cache("force", ["simulate"]),
+    ]
     found = first_run.first_uses(alone, further, after=base)
     assert [one.feature.name for one in found] == ["paper", "simulate", "modes", "force"]
     assert all(0.0 < one.wait.wall < 600.0 for one in found)
@@ -35,15 +41,15 @@ def test_each_begins_with_the_machine_code_that_it_may_find() -> None:
     assert re.search(r"\| modes \| \d+\.\d\d \| \d+\.\d\d \| 4 \|", table)
 
 
-def test_programs_run() -> None:
-    """All in one process, with the kernels that this machine has compiled already."""
+def test_programs_run_without_errors() -> None:
+    """They run in one process, with the kernels that are already in the cache."""
     for feature in (*ALONE[1:], *FURTHER):
         option, program = feature.arguments
         assert option == "-c"
         exec(compile(program, feature.name, "exec"), {"__name__": "program"})
 
 
-def test_every_integrator_and_its_goal() -> None:
+def test_features_include_every_integrator_and_have_goals() -> None:
     names = [feature.name for feature in FURTHER]
     assert [name for name in INTEGRATORS if f"integrator `{name}`" not in names] == []
     assert [feature.goal for feature in ALONE] == [15.0, 8.0]

@@ -10,7 +10,7 @@ import flexarm as fa
 from flexarm.model.file_format.paths import with_number
 from random_options import Busy
 
-#: Parameters of `parametric`, and factors on their values.
+#: Parameters of `parametric`, and the factors by which the tests change them.
 PARAMETERS = {
     "links[0].flexural_rigidity": 1.3,
     "links[0].mass_per_length": 0.7,
@@ -37,7 +37,7 @@ PARAMETERS = {
 
 
 def parametric(theory: str) -> fa.Arm:
-    """Two links whose every kind of number can be a parameter."""
+    """Return two links that have every kind of number that can be a parameter."""
     return fa.Arm(
         links=[
             fa.Link(
@@ -79,7 +79,7 @@ def parametric(theory: str) -> fa.Arm:
 
 
 def changed(arm: fa.Arm) -> tuple[np.ndarray, fa.Arm]:
-    """Other values of `PARAMETERS`, and the arm that has them."""
+    """Return other values of `PARAMETERS`, and the arm with these values."""
     spec, values = arm.spec, []
     for path, factor in PARAMETERS.items():
         value: Any = arm.spec
@@ -91,7 +91,7 @@ def changed(arm: fa.Arm) -> tuple[np.ndarray, fa.Arm]:
 
 
 def arguments(arm: fa.Arm, seed: int) -> dict[str, np.ndarray]:
-    """A state of the arm, and what acts on it."""
+    """Return a random state of the arm, with torques and a tip force."""
     rng = np.random.default_rng(seed)
     q, qd, qdd = rng.normal(size=(3, arm.dof)) * [[0.001], [0.5], [2.0]]
     q[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
@@ -100,7 +100,7 @@ def arguments(arm: fa.Arm, seed: int) -> dict[str, np.ndarray]:
 
 
 def of_busy(b: Busy) -> dict[str, np.ndarray]:
-    """The same of an arm drawn at random."""
+    """Return the same arguments for a random arm."""
     qdd = np.random.default_rng(1).normal(size=b.arm.dof) * 3.0
     return {"q": b.q, "qd": b.qd, "qdd": qdd, "torque": b.torque, "tip_force": b.tip_force}
 
@@ -108,7 +108,7 @@ def of_busy(b: Busy) -> dict[str, np.ndarray]:
 def expected(
     arm: fa.Arm, q: Any, qd: Any, qdd: Any, torque: Any, tip_force: Any
 ) -> dict[str, np.ndarray]:
-    """What the arm's methods return."""
+    """Return the results of the arm's methods."""
     force = arm.inverse_dynamics(q, qd, qdd, tip_force)
     residual = force.copy()
     residual[arm.joint_index] -= torque
@@ -127,11 +127,13 @@ def expected(
 
 
 def assert_same(name: str, found: Any, wanted: np.ndarray, arm: fa.Arm, q: Any) -> None:
-    """Equal to 1e-12 of the largest number, or to what rounding of the mass matrix leaves."""
+    """Compare within 1e-12 of the largest number, or within the rounding error of the mass
+    matrix."""
     limit = 1e-12
     if name == "forward_dynamics":
-        # Accelerations as kinetic energy, so that metres and radians count alike. On an
-        # ill-conditioned arm, fused multiply-adds of the machine code change further digits.
+        # Accelerations are scaled as in the kinetic energy, so that metres and radians have equal
+        # weight. On an ill-conditioned arm, fused multiply-adds of the machine code change further
+        # digits.
         M = arm.mass_matrix(q)
         scale = np.sqrt(np.diag(M))
         limit = max(limit, 2.0 * np.finfo(float).eps * np.linalg.cond(M / np.outer(scale, scale)))

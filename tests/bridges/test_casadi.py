@@ -1,4 +1,4 @@
-"""Functions of CasADi against the arm's own methods, and against CasADi's derivatives."""
+"""Functions of CasADi against the methods of the arm, and against CasADi's derivatives."""
 
 import sys
 
@@ -22,7 +22,7 @@ from random_options import busy
 
 
 def values(model, name, given, parameters=()):
-    """Evaluate a function by the names of its inputs; several outputs as one vector."""
+    """Evaluate a function with inputs by name, and join its outputs to one vector."""
     function = getattr(model, name)
     inputs = {key: given[key] for key in function.name_in() if key in given}
     by_name = function(**inputs, parameters=np.asarray(parameters))
@@ -46,8 +46,8 @@ def test_every_option_on_random_arms(seed):
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_parameters(theory):
-    """With other values of 21 parameters, the functions are those of the arm that has them."""
+def test_parameters_equal_an_arm_with_these_values(theory):
+    """21 parameters are changed."""
     arm = parametric(theory)
     model = fa.to_casadi(arm, parameters=list(PARAMETERS))
     assert model.parameters == tuple(PARAMETERS)
@@ -71,8 +71,8 @@ def test_length_as_a_parameter(theory):
     assert_all_same(model, arms[1], arguments(arms[0], 6), [0.9])
 
 
-def test_every_number_is_exact_or_refused():
-    """What is accepted gives the accelerations of another arm; the rest is refused."""
+def test_every_number_is_an_exact_parameter_or_rejected():
+    """An accepted parameter gives the accelerations of an arm with that value."""
     arm = parametric("second_order")
     given, accepted = arguments(arm, 7), []
     acting = [given[name] for name in ("q", "qd", "torque", "tip_force")]
@@ -101,9 +101,10 @@ def test_prescribed_joint():
     qdd = values(model, "forward_dynamics", given)
     assert qdd[arm.joint_index[1]] == given["torque"][1]
     torque = arm.inverse_dynamics(given["q"], given["qd"], qdd, given["tip_force"])
-    # The torque that this motion takes gives it.
+    # The torque of the prescribed motion gives the same accelerations.
     torque = torque[arm.joint_index]
-    # Large forces cancel: rounding of the accelerations, times the condition of the mass matrix.
+    # Large forces cancel, so the tolerance is the rounding of accelerations times the condition
+    # number of the mass matrix.
     rounding = 1e-10 * (np.abs(arm.mass_matrix(given["q"])) @ np.abs(qdd)).max()
     assert abs(torque[0] - given["torque"][0]) < rounding
     again = arm.forward_dynamics(given["q"], given["qd"], torque, given["tip_force"])
@@ -111,7 +112,8 @@ def test_prescribed_joint():
 
 
 def test_lagrange_equations_by_symbolic_differentiation():
-    """d/dt dT/dqd - dT/dq + dU/dq from the energies' expressions is the inverse dynamics."""
+    """The inverse dynamics equals d/dt dT/dqd - dT/dq + dU/dq from the expressions of the
+    energies."""
     arm = fa.Arm(links=parametric("second_order").spec.links, theory="second_order")
     model = fa.to_casadi(arm)
     q, qd, qdd = (casadi.SX.sym(name, arm.dof) for name in ("q", "qd", "qdd"))
@@ -124,12 +126,12 @@ def test_lagrange_equations_by_symbolic_differentiation():
     found = np.array(function(given["q"], given["qd"], given["qdd"])).ravel()
     wanted = arm.inverse_dynamics(given["q"], given["qd"], given["qdd"])
     wanted -= arm.damping_matrix() @ given["qd"]
-    # Energies are sums of a few hundred products.
+    # Energies are sums of a few hundred products, each with its rounding.
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * abs(wanted).max())
 
 
-def test_jacobian_of_an_arm_at_rest():
-    """Friction has its steepest slope at rest: CasADi's rules must not lose it."""
+def test_jacobian_of_friction_at_rest():
+    """The slope of friction is largest at rest, and CasADi's rules must keep it."""
     arm = parametric("second_order")
     given = {**arguments(arm, 10), "qd": np.zeros(arm.dof)}
     function = fa.to_casadi(arm).forward_dynamics
@@ -140,8 +142,8 @@ def test_jacobian_of_an_arm_at_rest():
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())
 
 
-def test_inputs_left_out_are_not_zero():
-    """A call without the state or the parameters has no numbers, instead of wrong ones."""
+def test_omitted_inputs_give_nan():
+    """A call without the state or the parameters must not compute with zeros."""
     arm = parametric("linear")
     model = fa.to_casadi(arm, parameters=["payload.mass"])
     given = arguments(arm, 11)
@@ -167,14 +169,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("path", REFUSED)
-def test_what_cannot_be_a_parameter(path):
+def test_numbers_that_cannot_be_parameters_are_rejected(path):
     with pytest.raises(fa.InputError) as error:
         fa.to_casadi(parametric("linear"), parameters=["payload.mass", path])
     assert "parameters[1]" in str(error.value)
     assert REFUSED[path] in str(error.value)
 
 
-def test_shear_is_refused_where_it_changes_the_modes():
+def test_shear_parameters_that_change_the_modes_are_rejected():
     link = {"length": 0.5, "material": "steel", "section": fa.Rectangle(width=0.02, height=0.02)}
     arm = fa.Arm(links=[{**link, "element": "timoshenko", "elements": 2}])
     fa.to_casadi(arm, parameters=["links[0].material.youngs_modulus"])
@@ -182,7 +184,7 @@ def test_shear_is_refused_where_it_changes_the_modes():
         fa.to_casadi(arm, parameters=["links[0].material.poissons_ratio"])
 
 
-def test_wrong_arguments():
+def test_wrong_arguments_are_rejected():
     arm = parametric("linear")
     with pytest.raises(fa.InputError, match=r"repeats payload.mass"):
         fa.to_casadi(arm, parameters=["payload.mass", "payload.mass"])
@@ -192,7 +194,7 @@ def test_wrong_arguments():
         fa.to_casadi(arm.spec)
 
 
-def test_without_casadi(monkeypatch):
+def test_without_casadi_the_error_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(fa.InputError, match=r"pip install 'flexarm\[casadi\]'"):
         fa.to_casadi(parametric("linear"))

@@ -1,4 +1,4 @@
-"""The environments against Gymnasium's own checker, and what they promise beyond it."""
+"""The environments pass Gymnasium's checker and keep the contract of their documentation."""
 
 import importlib
 import sys
@@ -17,7 +17,7 @@ REACH, TRACK, FORCE = "flexarm/Reach-v0", "flexarm/TrackPath-v0", "flexarm/Track
 
 
 def episode(env, policy, seed=0, **options):
-    """Observations, rewards and infos of an episode, and how it ended."""
+    """Return observations, rewards, infos and the end (terminated, truncated) of an episode."""
     observation, info = env.reset(seed=seed, **options)
     observations, rewards, infos = [observation], [], [info]
     terminated = truncated = False
@@ -34,7 +34,7 @@ def still(env, info):
 
 
 def joint_pd(env, info):
-    """Joint PD with what the task plans for the joints."""
+    """Return the action of joint PD along the motion that the task plans for the joints."""
     arm_env = env.unwrapped
     seen = arm_env.plant.measurement
     if isinstance(arm_env, ENVIRONMENTS[REACH]):
@@ -46,20 +46,20 @@ def joint_pd(env, info):
 
 
 @every
-def test_passes_the_checker_without_a_warning(name):
-    """Warnings are errors in this suite."""
+def test_environments_pass_the_checker_of_gymnasium(name):
+    """The suite turns warnings into errors."""
     check_env(gymnasium.make(name).unwrapped)
 
 
 @every
-def test_no_step_before_the_first_reset(name):
+def test_a_step_before_the_first_reset_is_rejected(name):
     env = gymnasium.make(name).unwrapped
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"reset\(\) before step"):
         env.step(np.zeros(2, np.float32))
 
 
 @every
-def test_the_same_seed_gives_the_same_episode(name):
+def test_same_seed_gives_the_same_episode(name):
     env = gymnasium.make(name, duration=0.3)
     noisy = gymnasium.make(name, duration=0.3, hardware=fa.Hardware(instruments(noise=1e-3)))
     for one in (env, noisy):
@@ -67,7 +67,7 @@ def test_the_same_seed_gives_the_same_episode(name):
         np.testing.assert_array_equal(runs[0][0], runs[1][0])
         np.testing.assert_array_equal(runs[0][1], runs[1][1])
         assert np.any(runs[0][0] != runs[2][0])
-    # Noise is an episode's own: the same task again is measured otherwise.
+    # Each episode has its own noise, so readings of the same task differ.
     options = {
         REACH: {"start": [0.3, 0.4], "goal": [0.5, 0.1]},
         TRACK: {"start": [2.0, 0.5], "end": [1.5, 1.0], "duration": 1.0},
@@ -91,8 +91,8 @@ def sampled(env):
 
 
 @every
-def test_observations_stay_in_their_space_and_are_named(name):
-    # A rigid arm cannot bend too far: it turns faster than the space says.
+def test_observations_are_in_their_space_and_have_unique_names(name):
+    # A rigid arm does not bend; it turns faster than the bounds of the space.
     arm = laboratory_arm().rigid()
     env = gymnasium.make(name, duration=1.0, arm=arm, torque_limit=500.0)
     full = np.array([1.0, 1.0], np.float32)
@@ -105,7 +105,7 @@ def test_observations_stay_in_their_space_and_are_named(name):
 
 
 @every
-def test_an_observation_says_what_its_names_say(name):
+def test_observations_have_the_values_that_their_names_state(name):
     env = gymnasium.make(name)
     info = env.reset(seed=2)[1]
     for _ in range(100):
@@ -136,12 +136,13 @@ def test_an_observation_says_what_its_names_say(name):
 
 
 @every
-def test_a_step_is_a_sample_time_with_the_torque_held(name):
+def test_a_step_simulates_one_sample_time_with_a_constant_torque(name):
     env = gymnasium.make(name, sample_time=0.01, duration=0.2)
     env.reset(seed=7)
     q = env.unwrapped.plant.q
-    actions = [0.5 * env.action_space.sample() for _ in range(20)]  # links bend as they may
-    actions[3] = np.array([5.0, -7.0], np.float32)  # cut to what the motors give
+    # small enough for the bending limit
+    actions = [0.5 * env.action_space.sample() for _ in range(20)]
+    actions[3] = np.array([5.0, -7.0], np.float32)  # clipped to the torque limits
     torques = []
     for action in actions:
         info = env.step(action)[-1]
@@ -158,14 +159,14 @@ def test_a_step_is_a_sample_time_with_the_torque_held(name):
         initial=q,
         contacts=env.unwrapped.contacts(),
     )
-    # Two ways of stopping at every sample time: rounding.
+    # Both stop at every sample time, so the difference is rounding.
     np.testing.assert_allclose(env.unwrapped.plant.q, result.q.values[-1], rtol=0, atol=1e-12)
     assert info["time"] == pytest.approx(0.2)
     assert env.metadata["render_fps"] == 100
 
 
 @every
-def test_an_episode_is_cut_at_its_duration_and_rewards_are_as_written(name):
+def test_an_episode_ends_at_its_duration_with_the_documented_rewards(name):
     env = gymnasium.make(name, duration=1.0)
     _, rewards, infos, ended = episode(env, joint_pd, seed=3)
     assert ended == (False, True)
@@ -181,7 +182,7 @@ def test_an_episode_is_cut_at_its_duration_and_rewards_are_as_written(name):
 
 
 @pytest.mark.parametrize("name", [REACH, TRACK])
-def test_joint_pd_succeeds_where_doing_nothing_fails(name):
+def test_joint_pd_succeeds_where_zero_torque_fails(name):
     env = gymnasium.make(name)
     for seed in range(3):
         _, rewards, infos, _ = episode(env, joint_pd, seed=seed)
@@ -193,8 +194,7 @@ def test_joint_pd_succeeds_where_doing_nothing_fails(name):
 
 
 @every
-def test_a_broken_arm_ends_the_episode_without_a_reward(name):
-    """A link that bends too far, and a run that cannot be carried on."""
+def test_excessive_bending_ends_the_episode_with_zero_reward(name):
     env = gymnasium.make(name, torque_limit=200.0)
     full = np.array([1.0, -1.0], np.float32)
     _, rewards, infos, ended = episode(env, lambda env, info: full)
@@ -206,7 +206,7 @@ def test_a_broken_arm_ends_the_episode_without_a_reward(name):
 
 
 @every
-def test_a_run_away_ends_the_episode_without_a_reward(name, monkeypatch):
+def test_a_failed_simulation_ends_the_episode_with_zero_reward(name, monkeypatch):
     env = gymnasium.make(name)
     env.reset(seed=1)
     first = env.step(still(env, {}))
@@ -221,7 +221,7 @@ def test_a_run_away_ends_the_episode_without_a_reward(name, monkeypatch):
     np.testing.assert_array_equal(observation, first[0])
 
 
-def test_goals_are_in_reach_of_the_joints():
+def test_goals_are_within_the_limits_of_the_joints():
     limits = fa.JointLimits(lower=-0.5, upper=0.7, stiffness=100.0)
     spec = laboratory_arm().spec
     stopped = fa.Arm(
@@ -237,7 +237,7 @@ def test_goals_are_in_reach_of_the_joints():
         assert np.all(abs(goal) <= 2.5)
 
 
-def test_lines_are_random_and_can_be_given():
+def test_lines_are_random_or_given_by_options():
     env = gymnasium.make(TRACK)
     lines = []
     for seed in range(5):
@@ -254,7 +254,7 @@ def test_lines_are_random_and_can_be_given():
     np.testing.assert_array_equal(env.unwrapped.motion.end, [1.0, 2.0])
 
 
-def test_another_arm_each_episode():
+def test_a_plant_function_gives_each_episode_an_arm():
     spec = laboratory_arm().spec
 
     def draw(rng):
@@ -270,7 +270,7 @@ def test_another_arm_each_episode():
     assert env.unwrapped.arm.spec.payload is laboratory_arm().spec.payload
 
 
-def test_own_hardware():
+def test_hardware_determines_observations_and_torque_limits():
     motors = fa.Motors(torque_limit=[2.0, 1.0], delay=0.002)
     hardware = fa.Hardware(instruments(noise=0.0), motors)
     env = gymnasium.make(REACH, hardware=hardware, arm=laboratory_arm())
@@ -288,7 +288,7 @@ def test_own_hardware():
 
 
 @every
-def test_picture_shows_the_arm_move(name):
+def test_rendered_pictures_show_the_motion(name):
     env = gymnasium.make(name, render_mode="rgb_array")
     env.reset(seed=1)
     before = env.render()
@@ -305,8 +305,8 @@ def test_picture_shows_the_arm_move(name):
 
 
 @every
-def test_side_by_side_they_are_what_they_are_alone(name):
-    """Gymnasium's own vector environment: neighbours share nothing."""
+def test_vectorized_environments_equal_single_ones(name):
+    """Gymnasium's own vector environment; its members share no state."""
     together = gymnasium.make_vec(name, num_envs=2, vectorization_mode="sync", duration=0.2)
     observations, _ = together.reset(seed=[3, 9])
     singles = [gymnasium.make(name, duration=0.2) for _ in range(2)]
@@ -342,12 +342,12 @@ def test_side_by_side_they_are_what_they_are_alone(name):
     ],
     ids=str,
 )
-def test_wrong_arguments(arguments, message):
+def test_wrong_arguments_are_rejected(arguments, message):
     with pytest.raises(fa.InputError, match=message):
         ENVIRONMENTS[REACH](**arguments)
 
 
-def test_wrong_options_and_actions():
+def test_wrong_options_and_actions_are_rejected():
     env = ENVIRONMENTS[REACH]()
     env.reset(seed=0)
     with pytest.raises(fa.InputError, match="an option must be one of 'start', 'goal'"):
@@ -363,7 +363,7 @@ def test_wrong_options_and_actions():
         ENVIRONMENTS[TRACK](arm=stiff, torque_limit=1.0).reset(seed=0)
 
 
-def test_without_gymnasium_it_says_what_is_missing(monkeypatch):
+def test_without_gymnasium_the_error_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(ImportError, match=r"pip install 'flexarm\[gym\]'"):
         importlib.reload(bridge)

@@ -1,4 +1,4 @@
-"""Functions of JAX against the arm's own methods; JAX's transformations of them."""
+"""Functions of JAX against the methods of the arm, and transformations of these functions."""
 
 import sys
 
@@ -44,7 +44,7 @@ def _double_precision():
 
 @pytest.fixture(scope="module")
 def small():
-    """One flexible link with friction, as a model with two parameters."""
+    """Return a model of one flexible link with friction, with two parameters."""
     arm = fa.Arm(
         links=[{"length": 0.7, "flexural_rigidity": 12.0, "mass_per_length": 0.4, "modes": 2}],
         joints=[{"hub_inertia": 0.02, "friction": {"coulomb": 0.2, "smoothing_rate": 0.3}}],
@@ -64,13 +64,13 @@ def values(model, name, given, parameters=None):
 def test_every_option_on_random_arms(seed):
     b = busy(seed, theory=["linear", "second_order"][seed % 2], reduced=True)
     given, model = of_busy(b), fa.to_jax(b.arm)
-    # Without compilation, which takes longer than all the rest.
+    # Without compilation, which would take most of the time.
     with jax.disable_jit():
         for name, wanted in expected(b.arm, **given).items():
             assert_same(name, values(model, name, given), wanted, b.arm, given["q"])
 
 
-def test_parameters():
+def test_parameters_equal_an_arm_with_these_values():
     arm = parametric("second_order")
     model = fa.to_jax(arm, parameters=list(PARAMETERS))
     others, other_arm = changed(arm)
@@ -81,7 +81,7 @@ def test_parameters():
             assert_same(name, found, wanted, other_arm, given["q"])
 
 
-def test_jit_vmap_and_derivatives(small):
+def test_jit_vmap_and_derivatives_agree(small):
     arm, model = small
     given = arguments(arm, 1)
     q, qd, torque = given["q"], given["qd"], given["torque"]
@@ -105,8 +105,8 @@ def test_jit_vmap_and_derivatives(small):
     np.testing.assert_allclose(slope, exact.q @ along, rtol=0, atol=1e-11 * np.abs(exact.q).max())
 
 
-def test_gradient_of_an_arm_at_rest(small):
-    """Friction has its steepest slope at rest: JAX's rules must not lose it."""
+def test_gradient_of_friction_at_rest(small):
+    """The slope of friction is largest at rest, and JAX's rules must keep it."""
     arm, model = small
     q, rest, torque = arguments(arm, 2)["q"], np.zeros(arm.dof), np.zeros(1)
     found = jax.jacfwd(model.forward_dynamics, argnums=1)(q, rest, torque)
@@ -128,15 +128,16 @@ def test_derivative_by_a_parameter(small):
     assert found[0] == pytest.approx(9.81 * arm.tip(q)[1], rel=1e-12)
 
 
-def test_single_precision(small):
-    """Numbers of float32 stay float32, also at rest, where squares of tiny numbers vanish."""
+def test_single_precision_is_kept(small):
+    """Results of float32 inputs are float32, also at rest, where squares of small numbers
+    underflow."""
     arm, model = small
     given = {key: np.float32(value) for key, value in arguments(arm, 4).items()}
     q, qd, torque = given["q"], 0.0 * given["qd"], given["torque"]
     found = model.forward_dynamics(q, qd, torque)
     assert found.dtype == jnp.float32
     wanted = arm.forward_dynamics(q, qd, torque)
-    # 1e-7 for each of a few operations on numbers that partly cancel.
+    # 1e-7 for each of a few operations, with some cancellation.
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-4 * max(abs(wanted)))
     slope = jax.jacfwd(model.forward_dynamics, argnums=1)(q, qd, torque)
     exact = arm.derivatives(q, qd, torque).qd
@@ -144,7 +145,7 @@ def test_single_precision(small):
 
 
 @pytest.mark.parametrize("wrong", [[0.0, 1.0], "text", [[0.0]], None, [1j]])
-def test_wrong_shapes(small, wrong):
+def test_wrong_shapes_are_rejected(small, wrong):
     _, model = small
     with pytest.raises(fa.InputError, match=r"JaxModel.tip: q must be numbers of shape \(3,\)"):
         model.tip(wrong)
@@ -152,7 +153,7 @@ def test_wrong_shapes(small, wrong):
         model.tip(np.zeros(3), parameters=[1.0])
 
 
-def test_without_jax(monkeypatch):
+def test_without_jax_the_error_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(fa.InputError, match=r"pip install 'flexarm\[jax\]'"):
         fa.to_jax(parametric("linear"))

@@ -1,4 +1,4 @@
-"""Sliding along a wall with a force: the task against its contact's law and its own words."""
+"""The task of sliding along a wall with a force, against the contact law and its documentation."""
 
 import gymnasium
 import numpy as np
@@ -12,7 +12,7 @@ REACH = 2.4142  # m, of the laboratory arm
 
 
 class Pressing:
-    """Joint PD along the wall, the force fed forward and its error integrated."""
+    """Joint PD along the wall, with feedforward of the force and an integral of its error."""
 
     def __init__(self):
         self.sum, self.touched = 0.0, False
@@ -34,7 +34,7 @@ class Pressing:
 
 
 def episode(env, policy, seed=0, **options):
-    """Observations, rewards and infos of an episode."""
+    """Return observations, rewards and infos of an episode."""
     observation, _ = env.reset(seed=seed, **options)
     observations, rewards, infos, over = [observation], [], [], False
     while not over:
@@ -50,7 +50,7 @@ def still(arm_env):
     return np.zeros(arm_env.arm.joints, np.float32)
 
 
-def test_a_simple_force_controller_earns_more_than_doing_nothing():
+def test_a_simple_force_controller_succeeds_where_zero_torque_fails():
     env = gymnasium.make(FORCE)
     for seed in range(3):
         _, rewards, infos = episode(env, Pressing(), seed)
@@ -59,13 +59,13 @@ def test_a_simple_force_controller_earns_more_than_doing_nothing():
         assert infos[-1]["is_success"]
         assert not idle[-1]["is_success"]
         assert idle[-1]["force"] == pytest.approx(0.0, abs=1e-6)
-        # Pressing all the way: it does not hammer.
+        # The tip stays in contact with the wall.
         sliding = [info["force"] for info in infos if 1.0 < info["time"] < 2.5]
         assert min(sliding) > 2.0
         assert max(sliding) < 8.5
         wanted = [5.0 - 2.0 * np.cos(np.pi * info["time"]) for info in infos]
-        told = [info["force"] - info["force_error"] for info in infos]
-        np.testing.assert_allclose(told, wanted, rtol=0, atol=1e-12)
+        reported = [info["force"] - info["force_error"] for info in infos]
+        np.testing.assert_allclose(reported, wanted, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -75,10 +75,11 @@ def test_a_simple_force_controller_earns_more_than_doing_nothing():
         {"stiffness": 4e5, "damping": 2.0, "exponent": 1.5},
     ],
 )
-def test_the_force_that_is_seen_is_the_law_of_the_wall(law):
-    """k d^n (1 + a v) across, friction times that along, from where the tip truly is.
+def test_observed_force_follows_the_contact_law(law):
+    """The force is k d^n (1 + a v) along the normal, and friction times that along the wall.
 
-    It is looked at every sample time from touchdown on, where v is large, to the end.
+    It is computed at the exact position of the tip and compared at every sample time from the first
+    contact, where v is large, to the end.
     """
     env = gymnasium.make(FORCE, duration=1.5, **law)
     policy, compared, fastest = Pressing(), 0, 0.0
@@ -93,20 +94,20 @@ def test_the_force_that_is_seen_is_the_law_of_the_wall(law):
         depth, speed = normal @ (start - tip), -normal @ velocity
         slide = tangent @ velocity
         seen = observation[columns].astype(float)
-        if depth < 1e-6:  # the corner of the law is rounded over nanometres
+        if depth < 1e-6:  # the law is smoothed over nanometres at the surface
             assert np.abs(seen).max() < law["stiffness"] * 1.1e-6 ** law["exponent"] * 2.0
             continue
         push = law["stiffness"] * depth ** law["exponent"] * (1.0 + law["damping"] * speed)
         wanted = push * normal - 0.2 * push * np.tanh(slide / 1e-3) * tangent
-        # Observations are of single precision.
+        # Observations have single precision.
         np.testing.assert_allclose(seen, wanted, rtol=0, atol=3e-7 * push + 1e-9)
         assert info["force"] == pytest.approx(push, rel=1e-9)
         compared, fastest = compared + 1, max(fastest, law["damping"] * abs(speed))
     assert compared > 200
-    assert fastest > 0.02  # the damping has been seen
+    assert fastest > 0.02  # the damping has an effect
 
 
-def test_walls_are_random_and_face_the_base_and_the_arm_can_press_on_them():
+def test_random_walls_face_the_base_and_are_within_the_torque_limits():
     env = gymnasium.make(FORCE)
     places = []
     for seed in range(20):
@@ -122,11 +123,11 @@ def test_walls_are_random_and_face_the_base_and_the_arm_can_press_on_them():
         assert np.arccos(normal @ toward) <= np.pi / 6 + 1e-9
         for s in np.linspace(0.0, 1.0, 5):
             assert 0.5 * REACH <= np.hypot(*(motion.start + s * way)) <= 0.85 * REACH
-        # 5 mm before the wall, at rest, untouched.
+        # The arm starts at rest, 5 mm in front of the wall, without contact.
         assert normal @ (info["tip"] - motion.start) == pytest.approx(0.005, abs=1e-9)
         assert info["force"] == pytest.approx(0.0, abs=1e-6)
         places.append([*motion.start, *normal])
-        # What holds the largest force at rest, from the arm itself: a part of the torque limits.
+        # The torque that balances the largest force at rest is a part of the torque limits.
         arm = arm_env.arm
         for t in np.linspace(0.5, 2.5, 5):
             q, none = arm.rest(motion.joint_angle(t)), np.zeros(arm.dof)
@@ -140,7 +141,7 @@ def test_walls_are_random_and_face_the_base_and_the_arm_can_press_on_them():
     assert len(np.unique(places, axis=0)) == 20
 
 
-def test_stiffness_friction_and_place_are_drawn_and_can_be_fixed():
+def test_stiffness_friction_and_place_are_random_or_fixed():
     env = gymnasium.make(FORCE, stiffness=[3e3, 3e4], friction=[0.0, 0.4], place=0.003)
     arm_env, drawn = env.unwrapped, []
     for seed in (0, 1, 2, 0):
@@ -150,7 +151,7 @@ def test_stiffness_friction_and_place_are_drawn_and_can_be_fixed():
         assert 0.0 <= wall.friction <= 0.4
         off = arm_env.normal @ (wall.surface.point - arm_env.motion.start)
         assert abs(off) <= 0.003
-        # Before the wall that is there, nearer or farther than the task says.
+        # In front of the actual wall, nearer or farther than the believed one.
         gap = arm_env.normal @ (info["tip"] - wall.surface.point)
         assert 0.005 - 1e-9 <= gap <= 0.008 + 1e-9
         drawn.append([wall.stiffness, wall.friction, off])
@@ -165,8 +166,8 @@ def test_stiffness_friction_and_place_are_drawn_and_can_be_fixed():
     np.testing.assert_allclose(info["tip"], [1.495, 0.5], rtol=0, atol=1e-12)
 
 
-def test_another_arm_and_another_force():
-    """A heavier plant feels the same wall; instruments of one's own say what they measure."""
+def test_plant_hardware_and_force_can_be_chosen():
+    """A heavier plant meets the same wall, and the given instruments determine the observations."""
     spec = laboratory_arm().spec
 
     def heavier(rng):
@@ -186,12 +187,12 @@ def test_another_arm_and_another_force():
     assert infos[-1]["force_error"] == pytest.approx(-(3.0 - np.cos(np.pi * 1.0)), abs=1e-6)
     blind = gymnasium.make(FORCE, hardware=fa.Hardware(sensors))
     assert not any("force[x]" in name for name in blind.unwrapped.observation_names)
-    # What is measured has noise and is late, what info tells is the truth.
+    # Readings have noise and delay; the values of info are exact.
     assert observations[:, names.index("felt[x] (N)")].std() == pytest.approx(0.05, rel=0.3)
 
 
-def test_ramming_the_wall_still_earns_something():
-    """The reward is positive at any force, or an agent would gain by ending an episode."""
+def test_reward_is_positive_at_any_force():
+    """Otherwise an agent would gain by ending an episode."""
     env = gymnasium.make(FORCE)
     env.reset(seed=0)
     worst = {"distance": 2.0 * REACH, "force_error": 1e6}
@@ -216,7 +217,7 @@ def test_ramming_the_wall_still_earns_something():
     ],
     ids=str,
 )
-def test_wrong_arguments(arguments, message):
+def test_wrong_arguments_are_rejected(arguments, message):
     with pytest.raises(fa.InputError, match=message):
         ENVIRONMENTS[FORCE](**arguments)
 
@@ -233,13 +234,13 @@ def test_wrong_arguments(arguments, message):
     ],
     ids=str,
 )
-def test_wrong_options(options, message):
+def test_wrong_options_are_rejected(options, message):
     env = ENVIRONMENTS[FORCE]()
     with pytest.raises(fa.InputError, match=message):
         env.reset(seed=0, options=options)
 
 
-def test_an_arm_that_cannot_press_says_so():
+def test_an_arm_that_cannot_press_is_rejected():
     env = ENVIRONMENTS[FORCE](torque_limit=0.1)
     with pytest.raises(fa.InputError, match=r"the arm cannot press on any of .*torque limit"):
         env.reset(seed=0)

@@ -1,4 +1,7 @@
-"""Headless Chromium for tests that open pages; without one they skip and say how to install it."""
+"""Headless Chromium for tests that open pages.
+
+Without a browser they are skipped with instructions.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ _NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chr
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """The browser of the system, or else that of Playwright."""
+    """Return the browser of the system, or that of Playwright."""
     playwright = pytest.importorskip(
         "playwright.sync_api", reason=f"no browser test: Playwright is not installed; {_HOW}"
     )
@@ -24,7 +27,7 @@ def chromium() -> Iterator[Any]:
         path = found[0] if found else tools.chromium.executable_path
         if not os.path.exists(path):
             pytest.skip(f"no browser test: there is no Chromium; {_HOW}")
-        # Chromium refuses its sandbox to the user root.
+        # Chromium does not run its sandbox as root.
         root = hasattr(os, "geteuid") and os.geteuid() == 0
         browser = tools.chromium.launch(
             executable_path=path, args=["--no-sandbox"] if root else [], timeout=180_000
@@ -35,9 +38,10 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def screen(chromium: Any) -> Iterator[Any]:
-    """A page of 1200 by 900 pixels without a network; the test fails if its script fails."""
+    """Return a page of 1200 by 900 pixels without a network; an error of its script fails the
+    test."""
     context = chromium.new_context(viewport={"width": 1200, "height": 900}, offline=True)
-    context.set_default_timeout(120_000)  # ms: stops a test that hangs, on a busy machine too
+    context.set_default_timeout(120_000)  # ms; ends a test that hangs, also on a busy machine
     page = context.new_page()
     failures: list[str] = []
     page.on("pageerror", lambda error: failures.append(str(error)))
@@ -49,7 +53,7 @@ def screen(chromium: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def studio_file(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Scenario file with a short run."""
+    """Return a scenario file with a short run."""
     from studio_server import SCENARIO
 
     path = tmp_path_factory.mktemp("studio") / "swing.yaml"
@@ -59,7 +63,7 @@ def studio_file(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.fixture(scope="session")
 def studio_running(chromium: Any, studio_file: Any) -> Iterator[Any]:
-    """A studio with that file, for all tests."""
+    """Start a studio with that file, shared by all tests."""
     pytest.importorskip("nicegui", reason="no studio test: NiceGUI is not installed")
     from studio_server import studio
 
@@ -69,7 +73,10 @@ def studio_running(chromium: Any, studio_file: Any) -> Iterator[Any]:
 
 @pytest.fixture
 def new_window(chromium: Any, studio_running: Any) -> Iterator[Any]:
-    """Function that opens a window; scripts must not fail and nothing else may be requested."""
+    """Return a function that opens a window.
+
+    Errors of scripts and requests to other addresses fail the test.
+    """
     from studio_server import Screen
 
     contexts, failures = [], []
@@ -81,7 +88,10 @@ def new_window(chromium: Any, studio_running: Any) -> Iterator[Any]:
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: failures.append(str(error)))
-        page.on("request", lambda asked: asked.url.startswith(own) or failures.append(asked.url))
+        page.on(
+            "request",
+            lambda requested: requested.url.startswith(own) or failures.append(requested.url),
+        )
         return Screen(page, studio_running.address)
 
     yield made
@@ -92,5 +102,5 @@ def new_window(chromium: Any, studio_running: Any) -> Iterator[Any]:
 
 @pytest.fixture
 def window(new_window: Any) -> Any:
-    """A window of 1400 by 900 pixels."""
+    """Return a window of 1400 by 900 pixels."""
     return new_window()

@@ -1,4 +1,4 @@
-"""A studio in a process of its own, and what the tests do in its windows."""
+"""A studio in a separate process, and actions of tests in its windows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from PIL import Image
 
 from flexarm.studio.state import open_bytes
 
-#: Short run of a stiff arm, so that a change takes a fraction of a second.
+#: Short run of a stiff arm, so that each change is computed within a fraction of a second.
 SCENARIO = """\
 flexarm: 1
 arm:
@@ -45,12 +45,12 @@ class Server:
 
 @contextmanager
 def studio(folder, *arguments):
-    """Start ``flexarm studio`` and wait until it listens; no error may appear in its output."""
+    """Start ``flexarm studio`` and wait until it listens; its output must have no errors."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     log = folder / "studio.log"
-    # NiceGUI would take the server for a part of this test.
+    # NiceGUI would treat the server as a part of this test.
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     environment["PYTHONUNBUFFERED"] = "1"
     command = [sys.executable, "-m", "flexarm", "studio", *arguments]
@@ -63,9 +63,9 @@ def studio(folder, *arguments):
         )
     try:
         while True:
-            said = log.read_text(encoding="utf-8")
-            assert process.poll() is None, said
-            found = re.search(r"studio at (\S+)", said)
+            stated = log.read_text(encoding="utf-8")
+            assert process.poll() is None, stated
+            found = re.search(r"studio at (\S+)", stated)
             if found and _listens(port):
                 break
             time.sleep(0.1)
@@ -82,7 +82,7 @@ def _listens(port):
 
 
 class Screen:
-    """A window with a studio, and what a user does and sees in it."""
+    """A window of a studio, with the actions of a user and the picture on the screen."""
 
     def __init__(self, page, address):
         self.page = page
@@ -94,7 +94,7 @@ class Screen:
         return int(self.page.locator(".picture").get_attribute("data-number") or 0)
 
     def wait_for_picture(self, after):
-        """Wait for the picture of the state, not of a moving slider, after that of a number."""
+        """Wait for the picture of the state, after that of a slider in motion, by its number."""
         self.page.wait_for_function(
             """(after) => { const shown = document.querySelector('.picture');
             return shown && shown.dataset.settled === '1' && Number(shown.dataset.number) > after
@@ -103,7 +103,7 @@ class Screen:
         )
 
     def wait_until_idle(self):
-        """Wait until no further picture comes, after keys whose values the page collects."""
+        """Wait until no further picture arrives, after keys whose values the page collects."""
         number = -1
         while number != self.number:
             number = self.number
@@ -121,7 +121,7 @@ class Screen:
         return shown.inner_text() if shown.is_visible() else ""
 
     def type(self, path, text):
-        """Type a value and press Enter; the answer may be a refusal."""
+        """Type a value and press Enter; the result may be an error message."""
         box = self.field(path).locator("input")
         box.fill(text)
         box.press("Enter")
@@ -154,13 +154,19 @@ class Screen:
         self.wait_for_picture(before)
 
     def open(self, path):
-        """Open a file as its dialog does."""
+        """Open a file with the file dialog."""
         with self.page.expect_file_chooser() as chooser:
             self.page.get_by_role("button", name="Open").click()
         chooser.value.set_files(str(path))
 
+    def show_file(self, path):
+        """Open a file and wait for its picture."""
+        before = self.number
+        self.open(path)
+        self.wait_for_picture(before)
+
     def save(self, menu, item):
-        """Return name and content of a file that a menu saves."""
+        """Return name and content of a file that is saved from a menu."""
         self.page.get_by_role("button", name=menu).click()
         with self.page.expect_download() as waiting:
             self.page.get_by_text(item, exact=True).click()
@@ -168,25 +174,26 @@ class Screen:
             return waiting.value.suggested_filename, file.read()
 
     def plain(self):
-        """Hide the ghosts, which depend on what was shown before."""
+        """Hide the ghosts, which depend on earlier runs."""
         for name in ("rigid arm", "previous run"):
             self.page.get_by_label(name).uncheck()
 
     def pixels(self, selector=".picture .scenes"):
-        """What is on the screen in the place of an element, (rows, columns, 3) from 0 to 255."""
-        self.page.mouse.move(1, 1)  # away from what has a tooltip
+        """Return the pixels of an element on the screen, (rows, columns, 3) from 0 to 255."""
+        self.page.mouse.move(1, 1)  # away from elements with a tooltip
         self.page.wait_for_function("!document.querySelector('.q-tooltip')")
         return self.look(selector)
 
     def look(self, selector=".picture .scenes"):
-        """As `pixels`, without moving the mouse."""
+        """Return the pixels of an element without moving the mouse."""
         place = self.page.locator(selector).first
         place.scroll_into_view_if_needed()
         with Image.open(io.BytesIO(place.screenshot())) as image:
             return np.asarray(image.convert("RGB")).astype(int)
 
     def tip(self, view):
-        """Place of the payload on the screen, m; ``view`` is that of the scene."""
+        """Return the place of the payload on the screen, in metres; ``view`` is that of the
+        scene."""
         pixels = self.pixels(".picture .arm canvas")
         rows, columns = np.nonzero(np.abs(pixels - PAYLOAD).max(axis=-1) < 30)
         assert rows.size > 40, "there is no payload on the screen"
@@ -209,7 +216,7 @@ def scene_of(project):
 
 
 def assert_shows(window, project):
-    """The payload is where a fresh run has it at its start, to two pixels."""
+    """Check that the payload is at its initial place of a new run, within two pixels."""
     window.plain()
     scene = scene_of(project)
     np.testing.assert_allclose(window.tip(scene["view"]), scene["links"][0][-1][-1], atol=0.008)

@@ -1,4 +1,4 @@
-"""A report opened from a file in a browser: what is on the screen after every action."""
+"""A report opened from a file in a browser: the picture on the screen after every action."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import flexarm as fa
 from flexarm.plot.palette import BLUE, ORANGE
 
 LINK = {"length": 0.5, "flexural_rigidity": 3.0, "mass_per_length": 0.4, "elements": 1}
-#: Of 255: smoothed edges of lines differ more than this from the colour of the line.
+#: Of 255: edges of lines are smoothed and differ more than this from the colour of the line.
 TOLERANCE = 30
 #: Places in the canvases, CSS pixels; see `drawArm` and `backdrop` of the player.
 ARM_LEFT, ARM_TOP, HISTORY_LEFT, HISTORY_RIGHT, HISTORY_TOP = 52, 28, 62, 12, 24
@@ -24,7 +24,7 @@ END, PULSE = 0.2, (0.1, 0.11)  # s
 
 @cache
 def result():
-    """A short run, with a pulse in the torque of joint 1."""
+    """Simulate a short run with a pulse in the torque of joint 1."""
     arm = fa.Arm(links=[LINK, LINK], payload={"mass": 0.1})
     start = {"initial": arm.rest([0.3, 0.6]), "initial_rate": arm.rest([2.0, 1.0])}
     run = fa.simulate(arm, END, rate=1000.0, **start)
@@ -37,16 +37,16 @@ def result():
 def page(screen, tmp_path):
     path = tmp_path / "report.html"
     fa.report(result(), path, title="Swing & <b>stop</b>", notes="two\nlines", rigid=True)
-    asked = []
-    screen.on("request", lambda request: asked.append(request.url))
+    requested = []
+    screen.on("request", lambda request: requested.append(request.url))
     screen.goto(path.as_uri())
-    # Saved files and links within the page are data: nothing else may be fetched.
-    assert asked == [path.as_uri()]
+    # Saved files and links within the page are data; no other request is allowed.
+    assert requested == [path.as_uri()]
     return screen
 
 
 def picture(locator):
-    """What the screen shows in the place of an element: (rows, columns, 3) from 0 to 255."""
+    """Return the pixels of an element on the screen: (rows, columns, 3) from 0 to 255."""
     locator.scroll_into_view_if_needed()
     with Image.open(io.BytesIO(locator.screenshot())) as image:
         return np.asarray(image.convert("RGB")).astype(int)
@@ -66,7 +66,7 @@ def history(page, title):
 
 
 def tip_on_screen(page):
-    """Position of the payload, which is the orange dot, in metres."""
+    """Return the position of the payload, the orange dot, in metres."""
     pixels = picture(arm_canvas(page))
     rows, columns = np.nonzero(has_color(pixels, ORANGE))
     assert rows.size > 40, "there is no payload on the screen"
@@ -82,15 +82,15 @@ def tip_on_screen(page):
 
 
 def assert_tip(page, time):
-    """The payload is where the result has it, to two pixels (5 mm each)."""
+    """Check that the payload is at its place in the result, within two pixels (5 mm each)."""
     expected = result().tip.sel(time=time, method="nearest").values
     np.testing.assert_allclose(tip_on_screen(page), expected, atol=0.01)
 
 
 def cursor(page, title="Joint rate"):
-    """Column of the time cursor as a fraction of the axis; None where there is no cursor."""
+    """Return the column of the time cursor as a fraction of the axis, or None without a cursor."""
     pixels = picture(history(page, title))
-    # A line of one pixel between two columns is dark grey in both; the grid is light.
+    # A line of one pixel that lies between two columns is dark grey in both; the grid is light.
     dark = pixels[HISTORY_TOP + 2 : -66, HISTORY_LEFT + 3 :].max(axis=-1) < 190
     found = HISTORY_LEFT + 3 + np.nonzero(dark.mean(axis=0) > 0.6)[0]
     if not found.size:
@@ -99,7 +99,7 @@ def cursor(page, title="Joint rate"):
 
 
 def pulse_width(page):
-    """Width of the pulse at half its height, as a fraction of the axis."""
+    """Return the width of the pulse at half its height, as a fraction of the axis."""
     pixels = picture(history(page, "Torque"))
     blue = has_color(pixels[60:90, HISTORY_LEFT + 3 :], BLUE).any(axis=0)
     columns = np.nonzero(blue)[0]
@@ -124,7 +124,7 @@ def clock(page):
     return float(re.fullmatch(r"t = (.*) s", page.locator(".clock").inner_text())[1])
 
 
-def test_it_opens_with_the_arm_at_its_start(page):
+def test_page_opens_with_the_arm_at_its_start(page):
     assert page.title() == "Swing & <b>stop</b>"
     assert page.locator("h1").inner_text() == "Swing & <b>stop</b>"
     assert page.locator(".notes").inner_text() == "two\nlines"
@@ -145,7 +145,7 @@ def test_play_moves_the_arm_to_the_end(page):
     assert clock(page) < END
 
 
-def test_the_slider_moves_arm_and_cursors(page):
+def test_slider_moves_arm_and_cursors(page):
     slider = page.locator(".time")
     slider.scroll_into_view_if_needed()
     box = slider.bounding_box()
@@ -161,7 +161,7 @@ def test_the_slider_moves_arm_and_cursors(page):
         assert cursor(page, title) == pytest.approx(now / END, abs=0.01)
 
 
-def test_dragging_in_a_history_zooms_all_of_them(page):
+def test_dragging_in_a_history_zooms_all_histories(page):
     before = picture(history(page, "Joint rate"))
     assert pulse_width(page) == pytest.approx(0.05, abs=0.02)
     drag(page, history(page, "Torque"), 0.45, 0.6)  # from 0.09 to 0.12 s
@@ -173,17 +173,17 @@ def test_dragging_in_a_history_zooms_all_of_them(page):
     assert page.get_by_role("button", name="Whole run").is_disabled()
 
 
-def test_a_click_goes_to_a_time_and_a_double_click_shows_the_whole_run(page):
+def test_click_sets_the_time_and_double_click_resets_the_zoom(page):
     drag(page, history(page, "Torque"), 0.45, 0.6)
     drag(page, history(page, "Torque"), 0.5, 0.5)
-    assert clock(page) == pytest.approx(0.105, abs=0.003)  # half the time between frames
+    assert clock(page) == pytest.approx(0.105, abs=0.003)  # half of the time between frames
     assert_tip(page, clock(page))
     assert cursor(page) == pytest.approx((clock(page) - 0.09) / 0.03, abs=0.02)
     history(page, "Torque").dblclick(position={"x": 200, "y": 80})
     assert pulse_width(page) == pytest.approx(0.05, abs=0.02)
 
 
-def test_the_zoomed_span_follows_the_time(page):
+def test_zoomed_span_follows_the_time(page):
     drag(page, history(page, "Torque"), 0.05, 0.15)
     assert cursor(page) is None
     page.locator(".time").fill("50")
@@ -191,7 +191,7 @@ def test_the_zoomed_span_follows_the_time(page):
     assert not page.get_by_role("button", name="Whole run").is_disabled()
 
 
-def test_the_keyboard_is_enough(page):
+def test_keyboard_controls_time_and_zoom(page):
     canvas = history(page, "Joint rate")
     canvas.focus()
     for _ in range(20):
@@ -201,14 +201,14 @@ def test_the_keyboard_is_enough(page):
     assert_tip(page, now)
     page.keyboard.press("+")
     page.keyboard.press("+")
-    assert cursor(page) == pytest.approx(now / END, abs=0.02)  # the time stays at its place
+    assert cursor(page) == pytest.approx(now / END, abs=0.02)  # the time keeps its place
     page.keyboard.press("ArrowLeft")
     assert clock(page) < now
     page.keyboard.press("0")
     assert page.get_by_role("button", name="Whole run").is_disabled()
 
 
-def test_ctrl_and_the_wheel_zoom_but_the_wheel_alone_scrolls(page):
+def test_ctrl_with_the_wheel_zooms_and_the_wheel_alone_scrolls(page):
     canvas = history(page, "Torque")
     canvas.hover(position={"x": 200, "y": 80})
     page.mouse.wheel(0, 60)
@@ -222,7 +222,7 @@ def test_ctrl_and_the_wheel_zoom_but_the_wheel_alone_scrolls(page):
     page.wait_for_function("!document.querySelector('.zoom-reset').disabled")
 
 
-def test_a_narrow_screen_needs_no_sideways_scrolling(page):
+def test_narrow_screen_needs_no_horizontal_scrolling(page):
     page.set_viewport_size({"width": 360, "height": 640})
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     page.locator(".arm").scroll_into_view_if_needed()
@@ -232,7 +232,7 @@ def test_a_narrow_screen_needs_no_sideways_scrolling(page):
     assert_tip(page, 0.0)
 
 
-def test_on_paper_it_shows_several_postures_and_no_controls(page):
+def test_print_layout_shows_several_postures_and_no_controls(page):
     page.emulate_media(media="print")
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     assert not page.locator(".controls").is_visible()
@@ -253,13 +253,13 @@ def test_on_paper_it_shows_several_postures_and_no_controls(page):
     assert_tip(page, 0.0)
 
 
-def test_it_prints_on_a_few_pages(page):
+def test_report_prints_on_a_few_pages(page):
     printed = page.pdf(format="A4", prefer_css_page_size=True)
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 6
-    assert len(printed) > 50_000  # the figures are in it
+    assert len(printed) > 50_000  # the figures are included
 
 
-def test_the_files_in_it_can_be_saved(page):
+def test_embedded_files_can_be_saved(page):
     for name, text in (
         ("arm.yaml", result().attrs["arm"]),
         ("citation.bib", fa.citation(result())),
@@ -271,19 +271,19 @@ def test_the_files_in_it_can_be_saved(page):
             assert file.read() == text
 
 
-def test_texts_of_a_result_do_not_run_as_programs(screen, tmp_path):
+def test_texts_of_a_result_are_not_executed(screen, tmp_path):
     bad = "</script></pre><script>document.title = 'run'</script><img src=x onerror=alert(1)>"
-    told = result().copy()
-    told.attrs = {**result().attrs, "warning": bad, "failure": bad, "ended_by": bad}
+    reported = result().copy()
+    reported.attrs = {**result().attrs, "warning": bad, "failure": bad, "ended_by": bad}
     path = tmp_path / "report.html"
-    fa.report(told, path, title=bad, notes=bad)
+    fa.report(reported, path, title=bad, notes=bad)
     screen.goto(path.as_uri())
     assert screen.title() == bad
     assert screen.locator(".warnings p").inner_text() == bad
     assert screen.locator(".failure p").first.inner_text() == bad
 
 
-def test_a_page_of_animate_zooms_too(screen, tmp_path):
+def test_page_of_animate_can_be_zoomed(screen, tmp_path):
     path = tmp_path / "arm.html"
     fa.animate({"a": result(), "b": result()}, path)
     screen.goto(path.as_uri())
@@ -295,7 +295,7 @@ def test_a_page_of_animate_zooms_too(screen, tmp_path):
         assert np.abs(picture(torques.nth(k)) - before[k]).max() > 100
 
 
-def test_the_page_looks_like_the_picture_of_the_documentation(screen, tmp_path):
+def test_page_looks_like_the_picture_of_the_documentation(screen, tmp_path):
     """The run differs from that of the other tests: a picture for readers."""
     path = tmp_path / "report.html"
     stiff = LINK | {"flexural_rigidity": 10.0}

@@ -1,4 +1,4 @@
-"""The studio in a browser: what is on the screen after every action."""
+"""The studio in a browser: the picture on the screen after every action."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from flexarm.model.file_format.changes import change_of
 from flexarm.studio.state import open_bytes
 
 
-def test_it_opens_the_file_of_the_command_line(window):
+def test_studio_opens_the_file_of_the_command_line(window):
     assert window.value(LENGTH) == 0.6
     assert window.page.locator(".file").inner_text() == "swing"
     assert_shows(window, project_with())
 
 
-def test_dragging_a_slider_moves_the_arm_while_it_is_dragged(window):
+def test_dragging_a_slider_moves_the_arm_immediately(window):
     page, slider = window.page, window.field(LENGTH).locator(".q-slider")
     box, at = slider.bounding_box(), window.field(LENGTH).locator(".q-slider__thumb").bounding_box()
     before, row = window.number, box["y"] + box["height"] / 2
@@ -40,7 +40,7 @@ def test_dragging_a_slider_moves_the_arm_while_it_is_dragged(window):
     assert_shows(window, project_with(length=value))
 
 
-def test_the_previous_run_and_the_rigid_arm_are_ghosts(window):
+def test_previous_run_and_rigid_arm_are_ghosts(window):
     window.set(LENGTH, "0.7")
     page = window.page
     both = window.pixels(".picture .arm canvas")
@@ -63,12 +63,12 @@ def test_play_moves_the_arm_to_the_end_of_the_run(window):
     page.get_by_role("button", name="Play").wait_for()
     scene = scene_of(project_with())
     np.testing.assert_allclose(window.tip(scene["view"]), scene["links"][-1][-1][-1], atol=0.008)
-    window.set(LENGTH, "0.65")  # the time stays
+    window.set(LENGTH, "0.65")  # the time does not change
     assert page.locator(".clock").inner_text() == "t = 0.500 s"
 
 
 @pytest.mark.parametrize("text", ["-1", "0", "long", "", "[1, 2]", "{a: 1}", "1e400"])
-def test_a_wrong_value_is_refused_beside_its_field(window, text):
+def test_message_of_a_wrong_value_is_beside_its_field(window, text):
     before = window.pixels()
     window.type(LENGTH, text)
     window.field(LENGTH).locator(".message").wait_for()
@@ -81,13 +81,13 @@ def test_a_wrong_value_is_refused_beside_its_field(window, text):
     assert window.message(LENGTH) == ""
 
 
-def test_text_that_is_not_yaml_is_refused(window):
+def test_text_that_is_not_yaml_is_rejected(window):
     window.type(LENGTH, "[1")
     window.field(LENGTH).locator(".message").wait_for()
     assert "is not valid YAML" in window.message(LENGTH)
 
 
-def test_a_run_that_fails_keeps_the_last_picture_and_marks_it_as_old(window):
+def test_failed_run_keeps_the_last_picture_and_marks_it(window):
     page = window.page
     window.type("motion.end[0]", "5")
     page.locator(".picture.old").wait_for()
@@ -95,13 +95,13 @@ def test_a_run_that_fails_keeps_the_last_picture_and_marks_it_as_old(window):
     assert "The picture shows the last run that worked." in page.locator(".failure").inner_text()
     grey = window.pixels()
     assert np.ptp(grey, axis=-1).max() < 10  # no colour is left
-    window.type("motion.end[0]", "0.2")  # the state of the picture
+    window.type("motion.end[0]", "0.2")  # the style of the picture
     page.wait_for_function("!document.querySelector('.picture.old')")
     assert not page.locator(".failure").is_visible()
     assert_shows(window, project_with())
 
 
-def test_a_broken_file_is_reported_with_its_lines(window, tmp_path):
+def test_broken_file_is_reported_with_its_lines(window, tmp_path):
     path = tmp_path / "broken.yaml"
     path.write_text(SCENARIO.replace("length: 0.6", "length: -0.6"), encoding="utf-8")
     before = window.pixels()
@@ -115,7 +115,7 @@ def test_a_broken_file_is_reported_with_its_lines(window, tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     window.open(path)
     window.page.get_by_text("is not text in UTF-8").wait_for()
-    # An arm in another file could be any file of the machine.
+    # A scenario must not read an arm from another file of the machine.
     path.write_text("flexarm: 1\narm: /etc/hostname\nrun: {duration: 1}\n", encoding="utf-8")
     window.open(path)
     window.page.get_by_text("refers to another file").wait_for()
@@ -123,7 +123,7 @@ def test_a_broken_file_is_reported_with_its_lines(window, tmp_path):
     assert window.pixels().shape[1] == before.shape[1]
 
 
-def test_texts_of_a_file_do_not_run_as_programs(window, tmp_path):
+def test_texts_of_a_file_are_not_executed(window, tmp_path):
     bad = "<img src=x onerror=alert(1)><script>document.title='run'</script>"
     path = tmp_path / "names.yaml"
     text = SCENARIO.replace("kind: line", f'kind: "{bad}"')
@@ -134,7 +134,7 @@ def test_texts_of_a_file_do_not_run_as_programs(window, tmp_path):
     assert window.page.title() == "flexarm studio"
 
 
-def test_save_and_open_again(window, new_window, tmp_path):
+def test_saved_file_can_be_opened_again(window, new_window, tmp_path):
     window.set(LENGTH, "0.7")
     window.choose("drive.kind", "joint pd")
     name, content = window.save("Save", "Save the scenario")
@@ -145,9 +145,7 @@ def test_save_and_open_again(window, new_window, tmp_path):
     path = tmp_path / name
     path.write_bytes(content)
     other = new_window()
-    before = other.number
-    other.open(path)
-    other.wait_for_picture(before)
+    other.show_file(path)
     assert other.value(LENGTH) == 0.7
     for each in (window, other):
         each.plain()
@@ -156,7 +154,7 @@ def test_save_and_open_again(window, new_window, tmp_path):
     assert open_bytes(content, name).record.arm == project.record.arm
 
 
-def test_a_study_has_lists_of_drives_motions_and_plants(window, tmp_path):
+def test_study_has_lists_of_drives_motions_and_plants(window, tmp_path):
     study = """\
 flexarm: 1
 arm:
@@ -171,9 +169,7 @@ run: {duration: 0.5, rate: 200}
 """
     path = tmp_path / "drives.yaml"
     path.write_text(study, encoding="utf-8")
-    before = window.number
-    window.open(path)
-    window.wait_for_picture(before)
+    window.show_file(path)
     before = window.number
     window.page.get_by_label("drive of the study").click()
     window.page.get_by_role("option", name="<b>joint PD</b>", exact=True).click()
@@ -184,7 +180,7 @@ run: {duration: 0.5, rate: 200}
     window.page.get_by_text("phase margin").wait_for()
 
 
-def test_export_a_script_and_a_report(window, tmp_path):
+def test_script_and_report_can_be_exported(window, tmp_path):
     window.set(LENGTH, "0.7")
     name, content = window.save("Export", "Python script")
     path = tmp_path / name
@@ -196,7 +192,7 @@ def test_export_a_script_and_a_report(window, tmp_path):
     assert b"length: 0.7" in content
 
 
-def test_undo_and_redo_with_buttons_and_keys(window):
+def test_buttons_and_keys_undo_and_redo(window):
     page = window.page
     assert page.get_by_role("button", name="Undo").is_disabled()
     window.plain()
@@ -221,7 +217,7 @@ def test_undo_and_redo_with_buttons_and_keys(window):
     assert np.array_equal(window.pixels(), first)
 
 
-def test_the_keyboard_is_enough(window):
+def test_all_values_can_be_changed_with_the_keyboard(window):
     page = window.page
     window.field(LENGTH).locator(".q-slider__track-container").focus()
     before, value = window.number, window.value(LENGTH)
@@ -240,7 +236,7 @@ def test_the_keyboard_is_enough(window):
     assert_shows(window, project_with(length=0.66))
 
 
-def test_the_state_survives_a_reload(window):
+def test_state_is_kept_after_a_reload(window):
     window.set(LENGTH, "0.7")
     window.page.reload()
     window.wait_for_picture(0)
@@ -251,7 +247,7 @@ def test_the_state_survives_a_reload(window):
     assert window.value(LENGTH) == 0.6
 
 
-def test_a_narrow_screen_needs_no_sideways_scrolling(new_window):
+def test_narrow_screen_needs_no_horizontal_scrolling(new_window):
     window = new_window(360, 740)
     page = window.page
     assert page.evaluate("document.documentElement.scrollWidth") <= 360

@@ -1,4 +1,4 @@
-"""The studio in a browser: its look, many changes, several windows, memory, and who may use it."""
+"""The studio in a browser: appearance, rapid changes, several windows, memory and access."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from studio_server import LENGTH, MASS, Screen, assert_shows, project_with, stud
 from flexarm.studio.state import open_bytes
 
 
-def test_the_page_looks_like_the_picture_of_the_documentation(new_window):
+def test_page_looks_like_the_picture_of_the_documentation(new_window):
     window = new_window(1400, 900)
     page = window.page
     window.choose("drive.kind", "joint pd")
@@ -29,7 +29,7 @@ def test_the_page_looks_like_the_picture_of_the_documentation(new_window):
     assert_looks_like(page, "studio.png")
 
 
-def test_two_windows_have_their_own_states(new_window):
+def test_two_windows_have_independent_states(new_window):
     one, two = new_window(), new_window()
     for k in range(10):
         one.type(LENGTH, f"{0.5 + 0.01 * k:.2f}")
@@ -44,7 +44,7 @@ def test_two_windows_have_their_own_states(new_window):
         assert_shows(window, project_with(length=length))
 
 
-def test_500_rapid_changes_end_with_the_picture_of_the_last(window, new_window, tmp_path):
+def test_500_rapid_changes_end_with_the_picture_of_the_last_one(window, new_window, tmp_path):
     page = window.page
     window.field(LENGTH).locator(".q-slider__track-container").focus()
     before = window.number
@@ -61,15 +61,13 @@ def test_500_rapid_changes_end_with_the_picture_of_the_last(window, new_window, 
     path = tmp_path / name
     path.write_bytes(content)
     fresh = new_window()
-    before = fresh.number
-    fresh.open(path)
-    fresh.wait_for_picture(before)
+    fresh.show_file(path)
     fresh.plain()
     assert np.array_equal(window.pixels(), fresh.pixels())
 
 
-def test_the_memory_is_bounded(window, studio_running, capsys):
-    """1,000 runs with FULL=1, which take minutes; else 60."""
+def test_memory_is_bounded(window, studio_running, capsys):
+    """With FULL=1 after 1,000 runs, which take minutes; otherwise after 60."""
     import psutil
 
     runs = 1000 if os.environ.get("FULL_PAGES") else 60
@@ -89,11 +87,11 @@ def test_the_memory_is_bounded(window, studio_running, capsys):
     after = megabytes()
     with capsys.disabled():
         print(f"\n{runs} runs: {sum(before):.0f} MB before, {sum(after):.0f} MB after")
-    # Undo keeps 200 projects of some kilobytes; allocators keep some more.
+    # Undo keeps 200 projects of some kilobytes, and allocators keep some more.
     assert sum(after) < sum(before) + 60.0
 
 
-def test_a_wider_address_needs_its_token(chromium, studio_file):
+def test_non_local_address_requires_its_token(chromium, studio_file):
     with studio(studio_file.parent, str(studio_file), "--host", "0.0.0.0") as open_server:
         plain, _, token = open_server.address.partition("?token=")
         assert len(token) > 20
@@ -106,15 +104,15 @@ def test_a_wider_address_needs_its_token(chromium, studio_file):
             assert "token" in page.locator("body").inner_text()
         assert page.request.get(f"{plain}_nicegui_ws/socket.io/?EIO=4").status == 403
         window = Screen(page, open_server.address)
-        assert token not in page.url  # it is in a cookie from here on
+        assert token not in page.url  # the token is in a cookie from here on
         assert window.value(LENGTH) == 0.6
         context.close()
 
 
-def test_other_pages_cannot_reach_it(studio_running):
+def test_requests_of_other_pages_are_rejected(studio_running):
     for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
-        asked = urllib.request.Request(studio_running.address, headers=headers)
+        requested = urllib.request.Request(studio_running.address, headers=headers)
         with pytest.raises(HTTPError) as error:
-            urllib.request.urlopen(asked, timeout=60)
+            urllib.request.urlopen(requested, timeout=60)
         with error.value as refusal:
             assert refusal.code == 403

@@ -1,6 +1,12 @@
-"""Scenario files for the tests of the command line: a good one, and ways to spoil it."""
+"""A call of the command line, a valid scenario file, and invalid variants of it."""
 
 from __future__ import annotations
+
+from typing import Any
+
+from typer.testing import CliRunner
+
+from flexarm.cli.main import app
 
 GOOD = """\
 flexarm: 1
@@ -13,7 +19,7 @@ drive: {kind: rigid_inverse_dynamics}
 run: {duration: 0.05, rate: 200}
 """
 
-#: A fixed step far too long for so stiff a link: the numbers blow up after a few steps.
+#: This fixed step is too long for so stiff a link, so the numbers diverge after a few steps.
 UNSTABLE = """\
 flexarm: 1
 arm:
@@ -25,13 +31,18 @@ run: {duration: 1.0, rate: 5000, integrator: rk4, step: 0.002}
 """
 
 
+def invoke(*arguments: object) -> Any:
+    """Run a command, and raise every exception that flexarm did not handle."""
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
 def spoiled(old: str, new: str) -> str:
-    """Return the good scenario with one thing changed."""
+    """Return the valid scenario with one change."""
     assert GOOD.count(old) >= 1
     return GOOD.replace(old, new, 1)
 
 
-#: What is wrong, the file, and a part of what must be told.
+#: Fault, file, and a part of the expected message.
 WRONG: dict[str, tuple[str | bytes, str]] = {
     "unknown key": (spoiled("elements", "elments"), "elements"),
     "unknown top-level key": (spoiled("drive", "drives"), "drive"),

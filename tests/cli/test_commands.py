@@ -1,4 +1,4 @@
-"""What commands print and write when all is well, and when a run fails."""
+"""Output and files of commands, for valid input and for failed runs."""
 
 import csv
 import json
@@ -6,23 +6,18 @@ import re
 
 import numpy as np
 import pytest
-from scenarios import GOOD, UNSTABLE
-from typer.testing import CliRunner
+from scenarios import GOOD, UNSTABLE, invoke
 
 import flexarm as fa
-from flexarm.cli.main import app
 from flexarm.output import read_result
 
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
-@pytest.fixture
-def good(tmp_path):
-    path = tmp_path / "good.yaml"
-    path.write_text(GOOD)
-    return path
+ONE_LINK = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}
+motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}
+"""
 
 
 def test_version():
@@ -42,7 +37,7 @@ def test_help_names_every_command_and_its_options(command):
         assert "--out" in outcome.stdout or "--csv" in outcome.stdout
 
 
-def test_check_says_what_it_found(good):
+def test_check_prints_a_summary(good):
     outcome = invoke("check", good)
     assert outcome.exit_code == 0
     words = " ".join(outcome.stdout.split())
@@ -52,15 +47,11 @@ def test_check_says_what_it_found(good):
     assert words.endswith("ok")
 
 
-def test_check_gives_frequencies_sample_time_integrator_and_stability(good):
-    """The numbers are those of the Python interface, and of a single joint in closed form."""
+def test_check_prints_frequencies_sample_time_integrator_and_stability(good):
+    """The numbers equal those of the Python interface, and the closed form of a single joint."""
     good.write_text(
-        "flexarm: 1\n"
-        "arm:\n"
-        "  links:\n"
-        "    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}\n"
-        "motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}\n"
-        "drive: {kind: joint_pd, proportional: 2.0, derivative: 0.4, sample_time: 0.002}\n"
+        ONE_LINK
+        + "drive: {kind: joint_pd, proportional: 2.0, derivative: 0.4, sample_time: 0.002}\n"
         "run: {duration: 1.0, integrator: rk4, step: 1.0e-4}\n"
     )
     words = " ".join(invoke("check", good).stdout.split())
@@ -68,10 +59,10 @@ def test_check_gives_frequencies_sample_time_integrator_and_stability(good):
     frequency = fa.modes(arm).frequency_hz
     # A clamped-free beam: 3.516 sqrt(EI / mu) / (2 pi L^2).
     assert frequency[0] == pytest.approx(3.516 * np.sqrt(20.0) / (2.0 * np.pi), rel=1e-3)
-    told = ", ".join(f"{value:.4g}" for value in frequency[:3])
-    assert f"frequencies {told} Hz with the joints locked, at the start" in words
+    reported = ", ".join(f"{value:.4g}" for value in frequency[:3])
+    assert f"frequencies {reported} Hz with the joints locked, at the start" in words
     longest = float(words.partition("sample time ")[2].partition(" ms")[0])
-    # Rounded down to two digits: 12 in place of 12.7.
+    # Rounded down to two digits: 12 instead of 12.7.
     assert 0.18 < 2.0 * np.pi * frequency[0] * 1e-3 * longest <= 0.2
     assert "; this one has 2 ms" in words
     assert "integrator rk4; dormand_prince_8 is recommended: order 8 with step control" in words
@@ -82,14 +73,9 @@ def test_check_gives_frequencies_sample_time_integrator_and_stability(good):
     assert words.count(time) == 2
 
 
-def test_check_reports_a_growing_pole(good):
+def test_check_reports_an_unstable_pole(good):
     good.write_text(
-        "flexarm: 1\n"
-        "arm:\n"
-        "  links:\n"
-        "    - {length: 1, flexural_rigidity: 10, mass_per_length: 0.5, elements: 4, modes: 3}\n"
-        "motion: {kind: joint, start: [0.0], end: [1.0], duration: 0.5}\n"
-        "drive: {kind: joint_pd, proportional: 2.0, derivative: 2.0, sample_time: 0.1}\n"
+        ONE_LINK + "drive: {kind: joint_pd, proportional: 2.0, derivative: 2.0, sample_time: 0.1}\n"
         "run: {duration: 1.0}\n"
     )
     outcome = invoke("check", good)
@@ -97,14 +83,14 @@ def test_check_reports_a_growing_pole(good):
     assert "warning: the sampled loop is unstable at the start" in outcome.stderr
 
 
-def test_check_knows_segments(good):
+def test_check_counts_segments(good):
     good.write_text(GOOD.replace("elements: 1", "elements: 2, segments: 2", 1))
     outcome = invoke("check", good)
     assert outcome.exit_code == 0
     assert "2 segments, 2 elements, 4 modes" in " ".join(outcome.stdout.split())
 
 
-def test_check_takes_an_arm_file(good, tmp_path):
+def test_check_accepts_an_arm_file(good, tmp_path):
     fa.save_arm(fa.load_arm(good), tmp_path / "arm.yaml")
     outcome = invoke("check", tmp_path / "arm.yaml")
     assert outcome.exit_code == 0
@@ -112,14 +98,14 @@ def test_check_takes_an_arm_file(good, tmp_path):
     assert "motion" not in outcome.stdout
 
 
-def test_a_scenario_without_run_is_no_arm_file(good):
+def test_scenario_without_run_is_not_an_arm_file(good):
     good.write_text(GOOD[: GOOD.index("run:")])
     outcome = invoke("check", good)
     assert outcome.exit_code == 2
     assert "run is missing" in outcome.stderr
 
 
-def test_run_writes_what_the_same_calls_in_python_give(good, tmp_path):
+def test_run_writes_the_result_of_the_same_calls_in_python(good, tmp_path):
     out, plot, page = tmp_path / "new" / "run.nc", tmp_path / "run.png", tmp_path / "run.html"
     outcome = invoke("run", good, "--out", out, "--plot", plot, "--animate", page)
     assert outcome.exit_code == 0
@@ -139,19 +125,19 @@ def test_run_without_output_writes_nothing(good, tmp_path):
     assert list(tmp_path.iterdir()) == [good]
 
 
-def test_a_run_that_bends_too_far_says_so_in_one_line(tmp_path):
+def test_excessive_bending_gives_a_warning_of_one_line(tmp_path):
     path = tmp_path / "soft.yaml"
     path.write_text(GOOD.replace("5000.0", "500.0"))
     outcome = invoke("run", path, "--out", tmp_path / "run.nc")
     assert outcome.exit_code == 0
     (line,) = outcome.stderr.splitlines()
-    told = read_result(tmp_path / "run.nc").attrs["warning"]
-    assert line == f"warning: {told}"
-    assert told.startswith("link 1 deflects by up to ")
+    reported = read_result(tmp_path / "run.nc").attrs["warning"]
+    assert line == f"warning: {reported}"
+    assert reported.startswith("link 1 deflects by up to ")
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".csv"])
-def test_a_run_that_fails_keeps_what_it_had(suffix, tmp_path):
+def test_failed_run_writes_its_partial_result(suffix, tmp_path):
     path = tmp_path / "unstable.yaml"
     path.write_text(UNSTABLE)
     outcome = invoke("run", path, "--out", tmp_path / f"run{suffix}")
@@ -166,14 +152,14 @@ def test_a_run_that_fails_keeps_what_it_had(suffix, tmp_path):
         assert read_result(part).attrs["failure"] == last
 
 
-def test_a_run_that_fails_without_output_leaves_nothing(tmp_path):
+def test_failed_run_without_output_writes_nothing(tmp_path):
     path = tmp_path / "unstable.yaml"
     path.write_text(UNSTABLE)
     assert invoke("run", path).exit_code == 1
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_ctrl_c_and_lack_of_memory_are_no_tracebacks(good, monkeypatch):
+def test_ctrl_c_and_memory_error_print_no_traceback(good, monkeypatch):
     from flexarm.scenarios.scenario import Prepared
 
     for error, status in ((KeyboardInterrupt, 130), (MemoryError, 1)):
@@ -188,7 +174,7 @@ def test_ctrl_c_and_lack_of_memory_are_no_tracebacks(good, monkeypatch):
 
 
 @pytest.mark.parametrize("joints", ["locked", "free"])
-def test_modes_are_those_of_the_arm(joints, good, tmp_path):
+def test_modes_prints_the_frequencies_of_the_arm(joints, good, tmp_path):
     table = tmp_path / "modes.csv"
     options = ["--joints", joints, "--angles", "0.3,-0.5", "--count", "3", "--csv", table]
     outcome = invoke("modes", good, *options)
@@ -205,7 +191,7 @@ def test_modes_are_those_of_the_arm(joints, good, tmp_path):
         assert float(row[1]) == pytest.approx(frequency, rel=1e-5)
 
 
-def test_modes_of_what_cannot_vibrate(tmp_path):
+def test_modes_of_arms_without_vibrations(tmp_path):
     path = tmp_path / "rigid.yaml"
     path.write_text(
         "flexarm: 1\n"
@@ -220,7 +206,7 @@ def test_modes_of_what_cannot_vibrate(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["arm", "scenario"])
-def test_schema_is_json_on_screen_and_in_a_file(kind, tmp_path):
+def test_schema_is_printed_or_written_as_json(kind, tmp_path):
     outcome = invoke("schema", "--kind", kind)
     assert outcome.exit_code == 0
     schema = json.loads(outcome.stdout)
@@ -230,7 +216,7 @@ def test_schema_is_json_on_screen_and_in_a_file(kind, tmp_path):
     assert json.loads(file.read_text()) == schema
 
 
-def test_run_says_which_events_happened(tmp_path):
+def test_run_prints_the_events_that_occurred(tmp_path):
     path = tmp_path / "run.yaml"
     events = (
         "events:\n"

@@ -1,4 +1,4 @@
-"""``flexarm compare``: a study from its file to its table, and every wrong one told at once."""
+"""``flexarm compare``: a study from its file to its table; every fault is reported at once."""
 
 import csv
 
@@ -49,7 +49,7 @@ def call(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
-def test_the_numbers_are_those_of_single_runs(path):
+def test_numbers_equal_those_of_single_runs(path):
     table = fa.run_study(path)
     assert table.controller.values.tolist() == ["torque alone", "PD"]
     arm = fa.load_arm(path)
@@ -74,8 +74,8 @@ def test_the_numbers_are_those_of_single_runs(path):
     assert np.isnan(table.controller_time.sel(controller="torque alone")).all()
 
 
-def test_a_load_on_one_plant_is_that_of_compare(path):
-    """Beside one on all plants; the same again for the one on none."""
+def test_load_on_one_plant_equals_that_of_compare(path):
+    """The loads are added to one on all plants; then the same without these."""
     pushed = "  pushed: {loads: [{link: 2, force: [0.0, -8.0]}, {link: 1, moment: 0.5}]}\n"
     everywhere = "loads: [{link: 1, force: [1.0, 0.0], station: 0.4}]\n"
     path.write_text(STUDY.replace("hardware:", pushed + everywhere + "hardware:"))
@@ -117,7 +117,7 @@ def test_table_figure_and_files(path, tmp_path):
         rows = list(csv.DictReader(stream))
     assert len(rows) == 8
     assert {row["plant"] for row in rows} == {"as believed", "heavy"}
-    # The printed row of the same run: lengths in mm, four digits; the last cell is a time.
+    # The printed row of the same run has lengths in mm and four digits; the last cell is a time.
     one = {"controller": "PD", "plant": "as believed", "reference": "there"}
     row = next(row for row in rows if one.items() <= row.items())
     printed = next(line for line in result.output.splitlines() if line.split()[:1] == ["PD"])
@@ -131,7 +131,7 @@ def test_table_figure_and_files(path, tmp_path):
         assert kept.tip_error_rms.sizes == {"controller": 2, "plant": 2, "reference": 2}
 
 
-def test_check_says_what_is_in_a_study(path):
+def test_check_counts_the_runs_of_a_study(path):
     result = call("check", path)
     assert result.exit_code == 0, result.output
     assert "8 of 0.6 s" in result.output
@@ -188,7 +188,7 @@ def test_check_says_what_is_in_a_study(path):
         ("there: {kind: joint, ", "there: {kind: pressed, ", "motions.there.path is missing"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line(path, old, new, words):
+def test_faults_are_reported_with_their_line(path, old, new, words):
     assert old in STUDY
     path.write_text(STUDY.replace(old, new, 1))
     result = call("compare", path)
@@ -205,14 +205,14 @@ def test_two_problems_at_once(path):
     assert len(caught.value.problems) == 2
 
 
-def test_out_of_reach_is_told_with_the_motion(path):
+def test_unreachable_motion_is_reported_with_its_name(path):
     line = "there: {kind: line, start: [1.0, 0.2], end: [3.0, 0.0], duration: 0.4}"
     path.write_text(STUDY.replace(STUDY.splitlines()[8].strip(), line))
     with pytest.raises(fa.InputError, match=r"study.yaml:9: motions.there"):
         fa.run_study(path)
 
 
-def test_a_run_that_fails_is_told_and_the_table_comes_all_the_same(path):
+def test_failed_run_is_reported_and_the_table_is_printed(path):
     path.write_text(STUDY.replace("[20, 8]", "[9000, 8000]"))
     result = call("compare", path)
     assert result.exit_code == 0
@@ -221,20 +221,10 @@ def test_a_run_that_fails_is_told_and_the_table_comes_all_the_same(path):
     assert "PD on heavy along back: stopped at t =" in result.stderr.replace("\n", " ")
 
 
-def test_a_study_in_python():
-    study, _ = locate_study_of(STUDY)
+def test_study_can_be_used_from_python(path):
+    study, _ = locate_study(path)
     assert isinstance(study, Study)
     assert study.scenario("PD", "back").drive.kind == "joint_pd"
-
-
-def locate_study_of(text):
-    import tempfile
-    from pathlib import Path
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "study.yaml"
-        path.write_text(text)
-        return locate_study(path)
 
 
 PRESSING = """\
@@ -258,7 +248,7 @@ run: {duration: 0.4, rate: 200}
 """
 
 
-def test_errors_of_the_force_are_told_where_something_presses(tmp_path):
+def test_force_errors_are_reported_only_for_motions_with_contact(tmp_path):
     path = tmp_path / "study.yaml"
     path.write_text(PRESSING)
     result = call("compare", path, "--out", tmp_path / "t.csv")
@@ -271,15 +261,16 @@ def test_errors_of_the_force_are_told_where_something_presses(tmp_path):
     assert "N m" in free
     with open(tmp_path / "t.csv", newline="") as stream:
         rows = {row["reference"]: row for row in csv.DictReader(stream)}
-    # 3 N are asked for; a tip that begins at rest on the wall bounces at first.
+    # 3 N are requested; the tip starts at rest on the wall and bounces at first.
     assert 0.0 < float(rows["wipe"]["force_error_rms"]) < float(rows["wipe"]["force_error_peak"])
     assert float(rows["wipe"]["force_error_peak"]) <= 6.0
     assert rows["free"]["force_error_rms"] == rows["free"]["force_error_peak"] == ""
 
 
-def test_check_tells_what_is_special_about_a_motion(tmp_path):
+def test_check_names_pressing_and_shaped_motions(tmp_path):
     path = tmp_path / "run.yaml"
-    study, _ = locate_study_of(PRESSING)
+    path.write_text(PRESSING)
+    study, _ = locate_study(path)
     for motion, words in (("wipe", "in 0.3 s, within reach, pressing"), ("free", "with shaping")):
         save_scenario(study.scenario("hybrid", motion), path)
         result = call("check", path)
@@ -287,8 +278,8 @@ def test_check_tells_what_is_special_about_a_motion(tmp_path):
         assert words in " ".join(result.output.split())
 
 
-def test_every_drive_is_looked_at_with_every_motion(tmp_path):
-    """The torque of the rigid arm cannot press; only one of the motions asks for that."""
+def test_every_drive_is_checked_with_every_motion(tmp_path):
+    """Feedforward of the rigid arm cannot press, and only one of the motions requires a force."""
     path = tmp_path / "study.yaml"
     moving = "  there: {kind: joint, start: [0.2, -0.4], end: [0.5, 0.0], duration: 0.4}\n"
     torque = "  torque alone: {kind: rigid_inverse_dynamics}\n"
@@ -310,7 +301,7 @@ def test_every_drive_is_looked_at_with_every_motion(tmp_path):
         ("run: {", "hardware: {instrument: []}\nrun: {", "instrument"),
     ],
 )
-def test_what_is_wrong_with_what_all_runs_share(tmp_path, old, new, words):
+def test_faults_of_common_settings_are_reported(tmp_path, old, new, words):
     path = tmp_path / "study.yaml"
     path.write_text(PRESSING.replace(old, new))
     outcome = call("check", path)
@@ -319,8 +310,8 @@ def test_what_is_wrong_with_what_all_runs_share(tmp_path, old, new, words):
     assert "Traceback" not in outcome.output + outcome.stderr
 
 
-def test_an_inconsistent_estimator_is_reported_by_run_and_compare(tmp_path):
-    """Its force or payload is four times what the filter believes."""
+def test_inconsistent_estimator_is_reported_by_run_and_compare(tmp_path):
+    """Its force or payload is four times the value of the filter's model."""
     arm = STUDY[: STUDY.index("motions:")]
     motion = "{kind: joint, start: [0.2, -0.4], end: [0.5, 0.0], duration: 0.3}"
     drive = (

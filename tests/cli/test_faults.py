@@ -1,4 +1,4 @@
-"""Full disks, signals, pipes and hostile files: what the command leaves and what it prints."""
+"""Full disks, signals, pipes and hostile files: remaining files and printed messages."""
 
 import os
 import signal
@@ -8,10 +8,9 @@ import threading
 from contextlib import contextmanager
 
 import pytest
-from scenarios import GOOD
+from scenarios import GOOD, invoke
 
 import flexarm as fa
-from flexarm.cli.main import app
 
 COMMAND = [sys.executable, "-c", "from flexarm.cli.main import main; main()"]
 FULL = """
@@ -23,20 +22,14 @@ main()
 posix_only = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
 
 
-@pytest.fixture
-def good(tmp_path):
-    path = tmp_path / "good.yaml"
-    path.write_text(GOOD)
-    return path
-
-
 def run(*arguments, code=None, **options):
     command = [sys.executable, "-c", code] if code else COMMAND
     return subprocess.run(
         [*command, *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=1800,  # seconds: stops a test that hangs; compiling beside other work takes minutes
+        # seconds; ends a test that hangs, because compiling on a busy machine takes minutes
+        timeout=1800,
         check=False,
         **options,
     )
@@ -54,14 +47,14 @@ OUTPUTS = {
 }
 
 
-#: What a process prints when it ends counts, too: one format that builds a file in memory, and one
-#: that does not. The others are written in this process, because each start takes seconds.
+#: Output of a process at its end is checked, too: for one format that is built in memory, and for
+#: one that is not. The others are written in this process, because each start takes seconds.
 IN_A_PROCESS = {"run nc", "run csv"}
 
 
 @contextmanager
 def full_disk():
-    """Let no file of this process grow beyond 100 bytes."""
+    """Limit the size of files that this process writes to 100 bytes."""
     import resource
 
     usual, most = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -74,7 +67,7 @@ def full_disk():
 
 @posix_only
 @pytest.mark.parametrize("what", OUTPUTS)
-def test_a_full_disk_gives_an_error_and_leaves_the_older_file(what, good, tmp_path):
+def test_full_disk_gives_an_error_and_keeps_the_older_file(what, good, tmp_path):
     name, *options, out = OUTPUTS[what]
     path = tmp_path / out
     command = (name, *([] if name == "schema" else [good]), *options, path)
@@ -88,15 +81,15 @@ def test_a_full_disk_gives_an_error_and_leaves_the_older_file(what, good, tmp_pa
             outcome = invoke(*command)
         status, printed = outcome.exit_code, outcome.stderr
     assert status == 2
-    told = [line for line in printed.splitlines() if not line.startswith("flexarm: ")]
+    reported = [line for line in printed.splitlines() if not line.startswith("flexarm: ")]
     reason = "File too large. The older file is unchanged."
-    assert told == [f"{path}: the file could not be written: {reason}"]
+    assert reported == [f"{path}: the file could not be written: {reason}"]
     assert path.read_bytes() == older
     assert sorted(tmp_path.iterdir()) == sorted([good, path])
 
 
 @posix_only
-def test_a_full_disk_leaves_the_older_file_of_a_separation(tmp_path):
+def test_full_disk_keeps_the_older_file_of_a_separation(tmp_path):
     arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
     motion = fa.joint_motion(arm, [0.0], [0.5], 1.0)
     separation = fa.linearize_along(arm, motion, rate=10.0)
@@ -146,7 +139,7 @@ print("after the signal")
 
 
 @posix_only
-def test_sigterm_writes_out_what_was_printed():
+def test_sigterm_flushes_printed_output():
     ended = run(code=PRINTED)
     assert ended.returncode == 143
     assert ended.stdout == "printed\n"
@@ -170,12 +163,12 @@ os.kill(os.getpid(), signal.SIGTERM)
 
 
 @posix_only
-def test_sigterm_does_not_wait_for_a_reader_that_has_stalled():
+def test_sigterm_does_not_wait_for_a_stalled_reader():
     assert run(code=STALLED).returncode == 143
 
 
 @posix_only
-def test_the_write_after_sigkill_removes_the_temporary_file(good, tmp_path):
+def test_next_write_removes_the_temporary_file_after_sigkill(good, tmp_path):
     out = tmp_path / "run.nc"
     ended = run("run", good, "--out", out, code=WAITING.format(signal="SIGKILL"))
     assert ended.returncode == -signal.SIGKILL
@@ -184,7 +177,7 @@ def test_the_write_after_sigkill_removes_the_temporary_file(good, tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted([good, out])
 
 
-def test_the_package_leaves_signals_alone():
+def test_import_does_not_change_signal_handlers():
     code = """
 import signal
 before = signal.getsignal(signal.SIGTERM)
@@ -196,15 +189,9 @@ assert signal.getsignal(signal.SIGTERM) is before
     assert run(code=code).returncode == 0
 
 
-def invoke(*arguments):
-    from typer.testing import CliRunner
-
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
 @posix_only
 @pytest.mark.parametrize("command", ["check", "modes", "linearize", "run"])
-def test_a_pipe_is_read_once(command, good, tmp_path):
+def test_scenario_from_a_pipe_is_read_once(command, good, tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     writer = threading.Thread(target=lambda: pipe.write_text(GOOD))
@@ -215,7 +202,7 @@ def test_a_pipe_is_read_once(command, good, tmp_path):
 
 
 @posix_only
-def test_a_pipe_with_an_arm_alone_is_read_once(tmp_path):
+def test_arm_from_a_pipe_is_read_once(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     arm = "\n".join(line for line in GOOD.splitlines() if line[:3] not in ("mot", "dri", "run"))
@@ -226,14 +213,14 @@ def test_a_pipe_with_an_arm_alone_is_read_once(tmp_path):
 
 
 @posix_only
-def test_standard_input(good):
+def test_standard_input_is_read(good):
     with open(good) as stream:
         assert run("check", "/dev/stdin", stdin=stream).returncode == 0
     assert run("check", "/dev/stdin", input=GOOD).returncode == 0
 
 
 @posix_only
-def test_a_pipe_without_a_writer_is_refused(tmp_path, monkeypatch):
+def test_pipe_without_a_writer_is_rejected(tmp_path, monkeypatch):
     from flexarm.model.file_format import read_bytes
 
     monkeypatch.setattr(read_bytes, "_WAIT_FOR_WRITER", 0.05)
@@ -244,7 +231,7 @@ def test_a_pipe_without_a_writer_is_refused(tmp_path, monkeypatch):
 
 
 @posix_only
-def test_a_pipe_whose_writer_writes_nothing_is_refused(tmp_path, monkeypatch):
+def test_pipe_with_a_silent_writer_is_rejected(tmp_path, monkeypatch):
     from flexarm.model.file_format import read_bytes
 
     monkeypatch.setattr(read_bytes, "_WAIT_FOR_CONTENT", 0.05)
@@ -267,7 +254,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("what", HOSTILE)
-def test_characters_that_no_terminal_should_get_are_escaped(what, tmp_path):
+def test_control_characters_are_escaped(what, tmp_path):
     written, shown = HOSTILE[what]
     path = tmp_path / "file.yaml"
     run_part = "run: {duration: 0.1}\n"
@@ -283,7 +270,7 @@ def test_characters_that_no_terminal_should_get_are_escaped(what, tmp_path):
         assert all(c == "\n" or c.isprintable() for c in outcome.output)
 
 
-def test_a_path_with_escape_codes_is_escaped_in_all_that_is_printed(good, tmp_path):
+def test_path_with_escape_codes_is_escaped_in_all_output(good, tmp_path):
     out = tmp_path / "\x1b[31mred.csv"
     outcome = invoke("run", good, "--out", out)
     assert out.exists()
@@ -294,7 +281,7 @@ def test_a_path_with_escape_codes_is_escaped_in_all_that_is_printed(good, tmp_pa
 @pytest.mark.parametrize(
     "content", ["root:x:0:0\nsecret:y\n", "- secret\n", "a: [secret", "{secret: 1}", "secret"]
 )
-def test_the_content_of_a_file_that_is_not_an_arm_is_not_printed(content, tmp_path):
+def test_content_of_a_file_that_is_not_an_arm_is_not_printed(content, tmp_path):
     (tmp_path / "other").write_text(content)
     path = tmp_path / "file.yaml"
     path.write_text("flexarm: 1\narm: other\nrun: {duration: 0.1}\n")
@@ -307,7 +294,7 @@ def test_the_content_of_a_file_that_is_not_an_arm_is_not_printed(content, tmp_pa
 
 
 LINK = "flexarm: 1\narm: {{gravity: [0.0, -9.81], links: [{{{}}}]}}\n"
-#: Links whose dimensions have powers and products that overflow or vanish.
+#: Links whose dimensions have powers and products that overflow or underflow.
 UNREASONABLE = {
     "short": "length: 1.0e-300, flexural_rigidity: 10.0, mass_per_length: 0.3",
     "short, with shear": (
@@ -341,7 +328,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_files_that_no_command_can_use_are_refused(case, tmp_path):
+def test_unusable_files_are_rejected_by_every_command(case, tmp_path):
     command, text, words = REFUSED[case]
     path = tmp_path / "file.yaml"
     path.write_text(text)

@@ -4,28 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from scenarios import GOOD
-from typer.testing import CliRunner
+from scenarios import GOOD, invoke
 
 import flexarm as fa
-from flexarm.cli.main import app
 from flexarm.cli.starting_files import MOST_LINKS
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
-@pytest.fixture
-def good(tmp_path):
-    path = tmp_path / "good.yaml"
-    path.write_text(GOOD)
-    return path
 
 
 @pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])
 @pytest.mark.parametrize("links", [1, 2, 3, MOST_LINKS])
-def test_what_init_writes_passes_the_check_without_a_warning(tmp_path, links, gravity):
+def test_files_of_init_pass_the_check_without_a_warning(tmp_path, links, gravity):
     folder = tmp_path / "new" / "arm"
     outcome = invoke("init", folder, "--links", links, *gravity)
     assert outcome.exit_code == 0
@@ -38,24 +25,24 @@ def test_what_init_writes_passes_the_check_without_a_warning(tmp_path, links, gr
     assert arm.links == links
     assert np.sum(arm.lengths) == pytest.approx(2.0, abs=1e-3)
     assert arm.spec.gravity == (0.0, -9.81 if gravity else 0.0)
-    # The sample time written is within the recommended one.
+    # The written sample time is within the recommended one.
     words = " ".join(checked.stdout.split()).partition("sample time ")[2].split()
     assert float(words[words.index("has") + 1]) <= float(words[0])
 
 
 @pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])
-def test_what_init_writes_runs_at_once_and_ends_where_it_should(tmp_path, gravity):
+def test_files_of_init_run_and_reach_their_goal(tmp_path, gravity):
     assert invoke("init", tmp_path, *gravity).exit_code == 0
     outcome = invoke("run", tmp_path / "scenario.yaml", "--json")
     assert (outcome.exit_code, outcome.stderr) == (0, "")
-    told = json.loads(outcome.stdout)
-    assert told["warnings"] == []
-    # The loop has no integral action: it leaves 1 cm where gravity bends the links.
-    assert np.hypot(*np.subtract(told["tip"], [0.7, 1.2])) < (0.01 if gravity else 0.003)
-    assert told["largest_link_tip_deflection"][0] > 0.005
+    reported = json.loads(outcome.stdout)
+    assert reported["warnings"] == []
+    # The controller has no integral action, so gravity leaves an error of 1 cm.
+    assert np.hypot(*np.subtract(reported["tip"], [0.7, 1.2])) < (0.01 if gravity else 0.003)
+    assert reported["largest_link_tip_deflection"][0] > 0.005
 
 
-def test_init_overwrites_nothing(tmp_path):
+def test_init_does_not_overwrite_files(tmp_path):
     (tmp_path / "scenario.yaml").write_text("mine")
     outcome = invoke("init", tmp_path)
     assert outcome.exit_code == 2
@@ -64,13 +51,13 @@ def test_init_overwrites_nothing(tmp_path):
     assert not (tmp_path / "arm.yaml").exists()
 
 
-def test_init_refuses_a_folder_that_is_a_file(good):
+def test_init_rejects_a_path_that_is_a_file(good):
     outcome = invoke("init", good)
     assert outcome.exit_code == 2
     assert "must be a writable folder" in outcome.stderr
 
 
-def test_set_changes_what_the_file_would_change(good, tmp_path):
+def test_set_equals_a_change_of_the_file(good, tmp_path):
     options = ["--set", "arm.links[1].length=0.6", "--set", "run={duration: 0.02, rate: 500}"]
     out = tmp_path / "set.nc"
     assert invoke("run", good, *options, "--out", out, "--quiet").stdout == ""
@@ -84,29 +71,29 @@ def test_set_changes_what_the_file_would_change(good, tmp_path):
     assert found.attrs["scenario"] == wanted.attrs["scenario"]
 
 
-def test_a_later_set_and_missing_keys(good):
+def test_later_set_overrides_and_missing_keys_are_added(good):
     options = ["--set", "initial.joint_angle=[0.1, 0.2]", "--set", "run.rate=50"]
     options += ["--set", "motion=", "--set", "drive={kind: none}", "--set", "run.rate=100"]
-    told = json.loads(invoke("run", good, *options, "--duration", "0.05", "--json").stdout)
-    assert told["samples"] == 6
-    assert told["changes"][-1] == "--duration 0.05"
-    np.testing.assert_allclose(told["joint_angle"], [0.1, 0.2], rtol=0, atol=1e-9)
+    reported = json.loads(invoke("run", good, *options, "--duration", "0.05", "--json").stdout)
+    assert reported["samples"] == 6
+    assert reported["changes"][-1] == "--duration 0.05"
+    np.testing.assert_allclose(reported["joint_angle"], [0.1, 0.2], rtol=0, atol=1e-9)
 
 
-def test_set_reaches_an_arm_in_its_own_file(tmp_path):
+def test_set_changes_an_arm_in_a_separate_file(tmp_path):
     assert invoke("init", tmp_path).exit_code == 0
     scenario = tmp_path / "scenario.yaml"
     options = ["--duration", "0.01", "--json"]
     one = json.loads(invoke("run", scenario, *options).stdout)
-    # Links 1 and 2 of the file share their values by an alias: only one of them changes.
+    # Links 1 and 2 of the file share their values by an alias, and only one of them changes.
     changed = invoke("run", scenario, *options, "--set", "arm.links[1].length=0.9")
     assert changed.exit_code == 0
     np.testing.assert_allclose(json.loads(changed.stdout)["tip"], one["tip"], rtol=0, atol=2e-2)
     refused = invoke("run", scenario, "--set", "arm.links[1].length=-1")
     assert refused.exit_code == 2
     (line,) = refused.stderr.splitlines()
-    told = "arm.links[1].length must be greater than 0, got -1."
-    assert line == f"--set arm.links[1].length=-1: {told}"
+    reported = "arm.links[1].length must be greater than 0, got -1."
+    assert line == f"--set arm.links[1].length=-1: {reported}"
     other = tmp_path / "other.yaml"
     other.write_text((tmp_path / "arm.yaml").read_text().replace("length: 1.0", "length: 0.2"))
     refused = invoke("run", scenario, "--set", "arm=other.yaml")
@@ -114,9 +101,9 @@ def test_set_reaches_an_arm_in_its_own_file(tmp_path):
     assert "motion.start must lie within the reach of 0.4 m" in refused.stderr
 
 
-def test_the_integrator_of_the_command_line(good):
-    told = json.loads(invoke("run", good, "--integrator", "rk4", "--json").stdout)
-    assert told["integrator"] == "rk4"
+def test_integrator_of_the_command_line_replaces_that_of_the_file(good):
+    reported = json.loads(invoke("run", good, "--integrator", "rk4", "--json").stdout)
+    assert reported["integrator"] == "rk4"
 
 
 @pytest.mark.parametrize(
@@ -135,27 +122,27 @@ def test_the_integrator_of_the_command_line(good):
         (["--set", "motion.end=[9, 9]"], "--set motion.end=[9, 9]: motion.end must lie within"),
     ],
 )
-def test_wrong_changes_have_the_words_of_the_file(good, options, message):
+def test_wrong_set_options_give_the_messages_of_the_file(good, options, message):
     outcome = invoke("run", good, *options)
     assert outcome.exit_code == 2
     assert outcome.stdout == ""
     assert message in outcome.stderr
-    told = " ".join(options)
-    assert outcome.stderr.startswith((f"{told}: ", "flexarm run: --set must"))
+    reported = " ".join(options)
+    assert outcome.stderr.startswith((f"{reported}: ", "flexarm run: --set must"))
 
 
-def test_json_is_alone_on_the_standard_output(good, tmp_path):
+def test_json_is_the_only_standard_output(good, tmp_path):
     out = tmp_path / "run.nc"
     outcome = invoke("run", good, "--json", "--out", out)
-    told = json.loads(outcome.stdout)
+    reported = json.loads(outcome.stdout)
     result = fa.read_result(out)
-    assert told["files"] == {"result": str(out)}
-    assert told["samples"] == result.sizes["time"]
-    assert told["end_time"] == float(result.time[-1])
-    np.testing.assert_array_equal(told["tip"], result.tip[-1])
+    assert reported["files"] == {"result": str(out)}
+    assert reported["samples"] == result.sizes["time"]
+    assert reported["end_time"] == float(result.time[-1])
+    np.testing.assert_array_equal(reported["tip"], result.tip[-1])
     largest = np.abs(result.link_tip_deflection).max("time")
-    np.testing.assert_array_equal(told["largest_link_tip_deflection"], largest)
-    assert told["ended_by"] == "duration"
+    np.testing.assert_array_equal(reported["largest_link_tip_deflection"], largest)
+    assert reported["ended_by"] == "duration"
 
 
 def test_quiet_prints_warnings_only(good):

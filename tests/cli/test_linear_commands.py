@@ -1,15 +1,15 @@
-"""``flexarm modes`` along ways and spins, ``flexarm linearize``: tables, files, plots, refusals."""
+"""``flexarm modes`` along motions and spins, ``flexarm linearize``: tables, files, plots and
+errors."""
 
 import csv
 import json
 
 import numpy as np
 import pytest
+from scenarios import invoke
 from scipy.io import loadmat
-from typer.testing import CliRunner
 
 import flexarm as fa
-from flexarm.cli.main import app
 
 ARM = """\
 flexarm: 1
@@ -21,10 +21,6 @@ arm:
     - {length: 0.8, flexural_rigidity: 105.0, mass_per_length: 0.6, elements: 1}
 """
 HEAVY = ARM + "  gravity: [0, -9.81]\n"
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 @pytest.fixture
@@ -42,7 +38,7 @@ def heavy(tmp_path):
 
 
 def frequencies(outcome):
-    """First column of numbers of the table, Hz."""
+    """Return the first column of numbers of the table, Hz."""
     assert outcome.exit_code == 0, outcome.output
     rows = [line.split() for line in outcome.stdout.splitlines() if line.strip()[:1].isdigit()]
     return [float(row[1]) for row in rows]
@@ -54,21 +50,21 @@ def read(table):
     return head, np.array(rows, dtype=float)
 
 
-def test_modes_held_by_gains(path):
+def test_modes_with_joint_gains(path):
     gains = ["--proportional", "40,10", "--derivative", "2,1", "--angles", "0.3,1", "--count", 3]
     expected = fa.modes(fa.load_arm(path), [0.3, 1.0], [(40.0, 2.0), (10.0, 1.0)])
     found = frequencies(invoke("modes", path, *gains))
     np.testing.assert_allclose(found, expected.frequency_hz[:3], rtol=1e-5)
 
 
-def test_modes_of_an_arm_that_sags(heavy):
+def test_modes_about_the_sagging_equilibrium(heavy):
     arm = fa.load_arm(heavy)
     expected = fa.modes(arm, fa.equilibrium(arm)).frequency_hz[:6]
     found = frequencies(invoke("modes", heavy, "--sag"))
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
-def test_modes_of_an_arm_that_spins(path):
+def test_modes_at_a_spin_rate(path):
     expected = fa.modes(fa.load_arm(path), spin=10.0).frequency_hz[:6]
     found = frequencies(invoke("modes", path, "--spin", 10))
     np.testing.assert_allclose(found, expected, rtol=1e-5)
@@ -81,8 +77,9 @@ def test_modes_of_an_arm_that_spins(path):
         ("gravity: [0, 0]", ("--angles", "0,3.1416", "--spin", 10), "the spin"),
     ],
 )
-def test_the_cause_of_an_instability_is_named(arm, options, cause, tmp_path):
-    """Upright on weak springs; and a second link that is folded back to the axis of the spin."""
+def test_cause_of_an_instability_is_reported(arm, options, cause, tmp_path):
+    """An upright link on weak springs, and a second link that is folded back to the axis of
+    rotation."""
     file = tmp_path / "weak.yaml"
     link = "{length: %g, mass_per_length: 1, flexible: false}"
     file.write_text(f"flexarm: 1\narm:\n  links: [{link % 1.0}, {link % 0.3}]\n  {arm}\n")
@@ -91,7 +88,7 @@ def test_the_cause_of_an_instability_is_named(arm, options, cause, tmp_path):
     assert f"unstable: {cause} pulls the arm away from this posture" in outcome.output
 
 
-def test_modes_followed_to_a_posture(path, tmp_path):
+def test_modes_are_tracked_to_a_posture(path, tmp_path):
     table, plot = tmp_path / "way.csv", tmp_path / "way.png"
     outcome = invoke("modes", path, "--to", "0,2", "--count", 3, "--csv", table, "--plot", plot)
     assert "way" in outcome.stdout
@@ -103,7 +100,7 @@ def test_modes_followed_to_a_posture(path, tmp_path):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
-def test_campbell_diagram(path, tmp_path):
+def test_campbell_diagram_is_written(path, tmp_path):
     table, plot = tmp_path / "spin.csv", tmp_path / "spin.pdf"
     invoke("modes", path, "--campbell", 20, "--count", 2, "--csv", table, "--plot", plot)
     head, rows = read(table)
@@ -112,13 +109,13 @@ def test_campbell_diagram(path, tmp_path):
     assert plot.read_bytes().startswith(b"%PDF")
 
 
-def test_shapes_are_drawn(path, tmp_path):
+def test_mode_shapes_are_plotted(path, tmp_path):
     plot = tmp_path / "shapes.svg"
     assert "shapes in" in invoke("modes", path, "--plot", plot).stdout
     assert "<svg" in plot.read_text()
 
 
-def test_linearize(heavy, tmp_path):
+def test_linearize_writes_and_prints_the_model(heavy, tmp_path):
     out, plot = tmp_path / "arm.mat", tmp_path / "response.png"
     signals = ["--inputs", "torque,tip_force", "--outputs", "tip, joint_rate"]
     outcome = invoke(
@@ -137,7 +134,7 @@ def test_linearize(heavy, tmp_path):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
-def test_poles_of_an_arm_that_floats(path, tmp_path):
+def test_poles_of_an_arm_with_free_joints(path, tmp_path):
     outcome = invoke("linearize", path, "--count", 6, "--out", tmp_path / "arm.json")
     rows = [line.split() for line in outcome.stdout.splitlines()]
     assert sum(row == ["0", "0", "0", "-"] for row in rows) == 4  # two rigid modes, twice each
@@ -153,7 +150,7 @@ arm:
 
 
 @pytest.mark.parametrize("joints", [[], ["--joints", "free"], ["--joints", "locked"]])
-def test_an_arm_of_which_no_joint_turns(joints, tmp_path):
+def test_arm_with_fixed_joints_only(joints, tmp_path):
     file = tmp_path / "clamped.yaml"
     file.write_text(CLAMPED)
     outcome = invoke("modes", file, *joints)
@@ -182,7 +179,7 @@ def test_an_arm_of_which_no_joint_turns(joints, tmp_path):
         (["linearize", "--angles", "x"], "--angles must be 2 numbers"),
     ],
 )
-def test_wrong_input(arguments, message, path):
+def test_wrong_input_is_rejected(arguments, message, path):
     command, *options = arguments
     outcome = invoke(command, path, *options)
     assert outcome.exit_code == 2

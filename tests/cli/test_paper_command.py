@@ -29,7 +29,7 @@ def done(tmp_path_factory):
     return folder, reproduce(folder)
 
 
-def test_every_file_is_there_and_not_empty(done):
+def test_every_file_is_written(done):
     folder, _ = done
     names = (*FIGURE_NAMES, "overview", "theories")
     data = {"result.nc", "result_rigid.nc", "numbers.txt", "paper.yaml"}
@@ -40,7 +40,7 @@ def test_every_file_is_there_and_not_empty(done):
         assert (folder / f"{name}.pdf").stat().st_size > 5_000
 
 
-def test_the_table_on_the_screen(done):
+def test_table_is_printed(done):
     folder, screen = done
     rows = {
         line.split("]")[0].strip(): line.split("]")[1].split()
@@ -57,7 +57,7 @@ def test_the_table_on_the_screen(done):
     ]
 
 
-def test_the_data_are_those_of_the_figures(done):
+def test_data_equal_those_of_the_figures(done):
     folder, _ = done
     rigid = read_result(folder / "result_rigid.nc")
     assert rigid.time.values == pytest.approx(np.arange(3001) / 1000)
@@ -68,7 +68,7 @@ def test_the_data_are_those_of_the_figures(done):
     assert float(abs(flexible.link_tip_deflection).max()) == pytest.approx(0.01912, rel=1e-3)
 
 
-def test_the_scenario_can_be_run_again(done):
+def test_written_scenario_gives_the_same_run(done):
     folder, _ = done
     assert load_scenario(folder / "paper.yaml") == paper_scenario()
 
@@ -80,7 +80,7 @@ def no_processes(monkeypatch):
     monkeypatch.setattr(drawing, "ProcessPoolExecutor", refuse)
 
 
-def test_without_other_processes_the_figures_are_the_same(done, tmp_path, monkeypatch):
+def test_without_worker_processes_the_figures_are_the_same(done, tmp_path, monkeypatch):
     no_processes(monkeypatch)
     reproduce(tmp_path, "--report")
     folder, _ = done
@@ -95,8 +95,8 @@ def test_without_other_processes_the_figures_are_the_same(done, tmp_path, monkey
 
 
 @pytest.mark.parametrize("trouble", ["one core", "no processes"])
-def test_without_other_processes_tasks_run_in_this_one(trouble, monkeypatch):
-    """In order, when the block ends: the test above draws all figures in that way."""
+def test_without_worker_processes_tasks_run_in_this_process(trouble, monkeypatch):
+    """They run in order when the block ends. The test above draws all figures in that way."""
     if trouble == "one core":
         monkeypatch.setattr(drawing.os, "cpu_count", lambda: 1)
     else:

@@ -1,15 +1,15 @@
-"""The installed command as a process: exit statuses, streams, Ctrl-C, and what it loads."""
+"""The installed command as a process: exit statuses, streams, Ctrl-C and imported modules."""
 
 import subprocess
 import sys
 
 from scenarios import GOOD, WRONG
 
-# What the installed script does, without relying on where it was installed.
+# Equals the installed script, wherever it is installed.
 COMMAND = [sys.executable, "-c", "from flexarm.cli.main import main; main()"]
 
 
-# Seconds: stops a test that hangs. Compiling on a machine with other work takes minutes.
+# Seconds; ends a test that hangs. Compiling on a busy machine takes minutes.
 HANGS = 1800
 
 
@@ -20,7 +20,7 @@ def run(*arguments, code=None):
     )
 
 
-def test_a_good_file_and_a_bad_one(tmp_path):
+def test_exit_status_of_a_valid_and_an_invalid_file(tmp_path):
     path = tmp_path / "arm.yaml"
     path.write_text(GOOD)
     good = run("check", path)
@@ -32,7 +32,7 @@ def test_a_good_file_and_a_bad_one(tmp_path):
     assert bad.stderr.count("\n") == 1
 
 
-def test_help_loads_nothing_heavy():
+def test_help_imports_nothing_heavy():
     heavy = ["numpy", "scipy", "numba", "pydantic", "xarray", "matplotlib", "yaml"]
     code = f"""
 import sys
@@ -48,9 +48,9 @@ finally:
     assert shown.stderr == "[]\n"
 
 
-def test_ctrl_c_during_a_run(tmp_path):
-    # An hour of simulated time; the first report of progress brings the signal. A shell starts jobs
-    # in the background with Ctrl-C ignored, and Python then leaves it so.
+def test_ctrl_c_interrupts_a_run(tmp_path):
+    # The run simulates an hour, and the signal is sent at the first report of progress. A shell
+    # starts background jobs with Ctrl-C ignored, and Python keeps that setting.
     path = tmp_path / "long.yaml"
     path.write_text(GOOD.replace("duration: 0.05, rate: 200}", "duration: 3600, rate: 10}"))
     code = """
@@ -68,7 +68,7 @@ main()
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_reader_that_has_had_enough(tmp_path):
+def test_closed_output_pipe_ends_the_command_silently(tmp_path):
     code = f"""
 import subprocess, sys
 writer = subprocess.Popen({COMMAND!r} + ["schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -79,7 +79,7 @@ sys.stderr.buffer.write(writer.stderr.read())
     assert "Traceback" not in run(code=code).stderr
 
 
-def test_processes_that_draw_load_no_kernels():
+def test_drawing_processes_load_no_kernels():
     code = """
 import sys
 from flexarm.cli.drawing import load_plotting

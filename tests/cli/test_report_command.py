@@ -1,19 +1,13 @@
-"""``flexarm report`` writes the page of a result, or one message and nothing."""
+"""``flexarm report`` writes the page of a result, or prints one message and writes nothing."""
 
 import os
 
 import pytest
-from scenarios import GOOD, UNSTABLE
-from test_wrong_input import assert_refused
-from typer.testing import CliRunner
+from scenarios import GOOD, UNSTABLE, invoke
+from test_wrong_input import assert_rejected
 
 import flexarm as fa
-from flexarm.cli.main import app
 from flexarm.output import encode_netcdf
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 @pytest.fixture
@@ -26,7 +20,7 @@ def result(tmp_path):
     return path
 
 
-def test_it_writes_the_page_that_python_writes(result):
+def test_report_equals_that_of_python(result):
     outcome = invoke("report", result)
     assert outcome.exit_code == 0
     assert outcome.stderr == ""
@@ -35,7 +29,7 @@ def test_it_writes_the_page_that_python_writes(result):
     assert path.read_text(encoding="utf-8") == fa.report(fa.read_result(result), title="run")
 
 
-def test_options(result, tmp_path):
+def test_options_change_the_page(result, tmp_path):
     path = tmp_path / "new" / "page.html"
     given = ("--out", path, "--title", "A boom", "--magnify", "20", "--rigid")
     assert invoke("report", result, *given).exit_code == 0
@@ -44,14 +38,14 @@ def test_options(result, tmp_path):
     assert not result.with_suffix(".html").exists()
 
 
-def test_an_older_page_is_replaced(result):
+def test_older_page_is_replaced(result):
     path = result.with_suffix(".html")
     path.write_text("older")
     assert invoke("report", result).exit_code == 0
     assert path.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
-def test_a_run_that_failed_has_a_report(tmp_path):
+def test_failed_run_has_a_report(tmp_path):
     scenario = tmp_path / "unstable.yaml"
     scenario.write_text(UNSTABLE)
     assert invoke("run", scenario, "--out", tmp_path / "run.nc").exit_code == 1
@@ -79,26 +73,26 @@ def without_arm(path):
 
 
 @pytest.mark.parametrize("spoil", [os.unlink, damaged, without_coordinates, without_arm])
-def test_a_bad_file_is_refused_and_nothing_is_written(spoil, result, tmp_path):
+def test_bad_file_is_rejected_and_nothing_is_written(spoil, result, tmp_path):
     spoil(result)
     before = sorted(tmp_path.rglob("*"))
     outcome = invoke("report", result, "--out", tmp_path / "new" / "page.html")
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert str(result) in outcome.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize("name", ["page.txt", "page", "run.nc/page.html", "folder.html"])
-def test_a_place_that_cannot_be_written_is_refused(name, result, tmp_path):
+def test_unwritable_path_is_rejected(name, result, tmp_path):
     (tmp_path / "folder.html").mkdir()
     before = sorted(tmp_path.rglob("*"))
     outcome = invoke("report", result, "--out", tmp_path / name)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "flexarm report: --out must" in outcome.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_a_wrong_option_is_refused(result, tmp_path):
+def test_wrong_option_is_rejected(result, tmp_path):
     for value in ("-1", "nan", "much"):
         outcome = invoke("report", result, "--magnify", value)
         assert outcome.exit_code == 2
@@ -107,7 +101,7 @@ def test_a_wrong_option_is_refused(result, tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
-def test_a_full_disk_leaves_the_older_page(result, tmp_path):
+def test_full_disk_keeps_the_older_page(result, tmp_path):
     import resource
 
     path = result.with_suffix(".html")
@@ -118,6 +112,6 @@ def test_a_full_disk_leaves_the_older_page(result, tmp_path):
         outcome = invoke("report", result)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert path.read_text() == "older"
     assert sorted(tmp_path.iterdir()) == sorted([result, path])

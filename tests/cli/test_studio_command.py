@@ -1,4 +1,4 @@
-"""``flexarm studio``: what it refuses before it starts. The rest is tested in a browser."""
+"""``flexarm studio``: checks before the start. The other tests use a browser."""
 
 import importlib.util
 import socket
@@ -14,7 +14,7 @@ def invoke(*arguments):
     return CliRunner().invoke(app, ["studio", "--no-browser", *map(str, arguments)])
 
 
-def test_without_its_packages_it_says_how_to_install_them(monkeypatch):
+def test_without_its_packages_the_error_names_the_extra(monkeypatch):
     found = importlib.util.find_spec
     for module in ("nicegui", "jinja2"):
         monkeypatch.setattr(
@@ -26,7 +26,7 @@ def test_without_its_packages_it_says_how_to_install_them(monkeypatch):
         assert "is not installed. Install it with: pip install 'flexarm[studio]'." in done.stderr
 
 
-def test_a_broken_file_is_refused(tmp_path):
+def test_broken_file_is_rejected(tmp_path):
     pytest.importorskip("nicegui")
     path = tmp_path / "bad.yaml"
     path.write_text(GOOD.replace("length: 0.6", "length: -0.6"), encoding="utf-8")
@@ -35,7 +35,7 @@ def test_a_broken_file_is_refused(tmp_path):
     assert "arm.links[0].length must be greater than 0, got -0.6." in done.stderr
 
 
-def test_a_port_in_use_is_refused():
+def test_port_in_use_is_rejected():
     pytest.importorskip("nicegui")
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
@@ -46,7 +46,7 @@ def test_a_port_in_use_is_refused():
     assert "--port" in done.stderr
 
 
-def test_an_address_of_another_machine_is_refused():
+def test_address_of_another_machine_is_rejected():
     pytest.importorskip("nicegui")
     done = invoke("--host", "192.0.2.1")
     assert done.exit_code == 2

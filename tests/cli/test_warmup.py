@@ -1,4 +1,4 @@
-"""``flexarm warmup``, and what a terminal shows while kernels compile."""
+"""``flexarm warmup``, and the notice in a terminal while kernels compile."""
 
 import io
 from types import SimpleNamespace
@@ -11,8 +11,8 @@ from flexarm.cli.main import app
 from flexarm.kernels.compilation.compile_notice import CompileNotice
 
 
-def test_warmup_says_what_is_ready(monkeypatch):
-    # Two features: tests/conformance/test_every_kernel_is_warmed_up.py goes through all of them.
+def test_warmup_prints_the_compiled_features(monkeypatch):
+    # Two features only: tests/conformance/test_every_kernel_is_warmed_up.py tests all.
     some = ("forward dynamics and derivatives", "closed loops")
     monkeypatch.setattr(warmup, "FEATURES", {name: warmup.FEATURES[name] for name in some})
     outcome = CliRunner().invoke(app, ["warmup"])
@@ -21,7 +21,7 @@ def test_warmup_says_what_is_ready(monkeypatch):
     assert "2 features are ready after " in words
 
 
-def test_warmup_needs_a_place_for_the_code(monkeypatch):
+def test_warmup_requires_a_writable_cache(monkeypatch):
     monkeypatch.setattr(warmup, "CACHE_DIRECTORY", None)
     outcome = CliRunner().invoke(app, ["warmup"])
     assert outcome.exit_code == WRONG_INPUT
@@ -34,14 +34,14 @@ class Terminal(io.StringIO):
 
 
 def compiling(notice, name):
-    """Let a notice see a kernel of flexarm compile."""
+    """Simulate the compilation of a kernel under a notice."""
     function = SimpleNamespace(__module__="flexarm.kernels.any", __name__=name)
     seen = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=function)})
     notice.on_start(seen)
     notice.on_end(seen)
 
 
-def test_a_terminal_shows_the_kernel_at_hand(monkeypatch):
+def test_terminal_shows_the_kernel_that_compiles(monkeypatch):
     monkeypatch.setattr(
         "flexarm.kernels.compilation.compile_notice.atexit", SimpleNamespace(register=id)
     )
@@ -55,7 +55,7 @@ def test_a_terminal_shows_the_kernel_at_hand(monkeypatch):
         assert ("energies (1 compiled" in stream.getvalue()) == shown
 
 
-def test_a_silent_notice_shows_nothing(monkeypatch):
+def test_silent_notice_prints_nothing(monkeypatch):
     stream = Terminal()
     monkeypatch.setattr("sys.stderr", stream)
     notice = CompileNotice(kept=True)

@@ -1,23 +1,15 @@
-"""Whatever is wrong with input, users get one clear message, exit status 2 and no output file."""
+"""Wrong input of any kind gives one clear message, exit status 2 and no output file."""
 
 import re
 
 import pytest
-from scenarios import GOOD, WRONG
-from typer.testing import CliRunner
+from scenarios import GOOD, WRONG, invoke
 
-from flexarm.cli.main import app
-
-#: A rule and the value, or a statement about the input.
+#: Pattern of a rule with its value, or of a statement about the input.
 MESSAGE = re.compile(
     r"^.+: .+ (must .+, got .+|(is|are|has|have|does|cannot|could|requires|refers|names|contains|"
     r"lies|repeats) .+)\."
 )
-
-
-def invoke(*arguments):
-    """Run a command; anything that flexarm did not mean to raise is raised here."""
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def write(path, content):
@@ -25,51 +17,51 @@ def write(path, content):
     return path
 
 
-def assert_refused(outcome):
+def assert_rejected(outcome):
     assert outcome.exit_code == 2
     assert "Traceback" not in outcome.output
-    told = outcome.stderr.splitlines()
-    assert told
-    for line in told:
+    reported = outcome.stderr.splitlines()
+    assert reported
+    for line in reported:
         assert MESSAGE.match(line), line
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_check_refuses(what, tmp_path):
+def test_check_rejects_wrong_files(what, tmp_path):
     content, part = WRONG[what]
     outcome = invoke("check", write(tmp_path / "bad.yaml", content))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert part in outcome.stderr
     assert "ok" not in outcome.stdout
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_run_refuses_and_leaves_nothing(what, tmp_path):
+def test_run_rejects_wrong_files_and_writes_nothing(what, tmp_path):
     content, part = WRONG[what]
     bad = write(tmp_path / "bad.yaml", content)
     out, plot = tmp_path / "run.nc", tmp_path / "run.png"
     outcome = invoke("run", bad, "--out", out, "--plot", plot)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert part in outcome.stderr
     assert list(tmp_path.iterdir()) == [bad]
 
 
 @pytest.mark.parametrize("command", ["check", "run", "modes"])
-def test_a_missing_file(command, tmp_path):
+def test_missing_file_is_rejected(command, tmp_path):
     outcome = invoke(command, tmp_path / "none.yaml")
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "does not exist" in outcome.stderr
 
 
 @pytest.mark.parametrize("command", ["check", "run", "modes"])
-def test_a_folder_for_a_file(command, tmp_path):
-    assert_refused(invoke(command, tmp_path))
+def test_folder_in_place_of_a_file_is_rejected(command, tmp_path):
+    assert_rejected(invoke(command, tmp_path))
 
 
-def test_all_problems_are_told_at_once_with_their_lines(tmp_path):
+def test_all_problems_are_reported_with_their_lines(tmp_path):
     text = GOOD.replace("length: 0.6", "length: -1").replace("rate: 200", "rates: 200")
     outcome = invoke("check", write(tmp_path / "bad.yaml", text))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     lines = [line.split(": ")[0].rpartition(":")[2] for line in outcome.stderr.splitlines()]
     assert lines == ["4", "8"]
 
@@ -84,9 +76,7 @@ OUTPUTS = {
 
 @pytest.mark.parametrize("what", OUTPUTS)
 @pytest.mark.parametrize("option", ["--out", "--plot", "--animate"])
-def test_a_place_that_cannot_be_written_is_refused_before_the_run(
-    what, option, tmp_path, monkeypatch
-):
+def test_unwritable_path_is_rejected_before_the_run(what, option, tmp_path, monkeypatch):
     from flexarm.scenarios.scenario import Prepared
 
     monkeypatch.setattr(Prepared, "run", lambda *_, **__: pytest.fail("it ran"))
@@ -100,7 +90,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(
         (tmp_path / "folder.nc").rename(tmp_path / f"folder{suffix}")
         before = sorted(tmp_path.rglob("*"))
     outcome = invoke("run", good, option, tmp_path / name)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert f"flexarm run: {option} must" in outcome.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -112,7 +102,7 @@ STUDY = STUDY.replace("dynamics}", "dynamics}}")
 
 
 @pytest.mark.parametrize(
-    ("command", "content", "told"),
+    ("command", "content", "reported"),
     [
         (
             "run",
@@ -121,20 +111,20 @@ STUDY = STUDY.replace("dynamics}", "dynamics}}")
         ),
         ("compare", GOOD, "is a scenario, not a study. Run it with `flexarm run`, or with "),
         (
-            "compare",  # a free arm: nothing but an arm and a run
+            "compare",  # a minimal scenario: only an arm and a run
             "\n".join(line for line in GOOD.splitlines() if line[:3] not in ("mot", "dri")),
             "Run it with `flexarm run`, or with run_scenario in Python.",
         ),
     ],
 )
-def test_a_file_of_the_other_kind_names_its_command(command, content, told, tmp_path):
+def test_file_of_another_kind_names_its_command(command, content, reported, tmp_path):
     outcome = invoke(command, write(tmp_path / "file.yaml", content))
-    assert_refused(outcome)
-    assert told in outcome.stderr
+    assert_rejected(outcome)
+    assert reported in outcome.stderr
     assert len(outcome.stderr.splitlines()) == 1
 
 
-def test_the_files_above_are_what_they_are_taken_for(tmp_path):
+def test_files_of_these_tests_have_the_intended_kind(tmp_path):
     for command, content in (("compare", STUDY), ("run", GOOD)):
         assert invoke(command, write(tmp_path / "a.yaml", content)).exit_code == 0
 
@@ -142,17 +132,17 @@ def test_the_files_above_are_what_they_are_taken_for(tmp_path):
 @pytest.mark.parametrize(
     "angles", ["0.1", "0.1,0.2,0.3", "a,b", "", "nan,0", "1e400,0", "0.1;0.2", ","]
 )
-def test_angles_that_do_not_fit(angles, tmp_path):
+def test_wrong_number_of_angles_is_rejected(angles, tmp_path):
     good = write(tmp_path / "good.yaml", GOOD)
     outcome = invoke("modes", good, "--angles", angles)
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "--angles must be 2 numbers" in outcome.stderr
 
 
-def test_modes_and_schema_check_their_places(tmp_path):
+def test_modes_and_schema_check_their_output_paths(tmp_path):
     good = write(tmp_path / "good.yaml", GOOD)
-    assert_refused(invoke("modes", good, "--csv", tmp_path / "a.nc"))
-    assert_refused(invoke("schema", "--out", tmp_path / "a.yaml"))
+    assert_rejected(invoke("modes", good, "--csv", tmp_path / "a.nc"))
+    assert_rejected(invoke("schema", "--out", tmp_path / "a.yaml"))
     assert list(tmp_path.iterdir()) == [good]
 
 
@@ -171,16 +161,16 @@ run: {duration: 0.5}
 
 
 @pytest.mark.parametrize("command", ["check", "run"])
-def test_a_start_deep_in_a_wall_is_found_before_the_run(tmp_path, command):
+def test_start_deep_in_a_wall_is_rejected_before_the_run(tmp_path, command):
     outcome = invoke(command, write(tmp_path / "deep.yaml", DEEP))
-    assert_refused(outcome)
+    assert_rejected(outcome)
     assert "deep.yaml" in outcome.stderr
     assert "outside the surface of contact 1, got 0.5 m deep" in outcome.stderr
 
 
-def test_paper_refuses_a_file_for_a_folder(tmp_path):
+def test_paper_rejects_a_file_for_a_folder(tmp_path):
     good = write(tmp_path / "good.yaml", GOOD)
-    assert_refused(invoke("paper", "--out", good))
+    assert_rejected(invoke("paper", "--out", good))
 
 
 @pytest.mark.parametrize(
@@ -195,7 +185,7 @@ def test_paper_refuses_a_file_for_a_folder(tmp_path):
         ["--bogus"],
     ],
 )
-def test_wrong_usage(arguments):
+def test_wrong_usage_is_rejected(arguments):
     outcome = invoke(*arguments)
     assert outcome.exit_code == 2
     assert "Traceback" not in outcome.output

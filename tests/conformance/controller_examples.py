@@ -1,4 +1,4 @@
-"""Every controller of the registry for an arm of two joints: in Python, and as a file says it."""
+"""Every controller of the registry for an arm of two joints, in Python and as drives of a file."""
 
 import flexarm as fa
 
@@ -6,7 +6,7 @@ SAMPLE_TIME = 0.004
 
 
 def two_links():
-    """The arm of two joints that every controller here is for."""
+    """Return the arm of two joints for which every controller here is designed."""
     links = [
         fa.Link(
             length=0.8,
@@ -29,9 +29,9 @@ def kalman_filter():
     return fa.ExtendedKalmanFilter(two_links(), instruments, sample_time=SAMPLE_TIME)
 
 
-#: Torques that leave the links of ``two_links`` within the linear theory, however fast a motion.
+#: Torques that keep the links of ``two_links`` within the linear theory for any motion.
 LIMIT = [2.0, 0.6]
-#: How to make each controller of the registry for an arm of two joints.
+#: Constructors of each controller of the registry for an arm of two joints.
 EXAMPLES = {
     "admittance": lambda: fa.Admittance(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
     "hybrid_force": lambda: fa.HybridForce(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
@@ -73,7 +73,7 @@ EXAMPLES = {
 _BOUNDS = {"torque_limit": LIMIT, "posture": [0.4, 0.1]}
 _PD = {"kind": "joint_pd", "proportional": [8.0, 3.0], "derivative": [0.8, 0.3]}
 _READ = [{"signal": "joint_angle", "noise": 1e-4}, {"signal": "strain", "noise": 1e-6}]
-#: The same as drives of a scenario; those without ``sample_time`` have that of the inner one.
+#: The same as drives of a scenario; those without ``sample_time`` take it from the inner one.
 DRIVES = {
     "admittance": {"frequency": 1.5},
     "hybrid_force": {"frequency": 1.5},

@@ -1,4 +1,4 @@
-"""Small systems to integrate, and plain drivers of an integrator's ``advance``."""
+"""Small systems to integrate, and simple drivers of an integrator's ``advance``."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from flexarm.engine.tolerance import tolerance_of
 from flexarm.integrate.base import Drive, Progress, Status, System, Tolerance
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
 
-#: A torque in cubic pieces, on two joints: smooth across the break at 0.5 s.
+#: Torque in cubic pieces on two joints, smooth at the break at 0.5 s.
 BREAKS = np.array([0.0, 0.5, 1.0])
 _FIRST = np.array([[0.6, -0.3], [1.0, 0.5], [-2.0, 0.4], [1.5, -0.8]])
 
 
 def _shifted(cubic: np.ndarray, by: float) -> np.ndarray:
-    """Coefficients of the same cubic about another origin."""
+    """Return the coefficients of the same cubic about another origin."""
     c0, c1, c2, c3 = cubic
     return np.array(
         [
@@ -35,7 +35,7 @@ SMOOTH = np.stack([_FIRST, _shifted(_FIRST, 0.5)])
 
 
 def double_pendulum() -> tuple[fa.Arm, np.ndarray]:
-    """Two rigid links swinging under gravity, and their state (2, dof)."""
+    """Return two rigid links that swing under gravity, and their state (2, dof)."""
     links = [
         fa.Link(length=0.8, mass_per_length=1.0, flexible=False),
         fa.Link(length=0.5, mass_per_length=0.7, flexible=False),
@@ -45,7 +45,7 @@ def double_pendulum() -> tuple[fa.Arm, np.ndarray]:
 
 
 def flexible_arm() -> tuple[fa.Arm, np.ndarray]:
-    """Two soft links with damping, bent and turning; vibrations of up to 33 rad/s."""
+    """Return two soft, damped links, bent and turning; their vibrations reach 33 rad/s."""
     links = [
         fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=0.5, elements=1),
         fa.Link(
@@ -73,7 +73,7 @@ def make_system(
     coefficients: Any = SMOOTH,
     stops: Any = (),
 ) -> System:
-    """The arm under a torque in pieces (pieces, 4, joints)."""
+    """Return the arm under a torque in pieces (pieces, 4, joints)."""
     constants = arm.assembly.constants
     drive = Drive(
         np.asarray(breaks, dtype=float),
@@ -104,7 +104,8 @@ def advance(
     times: Any = (),
     max_steps: int = 10**9,
 ) -> tuple[Status, np.ndarray]:
-    """Carry on to a time, however often it pauses: last status and samples (times, 2, n, 1 + m)."""
+    """Integrate to a time through all pauses; return the last status and samples (times, 2, n, 1 +
+    m)."""
     times = np.asarray(times, dtype=float)
     samples = np.full((len(times), *progress.state.shape), np.nan)
     status = Status.PAUSED
@@ -114,9 +115,9 @@ def advance(
 
 
 def equal_steps(integrator_type: Any, arm: fa.Arm, state: np.ndarray, count: int, times: Any = ()):
-    """Integrate over 1 s in ``count`` equal steps, with step control or without.
+    """Integrate over 1 s in ``count`` equal steps, with or without step control.
 
-    With step control every end of a step is a stop, and the tolerance accepts whatever comes.
+    With step control every end of a step is a stop, and the tolerance accepts every step.
     """
     ends = np.arange(1, count + 1) / count
     system = make_system(arm, stops=ends[:-1] if integrator_type.adaptive else ())
@@ -132,7 +133,8 @@ def equal_steps(integrator_type: Any, arm: fa.Arm, state: np.ndarray, count: int
 
 
 def reference(arm: fa.Arm, state: np.ndarray, until: float = 1.0):
-    """The motion under SMOOTH as a function of time, by SciPy on ``Arm.forward_dynamics``."""
+    """Return the motion under SMOOTH as a function of time, by SciPy on
+    ``Arm.forward_dynamics``."""
     n = arm.dof
 
     def slope(t, y):
@@ -146,20 +148,11 @@ def reference(arm: fa.Arm, state: np.ndarray, until: float = 1.0):
 
 
 def bang_bang():
-    """A rigid link under a torque that jumps: piecewise parabolas, exact for every method here."""
+    """Return a rigid link under a piecewise constant torque; all methods are exact on the
+    parabolas."""
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
     edges = np.array([0.0, 0.1234, 0.5, 0.50001, 0.87, 1.0])
     torque = np.array([1.0, -2.0, 5.0, 0.0, -3.0])
     coefficients = np.zeros((5, 4, 1))
     coefficients[:, 0, 0] = torque
     return arm, edges, torque, coefficients
-
-
-def parabolas(edges, acceleration, t):
-    """Angle and rate of a body started at rest."""
-    angle = rate = 0.0
-    for a, b, value in zip(edges[:-1], edges[1:], acceleration, strict=True):
-        span = np.clip(t, a, b) - a
-        angle += rate * span + value * span**2 / 2
-        rate += value * span
-    return angle, rate

@@ -1,4 +1,4 @@
-"""A copy of a controller, deep or through a pickle, answers as the controller does."""
+"""A copy of a controller, by `deepcopy` or pickle, gives the same answers as the original."""
 
 import copy
 import pickle
@@ -10,7 +10,7 @@ from controller_examples import EXAMPLES, two_links
 import flexarm as fa
 from flexarm.controllers import CONTROLLERS
 
-#: The motion is violent and links bend far: nothing that is looked at here.
+#: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 
 
@@ -32,19 +32,19 @@ def copies_answer_alike(controller, arm):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_copy_answers_as_it_does(name, arm):
-    """Studies hand controllers to other processes; what is used twice keeps its own state."""
+def test_a_copy_gives_the_same_torques(name, arm):
+    """Studies pass controllers to other processes; a controller used twice has two states."""
     copies_answer_alike(EXAMPLES[name](), arm)
 
 
 @pytest.mark.parametrize("kind", [fa.LQG, fa.MPC, fa.Composite])
-def test_a_copy_follows_the_posture_as_it_does(kind, arm):
+def test_a_copy_follows_the_posture_in_the_same_way(kind, arm):
     angles = [[0.2, 0.5, 0.9], [-0.5, 0.0, 0.5]]
     copies_answer_alike(kind(arm, [0.5, 0.0], schedule=angles, torque_limit=50.0), arm)
 
 
 def in_loop(controller, plant, reference, ticks):
-    """Torques (ticks, joints) that a controller gives, stepping the plant by hand."""
+    """Step the plant with a controller and return its torques (samples, joints)."""
     torques = []
     for _ in range(ticks):
         torques.append(controller.update(plant.time, plant.measurement, reference))
@@ -53,7 +53,7 @@ def in_loop(controller, plant, reference, ticks):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_copy_in_the_middle_of_a_run_goes_on_as_it_does(name, arm):
+def test_a_copy_made_during_a_run_continues_in_the_same_way(name, arm):
     controller, path = EXAMPLES[name](), motion(arm)
     plant = fa.Plant(arm, controller.sample_time, warn=False)
     plant.reset(arm.rest([0.2, -0.4]))
@@ -66,7 +66,7 @@ def test_a_copy_in_the_middle_of_a_run_goes_on_as_it_does(name, arm):
 
 
 class Plain:
-    """A motion that answers one time after another, and none after its end."""
+    """A motion that accepts scalar times only, and none after its end."""
 
     def __init__(self, of):
         self._of, self.end_time = of, of.end_time
@@ -87,8 +87,8 @@ class Plain:
 
 
 @pytest.mark.parametrize("preview", [0.0, 0.1])
-def test_a_reference_of_single_times_is_followed_alike(preview, arm):
-    """Over 500 samples, 200 of them after its end: many times around the buffers."""
+def test_a_reference_of_scalar_times_gives_the_same_torques(preview, arm):
+    """Over 500 samples, 200 of them after its end, so that buffers are filled many times."""
     path = motion(arm)
     found = []
     for reference in (path, Plain(path)):
@@ -99,7 +99,7 @@ def test_a_reference_of_single_times_is_followed_alike(preview, arm):
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-9)
 
 
-def test_another_reference_is_followed_at_once_where_nothing_is_previewed(arm):
+def test_a_new_reference_takes_effect_immediately_without_preview(arm):
     controller = fa.LQG(arm, [0.5, 0.0], preview=0.0)
     plant = fa.Plant(arm, controller.sample_time, warn=False)
     plant.reset(arm.rest([0.2, -0.4]))

@@ -1,4 +1,4 @@
-"""Every fixed-step method of the registry finds a step, and gives up where one is absurd."""
+"""Every fixed-step method of the registry finds its step, or fails if none is short enough."""
 
 from functools import cache
 
@@ -13,7 +13,7 @@ FIXED = [name for name, kind in INTEGRATORS.items() if not kind.adaptive]
 
 
 def pendulum():
-    """A rigid rod let go from the horizontal: no vibration tells how long a step may be."""
+    """Return a rigid rod released from the horizontal; no vibration limits its step."""
     arm = fa.Arm(
         links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)], gravity=(0.0, -9.81)
     )
@@ -21,7 +21,7 @@ def pendulum():
 
 
 def driven(joint, flexible, torque):
-    """One rod on a joint, under a constant torque."""
+    """Return one rod on a joint, and a constant torque."""
     link = fa.Link(
         length=1.0,
         mass_per_length=0.05,
@@ -34,19 +34,19 @@ def driven(joint, flexible, torque):
 
 
 def rod_to_stop():
-    """Three impacts on two stops: each is over in 10 ms."""
+    """Return a rod with three impacts on two stops, each of 10 ms."""
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=1e4, damping=0.1)
     return driven(fa.Joint(hub_inertia=0.1, limits=limits), False, 1.0)
 
 
 def rod_that_sticks():
-    """Friction holds the rod after 0.1 s: 2 ms steps of an explicit method would be unstable."""
+    """Return a rod that friction stops after 0.1 s; explicit steps of 2 ms would be unstable."""
     friction = fa.Friction(coulomb=1.0)
     return driven(fa.Joint(hub_inertia=0.01, friction=friction), True, 0.5)
 
 
 def swinging_links():
-    """Two rigid links let go: their swing amplifies small errors."""
+    """Return two rigid links released from rest, whose motion amplifies small errors."""
     arm, state = double_pendulum()
     return arm, {"initial": state[0], "initial_rate": state[1]}
 
@@ -61,7 +61,7 @@ UNSTEPPED = {
 
 @cache
 def unstepped(case):
-    """Arm, arguments, and the motion to 1e-12 by another method."""
+    """Return arm, arguments, and the motion to 1e-12 by another method."""
     arm, settings = UNSTEPPED[case]()
     exact = fa.simulate(
         arm, 1.0, integrator="dormand_prince_8", rtol=1e-12, atol=1e-14, rate=100.0, **settings
@@ -71,8 +71,8 @@ def unstepped(case):
 
 @pytest.mark.parametrize("case", UNSTEPPED)
 @pytest.mark.parametrize("name", FIXED)
-def test_without_a_step_the_tip_is_right_or_the_run_fails(name, case):
-    """The method finds its step; 1e-3 of the reach is ten times what two trials may differ by."""
+def test_without_a_step_the_tip_is_accurate_or_the_run_fails(name, case):
+    """1e-3 of the reach is ten times the allowed difference of two trials."""
     arm, settings, exact = unstepped(case)
     result = fa.simulate(arm, 1.0, integrator=name, rate=100.0, **settings)
     apart = np.linalg.norm((result.tip - exact).values, axis=1)
@@ -81,7 +81,7 @@ def test_without_a_step_the_tip_is_right_or_the_run_fails(name, case):
 
 
 @pytest.mark.parametrize("name", FIXED)
-def test_a_plant_without_a_step_compares_each_sample_time(name):
+def test_a_plant_without_a_step_compares_trials_at_each_sample_time(name):
     arm, _ = pendulum()
     plant = fa.Plant(arm, 0.05, integrator=name)
     for _ in range(20):
@@ -92,10 +92,11 @@ def test_a_plant_without_a_step_compares_each_sample_time(name):
 
 @pytest.mark.parametrize("step", [0.05, 0.25])
 @pytest.mark.parametrize("name", FIXED)
-def test_a_given_step_that_throws_the_joint_out_of_its_stop_ends_the_run(name, step):
+def test_an_unstable_step_at_a_joint_stop_ends_the_run(name, step):
     """The joint in its stop has a period of 21 ms, so steps of 2 and 12 periods are unstable.
 
-    The run must end before the joint rate, 3 rad/s of the exact motion, grows by orders.
+    The run must end before the joint rate, 3 rad/s in the exact motion, grows by orders of
+    magnitude.
     """
     arm, settings = rod_to_stop()
     with pytest.raises(fa.SimulationError) as caught:

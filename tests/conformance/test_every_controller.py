@@ -14,17 +14,17 @@ from flexarm.hardware.measurement import Measurement
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED, FilterSpec
 
-#: The motion is violent and links bend far: nothing that is looked at here.
+#: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = [
     pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning"),
-    # The arm has no damping, and the delay of half a sample drives its fastest vibrations.
+    # The arm has no damping, and the delay of half a sample makes its fastest vibrations unstable.
     pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning"),
 ]
 
 every = pytest.mark.parametrize("name", CONTROLLERS)
 
 
-def test_every_controller_has_an_example_here():
+def test_every_controller_has_an_example():
     assert set(EXAMPLES) == set(CONTROLLERS), "add the newcomer to EXAMPLES"
 
 
@@ -34,7 +34,7 @@ def arm():
 
 
 class Watched:
-    """A controller and a record of what it was asked and what it answered."""
+    """A controller that records its measurements and its torques."""
 
     def __init__(self, controller):
         self.controller = controller
@@ -57,7 +57,7 @@ def motion(arm):
 
 
 @every
-def test_what_it_says_about_itself(name):
+def test_class_has_its_name_and_documents_every_argument(name):
     kind = CONTROLLERS[name]
     assert issubclass(kind, Controller)
     assert kind.name == name
@@ -67,7 +67,7 @@ def test_what_it_says_about_itself(name):
 
 
 @every
-def test_sample_time_is_positive_and_stays(name, arm):
+def test_sample_time_is_positive_and_constant(name, arm):
     controller = EXAMPLES[name]()
     assert controller.sample_time == SAMPLE_TIME
     fa.simulate(arm, 0.1, controller=controller, reference=motion(arm))
@@ -76,7 +76,7 @@ def test_sample_time_is_positive_and_stays(name, arm):
 
 @every
 @pytest.mark.parametrize("bad", [0.0, -1e-3, np.nan, np.inf])
-def test_no_other_sample_time_is_accepted(name, bad):
+def test_another_sample_time_is_rejected(name, bad):
     arguments = dict(vars(EXAMPLES[name]()))
     wanted = inspect.signature(CONTROLLERS[name]).parameters
     if "sample_time" not in wanted:
@@ -90,7 +90,7 @@ def test_no_other_sample_time_is_accepted(name, bad):
 
 
 @every
-def test_reset_makes_two_runs_alike(name, arm):
+def test_reset_makes_two_runs_equal(name, arm):
     controller = Watched(EXAMPLES[name]())
     runs = []
     for start in ([0.2, -0.4], [1.0, 1.0], [0.2, -0.4]):
@@ -110,8 +110,8 @@ def test_reset_makes_two_runs_alike(name, arm):
 
 
 @every
-def test_reset_also_without_a_reference(name, arm):
-    """Whatever it holds on to in a run is forgotten before the next."""
+def test_reset_without_a_reference_makes_two_runs_equal(name, arm):
+    """The state of one run must not affect the next one."""
     controller = EXAMPLES[name]()
     for start in ([0.3, 0.1], [-0.7, 0.9]):
         run = fa.simulate(arm, 0.1, controller=controller, initial=arm.rest(start))
@@ -120,7 +120,7 @@ def test_reset_also_without_a_reference(name, arm):
 
 
 @every
-def test_is_called_on_the_grid_of_sample_times_with_what_the_sensors_say(name, arm):
+def test_update_is_called_at_each_sample_time_with_the_readings(name, arm):
     controller = Watched(EXAMPLES[name]())
     reference = motion(arm)
     result = fa.simulate(arm, 0.1, controller=controller, reference=reference, rate=1000.0)
@@ -130,21 +130,21 @@ def test_is_called_on_the_grid_of_sample_times_with_what_the_sensors_say(name, a
         assert isinstance(measurement, Measurement)
         now = result.sel(time=t, method="nearest")
         assert float(now.time) == pytest.approx(t, abs=1e-12)
-        # A sensor reads the state at that very moment, which is also recorded.
+        # A sensor reads the state at that instant, which is also recorded.
         np.testing.assert_allclose(measurement.joint_angle, now.joint_angle, rtol=0, atol=1e-14)
         np.testing.assert_allclose(measurement.joint_rate, now.joint_rate, rtol=0, atol=1e-12)
         np.testing.assert_allclose(measurement.strain, now.strain, rtol=0, atol=1e-14)
         assert torque.shape == (2,)
         np.testing.assert_array_equal(given.joint_angle(t), reference.joint_angle(t))
-    # The torque is held from call to call.
+    # The torque is constant between two calls.
     wanted = np.array([call[3] for call in controller.calls])
     held = np.clip(np.floor(result.time.values / SAMPLE_TIME + 1e-9).astype(int), 0, 24)
     np.testing.assert_array_equal(result.torque.values, wanted[held])
 
 
 @every
-def test_sees_copies_that_it_cannot_change_the_run_with(name, arm):
-    """Rule 4: a controller that scribbles on its measurement does not move the arm."""
+def test_changing_a_measurement_does_not_change_the_run(name, arm):
+    """Rule 4: a measurement is a copy."""
 
     class Scribbler(Watched):
         def update(self, t, measurement, reference):
@@ -162,70 +162,63 @@ def test_sees_copies_that_it_cannot_change_the_run_with(name, arm):
 
 
 @every
-def test_follows_a_slow_motion(name, arm):
-    """Every controller must be good for something: a gentle motion, a few degrees at most."""
+def test_slow_motion_is_followed_within_a_few_degrees(name, arm):
+    """The error of a slow motion is a few degrees at most."""
     slow = fa.joint_motion(arm, [0.2, -0.4], [0.5, 0.1], 2.0)
     controller = EXAMPLES[name]()
-    controller.sample_time = 0.001  # sampled four times as slowly, these gains are unstable
+    controller.sample_time = 0.001  # at a sample time four times as long, these gains are unstable
     result = fa.simulate(arm, 5.0, controller=controller, reference=slow, rate=50.0)
     wanted = slow.joint_angle(result.time.values)
     assert abs(result.joint_angle.values - wanted).max() < 0.1
     assert abs(result.joint_angle.values[-1] - wanted[-1]).max() < 0.02
 
 
+def run_with_instruments(arm, controller, reference, names):
+    """Simulate a short run with instruments for some readings."""
+    hardware = fa.Hardware([fa.Instrument(name) for name in names])
+    fa.simulate(arm, 0.02, controller=controller, reference=reference, hardware=hardware)
+
+
 @every
-def test_what_it_needs_is_enough(name, arm):
-    """With instruments for what it says that it reads, and no others, it runs."""
+def test_stated_requirements_are_sufficient(name, arm):
+    """A run with instruments for these readings, and no others, succeeds."""
     controller, reference = EXAMPLES[name](), motion(arm)
     requirements = controller.requirements(arm, reference)
     assert requirements.joints == 2
-    instruments = [fa.Instrument(label) for label in requirements.measured]
-    fa.simulate(
-        arm,
-        0.02,
-        controller=controller,
-        reference=reference,
-        hardware=fa.Hardware(instruments),
-    )
+    run_with_instruments(arm, controller, reference, requirements.measured)
 
 
 @every
-def test_each_thing_that_it_needs_is_missed_before_the_run(name, arm):
+def test_each_missing_requirement_is_rejected_before_the_run(name, arm):
     controller, reference = EXAMPLES[name](), motion(arm)
     needed = controller.requirements(arm, reference).measured
-    for left_out in needed:
-        others = [fa.Instrument(label) for label in needed if label != left_out]
-        with pytest.raises(fa.InputError, match=f"hardware has no instrument for {left_out}"):
-            fa.simulate(
-                arm,
-                0.02,
-                controller=controller,
-                reference=reference,
-                hardware=fa.Hardware(others),
-            )
+    for omitted in needed:
+        others = [name for name in needed if name != omitted]
+        with pytest.raises(fa.InputError, match=f"hardware has no instrument for {omitted}"):
+            run_with_instruments(arm, controller, reference, others)
 
 
 @every
-def test_an_arm_of_another_number_of_joints_is_refused_before_the_run(name, arm):
+def test_arm_with_another_number_of_joints_is_rejected_before_the_run(name, arm):
     three = fa.Arm(links=[arm.spec.links[0]] * 3, joints=[fa.Joint(hub_inertia=0.05)] * 3)
     with pytest.raises(fa.InputError, match="controller is for 2 joints, but the arm has 3"):
         fa.simulate(three, 0.02, controller=EXAMPLES[name]())
 
 
-# In files -----------------------------------------------------------------------------------
+# In files ----------------------------------------------------------------------------------------
 
-#: Arguments that only Python can give, or that would say nothing in a file.
+#: Arguments that only Python can express, or that have no effect in a file.
 PYTHON_ONLY = {
     ("lqg", "nominal"): "a result of a run",
     ("mpc", "nominal"): "a result of a run",
     ("estimator", "sample_time"): "that of the inner controller",
 }
-#: Keys of a record in place of arguments of the class.
+#: Keys of a record that replace arguments of the class.
 INSTEAD = {("joint_pid", "gravity"): ("arm", "sag")}
 
 
 @every
-def test_its_drive_has_the_same_arguments_and_defaults(name):
+def test_drive_has_the_same_arguments_and_defaults(name):
     """A new controller needs a line in the registry of ``flexarm.model.drives``."""
     assert name in CONTROLLED, f"files have no {name}: add its parameters to registry.py"
     fields = {k: f for k, f in CONTROLLED[name].model_fields.items() if k != "kind"}
@@ -243,10 +236,10 @@ def test_its_drive_has_the_same_arguments_and_defaults(name):
 
 
 def compare(place, field, default):
-    """Fail where a record's default is not that of the class."""
+    """Fail if the default of a record differs from that of the class."""
     nothing = (None, inspect.Parameter.empty, math.inf)
     if default is inspect.Parameter.empty:
-        # A part with keys of its own may be left out where each of these may.
+        # A part with keys of its own is optional if each of these keys is.
         nested = field.default is not None and hasattr(field.default, "model_fields_set")
         assert field.is_required() or nested, f"{place} must be required"
     elif place.endswith(".feedforward"):
@@ -257,25 +250,26 @@ def compare(place, field, default):
         assert field.default == default, f"{place} must be {default} by default"
 
 
-def test_the_filter_has_a_record_with_the_same_arguments_and_defaults():
+def test_filter_record_has_the_same_arguments_and_defaults():
     fields = FilterSpec.model_fields
     wanted = dict(inspect.signature(fa.ExtendedKalmanFilter).parameters)
-    for key in ("arm", "sample_time"):  # the file's arm; the inner controller's time
+    # given by the file: the arm, and the time of the inner controller
+    for key in ("arm", "sample_time"):
         del wanted[key]
     assert set(fields) == set(wanted)
     for key, field in fields.items():
-        if key != "instruments":  # the hardware's where left out
+        if key != "instruments":  # by default that of the hardware
             compare(f"estimator.{key}", field, wanted[key].default)
 
 
-def test_no_record_is_left_without_its_controller():
+def test_every_record_has_a_controller():
     assert set(CONTROLLED) == set(CONTROLLERS)
     assert set(DRIVES) == set(CONTROLLERS), "add the newcomer to DRIVES of controller_examples.py"
 
 
 @every
-def test_a_file_gives_the_same_run(name, arm, tmp_path):
-    """Of two gauges, which strain feedback of a file needs: one for each joint."""
+def test_file_gives_the_same_run(name, arm, tmp_path):
+    """Strain feedback of a file needs one gauge for each joint, so two."""
     gauge = fa.Gauge(station=0.1, distance=0.005)
     links = [link.replace(gauges=[gauge]) for link in arm.spec.links]
     controller, spec = EXAMPLES[name](), arm.spec
@@ -297,11 +291,11 @@ def test_a_file_gives_the_same_run(name, arm, tmp_path):
     assert load_scenario(path).drive == scenario.drive
 
 
-# What ``simulate`` does with bad answers --------------------------------------------------------
+# Wrong answers of a controller in ``simulate`` ---------------------------------------------------
 
 
 class Failing:
-    """Holds still, and from 10 ms on answers what it is told to."""
+    """Returns a constant torque, and from 10 ms on the given answer."""
 
     sample_time = 0.005
 
@@ -328,7 +322,7 @@ class Failing:
     ],
     ids=["nan", "infinity", "too many", "a number", "nothing", "words", "complex"],
 )
-def test_bad_answer_ends_the_run_with_time_and_partial_result(arm, answer, word):
+def test_wrong_answer_ends_the_run_with_time_and_partial_result(arm, answer, word):
     with pytest.raises(
         fa.SimulationError, match=r"controller returned an unusable value"
     ) as caught:
@@ -345,7 +339,7 @@ def test_bad_answer_ends_the_run_with_time_and_partial_result(arm, answer, word)
     assert "controller" in error.result.attrs["failure"]
 
 
-def test_bad_answer_at_the_very_start(arm):
+def test_wrong_answer_at_the_first_sample(arm):
     class Never(Failing):
         def update(self, t, measurement, reference):
             return [np.nan, np.nan]
@@ -356,7 +350,7 @@ def test_bad_answer_at_the_very_start(arm):
     assert caught.value.state is not None
 
 
-def test_an_exception_of_the_controller_is_told_and_stays_to_be_seen(arm):
+def test_exception_of_the_controller_is_reported_and_chained(arm):
     class Broken(Failing):
         def update(self, t, measurement, reference):
             raise ZeroDivisionError("gain schedule")
@@ -366,7 +360,7 @@ def test_an_exception_of_the_controller_is_told_and_stays_to_be_seen(arm):
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
 
 
-def test_any_object_with_the_three_names_will_do(arm):
+def test_any_object_with_the_three_members_is_a_controller(arm):
     class Minimal:
         sample_time = 0.01
 
@@ -379,7 +373,7 @@ def test_any_object_with_the_three_names_will_do(arm):
 
     controller = Minimal()
     result = fa.simulate(arm, 0.055, controller=controller)
-    assert controller.count == 6  # the last one for half a sample time
+    assert controller.count == 6  # the last torque lasts half a sample time
     steady = fa.simulate(arm, 0.055, torque=lambda t: [0.1, 0.0])
-    # Stops every hundredth of a second against free steps: the tolerance of the run.
+    # Steps end at every hundredth of a second in one run only: the tolerance of the run.
     np.testing.assert_allclose(result.q.values, steady.q.values, rtol=0, atol=1e-8)

@@ -15,7 +15,6 @@ from integrator_runs import (
     equal_steps,
     flexible_arm,
     make_system,
-    parabolas,
     reference,
     start,
     tolerance,
@@ -23,6 +22,7 @@ from integrator_runs import (
 
 import flexarm as fa
 from arm_states import state_array
+from constant_torques import parabolas
 from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.integrate import status as codes
 from flexarm.integrate.base import Progress, Status
@@ -40,18 +40,18 @@ def exact(problem):
 
 
 def make(name, allowed=1e-8):
-    """An integrator that meets this accuracy on the problems here."""
+    """Return an integrator that reaches this accuracy on the problems here."""
     integrator = INTEGRATORS[name]()
     if integrator.adaptive:
         return integrator
     return INTEGRATORS[name](step=2e-4 if integrator.order > 2 else 1e-5)
 
 
-# The class itself ----------------------------------------------------------------------------
+# The class itself --------------------------------------------------------------------------------
 
 
 @every
-def test_what_it_says_about_itself(name):
+def test_class_is_a_frozen_dataclass_with_name_and_order(name):
     kind = INTEGRATORS[name]
     assert issubclass(kind, Integrator)
     assert len(inspect.signature(undecorated(kind.stepper)).parameters) == 6
@@ -60,13 +60,13 @@ def test_what_it_says_about_itself(name):
     assert isinstance(kind.adaptive, bool)
     assert inspect.getdoc(kind)
     assert dataclasses.is_dataclass(kind)
-    assert kind() == kind()  # a value: equal parameters, equal method
+    assert kind() == kind()  # equal parameters make equal methods
     with pytest.raises(dataclasses.FrozenInstanceError):
         kind().step = 1.0
 
 
 @every
-def test_its_reference_can_be_cited(name):
+def test_reference_can_be_cited(name):
     arm, state = double_pendulum()
     result = fa.simulate(arm, 0.01, initial=state[0], integrator=name, rate=100.0)
     assert INTEGRATORS[name].reference
@@ -76,8 +76,8 @@ def test_its_reference_can_be_cited(name):
 
 
 @every
-def test_contacts_are_followed_or_refused(name):
-    """A rod of 1 kg m^2 thrown at a spring, 1 m out: half a period of the touch, and back."""
+def test_contacts_are_simulated_or_rejected(name):
+    """A rod of 1 kg m^2 hits a spring at a radius of 1 m: contact lasts half a period."""
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
     contact = fa.Contact(fa.Wall((1.0, 0.0), (0.0, -1.0)), stiffness=1e4)
     throw = {"initial": [-0.1], "initial_rate": [1.0], "contacts": [contact], "integrator": name}
@@ -87,18 +87,18 @@ def test_contacts_are_followed_or_refused(name):
         return
     result = fa.simulate(arm, 0.2, **throw)
     assert "HuntCrossley1975" in citation(result)
-    back = 0.1 - 0.2 + np.pi / 100.0  # it comes back along the way it came
-    # The arc of 0.1 m; a fixed step of half a radian of the touch errs by less.
+    back = 0.1 - 0.2 + np.pi / 100.0  # it returns along the same path
+    # Arc of 0.1 m; a fixed step of half a radian of the contact vibration has a smaller error.
     assert float(result.joint_angle[-1, 0]) == pytest.approx(back, abs=1e-3)
     assert float(result.joint_rate[-1, 0]) == pytest.approx(-1.0, abs=1e-2)
 
 
-# Rule 1: time goes on to the end, in one call or in many ---------------------------------------
+# Rule 1: integration proceeds to the end, in one call or in many ---------------------------------
 
 
 @every
 @each_problem
-def test_carries_on_to_the_end_and_counts_what_it_does(name, problem):
+def test_advance_reaches_the_end_and_counts_its_work(name, problem):
     arm, state = PROBLEMS[problem]()
     progress = start(arm, state)
     times = np.linspace(0.0, 0.7, 8)
@@ -112,7 +112,7 @@ def test_carries_on_to_the_end_and_counts_what_it_does(name, problem):
     assert 0 < progress.steps < progress.evaluations
     np.testing.assert_array_equal(samples[0], start(arm, state).state)
     np.testing.assert_array_equal(samples[-1], progress.state)
-    # Being asked for a time already reached changes nothing.
+    # A call for a time that is already reached changes nothing.
     before = dataclasses.replace(progress, state=progress.state.copy())
     status, _ = advance(
         make(name), make_system(arm), tolerance(arm, state, 1e-8), progress, 0.7, times
@@ -124,14 +124,14 @@ def test_carries_on_to_the_end_and_counts_what_it_does(name, problem):
 
 @every
 @each_problem
-def test_pausing_changes_nothing(name, problem):
-    """However the calls are cut (a progress bar cuts them by the clock), the run is the same."""
+def test_pauses_do_not_change_the_run(name, problem):
+    """A progress bar divides calls at arbitrary times."""
     arm, state = PROBLEMS[problem]()
     times = np.linspace(0.0, 1.0, 23)
     runs = []
     for max_steps in (10**9, 7, 1):
         progress = start(arm, state)
-        # A first step so long that it is refused, so that pauses also fall behind refusals.
+        # The first step is so long that it is rejected, so that pauses also follow rejections.
         integrator = INTEGRATORS[name](step=0.3 if INTEGRATORS[name].adaptive else 1e-3)
         _, samples = advance(
             integrator,
@@ -151,7 +151,7 @@ def test_pausing_changes_nothing(name, problem):
 
 
 @every
-def test_pauses_when_told_to(name):
+def test_advance_pauses_after_the_given_number_of_steps(name):
     arm, state = double_pendulum()
     progress = start(arm, state)
     samples = np.zeros((0, *progress.state.shape))
@@ -163,12 +163,12 @@ def test_pauses_when_told_to(name):
     assert 0.0 <= progress.time < 1.0
 
 
-# Rule 2: samples at exactly the asked times ----------------------------------------------------
+# Rule 2: samples at exactly the requested times --------------------------------------------------
 
 
 @every
 @each_problem
-def test_samples_are_values_at_the_asked_times(name, problem):
+def test_samples_are_accurate_at_the_requested_times(name, problem):
     arm, state = PROBLEMS[problem]()
     rng = np.random.default_rng(1)
     times = np.sort(np.concatenate([[0.0, 1e-9, 0.25, 0.25 + 1e-12, 1.0], rng.random(40)]))
@@ -181,12 +181,12 @@ def test_samples_are_values_at_the_asked_times(name, problem):
         times,
     )
     wanted = np.array([exact(problem)(t) for t in times])
-    # The tolerance per step, over some hundred steps, with what the motion makes of an error.
+    # The tolerance per step, over some hundred steps, times the amplification by the motion.
     np.testing.assert_allclose(samples, wanted, rtol=0, atol=3e-6)
 
 
 @every
-def test_samples_between_steps_are_of_third_order_at_least(name):
+def test_samples_between_steps_have_third_order_at_least(name):
     arm, state = double_pendulum()
     middles = np.array([0.13, 0.37, 0.61, 0.93])
     wanted = np.array([exact("double pendulum")(t) for t in middles])
@@ -195,7 +195,7 @@ def test_samples_between_steps_are_of_third_order_at_least(name):
     for count in counts:
         _, samples = equal_steps(INTEGRATORS[name], arm, state, int(count), middles)
         errors.append(abs(samples - wanted).max())
-    # The slope tends to it from both sides. Samples cannot be better than the steps themselves.
+    # The slope approaches the order from both sides. Samples are not more accurate than the steps.
     assert observed_order(counts, np.array(errors)) > min(2.8, order - 0.2)
 
 
@@ -203,25 +203,25 @@ def test_samples_between_steps_are_of_third_order_at_least(name):
 
 
 @every
-def test_lands_on_stops_with_the_torque_of_the_right_side(name):
+def test_steps_end_at_stops_with_the_torque_of_the_correct_side(name):
     arm, edges, torque, coefficients = bang_bang()
     system = make_system(arm, edges, coefficients, stops=edges[1:-1])
     times = np.array([0.05, 0.1234, 0.3, 0.5, 0.500005, 0.50001, 0.7, 0.87, 0.95, 1.0])
     state = np.zeros((2, 1))
-    # Steps of a tenth: hardly one would end on an edge by itself.
+    # Steps of a tenth hardly ever end at an edge by chance.
     integrator = INTEGRATORS[name](step=0.1)
     progress = start(arm, state)
     _, samples = advance(integrator, system, tolerance(arm, state, 1e-3), progress, 1.0, times)
     wanted = np.array([parabolas(edges, torque, t) for t in times])  # the inertia is 1
-    # Rounding of a few dozen steps: a step across an edge would miss by 1e-3.
+    # Rounding of a few dozen steps; a step across an edge has an error of 1e-3.
     np.testing.assert_allclose(samples[:, :, 0, 0], wanted, rtol=0, atol=1e-14)
 
 
 @every
-def test_a_stop_that_is_no_edge_does_no_harm(name):
+def test_stops_without_a_jump_do_not_change_the_result(name):
     arm, state = flexible_arm()
     allowed = tolerance(arm, state, 1e-10)
-    # At the very start, at the end, twice the same, closer than any step, beyond the end.
+    # Stops at the start, at the end, twice the same, closer than any step, and beyond the end.
     stops = [0.0, 0.3, 0.3, 0.3 + 1e-13, 0.6, 1.0, 2.0]
     progress = start(arm, state)
     status, _ = advance(make(name), make_system(arm, stops=stops), allowed, progress, 1.0)
@@ -230,12 +230,12 @@ def test_a_stop_that_is_no_edge_does_no_harm(name):
     np.testing.assert_allclose(progress.state, wanted, rtol=0, atol=1e-6)
 
 
-# Rule 5: failing with dignity ------------------------------------------------------------------
+# Rule 5: failures are reported -------------------------------------------------------------------
 
 
 @every
-def test_torque_without_a_number_ends_the_run_before_it(name):
-    """From 0.4 s on the torque is not a number."""
+def test_nan_torque_ends_the_run_before_its_time(name):
+    """From 0.4 s on the torque is NaN."""
     arm, state = double_pendulum()
     coefficients = SMOOTH.copy()
     coefficients[1] = np.nan
@@ -247,14 +247,14 @@ def test_torque_without_a_number_ends_the_run_before_it(name):
     assert status.sentence
     assert progress.time == pytest.approx(0.4, abs=1e-12)
     assert np.all(np.isfinite(progress.state))
-    assert progress.sample == 41  # those up to 0.4 s, and no further
+    assert progress.sample == 41  # samples up to 0.4 s only
     assert np.all(np.isfinite(samples[:41]))
     wanted = exact("double pendulum")(progress.time)
     np.testing.assert_allclose(progress.state, wanted, rtol=0, atol=1e-5)
 
 
 @every
-def test_a_torque_that_grows_without_bound_never_makes_a_bad_state(name):
+def test_unbounded_torque_never_gives_a_non_finite_state(name):
     arm, state = double_pendulum()
     coefficients = np.zeros((1, 4, 2))
     coefficients[0, 3] = 1e300
@@ -275,7 +275,7 @@ def test_a_torque_that_grows_without_bound_never_makes_a_bad_state(name):
 
 
 @pytest.mark.parametrize("name", [n for n, kind in INTEGRATORS.items() if not kind.adaptive])
-def test_too_long_a_fixed_step_is_told_and_not_hidden(name):
+def test_too_long_a_fixed_step_is_reported(name):
     arm, state = flexible_arm()
     allowed = tolerance(arm, state, 1e-8)
     progress = start(arm, state)
@@ -287,7 +287,7 @@ def test_too_long_a_fixed_step_is_told_and_not_hidden(name):
 
 
 @pytest.mark.parametrize("name", [n for n, kind in INTEGRATORS.items() if kind.adaptive])
-def test_an_accuracy_beyond_double_precision_is_refused(name):
+def test_accuracy_beyond_double_precision_is_rejected(name):
     arm, state = double_pendulum()
     allowed = tolerance(arm, state, 1e-30)
     progress = start(arm, state)
@@ -297,22 +297,24 @@ def test_an_accuracy_beyond_double_precision_is_refused(name):
 
 
 @pytest.mark.parametrize("status", Status)
-def test_every_status_has_its_sentence(status):
+def test_every_status_has_a_message(status):
     assert status.sentence.endswith(".")
-    assert getattr(codes, status.name) == status  # what kernels return
+    assert getattr(codes, status.name) == status  # statuses that kernels return
 
 
-# Rule 6: the order it claims -------------------------------------------------------------------
+# Rule 6: order of convergence --------------------------------------------------------------------
 
 
 def step_counts(name, fewest, most):
-    """Numbers of equal steps in a second; of a method of order 2 a hundred times as many."""
+    """Return numbers of equal steps in a second; a method of order 2 needs a hundred times as
+    many."""
     more = 1 if INTEGRATORS[name].order > 2 else 100
     return np.unique(np.geomspace(fewest * more, most * more, 24).astype(int))
 
 
 def observed_order(counts, errors):
-    """Slope of error against step at its four smallest steps that stand above rounding."""
+    """Return the slope of error against step at the four smallest steps with errors above
+    rounding."""
     seen = np.flatnonzero((errors > 2e-12) & (errors < 1e-4))[-4:]
     assert seen.size == 4, errors
     return -np.polyfit(np.log(counts[seen]), np.log(errors[seen]), 1)[0]
@@ -320,9 +322,10 @@ def observed_order(counts, errors):
 
 @every
 @each_problem
-def test_observed_order_is_the_claimed_one(name, problem):
+def test_observed_order_equals_the_stated_order(name, problem):
     arm, state = PROBLEMS[problem]()
-    # From a step of 0.8 radians of the fastest vibration on: several ones are unstable at 1.4.
+    # Steps start at 0.8 radians of the fastest vibration, because several methods are unstable at
+    # 1.4.
     counts = step_counts(name, 40, 2000)
     wanted = exact(problem)(1.0)
     errors = [
@@ -330,16 +333,16 @@ def test_observed_order_is_the_claimed_one(name, problem):
         for count in counts
     ]
     order = observed_order(counts, np.array(errors))
-    # Where the leading error happens to be small, the next order shows for a while: about one
-    # more. Less than the claim is the claim broken.
+    # Where the leading error is small by chance, the next order appears: about one more. Less than
+    # the stated order is an error.
     claimed = INTEGRATORS[name].order
     assert claimed - 0.2 < order < claimed + 1.2
 
 
 @pytest.mark.parametrize("name", [n for n, kind in INTEGRATORS.items() if kind.adaptive])
 @each_problem
-def test_error_follows_the_tolerance(name, problem):
-    """A thousand times the tolerance, about a thousand times the error."""
+def test_error_is_proportional_to_the_tolerance(name, problem):
+    """A tolerance of a thousand times the size gives about a thousand times the error."""
     arm, state = PROBLEMS[problem]()
     wanted = exact(problem)(1.0)
     allowed = np.array([1e-4, 1e-6, 1e-8, 1e-10])
@@ -351,15 +354,16 @@ def test_error_follows_the_tolerance(name, problem):
         steps.append(progress.steps)
     slope = np.polyfit(np.log(allowed), np.log(errors), 1)[0]
     assert 0.7 < slope < 1.4
-    assert np.all(np.array(errors) < 1e4 * allowed)  # rates in rad/s of vibrations weigh most
+    # rates in rad/s of vibrations have the largest errors
+    assert np.all(np.array(errors) < 1e4 * allowed)
     assert steps == sorted(steps)
 
 
-# Rule 7: nothing per step ----------------------------------------------------------------------
+# Rule 7: no allocation per step ------------------------------------------------------------------
 
 
 def arrays_of(record):
-    """Place and shape of every array in nested records."""
+    """Return address and shape of every array in nested records."""
     if isinstance(record, tuple):
         return [found for part in record for found in arrays_of(part)]
     return [(id(record), record.shape)] if isinstance(record, np.ndarray) else []
@@ -367,7 +371,8 @@ def arrays_of(record):
 
 @every
 def test_long_runs_use_no_more_objects_than_short_ones(name):
-    """Arrays of a run live in ``progress.memory`` and its method's record, and stay the same."""
+    """Arrays of a run are in ``progress.memory`` and in the record of the method, and stay the
+    same."""
     arm, state = flexible_arm()
     progress = start(arm, state)
     system, allowed = make_system(arm), tolerance(arm, state, 1e-6)
@@ -379,8 +384,8 @@ def test_long_runs_use_no_more_objects_than_short_ones(name):
     assert id(progress.state) == kept
 
 
-def test_progress_starts_where_it_is_told():
-    """A run may begin at any time: the torque's clock is not the run's."""
+def test_progress_may_start_at_any_time():
+    """The time of the torque does not begin at the start of the run."""
     arm, state = double_pendulum()
     halfway = exact("double pendulum")(0.5)
     for name in INTEGRATORS:

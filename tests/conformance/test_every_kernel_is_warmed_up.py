@@ -1,4 +1,4 @@
-"""`flexarm warmup` reaches every kernel that is compiled on its own."""
+"""`flexarm warmup` compiles every kernel with machine code of its own."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Every kind of motion, and every torque along one: its copies, pickles and tables."""
+"""Every kind of motion, and every torque along one: copies, pickles and tables."""
 
 import copy
 import pickle
@@ -47,7 +47,7 @@ def inversion():
 
 
 def scenario(**parts):
-    """A scenario of two links that runs for a second; other parts as files have them."""
+    """Return a scenario of two links that runs for a second; other parts as in files."""
     arm = two_links().spec
     return Scenario(arm=arm, run={"duration": 1.0}, **parts)
 
@@ -110,7 +110,7 @@ OF_THE_FORCE = ("contact_force", "normal", "holding_torque", "pressing_torque")
 
 
 def answers(value):
-    """Everything that a motion or a function of time says at a few times, in one row."""
+    """Return all values of a motion or a function of time at a few times, in one row."""
     if isinstance(value, fa.PrescribedAngle):
         functions = [value.angle, value.rate, value.acceleration]
     elif callable(value):
@@ -122,14 +122,14 @@ def answers(value):
 
 
 def kinds(base):
-    """All classes of motions that can be made, the base's own subclasses and theirs."""
+    """Return all classes of motions that are not abstract, subclasses of subclasses included."""
     for kind in base.__subclasses__():
         if not kind.__abstractmethods__:
             yield kind
         yield from kinds(kind)
 
 
-def test_every_kind_of_motion_is_here():
+def test_every_kind_of_motion_is_tested_here():
     here = {type(make()) for make in MOTIONS.values()}
     missing = {
         kind.__name__ for kind in kinds(Motion) if kind.__module__.startswith("flexarm.")
@@ -141,8 +141,8 @@ EVERY = MOTIONS | PRESSED | FUNCTIONS | PRESCRIBED
 
 
 @pytest.mark.parametrize("make", EVERY.values(), ids=EVERY)
-def test_copies_and_pickles_answer_alike(make):
-    """Studies hand them to other processes. A function without a name stopped the pickle."""
+def test_copies_and_pickles_give_the_same_values(make):
+    """Studies pass them to other processes, and a lambda cannot be pickled."""
     value = make()
     expected = answers(value)
     for copied in (copy.copy(value), copy.deepcopy(value), pickle.loads(pickle.dumps(value))):
@@ -151,7 +151,7 @@ def test_copies_and_pickles_answer_alike(make):
 
 
 @pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
-def test_a_table_is_the_motion_within_its_stated_error(make):
+def test_table_equals_the_motion_within_its_stated_error(make):
     motion = make()
     table = motion.sampled(500.0)
     assert (table.breaks, table.start_time, table.end_time, table.joints) == (
@@ -166,10 +166,10 @@ def test_a_table_is_the_motion_within_its_stated_error(make):
     times = np.concatenate([spread, motion.breaks, beside, ends])
     found, exact = table.state(times), motion.state(times)
     for part, (got, want) in enumerate(zip(found, exact, strict=True)):
-        # Rounding of a spline of the interval h: a few bits of the angle, over h once or twice.
+        # Rounding of a spline with interval h: a few bits of the angle, over h once or twice.
         rounding = 1e-14 * 500.0**part
-        # Four instants of each interval find the largest error of a smooth motion; that of the
-        # inversion is a spline with knots of its own.
+        # Four instants of each interval find the largest error of a smooth motion; the inversion is
+        # a spline with its own knots.
         largest = 1.25 * table.error[part] + rounding
         np.testing.assert_array_less(np.max(abs(got - want), axis=0), largest)
     resting = (times < motion.start_time) | (times >= motion.end_time)
@@ -181,8 +181,9 @@ def test_a_table_is_the_motion_within_its_stated_error(make):
     np.testing.assert_array_equal(table.tip(spread), motion.tip(spread))
 
 
-def test_the_error_of_a_table_falls_with_the_sixth_power_of_the_interval():
-    """Its angles; rates with the fifth, accelerations with the fourth."""
+def test_error_of_a_table_falls_with_the_sixth_power_of_the_interval():
+    """The error of angles; that of rates falls with the fifth power, that of accelerations with the
+    fourth."""
     motion = line()
     coarse, fine = motion.sampled(20.0), motion.sampled(40.0)
     for power, more, less in zip((6, 5, 4), coarse.error, fine.error, strict=True):
@@ -191,17 +192,17 @@ def test_the_error_of_a_table_falls_with_the_sixth_power_of_the_interval():
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.inf, np.nan, "fast", 1e7])
-def test_rates_of_tables_that_are_refused(rate):
+def test_invalid_rates_of_tables_are_rejected(rate):
     with pytest.raises(fa.InputError, match="sampled: rate"):
         line().sampled(rate)
 
 
-def test_a_table_refuses_what_a_motion_refuses():
+def test_table_rejects_the_same_times_as_its_motion():
     with pytest.raises(fa.InputError, match="SampledMotion: t must be a time"):
         line().sampled(100.0).joint_angle(np.nan)
 
 
-def test_a_run_follows_a_table():
+def test_run_along_a_table_equals_that_along_the_motion():
     arm, motion = two_links().rigid(), joints("trapezoidal")
     run = {"controller": fa.JointPD([10.0, 4.0], [2.0, 0.5]), "progress": False}
     exact = fa.simulate(arm, 1.0, reference=motion, **run)

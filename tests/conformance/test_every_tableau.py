@@ -1,4 +1,4 @@
-"""Coefficients of the Runge-Kutta methods: every order condition, and no typing error."""
+"""Coefficients of the Runge-Kutta methods: every order condition, and errors in single digits."""
 
 import dataclasses
 import itertools
@@ -41,8 +41,8 @@ def test_number_of_trees():
     assert len(conditions(8)) == 200
 
 
-def test_density_of_the_tallest_and_of_the_broadest_trees():
-    """n! of a chain; n of a bush, whose condition is that of a quadrature."""
+def test_density_of_chains_and_bushes():
+    """It is n! for a chain, and n for a bush, whose condition is that of a quadrature."""
     chain, bush = (), ()
     for nodes in range(2, 8):
         chain, bush = ((0, chain),), ((0, ()), *bush)
@@ -61,9 +61,9 @@ def test_order_conditions_up_to_the_claimed_order(name):
     s = tableau.stages
     A, b = tableau.A[:s, :s], tableau.b
     assert METHODS[name].order == tableau.order
-    # Coefficients of 16 digits, as large as 40 in the method of order 8.
+    # Coefficients have 16 digits; the largest of the method of order 8 is 40.
     assert largest_miss(tableau.order, b, A)[0] < 5e-14
-    # And no further: the next order is not claimed because it is not there.
+    # The conditions of the next order do not hold.
     assert largest_miss(tableau.order + 1, b, A)[0] > 1e-7
 
 
@@ -79,8 +79,8 @@ def test_dense_output_has_third_order_throughout_the_step(name):
 
 
 @every
-def test_error_estimates_vanish_only_up_to_their_order(name):
-    """An estimate that sees nothing, or everything, controls nothing."""
+def test_error_estimates_vanish_up_to_their_order_only(name):
+    """An estimate that is always zero, or never, cannot control the step."""
     tableau = METHODS[name]().tableau
     if not METHODS[name].adaptive:
         assert np.all(tableau.error == 0.0)
@@ -117,8 +117,8 @@ def test_a_single_wrong_coefficient_cannot_be_constructed(name, field):
         *((name, field, 4, (0, 2)) for name in PAIRS for field in ("explicit", "implicit")),
     ],
 )
-def test_rows_that_only_an_order_condition_refuses(name, field, row, columns):
-    """Two errors that cancel in the sum of a row: abscissae and quadrature are as before."""
+def test_rows_with_wrong_order_conditions_are_rejected(name, field, row, columns):
+    """Two errors that cancel in the sum of a row leave abscissae and quadrature unchanged."""
     tableau = METHODS[name]().tableau if name in METHODS else PAIRS[name]
     wrong = getattr(tableau, field).copy()
     wrong[row, columns] += [1e-7, -1e-7]
@@ -136,14 +136,14 @@ def test_a_coefficient_above_the_diagonal_cannot_be_constructed(name):
 
 
 @every
-def test_too_high_an_order_cannot_be_claimed(name):
+def test_too_high_an_order_is_rejected(name):
     tableau = METHODS[name]().tableau
     with pytest.raises(ValueError, match="misses an order condition"):
         dataclasses.replace(tableau, order=tableau.order + 1)
 
 
-def test_hermite_dense_output_of_euler_is_not_smooth_enough():
-    """Values and slopes at both ends: what the helper promises is what the constructor checks."""
+def test_hermite_dense_output_of_euler_is_rejected_as_not_smooth():
+    """The constructor checks values and slopes at both ends."""
     b = np.array([0.5, 0.5])
     A = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.5, 0.0]])
     heun = Tableau(
@@ -172,20 +172,20 @@ def halves(tableau):
 
 @every_pair
 def test_coupled_order_conditions_up_to_the_claimed_order(name):
-    """Of every split of the equations: all trees with edges of both methods."""
+    """For every split of the equations, which means all trees with edges of both methods."""
     tableau, both = PAIRS[name], halves(PAIRS[name])
     b, estimate = tableau.implicit[-1], tableau.error[0, :-1]
     order = tableau.order
-    # The paper prints fractions that are exact to some 25 digits.
+    # The paper prints fractions that are exact to about 25 digits.
     assert largest_miss(order, b, *both)[0] < 1e-14
     assert largest_miss(order - 1, estimate, *both, exact=0.0)[0] < 1e-14
-    # And no further, in each half.
+    # The conditions of the next order do not hold, in either half.
     for A in both:
         assert largest_miss(order + 1, b, A)[0] > 1e-5
         assert largest_miss(order, estimate, A, exact=0.0)[0] > 1e-5
 
 
-def test_a_pair_with_two_numbers_on_the_diagonal_cannot_be_constructed():
+def test_pair_with_two_values_on_the_diagonal_is_rejected():
     tableau = PAIRS["kennedy_carpenter_5"]
     wrong = tableau.implicit.copy()
     wrong[2, 2] += 1e-3
@@ -199,7 +199,7 @@ def test_a_pair_with_two_numbers_on_the_diagonal_cannot_be_constructed():
 
 @pytest.mark.parametrize("stages", [1, 2, 3, 4])
 def test_gauss_methods_have_twice_the_order_of_their_stages(stages):
-    found = gauss_coefficients(stages)  # which checks itself
+    found = gauss_coefficients(stages)  # the constructor checks itself
     assert largest_miss(2 * stages, found.b, found.A)[0] < 1e-14
     assert largest_miss(2 * stages + 1, found.b, found.A)[0] > 1e-8
     np.testing.assert_allclose(found.bA, found.b * (1.0 - found.c), atol=1e-15)

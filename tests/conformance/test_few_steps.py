@@ -1,6 +1,6 @@
 """Every integrator over a tenth of a second of an arm with all kinds of forces, against SciPy.
 
-A few dozen steps, so that the kernels may also run as plain Python.
+The runs have a few dozen steps, so that the kernels may also run as plain Python.
 """
 
 from functools import cache
@@ -20,7 +20,7 @@ from flexarm.kernels.layout import new_workspace, run_time_sizes
 
 UNTIL, BREAK = 0.1, 0.04
 
-#: Torques (2 pieces, 4, joints), N m / s^p: they jump at BREAK.
+#: Torques (2 pieces, 4, joints), N m / s^p, which jump at BREAK.
 TORQUE = np.array(
     [
         [[3.0, -1.0], [40.0, 20.0], [-300.0, 200.0], [2e3, -3e3]],
@@ -40,7 +40,8 @@ LOAD = fa.Load(link=1, force=(4.0, -7.0), moment=0.6, station=0.5)
 
 @cache
 def arm():
-    """Two bending links with damping; joints with springs, damping, friction and far stops."""
+    """Return two bending links with damping; joints with springs, damping, friction and distant
+    stops."""
     limits = fa.JointLimits(lower=-3.0, upper=3.0, stiffness=50.0)
     return fa.Arm(
         links=[
@@ -77,7 +78,7 @@ def polynomial(coefficients, t):
 
 @cache
 def exact():
-    """The motion by SciPy on ``Arm.forward_dynamics``, as a function of time."""
+    """Return the motion by SciPy on ``Arm.forward_dynamics``, as a function of time."""
     n = arm().dof
 
     def slope(piece):
@@ -123,12 +124,12 @@ def tolerance(allowed):
 
 
 def error(found, t):
-    """Largest error of a state, each coordinate in metres at the tip."""
+    """Return the largest error of a state; coordinates are converted to metres at the tip."""
     return float(np.max(np.abs(found - exact()(t)) / tolerance(1.0).unit))
 
 
 def run_in_steps(name, count, times=()):
-    """``count`` equal steps to UNTIL; with step control, a stop ends each of them."""
+    """Take ``count`` equal steps to UNTIL; with step control, a stop ends each of them."""
     kind = INTEGRATORS[name]
     ends = np.arange(1, count) * (UNTIL / count)
     unit = tolerance(1.0)
@@ -143,8 +144,8 @@ def run_in_steps(name, count, times=()):
 
 
 #: Two numbers of steps in the range where the leading error dominates, multiples of 5 for BREAK,
-#: and the allowed error with the second one, m at the tip: three times what the method, or its
-#: dense output, makes of it. A wrong coefficient costs orders of magnitude.
+#: and the allowed error with the second one, m at the tip: three times the error of the method, or
+#: of its dense output. A wrong coefficient increases the error by orders of magnitude.
 STEPS = {
     "rk4": (20, 40, 7e-5),
     "dormand_prince_8": (5, 10, 2.5e-6),
@@ -161,7 +162,7 @@ def test_order_under_all_forces(name):
     few, many = (error(run_in_steps(name, count)[0].state, UNTIL) for count in (first, second))
     assert many < allowed
     observed, order = np.log(few / many) / np.log(second / first), INTEGRATORS[name].order
-    assert observed > order - 0.4  # a wrong formula loses a whole order
+    assert observed > order - 0.4  # a wrong formula loses at least one order
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
@@ -176,7 +177,7 @@ def test_samples_inside_steps(name):
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
-def test_one_step_at_a_time_is_the_same_run(name):
+def test_single_steps_give_the_same_run(name):
     kind = INTEGRATORS[name]
     ends = []
     for most in (10**9, 1):
@@ -191,27 +192,27 @@ def test_one_step_at_a_time_is_the_same_run(name):
 
 
 @pytest.mark.parametrize("name", [name for name, kind in INTEGRATORS.items() if kind.adaptive])
-def test_step_control(name):
-    """From a step that is far too long: it is repeated, and afterwards few steps are rejected."""
+def test_step_control_after_a_long_first_step(name):
+    """The first step is far too long and is repeated; afterwards few steps are rejected."""
     taken = []
     for allowed in (1e-5, 1e-8):
         progress = start(arm(), start_state())
         kind = INTEGRATORS[name]
         status, _ = advance(kind(step=UNTIL), driven_system(), tolerance(allowed), progress, UNTIL)
         assert status == Status.DONE
-        # The sum over some ten steps; the error of a mode is measured beside the largest mode.
+        # The sum of errors over about ten steps; that of a mode is relative to the largest mode.
         assert error(progress.state, UNTIL) < 100.0 * allowed
         assert 1 <= progress.rejected <= 8
         taken.append(progress.steps)
-    # A thousandth of the error by shorter steps: at order p, 1000^(1/p) times as many.
+    # A thousandth of the error requires, at order p, 1000^(1/p) times as many steps.
     more = 1000.0 ** (1.0 / INTEGRATORS[name].order)
     assert 0.7 * more < taken[1] / taken[0] < 1.5 * more
 
 
-def test_a_mode_that_dies_within_a_step_takes_no_momentum():
-    """A torque of 0.5 N m sets in at once: after t seconds the momentum about the joint is t / 2.
+def test_overdamped_mode_leaves_the_momentum_right():
+    """Under a sudden torque of 0.5 N m the momentum about the joint is t / 2 after t seconds.
 
-    ``cowell_4`` has another formula for such modes, which must start with the same momentum.
+    ``cowell_4`` has a separate formula for such modes, which must start with the same momentum.
     """
     damping = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=2e-3)
     rod = {"length": 1.0, "flexural_rigidity": 60.0, "mass_per_length": 0.5, "elements": 1}
@@ -221,14 +222,14 @@ def test_a_mode_that_dies_within_a_step_takes_no_momentum():
     )
     q, qd = run.q.values, run.qd.values
     momentum = [rotor.mass_matrix(a)[0] @ b for a, b in zip(q, qd, strict=True)]
-    assert abs(q[:, 1:]).max() > 1e-4  # it bends
-    # The first three steps are those of another method. What they leave of the mode has gone after
-    # another few, but for products of small deflections and rates.
+    assert abs(q[:, 1:]).max() > 1e-4  # the link bends
+    # The first three steps are those of another method. Their effect on the mode decays within a
+    # few steps, except for products of small deflections and rates.
     np.testing.assert_allclose(momentum[5:], 0.5 * run.time.values[5:], rtol=0, atol=2e-7)
 
 
-def test_a_motion_too_fast_for_predicted_rates_is_stopped():
-    """``cowell_4`` predicts posture and rates, and checks these every 32 steps."""
+def test_motion_too_fast_for_predicted_rates_is_stopped():
+    """``cowell_4`` predicts posture and rates, and checks the prediction every 32 steps."""
     pendulum, (q, _) = double_pendulum()
     settings = {"initial": q, "initial_rate": [9.0, -12.0], "integrator": "cowell_4"}
     with pytest.raises(fa.SimulationError, match="the step is too long for this motion"):

@@ -1,4 +1,4 @@
-"""The slowest files run first, in an order that no earlier run determines."""
+"""The slowest files run first, in an order that does not depend on earlier runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TESTS = Path(__file__).parents[1]
 
 @pytest.fixture
 def suite(pytestconfig: pytest.Config) -> Any:
-    """The conftest of the whole suite."""
+    """Return the conftest of the whole suite."""
     return pytestconfig.pluginmanager.getplugin(str(TESTS / "conftest.py"))
 
 

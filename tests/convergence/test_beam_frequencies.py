@@ -1,18 +1,17 @@
-"""Frequencies of beams against their characteristic equations, and how fast a mesh gets there.
+"""Frequencies of beams against their characteristic equations, and convergence of meshes.
 
 Uniform beams with L = EI = mu = 1: a frequency is lambda = (beta L)^2.
 """
 
 import json
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import eigvalsh
 from scipy.optimize import brentq
+from shooting import shooting_root
 
 from flexarm.beams.invariants import link_constants
 
@@ -34,7 +33,7 @@ def exact_lambda(case):
 
 
 def characteristic(lam, case):
-    """Determinant of the four boundary conditions of the exact solution at frequencies lam (k,).
+    """Return the determinant of the four boundary conditions at frequencies lam (k,).
 
     y'''' + (lam r)^2 y'' - lam^2 y = 0 with r = 1/slenderness has the solutions exp(p (x - 1)),
     exp(-p x), cos(q x), sin(q x), none of them large in (0, 1).
@@ -81,7 +80,8 @@ def uniform(elements, modes, slenderness):
 
 
 def mesh_lambda(case, elements, count=3, modes=None):
-    """Lowest frequencies of the finite element model with hub, tip mass and tip inertia added."""
+    """Return the lowest frequencies of a finite element model with hub, tip mass and tip
+    inertia."""
     link = uniform(elements, modes, case.get("slenderness", np.inf))
     hub, mass, tip = (case.get(name, 0.0) for name in ("hub", "tip_mass", "tip_inertia"))
     m = link.w2.size
@@ -94,14 +94,14 @@ def mesh_lambda(case, elements, count=3, modes=None):
     rigid = 1
     if case["root"] == "clamped":
         inertia, stiffness, rigid = inertia[1:, 1:], stiffness[1:, 1:], 0
-    # The lowest frequencies are the largest values of the inverse problem, and so keep their
-    # digits; the shift keeps the free rotation, which has no stiffness, in the finite.
+    # The lowest frequencies are the largest eigenvalues of the inverse problem, which are accurate.
+    # The shift keeps the free rotation, which has no stiffness, finite.
     inverse = eigvalsh(inertia, stiffness + inertia)[::-1][rigid : rigid + count]
     return np.sqrt(1.0 / inverse - 1.0)
 
 
 @pytest.mark.parametrize("case", EVERY, ids=label)
-def test_reference_numbers_are_the_roots_in_order_and_none_is_missing(case):
+def test_reference_numbers_are_all_roots_in_order(case):
     reference = exact_lambda(case)
     beta = np.linspace(0.05, np.sqrt(reference[-1]) * 1.02, 3000)
     sign = np.sign(characteristic(beta**2, case))
@@ -111,7 +111,7 @@ def test_reference_numbers_are_the_roots_in_order_and_none_is_missing(case):
         for k in brackets
     ]
     found = np.square(roots[: reference.size])
-    # Thirteen printed digits; in beta L they are squared, and the determinant rounds a little.
+    # Thirteen digits are printed; squaring beta L and the determinant add rounding.
     np.testing.assert_allclose(found, reference, rtol=5e-12)
 
 
@@ -130,28 +130,29 @@ def test_error_falls_with_the_fourth_power_of_the_element_length(case):
     exact = exact_lambda(case)[:3]
     counts = np.array([12, 16, 24, 32])
     errors = np.array([mesh_lambda(case, int(n)) / exact - 1 for n in counts])
-    assert np.all(errors > 0.0)  # finite element frequencies are upper bounds
-    # A heavy tip makes the first mode almost static: its errors drown in the last printed digit.
+    assert np.all(errors > 0.0)  # finite elements give upper bounds
+    # With a heavy tip the first mode is almost static: its error is below the last printed digit.
     seen = errors[-1] > 1e-10
     assert np.all(seen[1:])
     orders = -np.polyfit(np.log(counts), np.log(errors[:, seen]), 1)[0]
-    np.testing.assert_allclose(orders, 4.0, atol=0.06)  # the next order, at the third mode
+    # the next order is visible at the third mode
+    np.testing.assert_allclose(orders, 4.0, atol=0.06)
 
 
 @pytest.mark.parametrize("case", EVERY, ids=label)
-def test_first_three_are_right_to_1e_minus_6_with_56_elements(case):
+def test_first_three_frequencies_are_accurate_to_1e_minus_6_with_56_elements(case):
     exact = exact_lambda(case)[:3]
     np.testing.assert_allclose(mesh_lambda(case, 56), exact, rtol=1e-6)
 
 
 @pytest.mark.parametrize("case", [*CLAMPED, *PINNED], ids=label)
-def test_error_has_the_size_theory_gives(case):
-    """(beta h)^4/1440, less the share of the kinetic energy that lumped bodies hold."""
+def test_error_has_the_theoretical_size(case):
+    """(beta h)^4/1440, times the share of the distributed mass in the kinetic energy."""
     elements = 16
     exact = exact_lambda(case)[:3]
     error = mesh_lambda(case, elements) / exact - 1
     bound = (np.sqrt(exact) / elements) ** 4 / 1440
-    assert np.all(error < 1.02 * bound)  # next order: (beta h)^2/20 at the third mode
+    assert np.all(error < 1.02 * bound)  # the next order is (beta h)^2/20 at the third mode
     if not any(case.get(name, 0.0) for name in ("hub", "tip_mass", "tip_inertia")):
         np.testing.assert_allclose(error, bound, rtol=0.03)
 
@@ -178,14 +179,14 @@ def test_clamped_and_hub_frequencies_interlace(case):
 
 
 @pytest.mark.parametrize("case", [PINNED[3], PINNED[11], CLAMPED[9]], ids=label)
-def test_four_reduced_shapes_serve_the_lowest_loaded_frequencies(case):
+def test_four_reduced_shapes_give_the_lowest_loaded_frequencies(case):
     full, reduced = mesh_lambda(case, 16, 2), mesh_lambda(case, 16, 2, modes=4)
     assert np.all(reduced >= full * (1 - 1e-12))  # Rayleigh's principle, up to rounding
     np.testing.assert_allclose(reduced, full, rtol=2e-3)
 
 
-def shooting_root(x, stiffness, mass, guess):
-    """Frequency of a clamped tapered beam near `guess`, by integrating from root to tip."""
+def tapered_root(x, stiffness, mass, guess):
+    """Return the frequency near `guess` of a clamped tapered beam."""
 
     def slope(s, y, square):
         v, turn, moment, shear = y[0::4], y[1::4], y[2::4], y[3::4]
@@ -193,16 +194,7 @@ def shooting_root(x, stiffness, mass, guess):
         # EI v'' = M, M' = V, V' = w^2 mu v
         return np.stack([turn, moment / rigidity, shear, square * density * v], axis=1).ravel()
 
-    def mismatch(frequency):
-        y = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # unit root moment, unit root shear
-        for start, end in pairwise(x):
-            run = solve_ivp(
-                slope, (start, end), y, "DOP853", args=(frequency**2,), rtol=1e-11, atol=1e-11
-            )
-            y = run.y[:, -1]
-        return y[2] * y[7] - y[3] * y[6]
-
-    return brentq(mismatch, 0.99 * guess, 1.01 * guess, xtol=1e-12, rtol=1e-11)
+    return shooting_root(slope, x, guess)
 
 
 @pytest.mark.parametrize(
@@ -218,8 +210,8 @@ def test_tapered_beams_converge_to_an_independent_integration(x, stiffness, mass
     for elements in (32, 64):
         link = link_constants(x, stiffness, mass, np.zeros(len(x)), elements=elements)
         found.append(np.sqrt(link.w2[:3]))
-    exact = np.array([shooting_root(np.array(x), stiffness, mass, w) for w in found[-1]])
+    exact = np.array([tapered_root(np.array(x), stiffness, mass, w) for w in found[-1]])
     errors = np.array(found) / exact - 1
-    # Strong tapers approach the order slowly: 3.92 is the least of them here.
+    # Strong tapers approach the order slowly: the lowest value here is 3.92.
     np.testing.assert_allclose(np.log2(errors[0] / errors[1]), 4.0, atol=0.1)
     assert np.all(errors[1] < 1e-6)

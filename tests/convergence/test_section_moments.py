@@ -1,4 +1,4 @@
-"""Moments from balance and moments from curvature meet as the mesh gets finer."""
+"""Moments from balance and moments from curvature converge with the mesh."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ STATIONS = 17
 
 
 def swung(elements, element="euler_bernoulli", damping=None):
-    """A link on a hub under a torque that rises softly for 0.3 s; on the way."""
+    """Return a link on a hub and its state at 0.2 s, under a torque that rises until 0.3 s."""
     fields = {"rotary_inertia_per_length": 0.002}
     if element == "timoshenko":
         fields |= {"element": element, "shear_rigidity": 2000.0}
@@ -37,8 +37,9 @@ def swung(elements, element="euler_bernoulli", damping=None):
 
 
 @pytest.mark.parametrize("element", ["euler_bernoulli", "timoshenko"])
-def test_curvature_times_rigidity_approaches_the_moment(element):
-    """With the square of the element length: what linear curvature can do."""
+def test_curvature_times_rigidity_converges_to_the_moment(element):
+    """The error is proportional to the square of the element length, because curvature is linear in
+    elements."""
     errors, moments = [], []
     x = np.linspace(0.0, LENGTH, STATIONS)
     for elements in (4, 8, 16):
@@ -51,13 +52,13 @@ def test_curvature_times_rigidity_approaches_the_moment(element):
     assert errors[-1] < 1e-3
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(abs(orders - 2.0) < 0.3)
-    # The balance itself is as good as the motion: a coarse mesh has it nearly right.
+    # The balance is as accurate as the motion, and a coarse mesh gives it nearly right.
     coarse = abs(moments[0] - moments[-1]).max() / abs(moments[-1]).max()
     assert coarse < errors[0] / 100
 
 
-def test_damping_is_part_of_the_moment():
-    """Kelvin and Voigt's material: M = EI (v'' + beta v''')."""
+def test_moment_includes_kelvin_voigt_damping():
+    """M = EI (v'' + beta v''')."""
     beta = 1e-2
     damping = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=beta)
     arm, now = swung(16, damping=damping)

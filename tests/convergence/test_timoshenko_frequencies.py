@@ -1,4 +1,4 @@
-"""Frequencies of links that shear against Timoshenko's equations, and how fast a mesh gets there.
+"""Frequencies of links with shear against Timoshenko's equations, and convergence of meshes.
 
 Uniform beams with L = EI = mu = 1: rotary inertia 1/slenderness^2, shear stiffness
 slenderness^2/3.12 (shear coefficient 5/6, Poisson's ratio 0.3).
@@ -6,14 +6,13 @@ slenderness^2/3.12 (shear coefficient 5/6, Poisson's ratio 0.3).
 
 import json
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import eigvalsh
 from scipy.optimize import brentq
+from shooting import shooting_root
 
 import flexarm as fa
 from flexarm.beams.invariants import link_constants
@@ -30,11 +29,11 @@ def label(case):
 
 
 def characteristic(lam, slenderness, root):
-    """Determinant of the four boundary conditions of the exact solution at frequencies lam (k,).
+    """Return the determinant of the four boundary conditions at frequencies lam (k,).
 
     k (v'' - phi') + lam^2 v = 0 and phi'' + k (v' - phi) + (lam r)^2 phi = 0 have, below the
-    frequency slenderness^2/sqrt(3.12), solutions v = exp(p (x - 1)), exp(-p x), cos(q x),
-    sin(q x), with phi = v' + (lam^2/k) * (integral of v).
+    frequency slenderness^2/sqrt(3.12), solutions v = exp(p (x - 1)), exp(-p x), cos(q x), sin(q x),
+    with phi = v' + (lam^2/k) * (integral of v).
     """
     lam = np.asarray(lam, float)
     rotary, shear = (lam / slenderness) ** 2, SHEAR * (lam / slenderness) ** 2
@@ -43,7 +42,7 @@ def characteristic(lam, slenderness, root):
     p, q = np.sqrt(root_of - middle), np.sqrt(root_of + middle)
 
     def derivatives(x, order):
-        """The four functions, derived or, at order -1, integrated."""
+        """Return derivatives of the four functions or, at order -1, their integrals."""
         turn = order * np.pi / 2
         return np.stack(
             [
@@ -69,7 +68,7 @@ def characteristic(lam, slenderness, root):
 
 
 def exact_lambda(slenderness, root, highest):
-    """All frequencies up to a highest one."""
+    """Return all frequencies up to a largest one."""
     beta = np.linspace(0.05, np.sqrt(highest) * 1.02, 3000)
     brackets = np.flatnonzero(np.diff(np.sign(characteristic(beta**2, slenderness, root))))
     roots = [
@@ -99,7 +98,7 @@ def uniform(elements, slenderness):
 
 
 def mesh_lambda(case, elements, count=3):
-    """Lowest frequencies of the finite element model."""
+    """Return the lowest frequencies of the finite element model."""
     link = uniform(elements, case["slenderness"])
     if case["root"] == "clamped":
         return np.sqrt(link.w2[:count])
@@ -108,27 +107,28 @@ def mesh_lambda(case, elements, count=3):
     inertia[0, 0] = link.inertia
     inertia[0, 1:] = inertia[1:, 0] = link.a
     stiffness = np.diag(np.append(0.0, link.w2))
-    # The shift keeps the free rotation, the largest value, in the finite.
+    # The shift keeps the free rotation, the largest eigenvalue, finite.
     inverse = eigvalsh(inertia, stiffness + inertia)[::-1][1 : 1 + count]
     return np.sqrt(1.0 / inverse - 1.0)
 
 
 def bending_error(lam, elements):
-    """Relative error (B.25) of an Euler-Bernoulli beam of the same mesh, in leading order."""
+    """Return the relative error (B.25) of an Euler-Bernoulli beam of the same mesh, in leading
+    order."""
     return lam**2 / elements**4 / 1440
 
 
 @pytest.mark.parametrize("case", CASES, ids=label)
-def test_reference_numbers_are_the_roots_in_order_and_none_is_missing(case):
+def test_reference_numbers_are_all_roots_in_order(case):
     found = exact_lambda(case["slenderness"], case["root"], case["lambda"][-1])
-    # Thirteen printed digits; in beta L they are squared, and the determinant rounds a little.
+    # Thirteen digits are printed; squaring beta L and the determinant add rounding.
     np.testing.assert_allclose(found[: len(case["lambda"])], case["lambda"], rtol=5e-12)
 
 
 @pytest.mark.parametrize("joints", ["locked", "free"])
 @pytest.mark.parametrize("slenderness", [10.0, 100.0, 200.0])
 def test_modes_of_an_arm_of_one_link(slenderness, joints):
-    """A locked joint clamps the link, a free one hinges it, with a free rotation more."""
+    """A locked joint clamps the link; a free one hinges it and adds a free rotation."""
     link = fa.Link(
         length=1.0,
         flexural_rigidity=1.0,
@@ -144,16 +144,17 @@ def test_modes_of_an_arm_of_one_link(slenderness, joints):
     found = 2 * np.pi * fa.modes(fa.Arm(links=[link]), joints=joints).frequency_hz[rigid:]
     exact = np.array(case["lambda"])
     error = found[: exact.size] / exact - 1
-    assert np.all(error > 0.0)  # finite element frequencies are upper bounds
-    # Most in the fourth mode where shear dominates; a constant shear angle gave 60 to 500 times.
+    assert np.all(error > 0.0)  # finite elements give upper bounds
+    # The fourth mode with much shear has the largest error; a constant shear angle gave 60 to 500
+    # times as much.
     assert np.all(error < 8.0 * bending_error(exact, 48))
 
 
 @pytest.mark.parametrize("case", CLAMPED, ids=label)
-def test_error_approaches_that_of_a_beam_that_only_bends(case):
+def test_error_approaches_that_of_an_euler_bernoulli_beam(case):
     exact = np.array(case["lambda"][:3])
     ratio = (mesh_lambda(case, 96) / exact - 1) / bending_error(exact, 96)
-    # The mean acceleration of an element stands for its linear course.
+    # The mean acceleration of an element replaces its linear course.
     assert np.all((ratio > 0.9) & (ratio < 4.0)), ratio
 
 
@@ -162,19 +163,20 @@ def test_error_approaches_that_of_a_beam_that_only_bends(case):
     ("slenderness", "highest"),
     [(3.0, 4.8), (10.0, 48.0), (30.0, 105.0), (100.0, 105.0), (1000.0, 105.0), (5000.0, 105.0)],
 )
-def test_order_is_four_at_every_thickness(slenderness, highest, root):
+def test_order_is_four_for_every_thickness(slenderness, highest, root):
     case = {"root": root, "slenderness": slenderness}
     exact = exact_lambda(slenderness, root, highest)[:3]
     counts = np.array([12, 16, 24, 32])
     errors = np.array([mesh_lambda(case, int(n), exact.size) / exact - 1 for n in counts])
     assert np.all(errors > 0.0)
     orders = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    # The next orders in h: above, of the end elements; below, of the third mode.
+    # Next orders in h: above, of the end elements; below, of the third mode.
     assert np.all((orders > 3.85) & (orders < 4.8)), orders
 
 
-def test_arms_of_two_stocky_links_converge_as_fast():
-    """A link whose root moves and whose tip carries another one, reduced to few shapes or none."""
+def test_arms_of_two_stocky_links_have_order_four():
+    """The root of the second link moves, and the first one carries it; with reduced shapes and with
+    all."""
 
     def frequencies(elements, modes=None):
         link = fa.Link(
@@ -194,11 +196,11 @@ def test_arms_of_two_stocky_links_converge_as_fast():
     errors = np.array([frequencies(n) / finest - 1 for n in (6, 12, 24)])
     assert np.all(np.log2(errors[:-1] / errors[1:]) > 3.8)
     reduced = frequencies(24, modes=8) / finest - 1
-    assert np.all((reduced > 0.0) & (reduced < 1e-3))  # shapes left out
+    assert np.all((reduced > 0.0) & (reduced < 1e-3))  # omitted shapes
 
 
 def test_without_rotary_inertia_the_order_is_two():
-    """A rotation without inertia has no mass of its own; see ``beams.interior``."""
+    """A rotation without inertia has no mass; see ``beams.interior``."""
     two = np.ones(2)
 
     def lowest(elements):
@@ -213,20 +215,20 @@ def test_without_rotary_inertia_the_order_is_two():
 @pytest.mark.parametrize("slenderness", [1e3, 1e4, 1e6])
 @pytest.mark.parametrize("elements", [1, 2, 4])
 def test_slender_links_do_not_lock_on_coarse_meshes(slenderness, elements):
-    """Elements that lock are stiffer by a factor of the order of slenderness^2/elements^2."""
+    """Elements that lock are too stiff by a factor of the order of slenderness^2/elements^2."""
     two = np.ones(2)
     bending = np.sqrt(link_constants([0, 1], two, two, 0 * two, elements=elements).w2[:2])
     found = np.sqrt(uniform(elements, slenderness).w2[:2])
-    # What shear and rotary inertia do: the first two frequencies of the exact solution fall by
-    # 9.6 and 66.5 over slenderness^2, those of one element by 8.7 and 43.7.
+    # Shear and rotary inertia lower the first two frequencies of the exact solution by 9.6 and 66.5
+    # over slenderness^2, those of one element by 8.7 and 43.7.
     lowered = (1 - found / bending) * slenderness**2
     rounding = 1e-13 * slenderness**2
     np.testing.assert_allclose(lowered[0], 9.6, rtol=0.1, atol=rounding)
     np.testing.assert_allclose(lowered[1], 66.5, rtol=0.35, atol=rounding)
 
 
-def shooting_root(x, columns, guess):
-    """Frequency of a clamped tapered beam near `guess`, by integrating from root to tip."""
+def tapered_root(x, columns, guess):
+    """Return the frequency near `guess` of a clamped tapered beam."""
 
     def slope(s, y, square):
         v, turn, moment, force = y[0::4], y[1::4], y[2::4], y[3::4]
@@ -242,16 +244,7 @@ def shooting_root(x, columns, guess):
             axis=1,
         ).ravel()
 
-    def mismatch(frequency):
-        y = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # unit root moment, unit root force
-        for start, end in pairwise(x):
-            run = solve_ivp(
-                slope, (start, end), y, "DOP853", args=(frequency**2,), rtol=1e-12, atol=1e-13
-            )
-            y = run.y[:, -1]
-        return y[2] * y[7] - y[3] * y[6]
-
-    return brentq(mismatch, 0.98 * guess, 1.01 * guess, xtol=1e-13, rtol=1e-12)
+    return shooting_root(slope, x, guess)
 
 
 @pytest.mark.parametrize(
@@ -270,7 +263,7 @@ def test_tapered_beams_converge_to_an_independent_integration(x, columns):
         np.sqrt(link_constants(x, *columns[:3], elements=n, shear_rigidity=columns[3]).w2[:3])
         for n in (16, 32)
     ]
-    exact = np.array([shooting_root(np.array(x), columns, w) for w in found[-1]])
+    exact = np.array([tapered_root(np.array(x), columns, w) for w in found[-1]])
     errors = np.array(found) / exact - 1
     assert np.all(errors > 0.0)
     orders = np.log2(errors[0] / errors[1])

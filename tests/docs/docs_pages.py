@@ -1,4 +1,4 @@
-"""The pages of the documentation, taken apart: fenced blocks, links, headings."""
+"""Parts of the pages of the documentation: fenced blocks, links, headings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Pages at the top of the repository; the rest is everything under docs/.
+#: Pages in the top folder of the repository; the others are below docs/.
 _TOP = (
     "README.md",
     "ARCHITECTURE.md",
@@ -44,7 +44,7 @@ class Block:
 
 
 def pages() -> list[str]:
-    """Paths of all pages, below the root of the repository."""
+    """Return the paths of all pages, below the root of the repository."""
     found = [page for page in _TOP if (ROOT / page).exists()]
     return found + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").rglob("*.md"))
 
@@ -54,7 +54,7 @@ def text_of(page: str) -> str:
 
 
 def blocks(page: str) -> list[Block]:
-    """Fenced blocks of a page, in order."""
+    """Return the fenced blocks of a page, in order."""
     found: list[Block] = []
     inside: list[str] | None = None
     head, start = ("", ""), 0
@@ -73,7 +73,7 @@ def blocks(page: str) -> list[Block]:
 
 
 def prose(page: str) -> str:
-    """A page without its fenced blocks, which keep their lines but lose their text."""
+    """Return a page without the text of its fenced blocks; line numbers do not change."""
     lines = text_of(page).splitlines()
     fenced = False
     for i, line in enumerate(lines):
@@ -86,7 +86,7 @@ def prose(page: str) -> str:
 
 
 def anchors(page: str) -> set[str]:
-    """Anchors of a page's headings, made the way GitHub makes them."""
+    """Return the anchors of a page's headings, as GitHub makes them."""
     found: set[str] = set()
     for heading in re.findall(r"^#+\s+(.*)$", prose(page), flags=re.MULTILINE):
         plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).strip().lower()

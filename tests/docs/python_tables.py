@@ -9,7 +9,7 @@ from typing import Any
 
 import flexarm as fa
 
-#: The parts of the page and their public names, in the order in which one looks for them.
+#: Parts of the page and their public names, in the order of the page.
 GROUPS: dict[str, tuple[str, ...]] = {
     "describing": (
         *("Arm", "load_arm", "save_arm", "varied"),
@@ -59,7 +59,7 @@ _HEAD = ["| name | meaning |", "| --- | --- |"]
 
 
 def python_tables() -> dict[str, str]:
-    """Markdown table of every part of the page."""
+    """Return a Markdown table for every part of the page."""
     tables = {
         part: "\n".join(_HEAD + [_row(name) for name in names]) for part, names in GROUPS.items()
     }
@@ -76,7 +76,7 @@ def public(name: str) -> Any:
 
 
 def called(function: Callable[..., Any], name: str) -> str:
-    """Return a call with the names, order and defaults of all parameters."""
+    """Return a call with names, order and defaults of all parameters."""
     parameters = inspect.signature(function).parameters.values()
     shown = ", ".join(str(p.replace(annotation=p.empty)) for p in parameters if p.name != "self")
     return f"{name}({shown})".replace("'", '"').replace("|", r"\|")
@@ -86,7 +86,7 @@ def _row(name: str) -> str:
     value = public(name)
     shown = f"fa.{name}" if name.startswith("plot.") else name
     documented = inspect.getdoc(value) or ""
-    # Classes that list arguments are those that users create.
+    # Users create objects of the classes whose docstrings list arguments.
     if inspect.isfunction(value) or re.search("^Args:", documented, flags=re.MULTILINE):
         shown = called(value, shown)
     return f"| `{shown}` | {_summary(documented)} |"

@@ -1,7 +1,7 @@
-"""Tables of the reference pages, made from the code that they describe.
+"""Tables of the reference pages, generated from the code.
 
 Run this file to write them into the pages: ``python tests/docs/reference_tables.py``. The test
-``test_docs_reference.py`` fails where a page no longer says what the code says.
+``test_docs_reference.py`` fails if a page differs from the code.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ def _schema() -> dict[str, Any]:
 
 @cache
 def _definitions() -> dict[str, Any]:
-    """Every mapping of the file format by the name of its record."""
+    """Return every mapping of the file format by the name of its record."""
     return json_schema("study")["$defs"] | _schema()["$defs"]
 
 
 @cache
 def generated() -> dict[tuple[str, str], str]:
-    """Every generated part: (page, name of the part) to its text."""
+    """Return the text of every generated part by page and name of the part."""
     parts = {(RESULT, "channels"): channel_table(), (FILE_FORMAT, "file"): _keys(_schema())}
     parts[FILE_FORMAT, "study"] = _keys(json_schema("study"))
     parts |= {(PYTHON, name): table for name, table in python_tables().items()}
@@ -52,7 +52,7 @@ def generated() -> dict[tuple[str, str], str]:
 
 
 def channel_table() -> str:
-    """Markdown table of the channels of a result."""
+    """Return the Markdown table of the channels of a result."""
     rows = ["| name | dimensions | unit | meaning |", "| --- | --- | --- | --- |"]
     for channel in CHANNELS.values():
         dims = ", ".join(("time", *channel.dims))
@@ -61,7 +61,7 @@ def channel_table() -> str:
 
 
 def _keys(definition: dict[str, Any]) -> str:
-    """Markdown table of the keys of one mapping of the file format."""
+    """Return the Markdown table of the keys of one mapping of the file format."""
     required = definition.get("required", [])
     rows = ["| key | value | unit | default | meaning |", "| --- | --- | --- | --- | --- |"]
     for key, schema in definition["properties"].items():
@@ -90,13 +90,16 @@ def _default(schema: dict[str, Any]) -> str:
 
 
 def title(definition: str) -> str:
-    """Name of a mapping of the file format in words: ``JointPDDrive`` is a joint PD drive."""
+    """Return the name of a mapping of the file format in words:
+
+    ``JointPDDrive`` is a joint PD drive.
+    """
     words = re.findall(r"[A-Z]+(?![a-z])|[A-Z][a-z]+", definition.removesuffix("Spec"))
     return " ".join(word if word.isupper() else word.lower() for word in words).capitalize()
 
 
 def _value(schema: dict[str, Any], many: bool = False) -> str:
-    """What may stand for a key, with its bounds; ``many`` of it stand in a list."""
+    """Return the type of a key's value, with its bounds; ``many`` is the plural, in a list."""
     if "const" in schema:
         return f"`{schema['const']}`"
     if "enum" in schema:
@@ -136,15 +139,23 @@ def _scalar(schema: dict[str, Any], many: bool) -> str:
     word += "s" * many
     if "minimum" in schema and "maximum" in schema:
         return f"{word} from {schema['minimum']:g} to {schema['maximum']:g}"
-    # Whole numbers are floats in the schemas of some versions of Pydantic, not in others.
+    # Some versions of Pydantic write the bounds of whole numbers as floats, others do not.
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
     bounds = [f"{sign} {schema[name]:g}" for name, sign in signs.items() if name in schema]
     return f"{word} {', '.join(bounds)}".strip()
 
 
 def part_pattern(name: str) -> re.Pattern[str]:
-    """Pattern of a generated part of a page, the text between its two markers in group 1."""
+    """Return a pattern for a generated part of a page, with the text between its two markers in
+    group 1."""
     return re.compile(rf"<!-- begin {name} -->\n\n(.*?)\n\n<!-- end {name} -->", re.DOTALL)
+
+
+def table_rows(page: str, name: str) -> list[list[str]]:
+    """Return the cells of a generated table of a page, without its head."""
+    found = part_pattern(name).search((ROOT / page).read_text(encoding="utf-8"))
+    assert found is not None
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
 
 
 def rewrite() -> None:

@@ -11,11 +11,11 @@ import flexarm as fa
 
 
 class SampledComparison:
-    """Like `fa.compare`, but each controller runs on two plants only.
+    """`fa.compare` with two plants only for each controller.
 
-    These are the first plant, to which a table relates the others, and one of the others. The
-    next controller takes the next plant, so that every row and every column of a table with at
-    least as many controllers as other plants is tried. All other cells are NaN.
+    These are the first plant, to which a table relates the others, and one of the others. The next
+    controller takes the next plant, so that every row and every column of a table with at least as
+    many controllers as other plants is simulated. All other cells are NaN.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class SampledComparison:
 
 
 def fits_sample(printed: str, shown: str) -> bool:
-    """Return whether a page shows what was printed, where a printed `nan` stands for any number.
+    """Return whether a page agrees with printed lines, in which `nan` stands for any number.
 
     At least one line must have numbers, and none may consist of `nan` alone.
     """

@@ -1,46 +1,38 @@
-"""The table of settings that "auto" could choose: rows of the page, made again on a few arms."""
+"""The table of settings for "auto": rows of the page, measured again on a few arms."""
 
 from __future__ import annotations
 
-import importlib.util
 import re
 
 import pytest
-from reference_tables import ROOT, part_pattern
+from docs_pages import text_of
+from reference_tables import table_rows
 
-PAGE = ROOT / "docs" / "how-to" / "choose-an-integrator.md"
-SCRIPT = ROOT / "docs" / "how-to" / "measure_auto.py"
+from page_scripts import script
+
+PAGE = "docs/how-to/choose-an-integrator.md"
 ARMS = 3
 
 
 @pytest.fixture(scope="module")
 def module():
-    spec = importlib.util.spec_from_file_location("measure_auto", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("measure_auto")
 
 
 @pytest.fixture(scope="module")
 def rows():
-    """Cells of the page: integrator, setting, failed, median error, largest error, evaluations."""
-    found = part_pattern("auto").search(PAGE.read_text(encoding="utf-8"))
-    assert found is not None
-    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
+    """Return cells: integrator, setting, failed, median error, largest error, evaluations."""
+    return table_rows(PAGE, "auto")
 
 
-def test_the_page_has_a_row_for_each_setting(module, rows):
+def test_page_has_a_row_for_each_setting(module, rows):
     wanted = [[f"`{setting.integrator}`", str(setting)] for setting in module.SETTINGS]
     assert [row[:2] for row in rows] == wanted
-    arms = re.search(
-        r"On (\d+) random arms, two thirds.*?the settings below", PAGE.read_text("utf-8"), re.S
-    )
+    arms = re.search(r"On (\d+) random arms, two thirds.*?the settings below", text_of(PAGE), re.S)
     assert arms is not None
 
 
-def test_the_first_arms_are_within_the_rows_of_the_page(module, rows):
+def test_first_arms_are_within_the_rows_of_the_page(module, rows):
     for case in module.cases(ARMS):
         for setting, (_, _, failed, _, largest, _) in zip(module.SETTINGS, rows, strict=True):
             outcome = module.measure(case, setting)
@@ -52,7 +44,7 @@ def test_the_first_arms_are_within_the_rows_of_the_page(module, rows):
                 assert outcome.cost > 0.0
 
 
-def test_the_page_supports_the_choice(module, rows):
+def test_page_supports_the_choice(module, rows):
     """At equal tolerance the method of order 8 errs less; cowell_4 fails more often than rk4."""
     cells = {(row[0].strip("`"), row[1]): row for row in rows}
     for rtol in module.TOLERANCES:

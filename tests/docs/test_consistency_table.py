@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 import pytest
-from reference_tables import ROOT, part_pattern
+from reference_tables import table_rows
 from scipy.stats import chi2
 
-PAGE = ROOT / "docs" / "how-to" / "control-uncertain.md"
-SCRIPT = ROOT / "docs" / "how-to" / "measure_consistency.py"
+from page_scripts import script
+
 #: Runs of each row of the page.
 SEEDS = 100
 
 
-def test_rows_are_those_of_the_script() -> None:
-    """tests/unit/control/test_filter_consistency.py makes them again with fewer runs."""
-    spec = importlib.util.spec_from_file_location("measure_consistency", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    found = part_pattern("consistency").search(PAGE.read_text(encoding="utf-8"))
-    assert found is not None
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
+def test_rows_have_the_arms_and_bands_of_the_script() -> None:
+    """tests/unit/control/test_filter_consistency.py measures them again with fewer runs."""
+    module = script("measure_consistency")
+    rows = table_rows("docs/how-to/control-uncertain.md", "consistency")
     wanted = [[name, state] for name in module.ARMS for state in ("at rest", "in motion")]
     assert [row[:2] for row in rows] == wanted
     for name, _, *_, band, _ in rows:

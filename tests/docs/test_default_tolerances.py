@@ -1,4 +1,4 @@
-"""The promise of the default tolerances: the tip is right to 1e-6 of the reach in every example.
+"""Accuracy of the default tolerances: the tip is accurate to 1e-6 of the reach in every example.
 
 Every run at default settings of an example file, an example script or a tutorial is repeated at a
 tolerance 1e4 times as tight. Those of the studies are in `tests/examples/test_study_files.py`.
@@ -29,8 +29,9 @@ SCRIPTS = [
     for path in sorted((ROOT / "examples").glob("*.py"))
     if "simulate(" in path.read_text(encoding="utf-8")
 ]
-#: Not what runs through ``compare``: 28 loops at 1 kHz like those of the study. Each tick ends a
-#: step there; with ``kennedy_carpenter_5`` at ``rtol=1e-3`` the study's still err by 1e-11 only.
+#: Runs of ``compare`` are left out: 28 loops at 1 kHz like those of the study. Each step ends at a
+#: sample time; with ``kennedy_carpenter_5`` at ``rtol=1e-3`` those of the study have errors of
+#: 1e-11 only.
 TUTORIALS = [
     path
     for path in sorted((ROOT / "docs" / "tutorials").glob("*.md"))
@@ -40,33 +41,33 @@ TUTORIALS = [
 
 @pytest.fixture
 def runs(monkeypatch: pytest.MonkeyPatch) -> list[DefaultRun]:
-    """Every run at default settings from now on."""
+    """Record every run at default settings."""
     monkeypatch.setenv("MPLBACKEND", "Agg")
     return record(monkeypatch)
 
 
-def keeps_the_promise(runs: list[DefaultRun], work: Callable[[], Any]) -> None:
+def assert_within_the_stated_error(runs: list[DefaultRun], work: Callable[[], Any]) -> None:
     work()
     assert runs, "nothing was run at default settings"
     assert max(run.error() for run in runs) <= PROMISED
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_example_files(path: Path, runs: list[DefaultRun]) -> None:
-    keeps_the_promise(runs, lambda: run_scenario(path))
+def test_example_files_are_accurate(path: Path, runs: list[DefaultRun]) -> None:
+    assert_within_the_stated_error(runs, lambda: run_scenario(path))
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_example_scripts(
+def test_example_scripts_are_accurate(
     path: Path, runs: list[DefaultRun], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", [str(path), str(tmp_path / "figure.png")])
     with contextlib.redirect_stdout(io.StringIO()):
-        keeps_the_promise(runs, lambda: runpy.run_path(str(path), run_name="__main__"))
+        assert_within_the_stated_error(runs, lambda: runpy.run_path(str(path), run_name="__main__"))
 
 
 @pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
-def test_tutorials(
+def test_tutorials_are_accurate(
     path: Path, runs: list[DefaultRun], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -74,13 +75,13 @@ def test_tutorials(
     scope: dict[str, Any] = {"__name__": "__main__"}
     page = [b for b in blocks(str(path.relative_to(ROOT))) if b.language in RUNNING]
     page = [block for block in page if not block.option("requires")]  # runs of other programs
-    keeps_the_promise(runs, lambda: [run(block, scope) for block in page])
+    assert_within_the_stated_error(runs, lambda: [run(block, scope) for block in page])
 
 
-def test_hard_case(runs: list[DefaultRun]) -> None:
-    """A clamped beam let go: all its modes ring on without damping, and errors of phase add up.
+def test_released_clamped_beam_is_accurate(runs: list[DefaultRun]) -> None:
+    """All modes vibrate without damping, so phase errors accumulate.
 
-    Of all runs in the documentation this one comes nearest to the limit, 9e-7.
+    This run has the largest error of all in the documentation, 9e-7.
     """
     beam = {"length": 1.0, "flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 4}
     arm = fa.Arm(links=[fa.Link(**beam)])

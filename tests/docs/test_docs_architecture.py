@@ -1,4 +1,4 @@
-"""ARCHITECTURE.md is true: its layers are those that are checked, its tree is the one on disk."""
+"""ARCHITECTURE.md agrees with the import contract and with the files of the repository."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from docs_pages import ROOT, blocks
 PAGE = "ARCHITECTURE.md"
 
 
-def block_that_begins(word: str) -> str:
+def block_that_starts_with(word: str) -> str:
     return next(block.text for block in blocks(PAGE) if block.text.startswith(word))
 
 
-def test_layers_are_those_of_the_import_contract() -> None:
+def test_layers_equal_the_import_contract() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     contracts = settings["tool"]["importlinter"]["contracts"]
     layers = next(c["layers"] for c in contracts if c["type"] == "layers")
-    assert block_that_begins("cli").split("\n")[:-1] == layers
+    assert block_that_starts_with("cli").split("\n")[:-1] == layers
 
 
 def test_tree_of_the_package_is_complete() -> None:
-    text, _, rest = block_that_begins("src/flexarm/").partition("\ntests/")
+    text, _, rest = block_that_starts_with("src/flexarm/").partition("\ntests/")
     drawn = set(re.findall(r"^  (\w[\w.]*/?) ", text, flags=re.MULTILINE))
     folder = ROOT / "src" / "flexarm"
     real = {f"{p.name}/" if p.is_dir() else p.name for p in folder.iterdir()}
@@ -31,9 +31,11 @@ def test_tree_of_the_package_is_complete() -> None:
 
 
 def test_every_kernel_is_named() -> None:
-    """One algorithm a file: the list of files is the list of what is compiled."""
+    """Each file has one algorithm, so the list of files is the list of compiled algorithms."""
     text = (
-        block_that_begins("src/flexarm/").partition("\n  kernels/")[2].partition("\n  integrate/")
+        block_that_starts_with("src/flexarm/")
+        .partition("\n  kernels/")[2]
+        .partition("\n  integrate/")
     )
     named = set(re.findall(r"\w+", text[0]))
     real = {path.stem for path in (ROOT / "src/flexarm/kernels").rglob("*.py")} - {"__init__"}
@@ -41,7 +43,7 @@ def test_every_kernel_is_named() -> None:
 
 
 def test_tree_of_the_tests_is_complete() -> None:
-    text = block_that_begins("src/flexarm/").partition("\ntests/")[2].partition("\ndocs/")[0]
+    text = block_that_starts_with("src/flexarm/").partition("\ntests/")[2].partition("\ndocs/")[0]
     drawn = {n for line in text.splitlines() for n in re.findall(r"(\w+)/", line[:29])}
     real = {p.name for p in (ROOT / "tests").iterdir() if p.is_dir()}
     assert drawn == real - {"__pycache__"}
@@ -52,7 +54,7 @@ def test_every_file_is_short() -> None:
         assert len(path.read_text(encoding="utf-8").splitlines()) < 400, path
 
 
-def test_functions_on_the_two_ways_exist_and_are_as_many_as_stated() -> None:
+def test_functions_of_the_two_lists_exist_and_are_counted() -> None:
     page = (ROOT / PAGE).read_text(encoding="utf-8")
     section = page.partition("### Two values on their way")[2].partition("\n## ")[0]
     sources = [p.read_text(encoding="utf-8") for p in (ROOT / "src" / "flexarm").rglob("*.py")]

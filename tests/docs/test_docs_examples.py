@@ -1,17 +1,17 @@
-"""Every code block of the documentation runs, and prints what the page says that it prints.
+"""Every code block of the documentation runs, and its output is that of the page.
 
 Blocks of a page run in order, in one empty folder and one Python namespace:
 
 - ``yaml`` blocks that begin with ``flexarm:`` are read as files; with ``title=NAME`` in the head
-  line they are saved under that name for the blocks below. Other ``yaml`` blocks show keys of an
-  arm, a link or a scenario and are tried on the arm of two links below.
+  line they are saved under that name for later blocks. Other ``yaml`` blocks show keys of an arm,
+  a link or a scenario and are tried on the arm of two links below.
 - ``python`` blocks are executed. With ``requires=NAME`` in the head line a block needs another
-  program: it runs in a test of its own, which is skipped where the program is not installed. With
+  program: it runs in a separate test, which is skipped if the program is not installed. With
   ``runs=sample`` its ``fa.compare`` simulates two plants for each controller, and these cells of
   its output are compared; ``FULL_PAGES=1`` (``make suite FULL=1``) simulates all of them.
-- ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the exit
-  status expected. ``make`` lines must name a chore of the Makefile.
-- a ``text`` block right after one that ran is its output; ``...`` stands for anything.
+- ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the
+  expected exit status. ``make`` lines must name a chore of the Makefile.
+- a ``text`` block directly after a block that ran is its output; ``...`` matches any text.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario,
 
 RUNNING = ("yaml", "python", "bash")
 PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
-#: All runs of all tables, not a sample of those of the longest.
+#: Simulate all cells of all tables, instead of a sample of those of the longest ones.
 FULL = bool(os.environ.get("FULL_PAGES"))
-#: Commands that only tests of their own run: this one loads all the machine code that there is.
+#: Commands that run in separate tests only; `warmup` compiles or loads all machine code.
 ELSEWHERE = {"warmup", "studio"}  # tests/cli/test_warmup.py, tests/browser/test_studio.py
 _LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 1.0}
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder with the repository's examples in it, made the working directory."""
+    """Return an empty folder with the examples of the repository, as the working directory."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     if (ROOT / "examples").exists():
@@ -76,7 +76,7 @@ def test_blocks_with_another_program(page: str, program: str, folder: Path) -> N
 
 
 def run_blocks(page: str, program: str = "") -> None:
-    """Run the blocks of a page, and those that require ``program``."""
+    """Run the blocks of a page; with ``program`` only those that require it."""
     scope: dict[str, Any] = {"__name__": "__main__"}
     printed: str | None = None
     sampled = False
@@ -91,7 +91,7 @@ def run_blocks(page: str, program: str = "") -> None:
 
 
 def run(block: Block, scope: dict[str, Any]) -> str:
-    """Run a block and return what it printed."""
+    """Run a block and return its output."""
     if block.language == "bash":
         return "".join(run_command(block, line) for line in block.text.splitlines())
     if block.language == "yaml":
@@ -137,7 +137,7 @@ def run_command(block: Block, line: str) -> str:
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
     printed = done.output
-    # A cold cache makes the first run say that it compiles; no page shows that.
+    # With an empty cache the first run prints that it compiles; no page shows that.
     printed = re.sub(r"^flexarm: compiling.*\n", "", printed, flags=re.MULTILINE)
     expected = int(block.option("exit", "0"))
     assert done.exit_code == expected, f"{block}: {line}\nexit {done.exit_code}\n{printed}"
@@ -164,7 +164,7 @@ def read_yaml(block: Block) -> None:
 
 
 def read_fragment(block: Block, content: dict[str, Any]) -> None:
-    """Try keys of a scenario, of its arm or of the arm's first link on an arm of two links."""
+    """Read keys of a scenario, of its arm or of the arm's first link on an arm of two links."""
     described = {"material", "section", "table"} & content.keys()
     link = {"length": 1.0} if described else dict(_LINK)
     arm: dict[str, Any] = {"links": [link, dict(_LINK)]}
@@ -194,5 +194,5 @@ def read_fragment(block: Block, content: dict[str, Any]) -> None:
         ("PD 79.0 131.1 1.7x nan nanx\nPD", False),
     ],
 )
-def test_a_sample_fits_where_its_numbers_do(printed: str, fits: bool) -> None:
+def test_fits_sample_accepts_nan_and_rejects_other_numbers(printed: str, fits: bool) -> None:
     assert fits_sample(printed, "PD       79.0 131.1   1.7x  93.3   1.2x") is fits

@@ -1,4 +1,4 @@
-"""Links between pages lead somewhere, and files that pages name exist."""
+"""Links between pages have targets, and files that pages name exist."""
 
 from __future__ import annotations
 
@@ -32,8 +32,15 @@ def test_named_files_exist(page: str) -> None:
         assert (ROOT / name).exists(), f"{page} names {name}, which does not exist"
 
 
-def test_every_page_can_be_reached() -> None:
-    """From the README by links, in any number of steps."""
+def test_patterns_find_links_and_files() -> None:
+    """Otherwise the tests above could not fail."""
+    text = '[a](b.md) <img src="c.png"> `docs/d.md`'
+    found = (_LINK.findall(text), _HTML.findall(text), _NAMED.findall(text))
+    assert found == (["b.md"], ["c.png"], ["docs/d.md"])
+
+
+def test_every_page_is_reachable() -> None:
+    """By links from the README, in any number of steps."""
     reached, ahead = set(), {"README.md"}
     while ahead:
         page = ahead.pop()

@@ -1,11 +1,9 @@
-"""The reference pages say what the code says."""
+"""The reference pages agree with the code."""
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import re
-from typing import Any
 
 import pytest
 import typer
@@ -19,6 +17,7 @@ from flexarm.controllers import CONTROLLERS
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import json_schema
 from flexarm.motion import TIMING_LAWS
+from page_scripts import script
 
 PYTHON = "docs/reference/python-api.md"
 COMMANDS = "docs/reference/command-line.md"
@@ -26,7 +25,7 @@ INTEGRATORS_PAGE = "docs/how-to/choose-an-integrator.md"
 
 
 def code_words(page: str) -> set[str]:
-    """Words inside backticks, and in the blocks of a page."""
+    """Return the words inside backticks and in the blocks of a page."""
     spans = re.findall(r"`([^`\n]+)`", text_of(page)) + [block.text for block in blocks(page)]
     return {word for span in spans for word in re.findall(r"\w+", span)}
 
@@ -44,7 +43,7 @@ def test_generated_part_is_up_to_date(key: tuple[str, str]) -> None:
 
 
 def test_every_kind_of_mapping_has_a_section() -> None:
-    """Parts are looked up by name above; here nothing may be left over on the page."""
+    """Parts are found by name above; here the page must not have further ones."""
     on_page = re.findall(r"<!-- begin (\w+) -->", text_of("docs/reference/file-format.md"))
     mappings = json_schema("study")["$defs"] | json_schema()["$defs"]
     with_keys = [n for n, d in mappings.items() if d["properties"].keys() - {"kind"}]
@@ -76,7 +75,7 @@ def test_public_figure_is_documented(name: str) -> None:
 
 
 def test_pages_and_examples_import_public_modules_only() -> None:
-    """A reader may copy every line: what `flexarm` itself does not name may change."""
+    """Readers copy lines, and names outside `flexarm` itself may change."""
     pages_and_examples = [text_of(page) for page in pages()]
     pages_and_examples += [path.read_text() for path in (ROOT / "examples").glob("*.py")]
     for text in pages_and_examples:
@@ -89,10 +88,13 @@ def test_every_public_name_is_in_one_table() -> None:
     assert sorted(listed) == sorted([*fa.__all__, *(f"plot.{name}" for name in fa.plot.__all__)])
 
 
-def test_no_name_on_the_page_is_gone() -> None:
-    for call in re.findall(r"`fa\.(\w+)", text_of(PYTHON)):
+def test_names_on_the_page_exist() -> None:
+    calls = re.findall(r"`fa\.(\w+)", text_of(PYTHON))
+    assert calls
+    for call in calls:
         assert hasattr(fa, call), f"{PYTHON} mentions fa.{call}, which does not exist"
     methods = re.findall(r"^\| `(\w+)\(", text_of(PYTHON), flags=re.MULTILINE)
+    assert methods
     for name in methods:
         assert hasattr(fa.Arm, name) or hasattr(fa, name), f"{PYTHON}: {name} does not exist"
 
@@ -118,18 +120,8 @@ def test_commands_and_their_options_are_documented() -> None:
         assert listed == real - {"--help"}, f"{COMMANDS}: options of {name}"
 
 
-def script(name: str) -> Any:
-    """A script that measures a table of a how-to."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "how-to" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_separation_table_repeats() -> None:
-    """Deflections and errors as shown; times are another machine's, but both take some."""
+    """Deflections and errors are as shown; times depend on the machine and are only positive."""
     module = script("measure_separation")
     found = part_pattern("separation").search(text_of("docs/how-to/separate-the-motion.md"))
     assert found is not None
@@ -142,11 +134,11 @@ def test_separation_table_repeats() -> None:
 
 @pytest.mark.parametrize("case", ["as believed", "all at their worst"])
 def test_force_table_repeats(case: str) -> None:
-    """Some of its cells; a tip that bounces may do so otherwise on another machine."""
+    """Some cells are compared; a tip that bounces may do so differently on another machine."""
     module = script("measure_force")
     page = text_of("docs/how-to/control-force.md")
     row = next(line for line in page.splitlines() if line.startswith(f"| {case} |"))
-    for cell, name in zip(row.split("|")[2:], list(module.CONTROLLERS)[:2], strict=False):
+    for cell, name in zip(row.split("|")[2:4], list(module.CONTROLLERS)[:2], strict=True):
         off, beside = module.errors(module.run(module.CONTROLLERS[name], **module.CASES[case]))
         shown_off, shown_beside = cell.split(",")
         assert float(shown_off.strip(" %")) == pytest.approx(off, rel=0.1)
@@ -162,8 +154,8 @@ def test_integrator_table_repeats() -> None:
     assert len(shown) - 2 == len(measured)
     for (integrator, setting, error, evaluations, _), row in zip(shown[2:], measured, strict=True):
         assert (integrator, setting) == (row.integrator, row.setting)
-        # One digit is shown; other machines round differently, which moves single steps.
+        # One digit is shown; rounding differs between machines, which moves single steps.
         assert 0.3 < float(error) / row.error < 3.0
-        # At loose tolerances refusals follow each other, and how many there are hangs on rounding.
+        # At loose tolerances rejections follow each other, and their number depends on rounding.
         share = 0.5 if row.setting == "rtol 0.001" else 0.02
         assert float(evaluations) == pytest.approx(row.evaluations, rel=share)

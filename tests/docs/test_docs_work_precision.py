@@ -1,4 +1,5 @@
-"""The work-precision figure of the page "Choose an integrator": its script runs, small."""
+"""The work-precision figure of the page "Choose an integrator": its script runs with a small
+problem."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ def test_every_integrator_is_measured_and_drawn(script: ModuleType, tmp_path: Pa
         own = sorted((p for p in points if p.integrator == name), key=lambda p: -p.setting)
         assert all(point.seconds > 0.0 for point in own)
         if INTEGRATORS[name].order >= 6 and len(own) == 1:
-            continue  # the finer step is as exact as the reference, and left out
+            continue  # the finer step is as accurate as the reference, and is left out
         coarse, fine = own
         assert fine.error < coarse.error, name
     assert all(len(basis.arm().lengths) == 2 for basis in script.BASES)
@@ -41,7 +42,7 @@ def test_every_integrator_is_measured_and_drawn(script: ModuleType, tmp_path: Pa
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 
-def test_runs_that_fail_or_say_nothing_are_left_out(script: ModuleType) -> None:
+def test_failed_runs_and_the_reference_itself_are_left_out(script: ModuleType) -> None:
     case = script.Case(script.BASES[0], duration=0.1)
     assert case.measured("rk4", 0.05) is None  # far too long a step
     assert case.measured("dormand_prince_8", 1e-11) is None  # the reference itself

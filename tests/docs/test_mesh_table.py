@@ -1,28 +1,19 @@
-"""The script behind the table of meshes makes the rows of the page."""
+"""The script of the table of meshes gives the rows of the page."""
 
 from __future__ import annotations
 
-import importlib.util
+from reference_tables import table_rows
 
-from reference_tables import ROOT, part_pattern
-
-PAGE = ROOT / "docs" / "how-to" / "large-deflection.md"
-SCRIPT = ROOT / "docs" / "how-to" / "measure_mesh.py"
+from page_scripts import script
 
 
-def test_mesh_script_makes_the_rows_of_the_page() -> None:
-    spec = importlib.util.spec_from_file_location("measure_mesh", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    found = part_pattern("mesh").search(PAGE.read_text(encoding="utf-8"))
-    assert found is not None
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
+def test_mesh_script_gives_the_rows_of_the_page() -> None:
+    module = script("measure_mesh")
+    rows = table_rows("docs/how-to/large-deflection.md", "mesh")
     assert [int(row[0]) for row in rows] == list(module.ELEMENTS)
     # The finer meshes take minutes.
     for row in rows[:4]:
         elements, modes, error = module.row(int(row[0]))
         assert [elements, modes] == row[:2]
-        # One unit of the last digit printed is a few per cent.
+        # One unit of the last printed digit is a few per cent.
         assert abs(float(error) - float(row[2])) <= 0.05 * float(row[2])

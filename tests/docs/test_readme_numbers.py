@@ -1,4 +1,4 @@
-"""The numbers by which the README asks to be believed."""
+"""Numbers of the README, measured."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 
 
 class Torque:
-    """One period of a sine on each joint, then nothing."""
+    """One period of a sine on each joint, then zero."""
 
     breaks = (1.0,)
 
@@ -37,32 +37,33 @@ def largest_tip_error(arm: fa.Arm, solution: str) -> float:
     return float(np.max(np.hypot(*(result.tip.values - stored[solution]).T)))
 
 
-def said(pattern: str) -> list[float]:
-    """Numbers of the README, each as far as it is rounded."""
+def stated(pattern: str) -> list[float]:
+    """Numbers of the README, with their rounding."""
     found = re.search(pattern, text_of("README.md"))
     assert found is not None, f"the README no longer says {pattern!r}"
     return [float(number) for number in found.groups()]
 
 
-def test_paper_theory() -> None:
-    (bound,) = said(r"tip within (\S+) m \|")
+def test_error_of_the_papers_theory() -> None:
+    (bound,) = stated(r"tip within (\S+) m \|")
     assert bound / 10 < largest_tip_error(table_one(), "linear") < bound
 
 
-def test_exact_beam() -> None:
-    second, linear = said(r"tip within (\S+) mm \(second order\), (\S+) mm \(linear\)")
+def test_error_of_the_exact_beam_in_segments() -> None:
+    second, linear = stated(r"tip within (\S+) mm \(second order\), (\S+) mm \(linear\)")
     mesh = {"elements": 8, "modes": 4}
-    # The bounds said are the errors rounded up.
+    # The stated bounds are the errors rounded up.
     found = 1e3 * largest_tip_error(table_one("second_order", **mesh), "exact")
     assert 0.7 * second < found < second
     found = 1e3 * largest_tip_error(table_one(**mesh), "exact")
     assert 0.9 * linear < found < linear
 
 
-def test_energy() -> None:
-    (drift, size) = said(r"energy constant to (\S+) J, of up to (\S+) J")
+def test_energy_drift() -> None:
+    (drift, size) = stated(r"energy constant to (\S+) J, of up to (\S+) J")
     arm = table_one(gravity=(0.0, -9.81))
-    with pytest.warns(fa.LargeDeflectionWarning):  # 11 % of a link; energy is kept all the same
+    # links bend by 11 %, which does not affect the energy
+    with pytest.warns(fa.LargeDeflectionWarning):
         result = fa.simulate(
             arm, 10.0, initial=arm.rest([0.3, -0.5]), rate=100.0, rtol=1e-10, atol=1e-12
         )
@@ -71,8 +72,8 @@ def test_energy() -> None:
     assert float(result.kinetic_energy.max()) == pytest.approx(size, abs=0.5)
 
 
-def test_cantilever() -> None:
-    elements, error, factor = said(r"Cantilever of (\d+) .*\| (\S+) high; (\S+) times")
+def test_cantilever_frequency() -> None:
+    elements, error, factor = stated(r"Cantilever of (\d+) .*\| (\S+) high; (\S+) times")
 
     def high(count: int) -> float:
         beam = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=count)
@@ -84,8 +85,8 @@ def test_cantilever() -> None:
 
 
 def test_tolerances_of_the_comparison_with_the_oracle() -> None:
-    """The bounds said are those that the comparison asserts."""
-    mass, accelerations = said(r"mass matrices agree to (\S+), accelerations to (\S+) \|")
+    """The stated bounds are those that the comparison asserts."""
+    mass, accelerations = stated(r"mass matrices agree to (\S+), accelerations to (\S+) \|")
     folder = ROOT / "tests" / "oracle_comparison"
     text = (folder / "test_forward_dynamics_oracle.py").read_text(encoding="utf-8")
     assert f"exact / scale, rtol=0, atol={mass:.0e})".replace("e-0", "e-") in text

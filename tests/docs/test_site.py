@@ -1,6 +1,7 @@
-"""The documentation site: built strictly, and complete.
+"""The documentation site: its build has no warnings, and it is complete.
 
-All checks share one build, in one test, because parallel workers would build it each.
+All checks share one build, in one test, because parallel workers would otherwise build it several
+times.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from test_docs_equations import tags
 
 import flexarm as fa
 
-#: The page that is run as a notebook here; `make docs` runs all that draw.
+#: The page that is run as a notebook here; `make docs` runs all pages with plots.
 NOTEBOOK = "tutorials/first-run.md"
 _LINK = re.compile(r'\b(?:href|src)="([^"]*)"')
 _ID = re.compile(r'\bid="([^"]*)"')
 _CODE = re.compile(r"<(pre|code|script|style)\b.*?</\1>", re.DOTALL)
 
 
-def test_site(tmp_path: Path) -> None:
+def test_site_is_complete(tmp_path: Path) -> None:
     for package in ("sphinx", "myst_nb", "furo", "math_core", "ipykernel"):
         pytest.importorskip(package, reason="it comes with the extra: pip install 'flexarm[docs]'")
     command = [sys.executable, "docs/site", str(tmp_path), "--run", NOTEBOOK]
@@ -36,11 +37,11 @@ def test_site(tmp_path: Path) -> None:
     site = tmp_path / "html"
     for check in (
         check_every_page_is_in_the_navigation,
-        check_links_lead_somewhere,
-        check_nothing_comes_from_a_network,
+        check_links_have_targets,
+        check_no_file_is_requested_from_a_network,
         check_public_names_have_docstrings,
-        check_equations_are_drawn,
-        check_the_search_finds_words,
+        check_equations_are_rendered,
+        check_search_finds_words,
         check_notebook_has_run,
     ):
         check(site)
@@ -60,7 +61,7 @@ def _address(page: str) -> str:
     return name.removeprefix("docs/") if name.startswith("docs/") else f"project/{name}"
 
 
-def check_links_lead_somewhere(site: Path) -> None:
+def check_links_have_targets(site: Path) -> None:
     @cache
     def ids(path: Path) -> set[str]:
         return set(map(html.unescape, _ID.findall(path.read_text(encoding="utf-8"))))
@@ -79,7 +80,7 @@ def check_links_lead_somewhere(site: Path) -> None:
     assert followed > 1000
 
 
-def check_nothing_comes_from_a_network(site: Path) -> None:
+def check_no_file_is_requested_from_a_network(site: Path) -> None:
     loaded = re.compile(r'<(?:script|link|img|iframe)\b[^>]*"((?:https?:)?//[^"]*)"')
     for page in site.rglob("*.html"):
         assert not loaded.findall(page.read_text(encoding="utf-8")), page
@@ -96,7 +97,7 @@ def check_public_names_have_docstrings(site: Path) -> None:
         assert described.lstrip().startswith("<dd><p>"), f"{name} has no docstring on the site"
 
 
-def check_equations_are_drawn(site: Path) -> None:
+def check_equations_are_rendered(site: Path) -> None:
     theory = "".join(page.read_text(encoding="utf-8") for page in site.glob("theory/*.html"))
     for letter, number in tags():
         name = f'id="equation-{letter}-{number}"'
@@ -108,7 +109,7 @@ def check_equations_are_drawn(site: Path) -> None:
     assert '../../theory/small-motion.html#equation-S-1">(S.1)</a>' in cited
 
 
-def check_the_search_finds_words(site: Path) -> None:
+def check_search_finds_words(site: Path) -> None:
     index = (site / "searchindex.js").read_text(encoding="utf-8")
     found = json.loads(index.removeprefix("Search.setIndex(").removesuffix(")"))
     numbers = found["terms"]["timoshenko"]

@@ -1,4 +1,4 @@
-"""The scripts in ``examples/`` print what their first lines say, and draw a figure."""
+"""The scripts in ``examples/`` print the numbers stated in their first lines, and draw a figure."""
 
 import re
 import runpy
@@ -11,7 +11,7 @@ SCRIPTS = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_it_prints_the_number_it_promises(script, tmp_path, monkeypatch, capsys):
+def test_script_prints_the_stated_number_and_draws_a_figure(script, tmp_path, monkeypatch, capsys):
     promised = re.search(r"^Prints: (.*)$", script.read_text(encoding="utf-8"), re.MULTILINE)
     figure = tmp_path / "figure.png"
     monkeypatch.setattr(sys, "argv", [str(script), str(figure)])
@@ -20,5 +20,5 @@ def test_it_prints_the_number_it_promises(script, tmp_path, monkeypatch, capsys)
     assert figure.stat().st_size > 10_000
 
 
-def test_there_are_scripts():
+def test_at_least_one_script_exists():
     assert len(SCRIPTS) >= 2

@@ -1,4 +1,4 @@
-"""The study files in ``examples/studies`` run, and what comes out is what they say."""
+"""The study files in ``examples/studies`` run, and give the results that they state."""
 
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,7 @@ def test_every_file_is_tested_here():
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)
-def test_every_file_says_what_it_shows(path):
+def test_every_file_describes_its_result(path):
     text = path.read_text(encoding="utf-8")
     assert text.startswith("# ")
     assert f"flexarm compare examples/studies/{path.name}" in text
@@ -26,15 +26,15 @@ def test_every_file_says_what_it_shows(path):
 
 @cache
 def study(name: str) -> tuple[xr.Dataset, list[DefaultRun]]:
-    """The table of a study and its runs, made once for all tests."""
+    """Return the table of a study and its runs, computed once for all tests."""
     with pytest.MonkeyPatch.context() as patch:
         runs = record(patch)
         return fa.run_study(STUDIES / f"{name}.yaml", progress=False), runs
 
 
 @pytest.mark.parametrize("name", ["drives", "wipe"])
-def test_default_tolerances_keep_their_promise(name):
-    """One run of each drive, on the plants in turn: these differ in their parameters only."""
+def test_default_tolerances_are_accurate(name):
+    """One run of each drive is repeated, on the plants in turn, which differ in parameters only."""
     table, runs = study(name)
     drives, plants, references = table.failure.shape
     assert len(runs) == table.failure.size, "a run that failed, or was made elsewhere"
@@ -43,7 +43,7 @@ def test_default_tolerances_keep_their_promise(name):
     assert 0.0 < max(run.error() for run in chosen) <= PROMISED
 
 
-def test_feedback_and_feedforward_together_hold_up():
+def test_feedback_with_feedforward_has_the_smallest_errors():
     table, _ = study("drives")
     assert (table.failure == "").all()
     error = table.tip_error_rms.sel(reference="line", plant="payload doubled")
@@ -57,24 +57,24 @@ def wiped():
     return study("wipe")[0].sel(reference="wipe")
 
 
-def test_force_controllers_keep_the_force_on_every_arm(wiped):
+def test_force_controllers_follow_the_force_on_every_arm(wiped):
     assert (wiped.failure == "").all()
     controlled = wiped.drop_sel(controller="joint PD")
-    # Of 5 N in the mean: what friction that turns over and links that swing leave.
+    # Of 5 N in the mean; the causes are reversing friction and vibration of the links.
     assert controlled.force_error_rms.max() < 0.35
     assert controlled.force_error_peak.max() < 1.5
     assert (controlled.force_error_peak > controlled.force_error_rms).all()
-    # Nothing presses: the error is the force asked for, 3 to 7 N.
+    # Joint PD does not press, so its error is the requested force, 3 to 7 N.
     assert wiped.force_error_rms.sel(controller="joint PD").min() > 5.0
     assert wiped.force_error_peak.sel(controller="joint PD").min() > 6.0
 
 
-def test_measuring_the_force_helps_impedance(wiped):
+def test_force_measurement_improves_impedance_control(wiped):
     rms = wiped.force_error_rms
     assert (rms.sel(controller="measuring impedance") < rms.sel(controller="impedance")).all()
 
 
-def test_softer_links_cost_place_along_the_wall(wiped):
+def test_softer_links_increase_the_error_along_the_wall(wiped):
     peak = wiped.tip_error_peak.drop_sel(controller="joint PD")
     assert (peak.sel(plant="soft") > 1.5 * peak.sel(plant="as believed")).all()
     assert np.isfinite(peak).all()

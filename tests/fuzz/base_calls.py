@@ -1,6 +1,6 @@
 """Valid keyword arguments of all public callables and methods, to be replaced by wrong values.
 
-`test_calls.py` fails where a public name has none.
+`test_calls.py` fails if a public name is missing here.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ start, end = [0.1, 0.3], [0.5, 0.8]
 
 @cache
 def spinning() -> fa.Arm:
-    """An arm of one link, which may spin and be integrated by any method."""
+    """Return an arm of one link, which may spin and be integrated by any method."""
     return fa.Arm(
         links=[fa.Link(length=1.0, flexural_rigidity=30.0, mass_per_length=0.5, elements=1)],
         joints=[fa.Joint(hub_inertia=0.05)],
@@ -55,7 +55,7 @@ _PLACE = tempfile.TemporaryDirectory(prefix="flexarm-calls-")
 
 @cache
 def folder() -> Path:
-    """A folder with an arm, a scenario, a study and a result to read."""
+    """Return a folder with an arm, a scenario, a study and a result."""
     place = Path(_PLACE.name)
     fa.save_arm(arm(), place / "arm.yaml")
     fa.write_result(result(), place / "result.nc")
@@ -89,7 +89,7 @@ Q, QD = [0.1, 0.0, 0.0, 0.3, 0.0, 0.0], [0.0] * 6
 STATE = {"q": Q, "qd": QD}
 LINK = {"length": 0.8, "flexural_rigidity": 30.0, "mass_per_length": 0.5, "elements": 1}
 
-#: Records, as files hold them.
+#: Records, as in files.
 RECORDS: dict[str, dict[str, Any]] = {
     "Box": {"width": 0.04, "height": 0.02, "thickness": 0.002},
     "Circle": {"diameter": 0.02},
@@ -139,7 +139,7 @@ _ARM: dict[str, dict[str, Any]] = {
     "unpadded": {"array": np.zeros((2, 3)).tolist()},
 }
 
-#: Constructors of controllers, but for what `EXAMPLES` builds otherwise.
+#: Constructors of controllers, except those that `EXAMPLES` builds.
 _LQG = {"arm": two_links, "posture": [0.4, 0.1], "sample_time": 0.004}
 CONTROLLERS: dict[str, dict[str, Any]] = {
     "Adaptive": {"arm": two_links, "bandwidth": 2.0, "damping": 0.2, "adaptation": 0.003},
@@ -268,7 +268,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "write_result": {"result": result, "path": lambda: folder() / "written.nc"},
 }
 
-#: Methods of what these make: the object, then arguments by method.
+#: Methods of the objects that these return: the object, then arguments by method.
 _UPDATE = {
     "requirements": {"arm": arm, "reference": motion},
     "needs": {"arm": arm, "reference": motion},
@@ -355,7 +355,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
         },
     ),
     **{name: (EXAMPLES[key], _UPDATE) for name, key in _REGISTRY.items()},
-    # What functions return whose classes have no public name.
+    # Objects that functions return and whose classes are not public names.
     "joint_motion()": (motion, {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}}),
     "line_motion()": (
         lambda: fa.line_motion(arm(), [1.0, 0.2], [1.0, 0.4], 1.0),
@@ -371,7 +371,7 @@ for _name in ("LQG", "MPC", "Composite"):
             **_UPDATE,
             "at_rest": {},
             "loop_poles": {},
-            # A margin of zero is met by the first design.
+            # A margin of zero is reached by the first design.
             "for_margin": {
                 "arm": arm,
                 "posture": start,
@@ -382,8 +382,8 @@ for _name in ("LQG", "MPC", "Composite"):
         },
     )
 
-#: Records of what was computed, which flexarm makes and users read; and the abstract controller,
-#: whose methods are those of every controller.
+#: Results that only flexarm creates, and the abstract controller, whose methods are those of every
+#: controller.
 MADE_BY_FLEXARM = {
     "Equilibrium",
     "Controller",

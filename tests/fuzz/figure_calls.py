@@ -1,4 +1,4 @@
-"""Valid arguments for every public figure, as `base_calls` has them for the other names."""
+"""Valid arguments for every public figure, in addition to `base_calls`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Valid arguments for the motions and inverse kinematics, as `base_calls` has them for the rest."""
+"""Valid arguments for motions and inverse kinematics, in addition to `base_calls`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every public callable with valid arguments, and the names of all arguments that it takes."""
+"""Every public callable with valid arguments, and the names of all its arguments."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RE
 from fuzz.figure_calls import FIGURES
 from fuzz.motion_calls import MOTIONS
 
-#: Classes whose methods are called by a run.
+#: Classes whose methods are called during a run.
 _CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")
-#: A callable and arguments that it accepts, by name.
+#: A callable and valid arguments by name.
 Call = tuple[Callable[..., Any], dict[str, Any]]
 
 
 def calls() -> dict[str, Callable[[], Call]]:
-    """Return every call by name: what makes its callable and its arguments, the latter anew."""
+    """Return every call by name: a function that returns its callable, and one that returns its
+    arguments."""
     found: dict[str, Callable[[], Call]] = {}
     made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS, **MOTIONS}
     for name, given in made.items():
@@ -40,7 +41,7 @@ def calls() -> dict[str, Callable[[], Call]]:
 
 
 def _values(given: dict[str, Any]) -> dict[str, Any]:
-    """Make the arguments that are written as functions without arguments."""
+    """Evaluate the arguments that are written as functions without arguments."""
     return {name: value() if callable(value) else value for name, value in given.items()}
 
 
@@ -56,7 +57,7 @@ def parameters(name: str, function: Callable[..., Any]) -> list[str]:
 
 
 def public_names() -> Iterator[str]:
-    """Yield the public names, those of figures, and public methods of what has a public class."""
+    """Yield the public names, those of figures, and public methods of public classes."""
     yield from (f"plot.{name}" for name in fa.plot.__all__)
     for name in fa.__all__:
         value = getattr(fa, name)

@@ -1,7 +1,6 @@
-"""Wrong values through every public callable: one error that names the argument, or a result.
+"""Wrong values in every public callable: one error that names the argument, or a result.
 
-`FUZZ_EXAMPLES` sets the number of calls: a few in every test run, tens of thousands in
-`make fuzz`.
+`FUZZ_EXAMPLES` sets the number of calls: a few in every test run, tens of thousands in `make fuzz`.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from fuzz.public_calls import calls, parameters, public_names
 from fuzz.wrong_values import WRONG
 
 CALLS = calls()
-#: Calls in one test; the first hundreds meet every kind of argument.
+#: Calls in one test; a few hundred include every kind of argument.
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "200"))
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _somewhere_else(tmp_path_factory):
-    """Work in an empty folder: text in place of a path is the name of a file to write."""
+    """Work in an empty folder, because a text in place of a path is the name of an output file."""
     before = os.getcwd()
     os.chdir(tmp_path_factory.mktemp("calls"))
     yield
@@ -39,7 +38,7 @@ def test_every_public_callable_has_a_base_call(name):
     assert name in CALLS
 
 
-def test_what_flexarm_makes_is_public():
+def test_objects_that_flexarm_returns_are_public():
     assert set(fa.__all__) >= MADE_BY_FLEXARM
 
 
@@ -65,7 +64,7 @@ def wrong_calls(draw):
 
 
 def check_call(name: str, wrong: dict[str, str]) -> None:
-    """Make a call with wrong values; anything but a result or one of flexarm's errors fails."""
+    """Make a call with wrong values; only a result or an error of flexarm is allowed."""
     function, arguments = CALLS[name]()
     arguments |= {argument: WRONG[value]() for argument, value in wrong.items()}
     with warnings.catch_warnings():
@@ -76,11 +75,11 @@ def check_call(name: str, wrong: dict[str, str]) -> None:
             check_message(error)
         finally:
             if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
-                pyplot.close("all")  # thousands of figures take all memory
+                pyplot.close("all")  # thousands of open figures would use all memory
 
 
 def check_message(error: fa.FlexarmError) -> None:
-    """Every problem is one line of moderate length that names a place and an argument."""
+    """Check that every problem is one line of moderate length with a place and an argument."""
     for problem in getattr(error, "problems", [error]):
         text = str(problem)
         assert text.strip(), error

@@ -1,8 +1,8 @@
 """Damaged files through every command: a message or a result, never a traceback.
 
-A file is a good one with some of its values, keys or bytes replaced. Runs may take few steps, so
-most commands end within a second. One that does not is interrupted, as by Ctrl-C: that is one of
-the outcomes allowed, so the fuzzer does not depend on the speed of the machine.
+A valid file is changed in some of its values, keys or bytes. Runs may take few steps, so most
+commands end within a second. One that does not is interrupted, as by Ctrl-C, which is an allowed
+outcome, so that the fuzzer does not depend on the speed of the machine.
 """
 
 import copy
@@ -65,7 +65,7 @@ OTHERS = [None, True, False, [], {}, [1], [[1, 2], [3]], {"kind": [1]}, {"kind":
 
 
 def nodes(value, path=()):
-    """Yield the paths of all values in plain data."""
+    """Yield the paths of all values in nested mappings and lists."""
     yield path
     if not isinstance(value, dict | list):
         return
@@ -147,11 +147,11 @@ def interrupted_after(seconds):
         signal.signal(signal.SIGALRM, theirs)
 
 
-def assert_told(command, path):
-    """Run a command on a file and judge how it ends."""
+def assert_message_or_result(command, path):
+    """Run a command on a file and check how it ends."""
     try:
         with interrupted_after(PATIENCE), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of numbers close to the largest
+            warnings.simplefilter("ignore")  # of numbers near the largest float
             outcome = CliRunner().invoke(app, [command[0], str(path), *command[1:]])
     except KeyboardInterrupt:
         return  # between the command and the test
@@ -160,7 +160,7 @@ def assert_told(command, path):
     assert outcome.exit_code in (0, FAILED_RUN, WRONG_INPUT, INTERRUPTED)
     assert "Traceback" not in outcome.output
     assert all(c == "\n" or c.isprintable() for c in outcome.output), repr(outcome.output)
-    # An interrupt that arrives while a message is printed ends the command without it.
+    # An interrupt while a message is printed ends the command without it.
     if outcome.exit_code not in (0, INTERRUPTED):
         assert outcome.stderr.strip()
 
@@ -170,7 +170,7 @@ needs_timer = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no ti
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory):
-    """Every command once, without interrupts: imports cannot be interrupted and repeated.
+    """Run every command once without interrupts, because an interrupted import cannot be repeated.
 
     After that, runs may take fewer steps than usual.
     """
@@ -180,7 +180,7 @@ def imported(tmp_path_factory):
         outcome = CliRunner().invoke(app, [command[0], str(path), *command[1:]])
         assert outcome.exit_code == (2 if {"compare", "--campbell"} & {*command} else 0)
     with pytest.MonkeyPatch.context() as patch:
-        # Fewer steps than usual count as a motion that grows without bound.
+        # The error of too many steps is that of a diverging motion.
         stepping = importlib.import_module("flexarm.engine.stepping")
         patch.setattr(stepping, "_MOST_STEPS", 1e4)
         patch.setattr(stepping, "_MOST_STEPS_A_TICK", 1e4)
@@ -191,20 +191,20 @@ def imported(tmp_path_factory):
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @given(rng=st.randoms(use_true_random=False), text=st.sampled_from(FILES), structured=st.booleans())
 @FUZZ
-def test_damaged_descriptions(imported, rng, text, structured):
+def test_damaged_descriptions_give_a_message(imported, rng, text, structured):
     content = with_other_values(text, rng) if structured else with_other_bytes(text.encode(), rng)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "file.yaml")
         path.write_bytes(content)
-        # One command of those that compute: all read the file in the same way.
+        # One command of those that compute, because all read the file in the same way.
         for command in (COMMANDS[0], rng.choice(COMMANDS[1:])):
-            assert_told(command, path)
+            assert_message_or_result(command, path)
         assert os.listdir(folder) == ["file.yaml"]
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    """A small result, and the bytes of its file."""
+    """Return a small result and the bytes of its file."""
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     path = tmp_path_factory.mktemp("result") / "run.nc"
     written = fa.simulate(arm, 0.02, rate=100.0)
@@ -214,7 +214,7 @@ def result(tmp_path_factory):
 
 @given(seed=st.integers(0, 2**32))
 @FUZZ
-def test_damaged_results(result, seed):
+def test_damaged_results_give_a_message(result, seed):
     written, content = result
     damaged = with_other_bytes(content, random.Random(seed))
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Values of the wrong kind, shape or size, as users pass them by mistake: each made anew."""
+"""Values of a wrong kind, shape or size, as users pass them by mistake, created for each call."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import flexarm as fa
 
 
 class Unhelpful:
-    """An object that cannot even be shown."""
+    """An object whose `repr` raises."""
 
     def __repr__(self) -> str:
         raise RuntimeError("no repr")
@@ -26,7 +26,7 @@ def _fails(*_: Any) -> Any:
     raise ZeroDivisionError("from the user's own function")
 
 
-#: How to make each wrong value, by a name that a failing example shows.
+#: Functions that create each wrong value, by a name that a failing example shows.
 WRONG: dict[str, Callable[[], Any]] = {
     "None": lambda: None,
     "empty text": lambda: "",

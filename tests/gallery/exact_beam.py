@@ -1,6 +1,6 @@
 """Independent solutions of beam problems, to recompute the reference values of the gallery.
 
-Nothing here knows floating frames or finite elements of the package. Linear problems: Ritz's method
+The floating frames and finite elements of the package are not used. Linear problems: Ritz's method
 with Legendre polynomials for the rotation of the sections. Large motions: Galerkin's method for the
 angle of the tangent of an inextensible, unshearable beam. Both converge faster than any power of
 the number of polynomials.
@@ -19,7 +19,7 @@ from scipy.linalg import block_diag, eigh
 
 @dataclass(frozen=True)
 class Line:
-    """Gauss points s (q,) with weights w on (0, length), and running integrals from the root."""
+    """Gauss points s (q,) with weights w on (0, length), and integrals from the root."""
 
     s: Any
     w: Any
@@ -37,16 +37,16 @@ def line(points: int, length: float = 1.0) -> Line:
     return Line((x + 1) / 2 * length, w * length / 2, running)
 
 
-def polynomials(n, s, length=1.0, held=False):
-    """Legendre polynomials of 2 s / length - 1 and their derivatives by s, each (q, n).
+def polynomials(n, s, length=1.0, constrained=False):
+    """Return Legendre polynomials of 2 s / length - 1 and their derivatives by s, each (q, n).
 
-    Held ones are multiplied by s / length and vanish at the root.
+    Constrained ones are multiplied by s / length and vanish at the root.
     """
     x, unit = 2 * np.asarray(s) / length - 1, np.eye(n)
     values = np.stack([legendre.legval(x, row) for row in unit], axis=1)
     slopes = np.stack([legendre.legval(x, legendre.legder(row)) for row in unit], axis=1)
     slopes = slopes * 2 / length
-    if held:
+    if constrained:
         factor = (np.asarray(s) / length)[:, None]
         return factor * values, values / length + factor * slopes
     return values, slopes
@@ -77,11 +77,11 @@ class RitzBeam:
         tension=None,
     ):
         grid = line(n + 8, length)
-        turn, bend = polynomials(n, grid.s, length, held=root == "clamped")
+        turn, bend = polynomials(n, grid.s, length, constrained=root == "clamped")
         ends = np.array([0.0, length])
-        end_turn = polynomials(n, ends, length, held=root == "clamped")[0]
+        end_turn = polynomials(n, ends, length, constrained=root == "clamped")[0]
         slope = turn
-        if shear:  # shear angles are independent shapes; the sections do not follow them
+        if shear:  # shear angles have independent shapes, which do not turn the sections
             angle = polynomials(n, grid.s, length)[0]
             slope = np.hstack([turn, angle])
             turn, bend = (np.hstack([m, 0 * angle]) for m in (turn, bend))
@@ -112,18 +112,21 @@ class RitzBeam:
         self.moment = mass * (grid.w * grid.s) @ across
 
     def frequencies(self, spin=0.0, rigid=0):
-        """Frequencies, ascending; a spin turns with the deflection; rigid modes are left out."""
+        """Return frequencies, ascending; a spin includes the rotation of the deflection; without
+        rigid modes."""
         return lowest(self.M, self.K - spin**2 * self.axis_mass)[rigid:]
 
 
 def lowest(M, K, shift=10.0):
-    """Square roots of the eigenvalues of K against M, ascending; the low ones are accurate."""
+    """Return square roots of the eigenvalues of K against M, ascending; the low ones are
+    accurate."""
     inverse = eigh(M, K + shift * M, eigvals_only=True)[::-1]
     return np.sqrt(np.maximum(1 / inverse[inverse > 1e-12] - shift, 0.0))
 
 
 def two_link_frequencies(elbow, first, second, lengths, rigidity, mass, n=14):
-    """Frequencies of two links on joints "locked" or "free", straight, elbow at an angle (rad)."""
+    """Return frequencies of two straight links on joints "locked" or "free", elbow at an angle
+    (rad)."""
     roots = ["clamped" if joint == "locked" else "pinned" for joint in (first, second)]
     beams = [
         RitzBeam(root, n, length=length, rigidity=rigidity, mass=mass)
@@ -136,7 +139,7 @@ def two_link_frequencies(elbow, first, second, lengths, rigidity, mass, n=14):
     if second == "locked":  # the outer link turns with the tip of the inner one
         turn = inner.tip_turn
     # Velocity of a point of the outer link: v1(L1) across the inner link, and across itself its own
-    # deflection plus s times the turn of its root.
+    # deflection plus s times the rotation of its root.
     cosine = np.cos(elbow)
     M[:n, :n] += link_mass * np.outer(inner.tip, inner.tip)
     M[:n, :n] += mass * lengths[1] ** 3 / 3 * np.outer(turn, turn)
@@ -149,17 +152,17 @@ def two_link_frequencies(elbow, first, second, lengths, rigidity, mass, n=14):
 
 
 class TangentAngle:
-    """Geometrically exact beam: its tangent's angle, against an angle prescribed or free, in time.
+    """Geometrically exact beam: its tangent angle over time, for a prescribed or free root angle.
 
     Args:
-        prescribed: root angle's rate and acceleration as functions of time, or None for a pin.
+        prescribed: rate and acceleration of the root angle as functions of time, or None for a pin.
     """
 
     def __init__(self, n, length, rigidity, mass, *, gravity=0.0, prescribed=None):
         self.n, self.mass, self.gravity, self.prescribed = n, mass, gravity, prescribed
         self.grid = line(2 * n + 6, length)
-        held = prescribed is not None
-        self.P, bend = polynomials(n, self.grid.s, length, held=held)
+        constrained = prescribed is not None
+        self.P, bend = polynomials(n, self.grid.s, length, constrained=constrained)
         self.K = rigidity * bend.T @ (self.grid.w[:, None] * bend)
 
     def acceleration(self, t, q, qd):
@@ -175,7 +178,8 @@ class TangentAngle:
         return -np.linalg.solve(M, force)
 
     def tips(self, times, rtol):
-        """Tip (times, 2) in axes that turn with the prescribed angle, from rest and straight."""
+        """Return the tip (times, 2) in axes that turn with the prescribed angle, from a straight
+        start at rest."""
         n = self.n
 
         def rates(t, state):

@@ -1,4 +1,4 @@
-"""Every case of the gallery agrees with what is known, and its pages say so."""
+"""Every case of the gallery agrees with its references, and its pages state that."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ LARGEST_PICTURE = 150_000  # bytes
 
 
 def allowed(row: Row) -> float:
-    """Difference between values that still agree to the digits required."""
+    """Return the difference between values that agree to the required digits."""
     scale = abs(row.theirs) if row.scale is None else row.scale
     return 10.0**-row.digits_required * scale
 
 
 def committed_rows(case: Case) -> list[list[str]]:
-    """Cells of a case's rows in the table at the front: quantity, unit, source, values, ..."""
+    """Return a case's rows in the table of the front page: quantity, unit, source, values, ..."""
     rows: dict[str, list[list[str]]] = {}
     name = ""
     for line in (FOLDER / "index.md").read_text(encoding="utf-8").splitlines():
@@ -39,12 +39,12 @@ def committed_rows(case: Case) -> list[list[str]]:
 
 
 def prose(text: str) -> list[str]:
-    """Lines of a page that hold no numbers of a run."""
+    """Return the lines of a page that have no numbers of a run."""
     return [line for line in text.splitlines() if not line.startswith("|")]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_case(case: Case, tmp_path: Path) -> None:
+def test_case_agrees_with_its_references(case: Case, tmp_path: Path) -> None:
     rows = case.quantities()
     for row in rows:
         assert row.agrees, (
@@ -69,7 +69,7 @@ def test_case(case: Case, tmp_path: Path) -> None:
         assert 10_000 < (folder / f"{case.name}.png").stat().st_size < LARGEST_PICTURE
 
 
-def test_cases_are_told_apart() -> None:
+def test_cases_have_different_names() -> None:
     assert len({case.name for case in CASES}) == len({case.title for case in CASES}) == len(CASES)
     for case in CASES:
         assert (ROOT / case.module).exists(), case.module
@@ -78,7 +78,7 @@ def test_cases_are_told_apart() -> None:
 ROW = Row("length", "m", Source("ruler", "A ruler."), 2.0, 2.0 + 1e-5, 5.0, "a thick pencil")
 
 
-def test_digits() -> None:
+def test_agreeing_digits_are_counted() -> None:
     assert ROW.digits_agreed == pytest.approx(-math.log10(5e-6))
     assert ROW.agrees
     assert not replace(ROW, ours=2.0 + 3e-5).agrees
@@ -90,7 +90,7 @@ def test_digits() -> None:
 
 
 @pytest.mark.parametrize(("ours", "status"), [(2.0 + 1e-5, 0), (2.0 + 3e-5, 1)])
-def test_chore_fails_where_a_value_does(
+def test_chore_fails_for_a_wrong_value(
     ours: float,
     status: int,
     tmp_path: Path,
@@ -116,7 +116,7 @@ def test_chore_fails_where_a_value_does(
     assert chore.main(["rule"]) == 2
 
 
-def test_pages_hold_the_reasons_and_sources(tmp_path: Path) -> None:
+def test_pages_have_the_reasons_and_sources(tmp_path: Path) -> None:
     case = replace(CASES[0], quantities=lambda: [ROW])
     text = case_text(case, [ROW])
     for part in (case.title, "a thick pencil", "A ruler.", case.module, f"{case.name}.png"):

@@ -1,4 +1,4 @@
-"""The reference values of the gallery, recomputed without the package."""
+"""Reference values of the gallery, recomputed without the package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc, jv
 
-#: Ritz's method with sixteen polynomials and the references' last printed digits.
+#: Accuracy of Ritz's method with sixteen polynomials, and of the last printed digits.
 CLOSE = {"rtol": 2e-10, "atol": 0.0}
 
 
@@ -24,7 +24,7 @@ def values(file, group):
     return reference(file, group).values
 
 
-def test_every_group_names_its_source():
+def test_every_group_states_its_source():
     for path in DATA.glob("*.json"):
         for group in json.loads(path.read_text(encoding="utf-8")):
             source = reference(path.stem, group).source
@@ -60,7 +60,7 @@ def test_thick_beams(group, shear):
         r2 = case["slenderness"] ** -2
         beam = RitzBeam(case["root"], 18, rotary=r2, shear=shear * r2)
         found = beam.frequencies(rigid=case["root"] == "pinned")[: len(case["lambda"])]
-        # Shear at slenderness 200 is stiff: its matrices round to 1e-9.
+        # The shear stiffness at slenderness 200 is large, so its matrices are accurate to 1e-9.
         np.testing.assert_allclose(found, case["lambda"], rtol=2e-9, err_msg=str(case))
 
 
@@ -105,7 +105,7 @@ def test_two_link_frequencies():
 
 
 def test_link_modes():
-    # Elbow motor, second link about the joint, payload: what the first link carries.
+    # The first link carries elbow motor, second link about the joint, and payload.
     carried = 0.1 + 0.2 * 0.5**3 / 3 + 0.1 * 0.5**2 + 0.0005
     exact, published = values("link_modes", "exact"), values("link_modes", "published")
     assert exact[0]["tip_inertia"] == pytest.approx(carried, rel=1e-11)
@@ -153,7 +153,7 @@ def test_two_link_sag_from_beam_formulas():
 
 def test_step_of_torque_by_modes():
     beam = RitzBeam("pinned", 48, hub=0.1)
-    inverse, shapes = eigh(beam.M, beam.K + 10.0 * beam.M)  # the low modes keep their digits
+    inverse, shapes = eigh(beam.M, beam.K + 10.0 * beam.M)  # the low modes are accurate
     squared, shapes = 1 / inverse[::-1] - 10.0, (shapes / np.sqrt(inverse))[:, ::-1]
     force = shapes.T @ beam.root_turn  # unit torque on the root
     known = values("slewing", "step")
@@ -215,19 +215,20 @@ def test_falling_pendulum():
     beam = TangentAngle(8, 1.0, 2.0, 0.2, gravity=9.81)
     known = values("pendulum", "falling")[:2]
     found = beam.tips([case["t"] for case in known], rtol=1e-8)
-    # Eight polynomials here, sixteen there: the release at the pin excites high modes.
+    # Eight polynomials here, sixteen in the reference, because the release at the pin excites high
+    # modes.
     np.testing.assert_allclose(found, [case["tip"] for case in known], rtol=0.0, atol=1e-5)
 
 
-def test_histories_are_whole():
+def test_histories_are_complete():
     for name in ("exact", "linear_fine", "linear_paper"):
         columns = history(f"two_link_{name}")
         np.testing.assert_allclose(columns["t"], np.arange(201) / 100, atol=1e-12)
         assert set(columns) == {"t", "theta1", "theta2", "tipx", "tipy", "defl1", "defl2"}
 
 
-def test_beam_values_are_those_of_the_beam_tests():
-    """Two files hold the same numbers, for users and for the tests of the beams."""
+def test_beam_values_equal_those_of_the_beam_tests():
+    """Two files have the same numbers, one for users and one for the tests of the beams."""
     path = Path(__file__).parents[1] / "data" / "beam_reference.json"
     other = json.loads(path.read_text(encoding="utf-8"))
     assert values("beams", "payload") == other["clamped"][1:]

@@ -1,4 +1,4 @@
-"""Arms of Timoshenko links: kernels do not know of shear, so what holds without it still does."""
+"""Arms of Timoshenko links: the kernels do not depend on the beam theory, so the same laws hold."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ BAR = {"kind": "rectangle", "width": 0.02, "height": 0.08}
 
 
 def arm_of(theory, gravity=(0.0, 0.0)):
-    """A chain of the three ways to describe a link, and a payload beside the tip."""
+    """Return a chain of the three kinds of link descriptions, with a payload beside the tip."""
     links = [
         fa.Link(**CONSTANTS, elements=2),
         fa.Link(length=0.6, table=TABLE, element="timoshenko", elements=3, modes=4),
@@ -38,7 +38,7 @@ def arm_of(theory, gravity=(0.0, 0.0)):
 
 
 def state_of(arm, seed):
-    """Any joint angles and rates, links bent by some hundredths of their length."""
+    """Draw joint angles and rates, and links bent by some hundredths of their length."""
     rng = np.random.default_rng(seed)
     q, qd = rng.normal(size=(2, arm.dof))
     elastic = modal_parts(arm)
@@ -50,7 +50,7 @@ def state_of(arm, seed):
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("seed", range(4))
 class TestDynamics:
-    def test_inverse_of_forward_is_the_torque_and_no_force_on_the_modes(self, theory, seed):
+    def test_inverse_of_forward_is_the_torque_without_modal_forces(self, theory, seed):
         arm = arm_of(theory, (0.0, -9.81))
         q, qd, torque = state_of(arm, seed)
         qdd = arm.forward_dynamics(q, qd, torque)
@@ -73,7 +73,7 @@ class TestDynamics:
         found = scale * arm.forward_dynamics(q, qd, torque)
         assert np.linalg.norm(found - dense) < 1e-10 * np.linalg.norm(dense)
 
-    def test_motors_do_all_the_work(self, theory, seed):
+    def test_power_of_the_motors_is_the_rate_of_energy(self, theory, seed):
         arm = arm_of(theory, (2.0, -9.81))
         q, qd, torque = state_of(arm, seed)
         qdd = arm.forward_dynamics(q, qd, torque)
@@ -84,8 +84,8 @@ class TestDynamics:
         assert rate.sum() == pytest.approx(power, abs=1e-11 * np.abs(rate).sum())
 
 
-def test_kinetic_energy_is_that_of_moving_points_and_turning_sections():
-    """Links alone, linear theory: points of the axis as `shape` shows them, along a short time."""
+def test_kinetic_energy_is_that_of_moving_points_and_rotating_sections():
+    """Links alone, in the linear theory: points of the axis by `shape`, over a short time."""
     links = [fa.Link(**CONSTANTS, elements=2), fa.Link(**CONSTANTS, elements=1)]
     arm = fa.Arm(links=links)
     q, qd, _ = state_of(arm, 7)
@@ -98,13 +98,14 @@ def test_kinetic_energy_is_that_of_moving_points_and_turning_sections():
         turning = root + piece.shapes.rotation(x) @ qd[piece.modal]
         energy += simpson(1.5 * squared + 4e-3 * turning**2, x=x) / 2
         root += piece.shapes.dP @ qd[piece.modal]
-    # The difference quotient misses step^2, Simpson's rule the fourth power of 1/200.
+    # The difference quotient has an error of step^2, Simpson's rule one of the fourth power of
+    # 1/200.
     assert arm.energy(q, qd).kinetic == pytest.approx(energy, rel=1e-7)
 
 
 @pytest.mark.parametrize("elements", [1, 4])
 def test_tip_force_on_a_locked_arm(elements):
-    """P L^3/3EI + P L/kGA, and the tip section turns by P L^2/2EI."""
+    """The tip moves by P L^3/3EI + P L/kGA, and its section turns by P L^2/2EI."""
     link = fa.Link(**CONSTANTS, elements=elements, gauges=[fa.Gauge(station=0.0, distance=0.01)])
     arm = fa.Arm(links=[link])
     zero, load = np.zeros(arm.dof), 3.0
@@ -119,28 +120,28 @@ def test_tip_force_on_a_locked_arm(elements):
     np.testing.assert_allclose(arm.strain(q), [-0.01 * load * 0.8 / 60.0], rtol=1e-11)
 
 
-def test_two_locked_links_and_two_segments_are_one_link():
-    """Rotations of sections are what a joint and a rigid connection pass on."""
+def test_two_locked_links_and_two_segments_equal_one_link():
+    """A joint and a rigid connection transmit the rotation of sections."""
     one = fa.Link(**CONSTANTS, elements=8)
     half = one.replace(length=0.4, elements=4)
     whole = fa.modes(fa.Arm(links=[one])).squared_frequency
     for links in ([half, half], [one.replace(segments=2)]):
         found = fa.modes(fa.Arm(links=links)).squared_frequency[:3]
-        # The interior shapes at the cut take the acceleration of one neighbour, not of two.
+        # The interior shapes at the cut take the acceleration of one neighbour only.
         np.testing.assert_allclose(found, whole[:3], rtol=3e-3)
 
 
-def test_a_segment_of_a_table_is_cut_out_of_it():
+def test_segments_of_a_table_equal_the_whole_link():
     link = fa.Link(length=0.6, table=TABLE, element="timoshenko", elements=6)
     whole = fa.modes(fa.Arm(links=[link])).squared_frequency
     found = fa.modes(fa.Arm(links=[link.replace(segments=3)])).squared_frequency
-    # The interior shapes at the cuts take the acceleration of one neighbour, not of two; a table
-    # that is cut in the wrong place changes the first frequency by some percent.
+    # The interior shapes at the cuts take the acceleration of one neighbour only; a table that is
+    # cut in the wrong place changes the first frequency by some percent.
     np.testing.assert_allclose(found[:2], whole[:2], rtol=4e-3)
 
 
 def test_shear_lowers_every_frequency():
-    """The same mesh, the same inertia, one way more to yield."""
+    """Mesh and inertia are the same, and shear adds flexibility."""
     stiff = fa.Link(**{**CONSTANTS, "shear_rigidity": 1e15}, elements=6)
     soft = fa.Link(**CONSTANTS, elements=6)
     locked = [fa.modes(fa.Arm(links=[link])).frequency_hz for link in (soft, stiff)]
@@ -152,7 +153,7 @@ def test_shear_lowers_every_frequency():
     np.testing.assert_allclose(locked[1], plain, rtol=1e-9)  # shear parameters of 5e-11
 
 
-def test_the_rigid_twin_of_an_arm_that_shears():
+def test_rigid_model_of_an_arm_that_shears():
     arm = arm_of("linear")
     rigid_counterpart = arm.rigid()
     assert rigid_counterpart.dof == 3

@@ -1,4 +1,4 @@
-"""Mass matrix, velocity forces, potential and power: what Lagrange's equations tie together."""
+"""Mass matrix, velocity forces, potential and power: their relations in Lagrange's equations."""
 
 import numpy as np
 import scipy.linalg
@@ -24,26 +24,26 @@ def test_mass_matrix_is_symmetric_positive_definite(seed, reduced):
     d = drawn(seed, reduced=reduced)
     M = d.arm.mass_matrix(d.q)
     scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
-    # The two halves of a block come out of different sums.
+    # The two halves of a block are computed by different sums.
     np.testing.assert_allclose(M / scale, M.T / scale, rtol=0, atol=1e-14)
     scipy.linalg.cholesky((M + M.T) / scale)  # raises unless positive definite
     elastic = modal_parts(d.arm)
-    # Carrying more never lowers an inertia: every shape has unit mass at least.
+    # A payload never lowers an inertia, and every shape has at least unit mass.
     assert np.all(np.diag(M)[elastic] > 1.0 - 1e-12)
 
 
 @settings(max_examples=60)
 @given(seeds)
-def test_kinetic_energy_is_its_quadratic_form(seed):
+def test_kinetic_energy_is_the_quadratic_form_of_the_mass_matrix(seed):
     d = drawn(seed)
     kinetic = d.arm.energy(d.q, d.qd).kinetic
-    # All terms of a positive definite form of this size: rounding of a few hundred products.
+    # Positive definite form of this size: rounding of a few hundred products.
     size = abs(d.qd) @ abs(d.arm.mass_matrix(d.q)) @ abs(d.qd)
     assert abs(d.qd @ d.arm.mass_matrix(d.q) @ d.qd / 2 - kinetic) < 1e-13 * size
 
 
 def mass_slopes(arm, q):
-    """dM/dq, (dof, dof, dof): the last index is the coordinate."""
+    """Return dM/dq, (dof, dof, dof), with the coordinate as the last index."""
     directions = np.eye(arm.dof)
     columns = [exact_derivative(lambda p: complex_mass_matrix(arm, p), q, e) for e in directions]
     return np.stack(columns, axis=-1)
@@ -51,8 +51,8 @@ def mass_slopes(arm, q):
 
 @settings(max_examples=25)
 @given(seeds)
-def test_velocity_forces_are_the_christoffel_symbols_of_the_mass_matrix(seed):
-    """C qd with C from dM/dq, and M_dot - 2 C skew: so velocity forces do no work by themselves."""
+def test_velocity_forces_follow_from_the_christoffel_symbols(seed):
+    """The forces are C qd with C from dM/dq. M_dot - 2 C is skew, so they do no work."""
     d = drawn(seed, gravity=False, damping=False)
     slopes = mass_slopes(d.arm, d.q)
     along = slopes @ d.qd  # M_dot
@@ -64,8 +64,8 @@ def test_velocity_forces_are_the_christoffel_symbols_of_the_mass_matrix(seed):
     zero = np.zeros(d.arm.dof)
     elastic_force = d.arm.bias_force(d.q, zero)
     found = d.arm.bias_force(d.q, d.qd) - elastic_force
-    # Elastic forces are subtracted: their rounding stays. The rest sums products of inertias and
-    # two rates, some of which cancel altogether.
+    # Elastic forces are subtracted, which leaves their rounding. The rest sums products of inertias
+    # and two rates, some of which cancel completely.
     terms = (abs(d.arm.mass_matrix(d.q)) @ abs(d.qd)).max() * abs(d.qd).max()
     terms += (abs(C) @ abs(d.qd)).max()
     rounding = 1e-12 * terms + 8.0 * EPSILON * abs(elastic_force).max()
@@ -74,7 +74,7 @@ def test_velocity_forces_are_the_christoffel_symbols_of_the_mass_matrix(seed):
 
 @settings(max_examples=40)
 @given(seeds)
-def test_static_force_is_the_slope_of_the_potential(seed):
+def test_static_force_is_the_gradient_of_the_potential(seed):
     d = drawn(seed, gravity=True)
     zero = np.zeros(d.arm.dof)
 
@@ -89,13 +89,13 @@ def test_static_force_is_the_slope_of_the_potential(seed):
 
 @settings(max_examples=40)
 @given(seeds)
-def test_stiffness_is_the_slope_of_the_static_force(seed):
+def test_stiffness_is_the_derivative_of_the_static_force(seed):
     d = drawn(seed, gravity=True)
     zero = np.zeros(d.arm.dof)
     K = d.arm.stiffness_matrix(d.q)
     np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-12 * abs(K).max())
     direction = d.qd / np.linalg.norm(d.qd)
-    step = 1e-4  # truncation by step^4, and rounding of forces of K times a few millimetres
+    step = 1e-4  # truncation by step^4, and rounding of forces: K times a few millimetres
     near = d.arm.bias_force(d.q + step * direction, zero)
     near = near - d.arm.bias_force(d.q - step * direction, zero)
     far = d.arm.bias_force(d.q + 2 * step * direction, zero)
@@ -108,21 +108,23 @@ def test_stiffness_is_the_slope_of_the_static_force(seed):
 @settings(max_examples=60)
 @given(seeds)
 def test_power_balance(seed):
-    """(R.24): motors work on relative rates, dampers and the tip force on theirs."""
+    """(R.24): motors and dampers act on relative rates, the tip force on the velocity of the
+    tip."""
     d = drawn(seed)
     qdd = d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
     state, rates = np.stack([d.q, d.qd]), np.stack([d.qd, qdd])
     power = exact_derivative(lambda s: complex_energies(d.arm, s).sum(), state, rates)
     work = d.torque @ d.arm.joint_angles(d.qd) + d.tip_force @ d.arm.tip_velocity(d.q, d.qd)
     work -= d.qd @ d.arm.damping_matrix() @ d.qd
-    # Inertia and elastic forces cancel in the balance; each loses the condition of M.
+    # Inertia and elastic forces cancel in the balance; each has an error of the condition number of
+    # M.
     terms = abs(d.qd) @ (abs(d.arm.mass_matrix(d.q)) @ abs(qdd) + abs(d.arm.bias_force(d.q, d.qd)))
     assert abs(power - work) < 1e-11 * terms
 
 
 @settings(max_examples=40)
 @given(seeds)
-def test_damping_takes_energy_and_nothing_else(seed):
+def test_damping_force_changes_energy_only_by_its_power(seed):
     d = drawn(seed, damping=True)
     bare = changed(
         d.arm,
@@ -132,7 +134,8 @@ def test_damping_takes_energy_and_nothing_else(seed):
     force = d.arm.bias_force(d.q, d.qd)
     drag = force - bare.bias_force(d.q, d.qd)
     D = d.arm.damping_matrix()
-    # The forces without damping are subtracted: their rounding stays, also of what cancels there.
+    # The forces without damping are subtracted, which leaves their rounding, also of terms that
+    # cancel.
     rounding = 1e-13 * (abs(force).max() + (abs(d.arm.mass_matrix(d.q)) @ d.qd**2).max())
     np.testing.assert_allclose(drag, D @ d.qd, rtol=0, atol=rounding)
     assert np.all(np.linalg.eigvalsh(D) >= 0.0)

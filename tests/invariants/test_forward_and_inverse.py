@@ -1,4 +1,4 @@
-"""Forward and inverse dynamics are one linear relation read in two directions."""
+"""Forward and inverse dynamics are one linear relation in two directions."""
 
 import numpy as np
 import pytest
@@ -13,20 +13,20 @@ seeds = st.integers(0, 10**6)
 
 
 def condition(M):
-    """Condition number with the scale of units taken out."""
+    """Return the condition number of a mass matrix without the scale of units."""
     scale = np.sqrt(np.diag(M))
     return np.linalg.cond(M / np.outer(scale, scale))
 
 
 @settings(max_examples=60)
 @given(seeds, st.booleans())
-def test_inverse_of_forward_is_the_torque_and_no_force_on_the_modes(seed, reduced):
+def test_inverse_of_forward_is_the_torque_without_modal_forces(seed, reduced):
     d = drawn(seed, reduced=reduced)
     qdd = d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
     force = d.arm.inverse_dynamics(d.q, d.qd, qdd, d.tip_force)
     wanted = np.zeros(d.arm.dof)
     wanted[d.arm.joint_index] = d.torque
-    # 1e-10 is the accuracy asked of the recursion, here of the inertia forces it balances.
+    # The required accuracy of the recursion is 1e-10, here of the inertia forces in balance.
     terms = abs(d.arm.mass_matrix(d.q)) @ abs(qdd)
     scale = np.sqrt(np.diag(d.arm.mass_matrix(d.q)))
     size = np.linalg.norm(terms / scale)
@@ -36,18 +36,18 @@ def test_inverse_of_forward_is_the_torque_and_no_force_on_the_modes(seed, reduce
 @settings(max_examples=100)
 @given(seeds)
 def test_forward_of_inverse_is_the_acceleration(seed):
-    """Any acceleration without force on the modes: taken from the dynamics under other torques."""
+    """The accelerations have no modal forces, because other torques cause them."""
     d = drawn(seed)
     qdd = d.arm.forward_dynamics(d.q, d.qd, 2.0 * d.torque - 1.0)
     force = d.arm.inverse_dynamics(d.q, d.qd, qdd)
     found = d.arm.forward_dynamics(d.q, d.qd, force[d.arm.joint_index])
     M = d.arm.mass_matrix(d.q)
     scale = np.sqrt(np.diag(M))
-    # Rounding of qdd leaves a trace of force on the modes, which forward dynamics takes to be
-    # zero. A light mode answers it visibly: count that answer in.
+    # Rounding of qdd leaves small modal forces, which forward dynamics sets to zero. A light mode
+    # has a visible acceleration from them, which is part of the tolerance.
     force[d.arm.joint_index] = 0.0
     answer = np.linalg.solve(M / np.outer(scale, scale), force / scale)
-    # 1e-10 is the accuracy asked of the recursion; 2e-11 is the worst of 3000 arms.
+    # The required accuracy of the recursion is 1e-10; the largest error of 3000 arms is 2e-11.
     missed = scale * (found - qdd) + answer
     assert np.linalg.norm(missed) < 1e-10 * np.linalg.norm(scale * qdd)
 
@@ -62,7 +62,7 @@ def test_mass_matrix_is_the_derivative_of_inverse_dynamics(seed, reduced):
     stiff = level.inverse_dynamics(d.q, zero, zero)
     columns = [level.inverse_dynamics(d.q, zero, unit) - stiff for unit in np.eye(d.arm.dof)]
     scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
-    # The stiffness forces are subtracted again, and leave their rounding.
+    # The stiffness forces are subtracted, which leaves their rounding.
     rounding = 1e-13 + 4.0 * EPSILON * abs(stiff).max() / scale.min()
     np.testing.assert_allclose(np.array(columns).T / scale, M / scale, rtol=0, atol=rounding)
 
@@ -74,13 +74,13 @@ def test_inverse_dynamics_is_mass_times_acceleration_plus_bias(seed):
     M, bias = d.arm.mass_matrix(d.q), d.arm.bias_force(d.q, d.qd)
     found = d.arm.inverse_dynamics(d.q, d.qd, d.qdd)
     terms = abs(M) @ abs(d.qdd) + abs(bias)
-    # Sums of at most a hundred products, added in another order.
+    # Sums of at most a hundred products in another order.
     assert np.all(abs(found - M @ d.qdd - bias) < 1e-12 * terms.max())
 
 
 @settings(max_examples=20)
 @given(seeds)
-def test_many_states_at_once(seed):
+def test_many_states_in_one_call_equal_single_calls(seed):
     d = drawn(seed)
     factors = np.linspace(0.2, 1.0, 5)[:, None]
     q, qd, qdd = factors * d.q, factors * d.qd, factors * d.qdd
@@ -91,15 +91,15 @@ def test_many_states_at_once(seed):
 
 @settings(max_examples=40)
 @given(seeds)
-def test_tip_force_does_the_work_of_the_tip(seed):
-    """Virtual work: its generalised force is the transposed Jacobian of the tip's pose."""
+def test_tip_force_acts_by_the_transposed_jacobian(seed):
+    """Virtual work: the generalised force is the transposed Jacobian of the tip's pose."""
     d = drawn(seed)
     zero = np.zeros(d.arm.dof)
     free = d.arm.inverse_dynamics(d.q, zero, zero)
     loaded = d.arm.inverse_dynamics(d.q, zero, zero, d.tip_force)
     jacobian = np.array([d.arm.tip_velocity(d.q, unit) for unit in np.eye(d.arm.dof)]).T
     exact = -d.tip_force @ jacobian
-    # The difference of two forces leaves the rounding of the larger one.
+    # The difference of two forces has the rounding of the larger one.
     rounding = 1e-13 * abs(exact).max() + 4.0 * EPSILON * abs(free).max()
     np.testing.assert_allclose(loaded - free, exact, rtol=0, atol=rounding)
     by_forward = d.arm.forward_dynamics(d.q, d.qd, d.torque, (*d.tip_force[:2], 0.0))
@@ -109,7 +109,7 @@ def test_tip_force_does_the_work_of_the_tip(seed):
 
 
 def chain(links, theory):
-    """Alike links, each deflecting by a few millimetres under what it carries."""
+    """Return equal links, each with a static deflection of a few millimetres under its load."""
     link = fa.Link(length=1.0, flexural_rigidity=50.0, mass_per_length=0.5, elements=2)
     return fa.Arm(links=[link] * links, theory=theory, gravity=(0.0, -9.81))
 
@@ -130,8 +130,8 @@ def test_chains_of_every_length(links, theory):
     wanted[arm.joint_index] = torque
     scale = np.sqrt(np.diag(arm.mass_matrix(q)))
     bias = arm.bias_force(q, qd)
-    # Inertia of a chain grows with the cube of its length: what outboard links do passes through
-    # every joint, and its rounding with it.
+    # Inertia of a chain grows with the cube of its length: forces of outboard links pass through
+    # every joint, with their rounding.
     size = np.linalg.norm(scale * qdd) + np.linalg.norm(bias / scale)
     assert np.linalg.norm((force - wanted) / scale) < 1e-11 * size
     dense = np.linalg.solve(arm.mass_matrix(q), wanted - bias)

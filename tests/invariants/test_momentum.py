@@ -1,4 +1,4 @@
-"""Newton's laws for the whole arm and for each part: reactions, momentum, moment of momentum."""
+"""Newton's laws for the whole arm and for its parts: reactions, momentum and angular momentum."""
 
 import numpy as np
 import pytest
@@ -18,26 +18,27 @@ seeds = st.integers(0, 10**6)
 
 
 def first_moment(arm, q):
-    """Mass times centre of mass (2,), world axes: minus the energy in a unit gravity."""
+    """Return mass times centre of mass (2,), world axes, as minus the energy in a unit gravity."""
     state = np.stack([q, np.zeros_like(q)])
     towards_x, towards_y = changed(arm, gravity=(1.0, 0.0)), changed(arm, gravity=(0.0, 1.0))
     return -np.array([complex_energies(a, state)[2] for a in (towards_x, towards_y)])
 
 
 def total_mass(arm):
-    """All mass beyond the first joint (kg); that joint's own does not move."""
+    """Return the mass beyond the first joint (kg); the joint itself does not move."""
     links = sum(link.mass for link in arm.assembly.links)
     return links + sum(joint.mass for joint in arm.spec.joints[1:]) + arm.spec.payload.mass
 
 
 def turning(arm, rates):
-    """Bound on the rate of any tangent, for rates of the coordinates; accelerations likewise."""
+    """Return a bound on the rate of any tangent, from the rates of the coordinates."""
     slopes = [abs(nodal[:, 1]).max() for nodal in arm.nodal(rates)]
     return abs(arm.joint_angles(rates)).sum() + sum(slopes)
 
 
 def momentum_rate(arm, q, qd, qdd):
-    """Rate of momentum (2,) on the motion: differences of an exact first derivative."""
+    """Return the rate of momentum (2,) on the motion, by differences of an exact first
+    derivative."""
 
     def momentum(t):
         return exact_derivative(
@@ -52,7 +53,7 @@ def momentum_rate(arm, q, qd, qdd):
 
 @settings(max_examples=25)
 @given(seeds)
-def test_base_reaction_and_loads_make_the_rate_of_momentum(seed):
+def test_base_reaction_and_loads_equal_the_rate_of_momentum(seed):
     d = drawn(seed)
     reaction = d.arm.joint_reactions(d.q, d.qd, d.qdd, d.tip_force)
     weight = total_mass(d.arm) * np.array(d.arm.spec.gravity)
@@ -65,8 +66,9 @@ def test_base_reaction_and_loads_make_the_rate_of_momentum(seed):
 
 @settings(max_examples=25)
 @given(seeds)
-def test_moment_at_the_base_makes_the_rate_of_moment_of_momentum(seed):
-    """About the base joint: its momentum is that of joint angle 1, which turns everything."""
+def test_moment_at_the_base_equals_the_rate_of_angular_momentum(seed):
+    """Angular momentum about the base is the momentum of joint angle 1, which turns the whole
+    arm."""
     d = drawn(seed)
     free = changed(d.arm, gravity=(0.0, 0.0))
 
@@ -88,21 +90,21 @@ def test_moment_at_the_base_makes_the_rate_of_moment_of_momentum(seed):
 
 @settings(max_examples=40)
 @given(seeds)
-def test_moment_of_a_reaction_is_the_motor_less_friction(seed):
+def test_reaction_moment_is_the_motor_torque_less_friction(seed):
     d = drawn(seed)
     qdd = d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
     moment = d.arm.joint_reactions(d.q, d.qd, qdd, d.tip_force)[:, 2]
     friction = np.array([joint.damping for joint in d.arm.spec.joints])
     rates = d.arm.joint_angles(d.qd)
-    # What inverse of forward dynamics leaves in torques, see test_forward_and_inverse.
+    # The accuracy of torques by the inverse of forward dynamics, see test_forward_and_inverse.
     size = (abs(d.arm.mass_matrix(d.q)) @ abs(qdd)).max() + abs(d.torque).max()
     np.testing.assert_allclose(moment, d.torque - friction * rates, rtol=0, atol=1e-11 * size)
 
 
 @settings(max_examples=25)
 @given(seeds, st.integers(1, 3))
-def test_reactions_part_the_arm_where_it_is_cut(seed, cut):
-    """The wrench at a joint, given to the inboard part as a tip force, replaces all beyond it."""
+def test_reaction_replaces_the_part_beyond_a_joint(seed, cut):
+    """The reaction, as a tip force on the inboard part, gives the same motion of that part."""
     d = drawn(seed, links=4)
     inboard = changed(
         d.arm,
@@ -114,7 +116,8 @@ def test_reactions_part_the_arm_where_it_is_cut(seed, cut):
     )
     reaction = d.arm.joint_reactions(d.q, d.qd, d.qdd, d.tip_force)
     kept = inboard.dof
-    # The cut joint's friction also acts back on the inboard tip: the moment there is the wrench's.
+    # Friction of the joint at the cut also acts on the inboard tip; the moment there is that of the
+    # reaction.
     found = inboard.joint_reactions(d.q[:kept], d.qd[:kept], d.qdd[:kept], -reaction[cut])
     size = abs(reaction).max()
     np.testing.assert_allclose(found, reaction[:cut], rtol=0, atol=1e-12 * size)
@@ -124,8 +127,8 @@ def test_reactions_part_the_arm_where_it_is_cut(seed, cut):
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_moment_of_momentum_stays_under_torques_between_links(theory):
-    """Only the first joint is tied to the ground; whatever the others do is internal."""
+def test_angular_momentum_is_constant_under_torques_between_links(theory):
+    """Only the first joint is connected to the ground; torques of the others are internal."""
     link = fa.Link(length=0.8, flexural_rigidity=8.0, mass_per_length=0.5, elements=1)
     arm = fa.Arm(
         links=[link, link],
@@ -146,6 +149,6 @@ def test_moment_of_momentum_stays_under_torques_between_links(theory):
         (arm.mass_matrix(q) @ qd)[0]
         for q, qd in zip(result.q.values, result.qd.values, strict=True)
     ]
-    assert np.ptp(result.joint_rate.values[:, 1]) > 0.5  # the elbow does move
+    assert np.ptp(result.joint_rate.values[:, 1]) > 0.5  # the elbow moves
     # The run's tolerance per step, over a few hundred steps.
     np.testing.assert_allclose(moments, moments[0], rtol=1e-9)

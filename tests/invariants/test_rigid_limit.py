@@ -1,4 +1,4 @@
-"""As bending stiffness grows, a flexible arm becomes its rigid twin, with an error of 1/EI."""
+"""For large bending stiffness a flexible arm approaches its rigid model, with an error of 1/EI."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def two_links(rigidity, theory="linear", gravity=(0.0, -9.81)):
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_pendulum_frequencies(theory):
+def test_pendulum_frequencies_approach_the_rigid_ones(theory):
     """The two slow modes of the hanging arm are those of the rigid double pendulum."""
     rigidities = np.array([1e3, 4e3, 16e3, 64e3])
     hanging = [-np.pi / 2, 0.0]
@@ -27,13 +27,14 @@ def test_pendulum_frequencies(theory):
         found = fa.modes(two_links(rigidity, theory), hanging, joints="free").squared_frequency
         errors.append(abs(found[:2] / exact - 1.0))
     orders = -np.polyfit(np.log(rigidities), np.log(errors), 1)[0]
-    # The next term of the series is smaller by 1/EI again: a part in a hundred at the softest.
+    # The next term of the series is smaller by another 1/EI: a part in a hundred at the softest.
     np.testing.assert_allclose(orders, 1.0, atol=0.02)
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_smooth_motion(theory):
-    """A torque so smooth that it excites no vibration: the tip follows the rigid one by 1/EI."""
+def test_smooth_motion_approaches_the_rigid_one(theory):
+    """The torque is so smooth that it excites no vibration; the distance of the tips is
+    proportional to 1/EI."""
 
     def torque(t):
         s = np.clip(t / 0.8, 0.0, 1.0)
@@ -48,23 +49,23 @@ def test_smooth_motion(theory):
 
     level = (0.0, 0.0)
     exact = tip(two_links(1.0, theory, level).rigid())
-    assert np.ptp(exact[:, 0]) > 0.1  # it does move
+    assert np.ptp(exact[:, 0]) > 0.1  # the tip moves
     rigidities = np.array([300.0, 1200.0, 4800.0])
     errors = [abs(tip(two_links(rigidity, theory, level)) - exact).max() for rigidity in rigidities]
     order = -np.polyfit(np.log(rigidities), np.log(errors), 1)[0]
-    # Vibrations that the pulse leaves behind are the remainder.
+    # The pulse leaves small vibrations.
     assert order == pytest.approx(1.0, abs=0.05)
     assert errors[-1] < 1e-3
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_rigid_twin_keeps_every_mass(theory):
+def test_rigid_model_has_the_same_mass_matrix(theory):
     arm = two_links(50.0, theory)
     rigid_counterpart = arm.rigid()
     angles, rates = np.array([0.7, -1.1]), np.array([1.3, -0.4])
     q, qd = arm.rest(angles), arm.rest(rates)
     assert rigid_counterpart.dof == rigid_counterpart.joints == 2
-    # Straight and unbending, the flexible arm is the rigid one.
+    # For a straight arm without bending, both are equal.
     np.testing.assert_allclose(
         arm.mass_matrix(q)[np.ix_(arm.joint_index, arm.joint_index)],
         rigid_counterpart.mass_matrix(angles),

@@ -1,4 +1,4 @@
-"""What links carry inside, at their ends and between segments; of random arms in motion."""
+"""Forces inside links, at their ends and between segments, of random arms in motion."""
 
 import numpy as np
 import pytest
@@ -8,19 +8,20 @@ from arm_states import changed, drawn, state_array
 from flexarm.observe import channels_of
 from random_options import busy
 
-# Sums of a few dozen terms of the size of the largest.
+# Sums of a few dozen terms of the size of the largest one.
 ROUNDING = 1e-11
 
 
 def in_world(forces, angle):
-    """Force and moment (..., 3), world axes, from axial, shear, moment at sections turned so."""
+    """Return force and moment (..., 3) in world axes from axial force, shear force and moment."""
     c, s = np.cos(angle), np.sin(angle)
     axial, shear, moment = np.moveaxis(forces, -1, 0)
     return np.stack([c * axial - s * shear, s * axial + c * shear, moment], axis=-1)
 
 
 def root_and_tip_angles(arm, q):
-    """World angles of the links' root and tip sections, (links,) each, rad; rates of rates."""
+    """Return world angles of the links' root and tip sections, (links,) each, rad; or their
+    rates."""
     state = state_array(arm, q, 0 * q)
     root = channels_of(arm, state[None])["link_angle"][0]
     joints = arm.joint_angles(q)
@@ -31,8 +32,8 @@ def root_and_tip_angles(arm, q):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_ends_give_what_joints_get(seed):
-    """At the root the joint's reaction but for the hub, at the tip the next joint's."""
+def test_forces_at_the_ends_equal_the_joint_reactions(seed):
+    """At the root without the hub, and at the tip that of the next joint."""
     d = drawn(seed)
     bare = [joint.replace(mass=0.0, housing_inertia=0.0) for joint in d.arm.spec.joints]
     arm = changed(d.arm, joints=tuple(bare), payload=fa.Payload())
@@ -50,7 +51,7 @@ def test_ends_give_what_joints_get(seed):
 
 
 @pytest.mark.parametrize("seed", range(2000, 2020))
-def test_nothing_is_infinite_and_more_stations_change_nothing(seed):
+def test_forces_are_finite_and_independent_of_other_stations(seed):
     b = busy(seed)
     qdd = b.arm.forward_dynamics(b.q, b.qd, b.torque, b.tip_force, b.loads, b.base_acceleration)
     surroundings = (b.tip_force, b.loads, b.base_acceleration)
@@ -62,8 +63,8 @@ def test_nothing_is_infinite_and_more_stations_change_nothing(seed):
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("seed", range(4))
-def test_mirrored_arms_carry_mirrored_forces(theory, seed):
-    """Everything turned over: the pull stays, shear force and moment change their signs."""
+def test_mirrored_arms_have_mirrored_forces(theory, seed):
+    """The axial force stays, shear force and moment change their signs."""
     d = drawn(seed, theory=theory)
     spec = d.arm.spec
     gx, gy = spec.gravity
@@ -77,8 +78,8 @@ def test_mirrored_arms_carry_mirrored_forces(theory, seed):
 
 
 @pytest.mark.parametrize("segments", [2, 4, 5])
-def test_segments_agree_with_the_whole_link_under_small_loads(segments):
-    """At rest, where small means that slopes of 1e-7 make no difference."""
+def test_segments_equal_the_whole_link_under_small_loads(segments):
+    """At rest; slopes of 1e-7 are so small that their effect is below the tolerance."""
     link = fa.Link(length=1.2, flexural_rigidity=30.0, mass_per_length=0.5, elements=20)
     push = fa.Load(1, (0.0, -3e-6), 1e-6, station=0.43)
     spread = fa.Load(1, (1e-6, 2e-6), spread=(0.1, 1.1))

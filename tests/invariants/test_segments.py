@@ -1,4 +1,4 @@
-"""A link in segments: the same link for small motions, a chain like any other for large ones."""
+"""A link in segments: the same link for small motions, and a chain of links for large ones."""
 
 from contextlib import nullcontext
 
@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 
-# Links bend further here than their theory holds for, on purpose.
+# Links bend further than their theory allows, on purpose.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 
 TAPERED = {
@@ -24,7 +24,7 @@ THEORIES = ("linear", "second_order")
 
 
 def arm(segments, theory="linear", description=TAPERED, **fields):
-    """Two links with everything that hangs on their ends, the first one cut."""
+    """Return two links with all options at their ends, the first one in segments."""
     first = fa.Link(length=1.2, elements=8, segments=segments, **description, **fields)
     return fa.Arm(
         links=[first, fa.Link(length=0.8, elements=2, **UNIFORM)],
@@ -35,9 +35,9 @@ def arm(segments, theory="linear", description=TAPERED, **fields):
 
 
 def whole_shape(of, nodal):
-    """Deflection and slope at the first link's nodes from the link's own root tangent.
+    """Return deflection and slope at the first link's nodes, relative to the link's root tangent.
 
-    To first order in the bending, from values that each segment counts from its own root.
+    To first order in the bending, from values relative to the root of each segment.
     """
     link = of.spec.links[0]
     per = link.elements // link.segments
@@ -54,18 +54,18 @@ def whole_shape(of, nodal):
 @pytest.mark.parametrize("theory", THEORIES)
 @pytest.mark.parametrize("segments", [2, 4, 8])
 @pytest.mark.parametrize("joints", ["locked", "free"])
-def test_small_vibrations_do_not_know_of_the_cuts(segments, theory, joints):
-    """At straight links both span the same shapes: cubic on each element, smooth at the nodes."""
+def test_segments_do_not_change_small_vibrations(segments, theory, joints):
+    """At straight links both have the same shapes: cubic on each element, smooth at the nodes."""
     whole = fa.modes(arm(1, theory), [0.3, -0.8], joints)
     cut = fa.modes(arm(segments, theory), [0.3, -0.8], joints)
-    # The stiffest modes hold 1e-9 of their digits on either side.
+    # Frequencies of the stiffest modes are accurate to 1e-9 in both.
     np.testing.assert_allclose(cut.frequency_hz, whole.frequency_hz, rtol=1e-7, atol=1e-4)
     np.testing.assert_allclose(cut.frequency_hz[2:6], whole.frequency_hz[2:6], rtol=1e-9)
 
 
 @pytest.mark.parametrize("segments", [2, 4, 8])
-def test_small_static_bending(segments):
-    """The same loads bend them alike, in the limit of small ones: 1e-5 of a visible one."""
+def test_segments_do_not_change_small_static_bending(segments):
+    """In the limit of small loads, here 1e-5 of a visible deflection."""
     loads = [fa.Load(1, (0.0, -3e-5), 2e-5, station=0.5), fa.Load(2, (1e-5, 2e-5))]
     whole, cut = arm(1), arm(segments)
     wanted = whole.nodal(fa.equilibrium(whole, loads=loads).q)[0]
@@ -74,8 +74,8 @@ def test_small_static_bending(segments):
 
 
 @pytest.mark.parametrize("segments", [2, 4, 8])
-def test_rigid_motion_is_the_same(segments):
-    """Straight links: energies, tip and the inertia that each joint feels."""
+def test_segments_do_not_change_rigid_motion(segments):
+    """Energies, tip and inertia of straight links."""
     whole, cut = arm(1), arm(segments)
     angles, rates = [0.4, 1.1], [2.0, -3.0]
     one, other = (of.energy(of.rest(angles), of.rest(rates)).kinetic for of in (whole, cut))
@@ -87,13 +87,13 @@ def test_rigid_motion_is_the_same(segments):
 
 
 def far(theory):
-    """What runs that bend each piece by more than a tenth of its length say in a theory."""
+    """Return a context that expects the bending warning of the linear theory."""
     return pytest.warns(fa.LargeDeflectionWarning) if theory == "linear" else nullcontext()
 
 
 @pytest.mark.parametrize("theory", THEORIES)
 def test_large_motion_conserves_energy(theory):
-    """A soft link in eight pieces, thrown so that its ends turn by half a right angle."""
+    """The ends of a soft link in eight segments turn by half a right angle."""
     of = arm(8, theory, SOFT)
     rates = of.rest([8.0, -20.0])
     result = fa.simulate(of, 0.5, initial_rate=rates, rate=500, rtol=1e-9, atol=1e-11)
@@ -104,8 +104,9 @@ def test_large_motion_conserves_energy(theory):
 
 
 @pytest.mark.parametrize("theory", THEORIES)
-def test_work_of_the_torques_is_the_energy_gained(theory):
-    """Against the relative joint rates, which contain the slope of the whole link before."""
+def test_work_of_the_torques_is_the_change_of_energy(theory):
+    """Torques act on the relative joint rates, which contain the tip slope of the whole link
+    before."""
     of = arm(4, theory)
 
     def torque(t):
@@ -121,8 +122,8 @@ def test_work_of_the_torques_is_the_energy_gained(theory):
 
 
 @pytest.mark.parametrize("theory", THEORIES)
-def test_pieces_converge_to_one_motion(theory):
-    """Linear pieces with second order, second-order pieces with third, over a large motion."""
+def test_segments_converge_to_one_motion(theory):
+    """Linear segments with second order, second-order segments with third, over a large motion."""
     tips = []
     for segments in (2, 4, 8):
         link = fa.Link(length=1.0, elements=16, segments=segments, modes=2, **SOFT)
@@ -133,13 +134,14 @@ def test_pieces_converge_to_one_motion(theory):
     assert abs(result.link_tip_slope.values).max() > 0.2
     steps = np.linalg.norm(np.diff(tips, axis=0), axis=(1, 2))
     order = {"linear": 2, "second_order": 3}[theory]
-    # Of more pieces what two modes a piece leave out shows, which falls with the second order.
+    # With more segments the modes that two per segment omit dominate; their effect has second
+    # order.
     assert np.log2(steps[0] / steps[1]) == pytest.approx(order, abs=0.5)
 
 
 @pytest.mark.parametrize("theory", THEORIES)
 @pytest.mark.parametrize("segments", [2, 8])
-def test_the_axis_is_smooth_across_the_cuts(segments, theory):
+def test_axis_is_smooth_across_segments(segments, theory):
     of = arm(segments, theory)
     rng = np.random.default_rng(1)
     q = of.rest([0.5, -0.4])
@@ -150,7 +152,7 @@ def test_the_axis_is_smooth_across_the_cuts(segments, theory):
     length = np.linalg.norm(step, axis=1)
     np.testing.assert_allclose(length, 1.2 / 2400, rtol=0.1)  # no gap, no overlap
     turn = np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
-    # Curvature times half a millimetre: no corner.
+    # Curvature times half a millimetre: the slope is continuous.
     assert abs(turn).max() < 0.01
     first, second = of.shape(q, 2)
     np.testing.assert_allclose(first[1], second[0], atol=1e-14)
@@ -158,8 +160,8 @@ def test_the_axis_is_smooth_across_the_cuts(segments, theory):
 
 
 @pytest.mark.parametrize("theory", THEORIES)
-def test_what_a_result_says_of_a_bent_link(theory):
-    """Deflection and slope of the whole link from its root tangent, with true rates."""
+def test_tip_deflection_and_slope_of_a_bent_link(theory):
+    """Of the whole link relative to its root tangent, with exact rates."""
     gauge = fa.Gauge(station=0.0, distance=0.01)
     of = arm(4, theory, gauges=(gauge, gauge.replace(station=0.7)))
     whole = arm(1, theory, gauges=(gauge, gauge.replace(station=0.7)))
@@ -180,7 +182,7 @@ def test_what_a_result_says_of_a_bent_link(theory):
         np.testing.assert_allclose(rate[5:-5], exact[5:-5], atol=5e-3 * abs(exact).max())
 
 
-def test_names_of_the_coordinates():
+def test_coordinates_name_the_segments():
     result = fa.simulate(arm(2, modes=2), 0.01, rate=100)
     assert list(result.coordinate.values) == [
         "joint_1",
@@ -193,7 +195,7 @@ def test_names_of_the_coordinates():
     ]
 
 
-def test_nodal_values_there_and_back():
+def test_nodal_values_are_converted_and_back():
     of = arm(4)
     rng = np.random.default_rng(3)
     nodal = [0.01 * rng.normal(size=(link.elements, 2)) for link in of.spec.links]
@@ -203,7 +205,7 @@ def test_nodal_values_there_and_back():
         np.testing.assert_allclose(found, given, atol=1e-12)
 
 
-def test_counts_and_the_rigid_twin():
+def test_counts_and_the_rigid_model():
     of = arm(4, modes=3)
     assert of.dof == 2 + 4 * 3 + 4
     assert of.spec.links[0].coordinates == 12
@@ -227,7 +229,7 @@ def test_counts_and_the_rigid_twin():
         ),
     ],
 )
-def test_wrong_segments_are_refused(fields, message):
-    with pytest.raises(fa.ModelError) as told:
+def test_wrong_segments_are_rejected(fields, message):
+    with pytest.raises(fa.ModelError) as reported:
         fa.Link(length=1.0, **UNIFORM, **fields)
-    assert message in str(told.value)
+    assert message in str(reported.value)

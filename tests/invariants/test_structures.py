@@ -1,4 +1,4 @@
-"""Statics and vibration of whole structures: what cutting, joining and locking must do."""
+"""Statics and vibration of structures after cutting, joining and locking."""
 
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ seeds = st.integers(0, 10**6)
 
 
 def straight(pieces, theory="linear", **options):
-    """One straight bar in pieces of (length, elements), all of the same section."""
+    """Return one straight bar in parts of (length, elements), all of the same section."""
     links = [
         fa.Link(length=length, flexural_rigidity=3.0, mass_per_length=0.7, elements=n)
         for length, n in pieces
@@ -25,7 +25,7 @@ def straight(pieces, theory="linear", **options):
 @settings(max_examples=40)
 @given(seeds)
 def test_locking_a_joint_raises_every_frequency(seed):
-    """Rayleigh: a constraint raises all, and none beyond the next one."""
+    """Rayleigh: a constraint raises each frequency, at most to the next one."""
     d = drawn(seed, links=3, gravity=False, rigid=False)
     order = np.random.default_rng(seed).permutation(3).tolist()
     states = [squared_frequencies(d.arm, d.state.angles, order[:locked]) for locked in range(4)]
@@ -40,7 +40,7 @@ def test_locking_a_joint_raises_every_frequency(seed):
 
 @settings(max_examples=30)
 @given(seeds)
-def test_modes_agree_with_the_eigenvalues_of_mass_and_stiffness(seed):
+def test_modes_are_the_eigenvalues_of_mass_and_stiffness(seed):
     d = drawn(seed, gravity=False, damping=False)
     every = list(range(d.arm.joints))
     for joints, locked in (("locked", every), ("free", [])):
@@ -57,7 +57,7 @@ def test_modes_agree_with_the_eigenvalues_of_mass_and_stiffness(seed):
             )
             M = d.arm.mass_matrix(d.arm.rest(d.state.angles))
             shapes = modes.shapes[few]
-            # The stiffest are left out: they are found at the inaccurate end, on purpose.
+            # The stiffest ones are omitted, because their eigenvalues are inaccurate here.
             np.testing.assert_allclose(shapes @ M @ shapes.T, np.eye(len(shapes)), atol=1e-8)
 
 
@@ -74,35 +74,35 @@ def test_modes_agree_with_the_eigenvalues_of_mass_and_stiffness(seed):
     ids=["halves", "first node", "last node", "every node", "three"],
 )
 def test_locked_straight_links_of_one_section_are_one_beam(pieces, theory):
-    """Cutting at nodes changes neither frequencies nor shapes nor static sag."""
+    """Cuts at nodes change neither frequencies nor shapes nor static sag."""
     whole = straight([(1.0, 4)], theory)
     cut = straight(pieces, theory)
     one = fa.modes(whole)
     many = fa.modes(cut)
-    # All eight; the highest lies 1e3 times above the lowest, whose digits it costs.
+    # All eight; the highest is 1e3 times the lowest, which loses as many digits.
     np.testing.assert_allclose(many.frequency_hz, one.frequency_hz, rtol=1e-11)
     along = np.cumsum([length for length, _ in pieces])
     for shape, reference in zip(many.shapes[:3], one.shapes[:3], strict=True):
-        # Small enough for the rotations between the pieces to be linear: squares are 1e-12.
+        # The deflection is so small that rotations between the parts are linear: squares are 1e-12.
         line = whole.shape(1e-6 * reference, stations=101)[0]
         bent = cut.shape(1e-6 * shape, stations=2)[:, 1]
         reached = line[(100 * along).round().astype(int)]
         np.testing.assert_allclose(abs(bent[:, 1]), abs(reached[:, 1]), rtol=1e-6, atol=1e-12)
 
 
-def test_static_sag_does_not_depend_on_where_the_beam_is_cut():
+def test_static_sag_does_not_depend_on_the_cuts():
     whole = straight([(1.0, 4)], gravity=(0.0, -1.0))
     cut = straight([(0.25, 1), (0.75, 3)], gravity=(0.0, -1.0))
     deflections = []
     for arm in (whole, cut):
         elastic = modal_parts(arm)
         q = arm.rest(np.zeros(arm.joints))
-        # Straight is horizontal; linear statics about it.
+        # The straight arm is horizontal; linear statics about it.
         weight = arm.bias_force(q, np.zeros(arm.dof))[elastic]
         level = changed(arm, gravity=(0.0, 0.0))
         K = level.stiffness_matrix(q)[np.ix_(elastic, elastic)]
         q[elastic] = np.linalg.solve(K, -weight)
-        # The tip's first-order drop: a straight arm moved by its velocity.
+        # First-order displacement of the tip: velocity of a straight arm.
         deflections.append(arm.tip_velocity(arm.rest(np.zeros(arm.joints)), q)[1:])
     w, EI = 0.7, 3.0
     np.testing.assert_allclose(deflections[0], [-w / (8 * EI), -w / (6 * EI)], rtol=1e-12)
@@ -112,9 +112,9 @@ def test_static_sag_does_not_depend_on_where_the_beam_is_cut():
 @settings(max_examples=40)
 @given(seeds)
 def test_reciprocity_across_links(seed):
-    """Betti and Maxwell: what a load at A moves at B is what it would move at A from B.
+    """Betti and Maxwell: a load at A moves B as the same load at B moves A.
 
-    Loads: every motor, and force and moment at the tip; answers: accelerations at rest.
+    Loads are every motor, and force and moment at the tip; responses are accelerations at rest.
     """
     d = drawn(seed)
     zero = np.zeros(d.arm.dof)
@@ -128,16 +128,17 @@ def test_reciprocity_across_links(seed):
     ]
     flexibility = points @ np.array(answers).T
     scale = np.sqrt(np.outer(np.diag(flexibility), np.diag(flexibility)))
-    # Rounding that M lets pass; 1e-12 at the worst of some hundred arms.
+    # Rounding multiplied by the condition number of M; 1e-12 at most for some hundred arms.
     np.testing.assert_allclose(flexibility / scale, flexibility.T / scale, rtol=0, atol=1e-10)
-    # The motors alone also at the bent arm, moving.
+    # Motors only, also at the bent arm in motion.
     answers = d.arm.derivatives(d.q, d.qd, d.torque).torque[d.arm.joint_index]
     scale = np.sqrt(np.outer(np.diag(answers), np.diag(answers)))
     np.testing.assert_allclose(answers / scale, answers.T / scale, rtol=0, atol=1e-10)
 
 
 def test_static_reciprocity_of_elbow_and_tip():
-    """Locked joints: the tip's drop under an elbow couple is the elbow's turn under a tip force."""
+    """Joints are locked: the tip moves under an elbow couple as the elbow turns under a tip
+    force."""
     arm = straight([(0.6, 3), (0.4, 2)])
     q = arm.rest([0.0, 0.0])
     zero = np.zeros(arm.dof)
@@ -157,7 +158,7 @@ def test_static_reciprocity_of_elbow_and_tip():
     drop = arm.tip_velocity(q, by_couple)[1]
     turn = arm.nodal(by_force)[0][-1, 1]
     assert drop == pytest.approx(turn, rel=1e-12)
-    # By hand: the force bends the first piece with 0.4 F at its end and F: (0.4 L1 + L1^2/2) / EI.
+    # By hand: the force bends the first part with 0.4 F at its end and F: (0.4 L1 + L1^2/2) / EI.
     assert turn == pytest.approx((0.4 * 0.6 + 0.6**2 / 2) / 3.0, rel=1e-12)
     whole = arm.tip_velocity(q, by_force)[1]
     assert whole == pytest.approx(1.0 / (3 * 3.0), rel=1e-12)  # P L^3 / 3 EI
@@ -166,7 +167,8 @@ def test_static_reciprocity_of_elbow_and_tip():
 @settings(max_examples=40)
 @given(seeds)
 def test_reduced_shapes_are_a_projection_of_the_full_model(seed):
-    """Galerkin: reduced links have the matrices and forces of full ones, seen by fewer shapes."""
+    """Galerkin: reduced links have the matrices and forces of full ones, projected to fewer
+    shapes."""
     d = drawn(seed, reduced=True, rigid=False)
     full = fa.Arm(
         d.arm.spec.model_copy(
@@ -189,7 +191,8 @@ def test_reduced_shapes_are_a_projection_of_the_full_model(seed):
         columns = slice(reduced.joint_index[i] + 1, reduced.joint_index[i] + 1 + few.w2.size)
         basis[rows, columns] = many.projector @ few.basis
     q, qd = basis @ d.q, basis @ d.qd
-    # Shapes of one mesh in two bases: their conversion rounds with the mesh's condition, 1e4.
+    # Shapes of one mesh in two bases: their conversion has rounding of the mesh's condition number,
+    # 1e4.
     scale = np.sqrt(np.diag(reduced.mass_matrix(d.q)))
     M = basis.T @ full.mass_matrix(q) @ basis
     np.testing.assert_allclose(

@@ -1,4 +1,4 @@
-"""What must not matter: the mirror, the direction of time, where world x points, padding."""
+"""Invariance: mirror, direction of time, direction of world x, and padding."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ seeds = st.integers(0, 10**6)
 
 
 def assert_same_motion(arm, q, found, wanted):
-    """Equal but for the rounding that the arm's mass matrix lets pass, in units of its inertia."""
+    """Compare except for the rounding that the mass matrix amplifies, relative to inertia."""
     M = arm.mass_matrix(q)
     scale = np.sqrt(np.diag(M))
     limit = max(1e-12, 4 * EPSILON * np.linalg.cond(M / np.outer(scale, scale)))
@@ -27,8 +27,8 @@ def assert_same_motion(arm, q, found, wanted):
 
 @settings(max_examples=50)
 @given(seeds)
-def test_mirror(seed):
-    """Everything reflected at world x: angles, deflections and moments change their sign."""
+def test_mirrored_motion_changes_signs_only(seed):
+    """Reflection at world x: angles, deflections and moments change their sign."""
     d = drawn(seed)
     payload, (gx, gy) = d.arm.spec.payload, d.arm.spec.gravity
     flipped = payload.model_copy(update={"offset": (payload.offset[0], -payload.offset[1])})
@@ -36,22 +36,22 @@ def test_mirror(seed):
     force = d.tip_force * [1.0, -1.0, -1.0]
     wanted = -d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
     found = mirrored.forward_dynamics(-d.q, -d.qd, -d.torque, force)
-    np.testing.assert_array_equal(found, wanted)  # not a digit depends on a sign
+    np.testing.assert_array_equal(found, wanted)  # no digit depends on a sign
     np.testing.assert_array_equal(mirrored.tip(-d.q), d.arm.tip(d.q) * [1.0, -1.0, -1.0])
     assert mirrored.energy(-d.q, -d.qd) == d.arm.energy(d.q, d.qd)
 
 
 @settings(max_examples=50)
 @given(seeds)
-def test_time_reversal(seed):
-    """Without damping a film of the motion run backwards is a motion."""
+def test_time_reversal_without_damping(seed):
+    """The reversed motion is a motion."""
     d = drawn(seed, damping=False)
     forwards = d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
     backwards = d.arm.forward_dynamics(d.q, -d.qd, d.torque, d.tip_force)
     np.testing.assert_array_equal(backwards, forwards)
 
 
-def test_damping_has_an_arrow_of_time():
+def test_time_reversal_fails_with_damping():
     d = drawn(3, damping=True)
     forwards = d.arm.forward_dynamics(d.q, d.qd, d.torque)
     assert np.any(abs(d.arm.forward_dynamics(d.q, -d.qd, d.torque) - forwards) > 1e-3)
@@ -59,7 +59,7 @@ def test_damping_has_an_arrow_of_time():
 
 @settings(max_examples=50)
 @given(seeds, between(-10.0, 10.0), st.booleans())
-def test_turning_arm_and_loads_together_changes_nothing(seed, turn, gravity):
+def test_rotation_of_arm_and_loads_changes_nothing(seed, turn, gravity):
     d = drawn(seed, gravity=gravity)
     c, s = np.cos(turn), np.sin(turn)
     rotation = np.array([[c, -s], [s, c]])
@@ -81,9 +81,9 @@ def test_turning_arm_and_loads_together_changes_nothing(seed, turn, gravity):
 
 @settings(max_examples=50)
 @given(seeds, between(-20.0, 20.0), between(-20.0, 20.0))
-def test_gravity_is_an_accelerated_base(seed, gx, gy):
-    """Galileo: it adds one acceleration to every mass point, so its generalised force does not
-    depend on what the arm is doing."""
+def test_gravity_equals_an_accelerated_base(seed, gx, gy):
+    """Both add one acceleration to every point mass, so the generalised force does not depend on
+    the motion."""
     d = drawn(seed, gravity=False)
     heavy = changed(d.arm, gravity=(gx, gy))
     moving = heavy.bias_force(d.q, d.qd) - d.arm.bias_force(d.q, d.qd)
@@ -93,15 +93,15 @@ def test_gravity_is_an_accelerated_base(seed, gx, gy):
     np.testing.assert_allclose(moving, resting, rtol=0, atol=1e-13 * size)
 
 
-#: Axes over the modes, of arrays that have one.
+#: Axes over the modes, for arrays that have one.
 MODAL = {"mode": [1], "centrifugal": [1, 2], "shortening": [1, 2], "rows": [1], "slopes": [1]}
 
 
 def widened(arrays, extra):
-    """The same arm, or loads on it, with ``extra`` more padded modes on every body."""
+    """Return the same arm, or its loads, with ``extra`` more padded modes on every body."""
     wide = []
     for name, array in zip(arrays._fields, arrays, strict=True):
-        if isinstance(array, tuple):  # contacts among the loads
+        if isinstance(array, tuple):  # contacts are among the loads
             wide.append(widened(array, extra))
             continue
         growing = [(0, 0)] * array.ndim
@@ -118,7 +118,8 @@ def widened(arrays, extra):
 @settings(max_examples=30)
 @given(seeds, st.integers(1, 4))
 def test_padding_changes_nothing(seed, extra):
-    """Bodies with fewer modes than the widest one are padded: more padding, same motion."""
+    """Bodies with fewer modes than the largest number are padded; more padding gives the same
+    motion."""
     d = drawn(seed)
     sizes, constants, work = parts(d.arm)
     state = state_array(d.arm, d.q, d.qd)
@@ -131,7 +132,7 @@ def test_padding_changes_nothing(seed, extra):
     forward_dynamics(run_time_sizes(wide), wide, wide_state, torque, widened(loads, extra), more)
     width = state.shape[2]
     np.testing.assert_array_equal(more.acceleration[:, :width], work.acceleration)
-    assert np.all(more.acceleration[:, width:] == 0.0)  # at rest, and staying there
+    assert np.all(more.acceleration[:, width:] == 0.0)  # at rest, and it stays at rest
     n = d.arm.assembly.bodies
     M, wide_M = np.zeros((n, width) * 2), np.zeros((n, width + extra) * 2)
     mass_matrix(sizes, constants, state, work, M)
@@ -143,8 +144,8 @@ def test_padding_changes_nothing(seed, extra):
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_rigid_among_flexible(theory):
-    """A rigid link moves as one of a hundred thousand times its neighbours' stiffness."""
+def test_rigid_link_between_flexible_links(theory):
+    """It moves like a link of a hundred thousand times its neighbours' stiffness."""
 
     def arm(middle):
         soft = fa.Link(length=0.7, flexural_rigidity=20.0, mass_per_length=0.4, elements=3)
@@ -158,8 +159,8 @@ def test_rigid_among_flexible(theory):
     q[1:7] = 0.02 * rng.normal(size=6) / np.sqrt(rigid.assembly.links[0].w2 / 300.0)
     torque = [1.0, -0.5, 0.2]
     wanted = rigid.forward_dynamics(q, np.zeros(rigid.dof), torque)
-    # The hard link moves as the rigid one where its modes are bent just so much that their springs
-    # carry what the rigid link carries.
+    # The stiff link moves like the rigid one if the springs of its modes balance the forces on
+    # them.
     elastic = slice(hard.joint_index[1] + 1, hard.joint_index[1] + 3)
     same = hard.from_nodal([0.4, -1.0, 0.8], rigid.nodal(q))
     moving = hard.from_nodal(rigid.joint_angles(wanted), rigid.nodal(wanted))

@@ -1,8 +1,9 @@
 """Segments, joint laws, loads, moving bases and prescribed joints against Lagrange's equations.
 
-The oracle shares no formula with the package: segments are links of their own, spring and stops
-energies, loads virtual work on material points, the base's motion two more coordinates, reactions
-the forces of constraints. Its base also has a velocity, which must not matter.
+The oracle shares no formula with the package: segments are separate links, springs and stops are
+energies, loads are virtual work on material points, the motion of the base has two more
+coordinates, and reactions are constraint forces. The base of the oracle also has a velocity, which
+must have no effect.
 """
 
 from functools import cache
@@ -24,14 +25,14 @@ SEEDS = range(1000, 1030)
 
 @cache
 def case(seed):
-    """A random arm, its oracle, and its state in the oracle's coordinates."""
+    """Return a random arm, its oracle, and its state in the oracle's coordinates."""
     b = busy(seed, theory=["linear", "second_order"][seed % 2])
     oracle = LagrangianOracle(b.arm.spec)
     return b, oracle, in_oracle(b, oracle, b.q), in_oracle(b, oracle, b.qd)
 
 
 def in_oracle(b, oracle, vector):
-    """Coordinates of the package, or their rates, in the oracle's nodal ones."""
+    """Return coordinates of the package, or their rates, as nodal ones of the oracle."""
     values = oracle.coordinates(b.arm.joint_angles(vector), b.arm.nodal(vector))
     for seat in b.arm.assembly.seats:
         if seat.twist is not None:
@@ -48,10 +49,10 @@ def surroundings(b):
 
 
 def assert_close(found, exact, mass):
-    """Measured as kinetic energy, so that metres and radians weigh alike."""
+    """Compare accelerations as kinetic energy, so that metres and radians have equal weight."""
     scale = np.sqrt(np.diag(mass))
-    # 1e-10 is asked of the recursion; an ill-conditioned arm has no better answer in doubles than
-    # the rounding of its state and of its forces, times the condition number.
+    # The required accuracy of the recursion is 1e-10. For an ill-conditioned arm no result in
+    # double precision is better than the rounding of state and forces times the condition number.
     limit = max(1e-10, 2.0 * EPSILON * np.linalg.cond(mass / np.outer(scale, scale)))
     assert np.linalg.norm(scale * (found - exact)) < limit * np.linalg.norm(scale * exact)
 
@@ -67,7 +68,7 @@ def test_accelerations(seed):
 
 @pytest.mark.parametrize("seed", range(1100, 1106))
 def test_accelerations_of_reduced_segments(seed):
-    """Segments that keep some of their shapes: the oracle takes the very same as its basis."""
+    """The oracle takes the reduced shapes of the segments as its basis."""
     b = busy(seed, reduced=True)
     basis = [piece.basis if piece.w2.size else None for piece in b.arm.assembly.links]
     oracle = LagrangianOracle(b.arm.spec, basis=basis)
@@ -77,7 +78,7 @@ def test_accelerations_of_reduced_segments(seed):
 
 
 def prescribed_accelerations(b):
-    """Accelerations (dof,) with the joints of ``b.given`` made to follow."""
+    """Return accelerations (dof,) in which the joints of ``b.given`` follow their motion."""
     sizes, constants, work = parts(b.arm)
     body, drive = constants.body.copy(), b.torque.copy()
     for joint, acceleration in b.given.items():
@@ -92,7 +93,7 @@ def prescribed_accelerations(b):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_prescribed_joints_and_reactions(seed):
-    """What the others do, the torque that it takes, and what every joint transmits."""
+    """Accelerations of the other joints, required torques, and the reactions of all joints."""
     b, oracle, q, qd = case(seed)
     exact = oracle.moving(q, qd, b.torque, given=b.given, **surroundings(b))
     qdd = prescribed_accelerations(b)
@@ -104,7 +105,7 @@ def test_prescribed_joints_and_reactions(seed):
     assert_close(found, exact.acceleration, mass)
     acting = (b.q, b.qd, qdd, b.tip_force, b.loads, b.base_acceleration)
     motor = b.arm.inverse_dynamics(*acting)[b.arm.joint_index]
-    # Far below what a wrong term would leave, far above rounding of the forces in balance.
+    # Far below the effect of a wrong term, far above rounding of the forces in balance.
     weight = 1e-10 * np.linalg.norm(np.sqrt(np.diag(mass)) * exact.acceleration)
     reach = np.sqrt(np.diag(mass)[oracle.joint_index].max(initial=1.0))
     np.testing.assert_allclose(motor, exact.torque, rtol=1e-10, atol=weight * reach)
@@ -120,8 +121,11 @@ def test_prescribed_joints_and_reactions(seed):
 
 
 def joint_moments(b, exact):
-    """Moments on links (by index from 0), where their joint alone tells: no fixed joint, and of
-    the rotors those that sit on the base, where their own rate is their absolute one."""
+    """Return moments on links (by index from 0) that only their joint determines.
+
+    Fixed joints are omitted, and rotors except those on the base, whose own rate is their absolute
+    one.
+    """
     moments = {}
     for k, seat in enumerate(b.arm.assembly.seats):
         joint = b.arm.spec.joints[seat.link]
@@ -140,14 +144,14 @@ def joint_moments(b, exact):
 def test_energy_with_springs_and_stops(seed):
     b, oracle, q, qd = case(seed)
     exact = oracle.energy(q, qd)
-    # Rounding of the modal basis; single numbers.
+    # Rounding of the modal basis; energies are single numbers.
     np.testing.assert_allclose(
         b.arm.energy(b.q, b.qd)[:3], exact, rtol=1e-12, atol=1e-12 * max(map(abs, exact))
     )
     np.testing.assert_allclose(b.arm.tip(b.q), oracle.tip(q), rtol=0, atol=1e-13)
 
 
-def test_every_option_had_its_turn():
+def test_every_option_is_drawn():
     arms = [case(seed)[0] for seed in SEEDS]
     joints = [joint for b in arms for joint in b.arm.spec.joints]
     assert {joint.fixed for joint in joints} == {True, False}
@@ -167,7 +171,8 @@ def test_every_option_had_its_turn():
                 side = int(angle > joint.limits.upper) - int(angle < joint.limits.lower)
                 reached.add((side, joint.limits.damping * side * rate < -1.0))
     assert {side for side, _ in reached} == {-1, 0, 1}
-    assert {lets_go for _, lets_go in reached} == {True, False}  # leaves faster than it springs
+    # leaves faster than the spring returns
+    assert {lets_go for _, lets_go in reached} == {True, False}
     assert {link.segments for b in arms for link in b.arm.spec.links} == {1, 2, 3, 4}
     loads = [load for b in arms for load in b.loads]
     assert {(load.frame, load.spread is None) for load in loads} == {

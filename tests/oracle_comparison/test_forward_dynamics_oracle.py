@@ -1,6 +1,6 @@
 """The recursion against Lagrange's equations of material points, at random states of random arms.
 
-Two ways to the same accelerations that share no formula: O(n m) passes over links in modal
+The two ways to the same accelerations share no formula: O(n m) passes over links in modal
 coordinates, and automatic differentiation of energies in nodal coordinates.
 """
 
@@ -19,7 +19,8 @@ FEWER = range(0, 44, 2)
 
 @cache
 def case(seed):
-    """A random arm, its oracle in double precision, and its state in the oracle's coordinates."""
+    """Return a random arm, its oracle in double precision, and its state in the oracle's
+    coordinates."""
     d = drawn(seed)
     oracle = LagrangianOracle(d.arm.spec, precision=np.float64)
     q = oracle.coordinates(d.state.angles, d.state.nodal)
@@ -28,17 +29,18 @@ def case(seed):
 
 
 def shapes_of(arm):
-    """The package's own shapes, as a basis for the oracle: the same coordinates."""
+    """Return the package's shapes as a basis for the oracle, which then has the same
+    coordinates."""
     return [link.basis if link.w2.size else None for link in arm.assembly.links]
 
 
 def nodal_coordinates(arm, oracle, vector):
-    """Modal coordinates of the package as nodal coordinates of the oracle."""
+    """Return modal coordinates of the package as nodal coordinates of the oracle."""
     return oracle.coordinates(arm.joint_angles(vector), arm.nodal(vector))
 
 
 def to_modal(arm, oracle):
-    """Matrix (dof, dof) that turns nodal coordinates into the package's."""
+    """Return the matrix (dof, dof) from nodal coordinates to those of the package."""
     matrix = np.zeros((arm.dof, oracle.dof))
     for i, link in enumerate(arm.assembly.links):
         start, where = arm.joint_index[i], oracle.shape_slice[i]
@@ -49,28 +51,29 @@ def to_modal(arm, oracle):
 
 
 def condition(mass):
-    """Condition number with the scale of units (m, rad) taken out, and those scales (dof,)."""
+    """Return the condition number without the scale of units (m, rad), and these scales (dof,)."""
     scale = np.sqrt(np.diag(mass))
     return np.linalg.cond(mass / np.outer(scale, scale)), scale
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_accelerations(seed):
-    """Error and result are measured as kinetic energy, so that metres and radians weigh alike."""
+    """Error and result are compared as kinetic energy, so that metres and radians have equal
+    weight."""
     d, oracle, q, qd, mass = case(seed)
     exact = LagrangianOracle(d.arm.spec).acceleration(q, qd, d.torque, d.tip_force)
     found = d.arm.forward_dynamics(d.q, d.qd, d.torque, d.tip_force)
     found = nodal_coordinates(d.arm, oracle, found)
     number, scale = condition(mass)
-    # 1e-10 is the accuracy asked of the recursion. A badly conditioned arm has no answer that
-    # double precision could give better than its rounding times the condition number.
+    # The required accuracy of the recursion is 1e-10. For an ill-conditioned arm no result in
+    # double precision is better than its rounding times the condition number.
     limit = max(1e-10, EPSILON * number)
     assert np.linalg.norm(scale * (found - exact)) < limit * np.linalg.norm(scale * exact)
 
 
 @pytest.mark.parametrize("seed", range(100, 110))
 def test_accelerations_of_reduced_links(seed):
-    """Links that keep some of their shapes: the oracle takes the very same shapes as basis."""
+    """The oracle takes the reduced shapes of the links as its basis."""
     d = drawn(seed, reduced=True)
     oracle = LagrangianOracle(d.arm.spec, basis=shapes_of(d.arm))
     exact = oracle.acceleration(d.q, d.qd, d.torque, d.tip_force)
@@ -86,8 +89,7 @@ def test_mass_matrix(seed):
     oracle = LagrangianOracle(d.arm.spec, basis=shapes_of(d.arm), precision=np.float64)
     exact = oracle.mass_matrix(d.q)
     scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
-    # Entry by entry, against the most that a positive definite matrix lets an entry be; sums of
-    # a few dozen products.
+    # Relative to the bound of an entry of a positive definite matrix; sums of a few dozen products.
     np.testing.assert_allclose(d.arm.mass_matrix(d.q) / scale, exact / scale, rtol=0, atol=1e-13)
 
 
@@ -97,7 +99,7 @@ def test_bias_force(seed):
     d, oracle, q, qd, _ = case(seed)
     exact = oracle.bias_force(q, qd)
     found = to_modal(d.arm, oracle).T @ d.arm.bias_force(d.q, d.qd)
-    # Against the forces that cancel in it: elastic ones of every element, at their largest.
+    # Relative to the largest forces that cancel in it: elastic ones of every element.
     terms = abs(oracle.stiffness) @ abs(q) + abs(oracle.damping) @ abs(qd) + abs(exact)
     assert abs(found - exact).max() < 1e-12 * terms.max()
 
@@ -109,17 +111,17 @@ def test_energy_and_tip(seed):
     exact = oracle.energy(q, qd)
     # Rounding of the modal basis, as for the mass matrix; energies are single numbers.
     np.testing.assert_allclose(energy[:3], exact, rtol=1e-12, atol=1e-12 * max(map(abs, exact)))
-    # Added from left to right; `sum` compensates its rounding from Python 3.12 on.
+    # Sum from left to right; `sum` compensates its rounding from Python 3.12 on.
     assert energy.total == energy.kinetic + energy.strain + energy.gravity
     # Rounding of positions of a few metres.
     np.testing.assert_allclose(d.arm.tip(d.q), oracle.tip(q), rtol=0, atol=1e-14 * 50)
-    step = 1e-4  # fourth-order differences: truncation and rounding both near 1e-11
+    step = 1e-4  # fourth-order differences: truncation and rounding are both near 1e-11
     ahead, behind, far, back = (np.array(oracle.tip(q + k * step * qd)) for k in (1, -1, 2, -2))
     velocity = (8 * (ahead - behind) - (far - back)) / (12 * step)
     np.testing.assert_allclose(d.arm.tip_velocity(d.q, d.qd), velocity, rtol=0, atol=1e-8)
 
 
-def test_the_arms_are_many_and_various():
+def test_random_arms_have_every_kind_of_option():
     arms = [case(seed)[0].arm for seed in SEEDS]
     assert len(arms) >= 40
     assert {arm.joints for arm in arms} == {1, 2, 3, 4}
@@ -131,8 +133,8 @@ def test_the_arms_are_many_and_various():
 
 
 @pytest.mark.parametrize("seed", range(200, 212))
-def test_links_that_bend_far(seed):
-    """By 40 % of the length, so that the terms of higher order count."""
+def test_links_with_large_bending(seed):
+    """By 40 % of the length, so that the terms of higher order matter."""
     d = drawn(seed, theory="second_order", rigid=False, elements=2)
     oracle = LagrangianOracle(d.arm.spec, basis=shapes_of(d.arm))
     q, qd = d.q.copy(), d.qd.copy()

@@ -24,7 +24,7 @@ rate = between(-5.0, 5.0)
     state=st.tuples(between(-3, 3), between(-3, 3), rate, rate, rate, rate),
     theory=st.sampled_from(["linear", "second_order"]),
 )
-def test_double_pendulum(lengths, masses, hubs, lumps, gravity, state, theory):
+def test_double_pendulum_in_closed_form(lengths, masses, hubs, lumps, gravity, state, theory):
     mass, inertia, payload, payload_inertia = lumps
     arm = fa.Arm(
         links=[
@@ -52,7 +52,7 @@ def test_double_pendulum(lengths, masses, hubs, lumps, gravity, state, theory):
     angles, rates, torque = np.reshape(state, (3, 2))
     M = exact.mass_matrix(angles)
     np.testing.assert_allclose(arm.mass_matrix(angles), M, rtol=1e-13)
-    # Each force is a sum of terms, of which the largest sets the rounding.
+    # Each force is a sum of terms; the largest one determines the rounding.
     terms = abs(exact.bias_force(angles, rates)).max() + M.max() * abs(rates).max() ** 2
     terms += 10.0 * (sum(masses) + mass + payload) * sum(lengths)
     np.testing.assert_allclose(
@@ -60,14 +60,14 @@ def test_double_pendulum(lengths, masses, hubs, lumps, gravity, state, theory):
     )
     found = arm.forward_dynamics(angles, rates, torque)
     wanted = exact.acceleration(angles, rates, torque)
-    # Rounding of the forces passes through M.
+    # Rounding of the forces, multiplied by the condition number of M.
     lost = abs(np.linalg.inv(M)).max() * (terms + abs(torque).max())
     np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-14 * lost)
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_table_one_arm_made_rigid(theory):
-    """The paper's arm, straight angles of a quarter turn, to all digits."""
+def test_rigid_table_one_arm(theory):
+    """The paper's arm with an elbow angle of a quarter turn, to all digits."""
     links = [
         fa.Link(length=length, mass_per_length=0.61732, flexural_rigidity=105.0, elements=n)
         for length, n in [(1.4142, 2), (1.0, 1)]

@@ -10,13 +10,13 @@ from oracles.sections import Section, by_lagrange, by_newton
 from random_options import bent, busy
 
 SEEDS = range(1200, 1216)
-#: Sums of a few dozen terms of the size of the largest force present.
+#: Sums of a few dozen terms of the size of the largest force.
 ROUNDING = 1e-11
 
 
 @cache
 def case(seed):
-    """A random arm, its motion in the package's coordinates and in the oracle's."""
+    """Return a random arm, and its motion in the coordinates of the package and of the oracle."""
     b = busy(seed, theory=["linear", "second_order"][seed % 2])
     rng = np.random.default_rng(seed)
     speeding = rng.normal(size=b.arm.joints) * 5.0, bent(rng, b.arm.spec, 1.0)
@@ -38,14 +38,14 @@ def found(b, motion, section, stations):
 
 
 def scale(b, motion):
-    """Size (3,) of the forces and moments that a section balances."""
+    """Return the size (3,) of the forces and moments that balance at a section."""
     forces = b.arm.section_forces(*motion, 11, b.tip_force, b.loads, b.base_acceleration)
     size = max(abs(forces[..., :2]).max(), 1.0)
     return np.array([size, size, max(abs(forces[..., 2]).max(), size)])
 
 
 def sections(b, seed):
-    """On each link a station in between and an end, none between segments or at a load."""
+    """Return an inner station and an end of each link, none between segments or at a load."""
     rng = np.random.default_rng(seed)
     for link, length in enumerate(b.arm.lengths, start=1):
         for k in (rng.choice([1, 3, 5, 7, 11]), rng.choice([0, 13])):
@@ -53,12 +53,14 @@ def sections(b, seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_energies_beyond_a_section(seed):
+def test_lagrange_equations_beyond_a_section(seed):
     """Both theories, all options."""
     b, motion, nodal = case(seed)
-    for section in list(sections(b, seed))[::2]:  # in between: an energy takes its time
+    # the inner one only, because an energy takes seconds
+    for section in list(sections(b, seed))[::2]:
         if b.arm.spec.joints[section.link - 1].fixed:
-            continue  # no coordinate that tells the moment; Newton's law looks there
+            # no coordinate gives the moment here; the test by Newton's law includes this joint
+            continue
         exact = by_lagrange(b.arm.spec, section, nodal, b.all_loads, b.base_acceleration)
         error = found(b, motion, section, 14) - exact
         assert np.all(abs(error) < ROUNDING * scale(b, motion)), (section, error, exact)
@@ -66,7 +68,8 @@ def test_energies_beyond_a_section(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_newtons_law_beyond_a_section(seed):
-    """The linear theory moves points as it says; so does the second-order one for forces."""
+    """For the linear theory, and for the forces of the second-order one, which move points as
+    stated."""
     b, motion, nodal = case(seed)
     parts = slice(None) if b.arm.spec.theory == "linear" else slice(2)
     for section in sections(b, seed):
@@ -75,8 +78,8 @@ def test_newtons_law_beyond_a_section(seed):
         assert np.all(abs(error) < ROUNDING * scale(b, motion)[parts]), (section, error, exact)
 
 
-def test_moments_of_the_second_order_theory_leave_out_third_order_terms():
-    """Deflections and their rates a quarter as large: the error of the moment a 64th."""
+def test_moments_of_the_second_order_theory_omit_third_order_terms():
+    """At a quarter of deflections and rates, the error of the moment is a 64th."""
     errors, moments = [], []
     for factor in (1.0, 0.25):
         b = busy(1201, theory="second_order")
@@ -99,7 +102,7 @@ def test_moments_of_the_second_order_theory_leave_out_third_order_terms():
     assert 40.0 < errors[0] / errors[1] < 90.0
 
 
-def test_every_option_had_its_turn():
+def test_every_option_is_drawn():
     drawn = [case(seed)[0] for seed in SEEDS]
     links = [link for b in drawn for link in b.arm.spec.links]
     assert {link.segments for link in links} >= {1, 2, 3}

@@ -1,1 +1,1 @@
-"""Slow, literal models that the package is compared with; nothing here imports its physics."""
+"""Slow, literal models for comparison with the package; nothing here imports its physics."""

@@ -1,4 +1,4 @@
-"""An arm as a chain of pieces: whole links, or the segments that a link is cut into."""
+"""An arm as a chain of pieces: whole links, or the segments of a link."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from flexarm.model import ArmSpec, Joint, Link, SectionTable
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece: ``link`` describes it by itself; ``joint`` is at its root, None where it goes on
-    rigidly from the piece before. owner: index of the link it belongs to, start: distance of its
-    root from that link's, m. rows: which nodes of that link are its own."""
+    """A link or a segment, described by ``link``.
+
+    joint: at its root, or None for a rigid connection. owner: index of the link it belongs to.
+    start: distance of its root from that link's root, m. rows: its nodes among those of that link.
+    """
 
     link: Link
     joint: Joint | None
@@ -24,7 +26,7 @@ class Piece:
 
 
 def cut(spec: ArmSpec) -> list[Piece]:
-    """All pieces of an arm from the base outwards."""
+    """Return all pieces of an arm from the base outwards."""
     pieces = []
     for owner, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
         count = link.segments if link.flexible else 1
@@ -38,7 +40,7 @@ def cut(spec: ArmSpec) -> list[Piece]:
 
 
 def segment(link: Link, start: float, end: float) -> Link:
-    """The stretch of a link between two distances from its root (m), as a link of its own."""
+    """Return the part of a link between two distances from its root (m), as a separate link."""
     beam = link.beam()
     x = np.array(beam.x)
     stations = np.concatenate([[start], x[(x > start) & (x < end)], [end]])

@@ -2,7 +2,7 @@
 
 ``Rate`` carries a value and its time derivative; ``Jet`` a value with all its first and second
 partial derivatives. Nested as ``Rate`` of ``Jet`` they turn a formula for the *position* of a
-material point into its velocity, and that into everything Lagrange's equations ask for: exact to
+material point into its velocity, and that into all terms of Lagrange's equations: exact to
 rounding, no step size, no algebra by hand.
 
 Both hold arrays, shape ``S`` either ``()`` or ``(points,)``, so that one number stands for a
@@ -20,11 +20,11 @@ class Jet:
     """A second-order Taylor polynomial in ``n`` variables.
 
     value: shape ``S``; first: ``S + (n,)``, the gradient; second: ``S + (k, n)``, the first ``k``
-    rows of the Hessian, for what is never asked for need not be computed.
+    rows of the Hessian, so that only the required ones are computed.
     """
 
     __slots__ = ("first", "second", "value")
-    __array_ufunc__ = None  # makes `array * jet` and `array @ jet` ask the jet
+    __array_ufunc__ = None  # makes NumPy call `Jet` for `array * jet` and `array @ jet`
 
     def __init__(self, value: Any, first: np.ndarray, second: np.ndarray) -> None:
         self.value, self.first, self.second = value, first, second
@@ -82,11 +82,12 @@ class Jet:
         return Jet(self.value[index], self.first[index], self.second[index])
 
     def _rows(self) -> np.ndarray:
-        """The first ``k`` derivatives as a column, the left factor of a product of gradients."""
+        """Return the first ``k`` derivatives as a column, the left factor of a product of
+        gradients."""
         return self.first[..., : self.second.shape[-2], None]
 
     def _chain(self, f: Any, df: Any, ddf: Any) -> Jet:
-        """A function with value ``f`` and derivatives ``df``, ``ddf`` at ``self.value``."""
+        """Return a function with value ``f`` and derivatives ``df``, ``ddf`` at ``self.value``."""
         df, ddf = np.asarray(df), np.asarray(ddf)
         square = self._rows() * self.first[..., None, :]
         return Jet(
@@ -150,12 +151,12 @@ class Rate:
 
 
 def sin(x: Any) -> Any:
-    """Sine of a jet, a rate or a plain array."""
+    """Return the sine of a jet, a rate or a plain array."""
     return x.sin() if isinstance(x, Jet | Rate) else np.sin(x)
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a jet or a number."""
+    """Return the square root of a jet or a number."""
     if not isinstance(x, Jet):
         return np.sqrt(x)
     root = np.sqrt(x.value)
@@ -163,5 +164,5 @@ def sqrt(x: Any) -> Any:
 
 
 def cos(x: Any) -> Any:
-    """Cosine of a jet, a rate or a plain array."""
+    """Return the cosine of a jet, a rate or a plain array."""
     return x.cos() if isinstance(x, Jet | Rate) else np.cos(x)

@@ -1,4 +1,4 @@
-"""What joints do besides their motors, as the handbook writes it: with sharp corners."""
+"""Torques of joints besides those of motors, by textbook formulas with sharp corners."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from flexarm.model import Joint
 
 
 def joint_energy(joint: Joint, angle: Any, twist: Any) -> Any:
-    """Energy of spring and stops (J) at an angle that may be a jet, and the spring's own."""
+    """Return the energy of spring and stops (J) at an angle that may be a jet, and that of the
+    spring."""
     turned = twist + -joint.rest_angle
     energy = turned * turned * (0.5 * joint.stiffness)
     for beyond in _beyond(joint, angle):
@@ -19,7 +20,8 @@ def joint_energy(joint: Joint, angle: Any, twist: Any) -> Any:
 
 
 def joint_loss(joint: Joint, angle: float, rate: float) -> float:
-    """Torque (N m) of dry friction and of the stops' damping; viscous damping not included."""
+    """Return the torque (N m) of dry friction and of the stops' damping, without viscous
+    damping."""
     torque = 0.0
     if joint.friction is not None:
         f = joint.friction
@@ -32,12 +34,12 @@ def joint_loss(joint: Joint, angle: float, rate: float) -> float:
         approach = -inward * rate
         for beyond in _beyond(joint, angle):
             push = stop.stiffness * beyond * max(0.0, 1.0 + stop.damping * approach)
-            torque += inward * (push - stop.stiffness * beyond)  # the elastic part is an energy
+            torque += inward * (push - stop.stiffness * beyond)  # the elastic part has an energy
     return float(torque)
 
 
 def passive_torque(joint: Joint, angle: float, rate: float) -> float:
-    """Everything a joint without an elastic gear gives by itself (N m)."""
+    """Return the passive torque (N m) of a joint without an elastic gear."""
     torque = joint_loss(joint, angle, rate) - joint.damping * rate
     torque -= joint.stiffness * (angle - joint.rest_angle)
     if joint.limits is not None:
@@ -47,7 +49,7 @@ def passive_torque(joint: Joint, angle: float, rate: float) -> float:
 
 
 def _beyond(joint: Joint, angle: Any) -> list[Any]:
-    """How far the joint is beyond a stop; empty within its range."""
+    """Return how far the joint is beyond a stop; empty within its range."""
     if joint.limits is None:
         return []
     value = getattr(angle, "value", angle)

@@ -10,8 +10,8 @@ twist of the spring; then its nodal coordinates [v_2, phi_2, v_3, phi_3, ...] (m
 of a link in segments one segment after the other, each from its own root tangent.
 
 For loads, moving bases and reactions every joint may also *slide*: two more coordinates each, world
-x and y of the joint from where the link before puts it. They are held at zero (the first moves with
-the base), and the force that holds them is the joint's reaction.
+x and y of the joint from the end of the link before. They are constrained to zero (the first moves
+with the base), and the constraint force is the joint's reaction.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from .material_points import MaterialPoints, material_points
 
 @dataclass
 class Energies:
-    """Energies in J and the pose of the tip: x, y in m, angle in rad. roots: place and
-    tangent angle of the root of every piece; coordinates: what all of it was computed from."""
+    """Energies in J and the pose of the tip: x, y in m, angle in rad. roots: place and tangent
+    angle of the root of every piece; coordinates: those of the state, with their rates."""
 
     kinetic: Any = 0.0
     strain: Any = 0.0
@@ -54,7 +54,7 @@ class Moving(NamedTuple):
 
 
 def half(weight: Any, speed: Any) -> Any:
-    """``1/2 sum(weight * speed^2)`` for a single point or for an array of them."""
+    """Return ``1/2 sum(weight * speed^2)`` for a single point or for an array of points."""
     return weight @ (speed * speed) * 0.5 if np.ndim(weight) else speed * speed * (0.5 * weight)
 
 
@@ -88,7 +88,7 @@ class LagrangianOracle:
         jointed = [joint_coordinates(piece.joint) for piece in self.pieces]
         starts = np.concatenate([[0], np.cumsum(np.add(jointed, sizes))]).astype(int)
         self.dof = int(starts[-1])
-        # By link: where its joint angle is, and the twist of its spring, or the same again.
+        # By link: index of its joint angle, and of the twist of its spring, or again the first.
         owners = [piece.owner for piece in self.pieces]
         self.angle_of = {i: int(s) for i, s, j in zip(owners, starts, jointed, strict=False) if j}
         self.spring_of = {i: at + spec.joints[i].elastic for i, at in self.angle_of.items()}
@@ -114,7 +114,7 @@ class LagrangianOracle:
         return matrix
 
     def coordinates(self, angles: Any, shapes: Any) -> np.ndarray:
-        """Joint angles (n,) and per link an array of its coordinates, (elements, 2) say, as q."""
+        """Join joint angles (n,) and coordinates of each link, such as (elements, 2), to q."""
         q = np.zeros(self.dof)
         q[self.joint_index] = angles
         for where, piece in zip(self.shape_slice, self.pieces, strict=True):
@@ -125,17 +125,18 @@ class LagrangianOracle:
         return q
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """The generalised mass matrix, (dof, dof), symmetric."""
+        """Return the generalised mass matrix, (dof, dof), symmetric."""
         return self._lagrange(q, np.zeros(self.dof))[0].astype(float)
 
     def bias_force(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Force with ``M qdd + bias = generalised force``, (dof,): also stiffness and damping."""
+        """Return the force in ``M qdd + bias = force``, (dof,), with stiffness and damping."""
         return self._lagrange(q, qd)[1].astype(float)
 
     def acceleration(
         self, q: np.ndarray, qd: np.ndarray, torque: Any, tip_force: Any = None
     ) -> np.ndarray:
-        """qdd (dof,) under joint torques (n,) in N m and a tip load (Fx, Fy) or (Fx, Fy, Mz)."""
+        """Return qdd (dof,) under joint torques (n,) in N m and a tip load (Fx, Fy) or (Fx, Fy,
+        Mz)."""
         mass, bias, total = self._lagrange(q, qd)
         force = -bias
         force[self.joint_index] += torque
@@ -155,7 +156,7 @@ class LagrangianOracle:
         base_acceleration: Any = (0.0, 0.0),
         given: Mapping[int, float] | None = None,
     ) -> Moving:
-        """What the arm does under loads, on a moving base, with joints that follow a motion.
+        """Return the motion under loads, on a moving base, with prescribed joints.
 
         torque: (joints,) N m, ignored for the joints that ``given`` (by number of the link)
         assigns an acceleration, rad/s^2.
@@ -177,14 +178,14 @@ class LagrangianOracle:
         force[self.joint_index] += motor
         part = np.ix_(free, free)
         qdd[free] = solved(mass[part], force[free] - mass[np.ix_(free, ~free)] @ qdd[~free])
-        missing = mass @ qdd - force  # what the constraints give
+        missing = mass @ qdd - force  # forces of the constraints
         for joint in given or {}:
             place_in_q = self.angle_of[joint - 1]
             motor[list(self.angle_of).index(joint - 1)] = float(missing[place_in_q])
         return Moving(qdd[:n], motor, missing[n:].astype(float).reshape(-1, 2))
 
     def _load_force(self, total: Energies, loads: Sequence[Any], size: int) -> np.ndarray:
-        """Generalised force (size,) of loads on the coordinates, slides included."""
+        """Return the generalised force (size,) of loads on the coordinates, slides included."""
         force = np.zeros(size, dtype=self.precision)
         own = slice(size, 2 * size)  # derivatives by coordinates follow those by rates
         for load in load_points(loads, self.pieces, self.bases, self.precision):
@@ -200,19 +201,19 @@ class LagrangianOracle:
         return force
 
     def energy(self, q: np.ndarray, qd: np.ndarray) -> tuple[float, float, float]:
-        """Kinetic, strain and gravity energy in J; gravity is zero for mass at the origin."""
+        """Return kinetic, strain and gravity energy (zero for mass at the origin) in J."""
         total = self._energies(Rate(np.asarray(q, dtype=float), np.asarray(qd, dtype=float)))
         return float(total.kinetic), float(total.strain), float(total.gravity)
 
     def power(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> float:
-        """Time derivative of the total energy (W) on the motion with this acceleration."""
+        """Return the time derivative of the total energy (W) at this acceleration."""
         zero = np.zeros((self.dof, 1, 1))
         rates = Rate(Jet(q, qd[:, None], zero), Jet(qd, qdd[:, None], zero))
         total = self._energies(rates)
         return float((total.kinetic + total.strain + total.gravity).first[0])
 
     def tip(self, q: np.ndarray) -> tuple[float, float, float]:
-        """World position (m) and absolute angle (rad) of the tip section of the last link."""
+        """Return world position (m) and absolute angle (rad) of the tip section."""
         x, y, angle = self._energies(Rate(np.asarray(q, dtype=float), np.zeros(self.dof))).tip
         return float(x.value), float(y.value), float(angle.value)
 
@@ -236,7 +237,7 @@ class LagrangianOracle:
         """Walk outward and add up. ``q`` holds the coordinates and their rates."""
         spec, total = self.spec, Energies(coordinates=q)
         slides = np.shape(getattr(q.value, "value", q.value))[0] > self.dof
-        origin, angle = (q[0] * 0.0, q[0] * 0.0), q[0] * 0.0  # joint, and what carries it
+        origin, angle = (q[0] * 0.0, q[0] * 0.0), q[0] * 0.0  # joint, and the lumps at its root
         for i, (piece, points) in enumerate(zip(self.pieces, self.points, strict=True)):
             if piece.joint is not None:
                 if i > 0:
@@ -265,7 +266,7 @@ class LagrangianOracle:
         return total
 
     def _turned(self, total: Energies, joint: Any, owner: int, angle: Rate, q: Rate) -> Rate:
-        """Pass a joint: what its rotor and its springs hold, and the angle behind it."""
+        """Add the energies of a joint's rotor and springs; return the angle beyond it."""
         if joint.fixed:
             return angle + joint.rest_angle
         turned = q[self.angle_of[owner]]
@@ -312,30 +313,30 @@ class LagrangianOracle:
 
 
 def joint_coordinates(joint: Any) -> int:
-    """How many coordinates the joint at the root of a piece has; None: it goes on rigidly."""
+    """Return the number of coordinates of the joint at a root; None: a rigid connection."""
     return 0 if joint is None or joint.fixed else 1 + joint.elastic
 
 
 def solved(mass: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """``mass^-1 force`` to the precision of the two, float64."""
-    # Unit diagonal: metres and radians would otherwise set the scale of the rounding.
+    """Return ``mass^-1 force`` to the precision of the two, as float64."""
+    # Unit diagonal: otherwise metres and radians would determine the scale of the rounding.
     scale = 1 / np.sqrt(abs(np.diag(mass)))
     scaled, force = (scale[:, None] * mass * scale).astype(float), scale * force
     solution = np.linalg.solve(scaled, force.astype(float))
-    for _ in range(2):  # refinement: reaches the precision of `mass`, not of the solver
+    for _ in range(2):  # iterative refinement: reaches the precision of `mass`, not of the solver
         residual = force - scale[:, None] * mass * scale @ solution
         solution = solution + np.linalg.solve(scaled, residual.astype(float))
     return (scale * solution).astype(float)
 
 
 def place(origin: tuple[Rate, Rate], angle: Rate, x: Any, y: Any) -> tuple[Rate, Rate]:
-    """World position of a point at (x, y) in axes that stand at ``origin``, turned by ``angle``."""
+    """Return the world position of a point at (x, y) in axes at ``origin``, turned by ``angle``."""
     c, s = cos(angle), sin(angle)
     return origin[0] + c * x - s * y, origin[1] + s * x + c * y
 
 
 def foreshortening(weights: np.ndarray, points: MaterialPoints, shape: Rate) -> Rate:
-    """How far points move towards the root in an inextensible link: ``u = -1/2 int v'^2``."""
+    """Return the displacement towards the root in an inextensible link: ``u = -1/2 int v'^2``."""
     slope = points.inner_slope @ shape
     return weights @ (slope * slope) * -0.5
 
@@ -366,7 +367,7 @@ def truncated_kinetic(
         y = about_center * (1 / central)
         squared = y * y
         turned = w * sqrt(y + squared * squared * 0.125 + 1.0)
-        # At the centre of mass: the velocity that the mean of u gives it.
+        # At the centre of mass: its velocity by the mean of u.
         vy = vy + w * (drawn * (1 / whole) + center) - turned * center
         vx = vx + mass @ u.rate * (1 / whole)
     along, across = vx - w * v.value, vy + turned * x + v.rate

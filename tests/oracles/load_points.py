@@ -1,4 +1,4 @@
-"""Loads on an arm as forces on material points, turned into generalised forces by virtual work."""
+"""Loads on an arm as forces on material points, converted to generalised forces by virtual work."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .material_points import gauss_points, hermite
 class LoadPoints:
     """The points of one piece that a load acts on.
 
-    piece: index. x (k,): stations, m. weight (k,): 1 at a station, m for a spread load.
+    piece: index. x (k,): stations, m. weight (k,): 1 at a station, m for a distributed load.
     deflection, slope (k, m): v and v' there; inner_slope (j, m): v' at the points of the integral
     of v'^2, and running (k, j) their weights for an integral from the root to each station.
     force (2,): N, or N/m; moment: N m; follower: whether the force turns with the root tangent.
@@ -53,7 +53,7 @@ def load_points(
     bases: Sequence[np.ndarray | None],
     precision: type[np.floating],
 ) -> list[LoadPoints]:
-    """Find the points of loads (the package's ``Load``) on the pieces of an arm."""
+    """Return the points of loads (the package's ``Load``) on the pieces of an arm."""
     found = []
     for load in loads:
         own = [i for i, piece in enumerate(pieces) if piece.owner == load.link - 1]
@@ -93,7 +93,7 @@ def _points(
     elif basis is None:
         basis = np.eye(2 * elements)
     nodes = np.arange(elements + 1) * length / elements
-    # v'^2 is of degree 4 between nodes.
+    # v'^2 has degree 4 between nodes.
     inner_x, inner_weight = gauss_points(np.unique(np.concatenate([nodes, x])), 3)
 
     def shapes(stations: np.ndarray, derivative: int) -> np.ndarray:

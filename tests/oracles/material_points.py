@@ -1,9 +1,8 @@
-"""A link as a set of material points: where they sit, what they weigh, which shape moves them.
+"""A link as a set of material points: their places, masses and shapes.
 
-The quadrature is exact for everything the model integrates: sections vary linearly between
-breakpoints and shapes are cubic inside an element, so on a piece that holds neither a breakpoint
-nor a node no integrand exceeds degree 7 (mass times deflection squared), which is what four Gauss
-points integrate exactly.
+The quadrature is exact for all integrals of the model: sections vary linearly between breakpoints
+and shapes are cubic inside an element, so on an interval without breakpoint or node no integrand
+exceeds degree 7 (mass times deflection squared), which four Gauss points integrate exactly.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ def hermite(x: np.ndarray, length: float, elements: int, derivative: int) -> np.
 
 
 def gauss_points(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stations and weights of ``count`` Gauss points on every interval between ``edges``."""
+    """Return stations and weights of ``count`` Gauss points on every interval between ``edges``."""
     node, weight = GAUSS[count]
     start, size = edges[:-1, None], np.diff(edges)[:, None]
     return (start + size * (node + 1) / 2).ravel(), (size * weight / 2).ravel()
@@ -82,18 +81,19 @@ class MaterialPoints:
 
     @property
     def stiffness_matrix(self) -> np.ndarray:
-        """The link's own stiffness, clamped at its root, shape (m, m)."""
+        """Return the link's own stiffness, clamped at its root, shape (m, m)."""
         return (self.curvature.T @ (self.rigidity[:, None] * self.curvature)).astype(float)
 
     @property
     def mass_matrix(self) -> np.ndarray:
-        """The link's own mass with rotary inertia, clamped at its root, shape (m, m)."""
+        """Return the link's own mass with rotary inertia, clamped at its root, shape (m, m)."""
         moving = self.deflection.T @ (self.mass[:, None] * self.deflection)
         return (moving + self.slope.T @ (self.rotary[:, None] * self.slope)).astype(float)
 
 
 def between(stations: np.ndarray, x: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Values of a table at stations, linear between its points (in the stations' precision)."""
+    """Return values of a table at stations, linear between its points (in the stations'
+    precision)."""
     left = np.clip(np.searchsorted(x, stations, side="right") - 1, 0, len(x) - 2)
     share = (stations - x[left]) / (x[left + 1] - x[left])
     return (1 - share) * column[left] + share * column[left + 1]
@@ -130,7 +130,7 @@ def material_points(
     def shapes(stations: np.ndarray, derivative: int) -> np.ndarray:
         return hermite(stations, length, elements, derivative) @ basis
 
-    # v'^2 is of degree 4 inside an element: three points on each stretch between stations.
+    # v'^2 has degree 4 inside an element: three points on each interval between stations.
     inner_x, inner_weight = gauss_points(np.unique(np.concatenate([edges, x])), 3)
     tip = np.array([length])
     columns = {

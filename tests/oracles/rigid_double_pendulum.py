@@ -43,13 +43,14 @@ class RigidDoublePendulum:
         return a, b, (m2 / 2 + self.payload_mass) * l1 * l2
 
     def mass_matrix(self, angles: Any) -> np.ndarray:
-        """Mass matrix (2, 2) for relative joint angles (2,)."""
+        """Return the mass matrix (2, 2) for relative joint angles (2,)."""
         a, b, c = self._constants()
         coupling = c * np.cos(-angles[1])
         return ABSOLUTE.T @ np.array([[a, coupling], [coupling, b]]) @ ABSOLUTE
 
     def bias_force(self, angles: Any, rates: Any) -> np.ndarray:
-        """Force (2,) with ``M angle'' + bias = joint torque``: centrifugal, Coriolis, gravity."""
+        """Return the force (2,) in ``M angle'' + bias = joint torque``: centrifugal, Coriolis,
+        gravity."""
         a1, a2 = ABSOLUTE @ angles
         w1, w2 = ABSOLUTE @ rates
         _, _, c = self._constants()
@@ -67,5 +68,5 @@ class RigidDoublePendulum:
         return ABSOLUTE.T @ force
 
     def acceleration(self, angles: Any, rates: Any, torque: Any) -> np.ndarray:
-        """Relative joint accelerations (2,) under joint torques (2,) in N m."""
+        """Return relative joint accelerations (2,) under joint torques (2,) in N m."""
         return np.linalg.solve(self.mass_matrix(angles), torque - self.bias_force(angles, rates))

@@ -1,12 +1,10 @@
-"""Forces inside a link, twice: by Newton's law for material points, and from energies.
+"""Forces inside a link by two methods: Newton's law for material points, and energies.
 
-Both take what lies beyond a section and ask what it takes to move that as it moves. ``by_newton``
-differentiates positions twice and adds up mass times acceleration: no frame moves, no beam bends in
-it. ``by_lagrange`` takes the kinetic energy of the package's theory (the second-order one leaves
-terms out) for the masses beyond the section alone, and reads the force on the slides of the link's
-joint.
-
-A motion is (q, qd, qdd) in the coordinates of ``LagrangianOracle``, nodal values.
+Both take the part beyond a section and compute the wrench that its motion requires. ``by_newton``
+differentiates positions twice and adds up mass times acceleration, without moving frames or beam
+theory. ``by_lagrange`` takes the kinetic energy of the package's theory (the second-order one omits
+terms) for the masses beyond the section alone, and computes the force on the slides of the link's
+joint. A motion is (q, qd, qdd) in the coordinates of ``LagrangianOracle``, nodal values.
 """
 
 from __future__ import annotations
@@ -36,12 +34,12 @@ class Section:
     station: float
 
     def piece(self, pieces: Sequence[Piece]) -> int:
-        """Index of the piece that holds it."""
+        """Return the index of the piece that contains it."""
         own = [k for k, piece in enumerate(pieces) if piece.owner == self.link - 1]
         return max(k for k in own if pieces[k].start < self.station or k == own[0])
 
     def loads_beyond(self, loads: Sequence[fa.Load]) -> list[fa.Load]:
-        """Loads, or stretches of them, that act beyond the section."""
+        """Return loads, or parts of them, that act beyond the section."""
         kept = []
         for load in loads:
             if load.link != self.link:
@@ -58,8 +56,8 @@ class Section:
 
 
 class Frame(NamedTuple):
-    """Root of a piece: place in the world, angle of the tangent, the piece's own coordinates;
-    angle of the section that carries it, and of the rotor of its joint's motor."""
+    """Root of a piece: place in the world, angle of the tangent, the piece's own coordinates; angle
+    of the section that carries it, and of the rotor of its joint's motor."""
 
     origin: tuple[Any, Any]
     angle: Any
@@ -68,14 +66,14 @@ class Frame(NamedTuple):
     rotor: Any = None
 
     def place(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """World position of a point at (x, y) in the axes of the root."""
+        """Return the world position of a point at (x, y) in the axes of the root."""
         c, s = cos(self.angle), sin(self.angle)
         return self.origin[0] + c * x - s * y, self.origin[1] + s * x + c * y
 
 
 @lru_cache(maxsize=4)
 def oracle_of(spec: Any) -> LagrangianOracle:
-    """The arm, whole."""
+    """Return the oracle of the whole arm."""
     return LagrangianOracle(spec)
 
 
@@ -85,14 +83,14 @@ def section_forces(
     motion: Sequence[np.ndarray],
     wrench: tuple[Any, Any, Any],
 ) -> np.ndarray:
-    """Axial force, shear force, bending moment (3,) where what lies beyond gets a wrench.
+    """Return axial force, shear force and bending moment (3,) from the wrench on the part beyond.
 
-    wrench: force and moment about the world's origin that it gets through the section.
+    wrench: force and moment about the world's origin that the section transmits to this part.
     """
     oracle = oracle_of(spec)
     k = section.piece(oracle.pieces)
     frame = frames(oracle, oracle.points, constant(motion[0]))[k]
-    # The package's loads find a point of the axis and the angle of the section there.
+    # As in the package, the axis gives the point, and the rotation of the section the angle.
     here = load_points(
         [fa.Load(section.link, (0.0, 0.0), station=section.station)],
         oracle.pieces,
@@ -104,17 +102,17 @@ def section_forces(
     fx, fy, moment = wrench
     moment = moment - (float(x.value[0]) * fy - float(y.value[0]) * fx)
     c, s = np.cos(angle), np.sin(angle)
-    # What lies beyond gives the opposite of what it gets.
+    # The part beyond acts on the section with the opposite wrench.
     return -np.array([c * fx + s * fy, c * fy - s * fx, moment], dtype=float)
 
 
 def constant(q: np.ndarray) -> Jet:
-    """Coordinates that nothing is differentiated by."""
+    """Return coordinates as constants, without derivatives."""
     return Jet(np.asarray(q, dtype=np.longdouble), np.zeros((len(q), 1)), np.zeros((len(q), 1, 1)))
 
 
 def frames(oracle: LagrangianOracle, points: Sequence[MaterialPoints], q: Jet) -> list[Frame]:
-    """Roots of all pieces, then the last tip."""
+    """Return the roots of all pieces, then the last tip."""
     found, at, angle = [], (q[0] * 0.0, q[0] * 0.0), q[0] * 0.0
     for i, (piece, here) in enumerate(zip(oracle.pieces, points, strict=True)):
         carrier, rotor = angle, angle
@@ -138,7 +136,7 @@ def frames(oracle: LagrangianOracle, points: Sequence[MaterialPoints], q: Jet) -
 
 
 def axis(spec: Any, shapes: Any, running: Any, x: Any, frame: Frame) -> tuple[Any, Any]:
-    """World positions (k,) of points of the axis at stations x (k,) whose shapes are given."""
+    """Return world positions (k,) of points of the axis at stations x (k,) with given shapes."""
     if spec.theory == "second_order":
         slope = shapes.inner_slope @ frame.shape
         x = running @ (slope * slope) * -0.5 + x
@@ -146,7 +144,7 @@ def axis(spec: Any, shapes: Any, running: Any, x: Any, frame: Frame) -> tuple[An
 
 
 def beyond(oracle: LagrangianOracle, section: Section) -> list[MaterialPoints]:
-    """Material points of all pieces, massless where they are inboard of the section."""
+    """Return the material points of all pieces, massless where they are inboard of the section."""
     k, points = section.piece(oracle.pieces), list(oracle.points)
     here, inboard = cut_piece(oracle, section, k)
     points[:k] = [weighing(p, np.zeros(len(p.x))) for p in points[:k]]
@@ -157,14 +155,15 @@ def beyond(oracle: LagrangianOracle, section: Section) -> list[MaterialPoints]:
 def cut_piece(
     oracle: LagrangianOracle, section: Section, k: int
 ) -> tuple[MaterialPoints, np.ndarray]:
-    """Material points of the piece that holds the section, and which are inboard of it."""
+    """Return the material points of the piece that contains the section, and a mask of inboard
+    ones."""
     x = section.station - oracle.pieces[k].start
     here = material_points(oracle.pieces[k].link, oracle.bases[k], oracle.precision, (x,))
     return here, here.x <= x
 
 
 def weighing(points: MaterialPoints, kept: np.ndarray) -> MaterialPoints:
-    """The points with the masses that are kept, and none elsewhere."""
+    """Return the points with the masses where the mask is true, and zero elsewhere."""
     return replace(points, mass=points.mass * kept, rotary=points.rotary * kept)
 
 
@@ -180,7 +179,7 @@ class Lump(NamedTuple):
 def lumps(
     oracle: LagrangianOracle, section: Section, points: list[MaterialPoints], q: Jet
 ) -> Iterator[Lump]:
-    """Everything with mass beyond a section."""
+    """Return everything with mass beyond a section."""
     spec, roots = oracle.spec, frames(oracle, points, q)
     for piece, here, frame in zip(oracle.pieces, points, roots, strict=False):
         if piece.joint is not None and piece.owner > section.link - 1:
@@ -200,7 +199,8 @@ def by_newton(
     loads: Sequence[fa.Load] = (),
     base_acceleration: Any = (0.0, 0.0),
 ) -> np.ndarray:
-    """Axial force, shear force, bending moment (3,): mass times acceleration less what acts."""
+    """Return axial force, shear force, bending moment (3,): mass times acceleration less the
+    loads."""
     oracle, (q, qd, qdd) = oracle_of(spec), motion
     points = beyond(oracle, section)
     variables = Jet.variables(np.asarray(q, dtype=oracle.precision), rows=len(q))
@@ -232,8 +232,9 @@ def by_newton(
 
 
 def bare_joint(joint: fa.Joint, beyond: bool) -> fa.Joint:
-    """The joint with its coordinates, its masses where it is beyond the section, and no forces."""
-    nothing = 1e-300  # keeps an elastic joint elastic
+    """Return the joint with its coordinates, its masses if it is beyond the section, and no
+    forces."""
+    nothing = 1e-300  # keeps the coordinates of an elastic joint
     fields: dict[str, Any] = {"fixed": joint.fixed, "gear_ratio": joint.gear_ratio}
     if beyond:
         for name in ("mass", "hub_inertia", "housing_inertia", "rotor_inertia"):
@@ -254,11 +255,11 @@ def by_lagrange(
     loads: Sequence[fa.Load] = (),
     base_acceleration: Any = (0.0, 0.0),
 ) -> np.ndarray:
-    """Axial force, shear force, bending moment (3,): what holds the slides of the link's joint.
+    """Return axial force, shear force, bending moment (3,) from the slides of the link's joint.
 
-    The joint of the section's link must turn: its coordinate tells the moment. What lies beyond
-    the section takes what the link takes from there on, less what its part inboard takes: each has
-    the energy that the theory gives a body of its mass.
+    The joint of the section's link must turn, because its coordinate gives the moment. The
+    wrench on the part beyond the section is that on the link and all beyond it, less that on its
+    inboard part: each has the energy that the theory gives a body of its mass.
     """
     link, oracle = section.link - 1, oracle_of(spec)
     k = section.piece(oracle.pieces)
@@ -288,7 +289,7 @@ def _taken(
     motion: Sequence[np.ndarray],
     base_acceleration: Any,
 ) -> tuple[np.ndarray, Energies]:
-    """Generalised force that the motion of these points takes, on coordinates and slides."""
+    """Return the generalised force that the motion of these points requires, slides included."""
     oracle = copy.copy(whole)
     oracle.points, oracle.spec = points, spec
     oracle.pieces, oracle.damping = cut(spec), 0.0 * whole.damping

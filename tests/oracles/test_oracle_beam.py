@@ -17,32 +17,32 @@ from flexarm.model import (
 from .lagrangian import LagrangianOracle
 from .textbook_beam import textbook_beam
 
-ROUNDING = 1e-12  # sums of a few dozen products, cancelling little
+ROUNDING = 1e-12  # sums of a few dozen products, with little cancellation
 
 
 def cantilever(elements, **options):
-    """A uniform link with L = EI = mu = 1: frequencies are (beta L)^2."""
+    """Return a uniform link with L = EI = mu = 1, whose frequencies are (beta L)^2."""
     return Link(
         length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=elements, **options
     )
 
 
 def quick(spec):
-    """The oracle in float64: whole meshes, and checks that need no more than ten digits."""
+    """Return the oracle in float64, for whole meshes and for checks of at most ten digits."""
     return LagrangianOracle(spec, precision=np.float64)
 
 
 def clamped_frequencies(oracle):
-    """Frequencies (rad/s) of a one-link arm with its joint locked, from M and K at rest."""
+    """Return frequencies (rad/s) of a one-link arm with its joint locked, from M and K at rest."""
     mass = oracle.mass_matrix(np.zeros(oracle.dof))[1:, 1:]
     return np.sqrt(scipy.linalg.eigh(bending_stiffness(oracle, 0.0), mass, eigvals_only=True))
 
 
 def bending_stiffness(oracle, rate):
-    """d(bias)/d(bending) at the straight link turning at ``rate`` rad/s.
+    """Return d(bias)/d(bending) at the straight link turning at ``rate`` rad/s.
 
-    In the linear theory the bias force of a single link is linear in its bending. In the
-    second-order one what it has besides is cubic, and beside small displacements nothing.
+    In the linear theory the bias force of a single link is linear in its bending. The
+    further terms of the second-order one are cubic, which vanish for small displacements.
     """
     small = 1e-5
     qd = np.zeros(oracle.dof)
@@ -54,7 +54,7 @@ def bending_stiffness(oracle, rate):
 
 
 @pytest.mark.parametrize("elements", [1, 2, 5])
-def test_matrices_are_those_of_the_textbook(elements):
+def test_matrices_equal_those_of_the_textbook(elements):
     length, rigidity, density = 1.4142, 105.0, 0.61732
     book = textbook_beam(length, rigidity, density, elements)
     link = Link(
@@ -84,7 +84,7 @@ def test_frequencies_of_coarse_meshes(elements, squares):
     np.testing.assert_allclose(clamped_frequencies(oracle), squares, rtol=0, atol=6e-11)
 
 
-def test_rotary_inertia_lowers_frequencies_as_rayleigh_found():
+def test_rotary_inertia_lowers_frequencies_as_in_rayleighs_beam():
     # Slenderness L/r = 10; the exact Rayleigh beam has 3.4368076210, 19.136370248.
     link = cantilever(12, rotary_inertia_per_length=0.01)
     found = clamped_frequencies(quick(ArmSpec(links=[link])))[:2]
@@ -136,7 +136,7 @@ def test_damping_ratio_of_every_clamped_mode(damping, expected):
 @pytest.mark.parametrize(
     ("rate", "lag"), [(1.0, [3.54323626967, 22.158457881]), (2.0, [3.62179696412, 22.5263111738])]
 )
-def test_spinning_beam_of_second_order_keeps_its_stiffness(rate, lag):
+def test_second_order_theory_stiffens_a_spinning_beam(rate, lag):
     """In-plane frequencies of a beam turning about its root, hub radius zero.
 
     Wright, Smith, Thresher and Wang, J. Appl. Mech. 49 (1982), flapping; lag^2 = flap^2 - rate^2.
@@ -148,7 +148,7 @@ def test_spinning_beam_of_second_order_keeps_its_stiffness(rate, lag):
     np.testing.assert_allclose(np.sqrt(squares[:2]), lag, rtol=8e-5)
 
 
-def test_spinning_beam_of_linear_theory_softens():
+def test_linear_theory_softens_a_spinning_beam():
     oracle = quick(ArmSpec(links=[cantilever(2)]))
     mass = oracle.mass_matrix(np.zeros(oracle.dof))[1:, 1:]
     squares = scipy.linalg.eigh(bending_stiffness(oracle, 2.0), mass, eigvals_only=True)
@@ -156,7 +156,7 @@ def test_spinning_beam_of_linear_theory_softens():
 
 
 @pytest.mark.parametrize(("gravity", "lowest"), [(1.0, 3.73262569953), (10.0, 5.29178335724)])
-def test_hanging_beam_is_stiffened_by_its_weight(gravity, lowest):
+def test_weight_stiffens_a_hanging_beam(gravity, lowest):
     """First frequency of a clamped link hanging along x; the linear theory would keep 3.516."""
     spec = ArmSpec(links=[cantilever(8)], gravity=(gravity, 0.0), theory="second_order")
     # Eight cubic elements: relative error (beta h)^4 / 1440 is a few 1e-6.

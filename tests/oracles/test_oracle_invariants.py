@@ -1,4 +1,4 @@
-"""Laws that hold for every arm, on arms drawn at random; and the oracle's own accuracy."""
+"""Laws that hold for every arm, on random arms, and the accuracy of the oracle."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from .lagrangian import LagrangianOracle
 
 
 def drawn(seed, **options):
-    """A random arm's oracle with a state: (oracle, q, qd, torque)."""
+    """Return a random arm's oracle with a state: (oracle, q, qd, torque)."""
     rng = np.random.default_rng(seed)
     spec = random_spec(rng, **options)
     oracle = LagrangianOracle(spec)
@@ -26,17 +26,17 @@ def test_power_balance(seed):
     oracle, q, qd, torque = drawn(seed)
     tip_force = np.random.default_rng(seed).normal(size=3) * [3.0, 3.0, 1.0]
     qdd = oracle.acceleration(q, qd, torque, tip_force)
-    step = 1e-5  # central difference of fourth order: truncation and rounding below 1e-10
+    step = 1e-5  # central difference of fourth order: truncation and rounding are below 1e-10
     ahead, behind, far, back = (np.array(oracle.tip(q + k * step * qd)) for k in (1, -1, 2, -2))
     tip_velocity = (8 * (ahead - behind) - (far - back)) / (12 * step)
     work = torque @ qd[oracle.joint_index] + tip_force @ tip_velocity - qd @ oracle.damping @ qd
-    # The accelerations are rounded to float64; inertia multiplies that.
+    # The accelerations are rounded to float64; inertia multiplies the error.
     rounding = 1e-15 * abs(qd) @ abs(oracle.mass_matrix(q)) @ abs(qdd)
     np.testing.assert_allclose(oracle.power(q, qd, qdd), work, rtol=0, atol=1e-9 + rounding)
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_mass_matrix_is_symmetric_positive_and_gives_kinetic_energy(seed):
+def test_mass_matrix_is_symmetric_positive_definite_and_gives_kinetic_energy(seed):
     oracle, q, qd, _ = drawn(seed)
     mass = oracle.mass_matrix(q)
     np.testing.assert_array_equal(mass, mass.T)
@@ -47,7 +47,7 @@ def test_mass_matrix_is_symmetric_positive_and_gives_kinetic_energy(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_forces_at_rest_are_the_slope_of_the_potential(seed):
+def test_forces_at_rest_are_the_gradient_of_the_potential(seed):
     oracle, q, _, _ = drawn(seed, gravity=True)
     rest = np.zeros(oracle.dof)
     bias = oracle.bias_force(q, rest)
@@ -55,7 +55,7 @@ def test_forces_at_rest_are_the_slope_of_the_potential(seed):
     def potential(point):
         return sum(oracle.energy(point, rest)[1:])
 
-    step = 1e-4  # a polynomial of degree 3 at most but for slow sines: truncation is step^4
+    step = 1e-4  # a polynomial of degree 3 at most, except for slow sines: truncation is step^4
     for k, unit in enumerate(np.eye(oracle.dof) * step):
         near = potential(q + unit) - potential(q - unit)
         far = potential(q + 2 * unit) - potential(q - 2 * unit)
@@ -64,7 +64,7 @@ def test_forces_at_rest_are_the_slope_of_the_potential(seed):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 13])
-def test_rounding(seed):
+def test_rounding_of_float64_arithmetic(seed):
     """The inner arithmetic in float64 differs by its rounding times the condition of M.
 
     Seeds 0 and 13 draw arms of four links with condition numbers of 1e6.
@@ -77,8 +77,8 @@ def test_rounding(seed):
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_other_coordinates_of_the_same_links(theory):
-    """All clamped modes as basis: the nodal model in other coordinates, damping included."""
+def test_modal_coordinates_give_the_same_dynamics(theory):
+    """All clamped modes are the basis; damping is included."""
     oracle, q, qd, torque = drawn(4, links=4, rigid=False, damping=True, theory=theory)
     basis = [scipy.linalg.eigh(p.stiffness_matrix, p.mass_matrix)[1] for p in oracle.points]
     modal = LagrangianOracle(oracle.spec, basis=basis)
@@ -88,13 +88,13 @@ def test_other_coordinates_of_the_same_links(theory):
     eta, eta_rate = np.linalg.solve(change, np.array([q, qd]).T).T
     found = change @ modal.acceleration(eta, eta_rate, torque)
     exact = oracle.acceleration(change @ eta, change @ eta_rate, torque)
-    # Rounding of the coordinates themselves, and the oracle's own times the condition of M (1e5;
-    # an extended number has the precision of a double on some platforms).
+    # Rounding of the coordinates, and that of the oracle times the condition number of M (1e5; an
+    # extended number has the precision of a double on some platforms).
     tolerance = 1e-13 + 1e5 * np.finfo(np.longdouble).eps
     assert abs(found - exact).max() < tolerance * abs(exact).max()
 
 
-def test_random_arms_turn_every_option_on_and_off():
+def test_random_arms_have_every_option_on_and_off():
     rng = np.random.default_rng(5)
     specs = [random_spec(rng) for _ in range(60)]
     links = [link for spec in specs for link in spec.links]
@@ -116,7 +116,7 @@ def test_random_arms_turn_every_option_on_and_off():
     assert [name for name, complete in choices.items() if not complete] == []
 
 
-def test_random_arms_obey_wishes():
+def test_random_arms_have_the_requested_options():
     rng = np.random.default_rng(6)
     for _ in range(10):
         spec = random_spec(

@@ -1,10 +1,10 @@
-"""The differentiating number types against derivatives taken by hand."""
+"""The differentiating number types against derivatives by hand."""
 
 import numpy as np
 
 from .jets import Jet, Rate, cos, sin
 
-EXACT = 1e-15  # a handful of operations on numbers of order one
+EXACT = 1e-15  # a few operations on numbers of order one
 
 
 def test_jet_has_gradient_and_hessian_of_a_formula():
@@ -30,7 +30,7 @@ def test_matrix_and_arrays_act_on_every_point():
     np.testing.assert_allclose(f.second[2], [[-1000.0, -600.0], [-600.0, 0.0]])
 
 
-def test_rate_of_jets_is_the_velocity_with_its_derivatives():
+def test_rate_of_jets_is_the_velocity_and_its_derivatives():
     q, qd = 0.4, 2.5
     jet = Jet.variables(np.array([q, qd]), rows=2)
     height = sin(Rate(jet[0], jet[1])) * 1.5 - 2.0

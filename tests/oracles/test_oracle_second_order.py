@@ -62,7 +62,7 @@ def geometric_matrices():
     return d0, d1
 
 
-def test_equations_of_a_link_on_a_moving_root():
+def test_equations_of_a_link_on_a_moving_root_hold():
     link = Link(length=LENGTH, flexural_rigidity=RIGIDITY, mass_per_length=DENSITY, elements=1)
     crank = Link(length=CRANK, mass_per_length=0.3, flexible=False)
     spec = ArmSpec(links=[crank, link], gravity=GRAVITY, theory="second_order")
@@ -130,7 +130,7 @@ def test_equations_of_a_link_on_a_moving_root():
 
 
 def test_tip_moves_towards_the_root():
-    """Draw-in of a parabola v = k x^2 / 2 is k^2 L^3 / 6."""
+    """The axial displacement of a parabola v = k x^2 / 2 is k^2 L^3 / 6."""
     link = Link(length=LENGTH, flexural_rigidity=RIGIDITY, mass_per_length=DENSITY, elements=3)
     oracle = LagrangianOracle(ArmSpec(links=[link], theory="second_order"))
     k = 0.2
@@ -141,8 +141,11 @@ def test_tip_moves_towards_the_root():
 
 
 @pytest.mark.parametrize("elements", [1, 2, 5])
-def test_mass_matrix_is_positive_at_any_deflection(elements):
-    """The kinetic energy is a sum of squares. Links on free joints without a hub are the worst."""
+def test_mass_matrix_is_positive_for_any_deflection(elements):
+    """The kinetic energy is a sum of squares.
+
+    Links on free joints without a hub are the worst case.
+    """
     link = Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=elements)
     oracle = LagrangianOracle(ArmSpec(links=[link, link], theory="second_order"))
     stiffness = oracle.stiffness[1 : 1 + 2 * elements, 1 : 1 + 2 * elements]
@@ -153,5 +156,5 @@ def test_mass_matrix_is_positive_at_any_deflection(elements):
             bent = shape * deflection / np.abs(shape[::2]).max()
             mass = oracle.mass_matrix(np.concatenate([[0.0], bent, [rng.normal()], -bent]))
             scale = np.sqrt(np.diag(mass))
-            # Without the terms of higher order there are values below -0.1; rounding makes -3e-17.
+            # Without the terms of higher order values are below -0.1; rounding gives -3e-17.
             assert np.linalg.eigvalsh(mass / np.outer(scale, scale))[0] > -1e-14

@@ -20,7 +20,7 @@ TABLE_I_50_MS = (
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_rigid_double_pendulum(theory):
+def test_rigid_double_pendulum_equals_its_closed_form(theory):
     spec = ArmSpec(
         links=[
             Link(length=1.4142, mass_per_length=0.61732, flexible=False),
@@ -64,7 +64,7 @@ def test_constants_of_the_papers_arm():
 
 
 @pytest.mark.parametrize("elements", [(2, 1), (1, 3), (4, 4)])
-def test_flexible_two_link_arm_of_linear_theory(elements):
+def test_flexible_two_link_arm_equals_its_closed_form(elements):
     properties = {"lengths": (1.4142, 1.0), "rigidity": (105.0, 60.0), "density": (0.61732, 0.4)}
     links = [
         Link(length=length, flexural_rigidity=ei, mass_per_length=mu, elements=n)
@@ -77,11 +77,11 @@ def test_flexible_two_link_arm_of_linear_theory(elements):
     qd = oracle.coordinates(state.angle_rates, state.nodal_rates)
     mass, bias = two_link_closed_form(*properties.values(), elements, q, qd)
     np.testing.assert_allclose(oracle.mass_matrix(q), mass, rtol=0, atol=1e-14 * mass.max())
-    # Stiffness entries of 12 EI/h^3 cancel in the force of a smooth shape: two digits lost.
+    # Stiffness entries of 12 EI/h^3 cancel in the force of a smooth shape, which loses two digits.
     np.testing.assert_allclose(oracle.bias_force(q, qd), bias, rtol=0, atol=1e-13 * abs(bias).max())
 
 
-def test_first_moments_of_the_papers_arm():
+def test_first_50_ms_of_the_papers_arm():
     """Table I arm, 2 + 1 elements, linear theory, 50 ms after rest at 45 and -45 degrees.
 
     tau_1 = 4 sin(2 pi t), tau_2 = 1.5 sin(2 pi t) N m. The numbers come from an independent
@@ -103,7 +103,7 @@ def test_first_moments_of_the_papers_arm():
     start = np.concatenate([start, np.zeros(n)])
     q = solve_ivp(rate, (0, 0.05), start, "DOP853", rtol=1e-9, atol=1e-12).y[:n, -1]
     second = q[0] + q[4] + q[5]  # absolute: joint 1, slope at the tip of link 1, joint 2
-    # Ten times the difference between this and ten times tighter tolerances of the solver.
+    # Ten times the difference from a solution at ten times tighter tolerances.
     np.testing.assert_allclose(oracle.tip(q)[:2], tip, rtol=0, atol=1e-10)
     np.testing.assert_allclose([q[0], second], angles, rtol=0, atol=1e-10)
     np.testing.assert_allclose([q[3], q[6]], deflections, rtol=0, atol=1e-10)

@@ -1,4 +1,4 @@
-"""Matrices of a uniform cantilever as finite element textbooks print them.
+"""Matrices of a uniform cantilever as printed in finite element textbooks.
 
 Source of the element matrices: any text on structural dynamics, for instance L. Meirovitch,
 "Fundamentals of Vibrations" (2001), section 10.3. The vectors S and a follow from the same cubic

@@ -41,7 +41,8 @@ def two_link_closed_form(
     q: Any,
     qd: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mass matrix and bias force at q = [theta1, nodal 1, theta2, nodal 2], relative angles."""
+    """Return mass matrix and bias force at q = [theta1, nodal 1, theta2, nodal 2], relative
+    angles."""
     link1, link2 = (
         textbook_beam(*arguments)
         for arguments in zip(lengths, flexural_rigidities, masses_per_length, elements, strict=True)

@@ -1,4 +1,4 @@
-"""What describes the project agrees with itself: package, citation, changelog, paper."""
+"""Package, citation, changelog and paper agree with each other."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ def test_citation_agrees_with_the_package() -> None:
     assert [author["name"] for author in CITATION["authors"]] == [
         author["name"] for author in PROJECT["authors"]
     ]
-    # Neither has the address of the repository before it has one; then both have the same.
+    # Both omit the address of the repository until it has one; then both have the same.
     assert CITATION.get("repository-code") == PROJECT.get("urls", {}).get("Repository")
 
 
-def test_the_changelog_has_a_section_for_the_next_version() -> None:
+def test_changelog_has_a_section_for_the_next_version() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     sections = re.findall(r"^## \[([^\]]+)\]", text, flags=re.MULTILINE)
     assert sections[0] == "Unreleased"
 
 
-def test_the_paper_has_the_sections_and_the_length_that_the_journal_asks_for() -> None:
+def test_paper_has_the_required_sections_and_length() -> None:
     body = PAPER.split("---\n", maxsplit=2)[2]
     sections = re.findall(r"^# (.*)$", body, flags=re.MULTILINE)
     needed = ["Summary", "Statement of need", "State of the field", "Software design"]
@@ -50,7 +50,7 @@ def test_the_paper_has_the_sections_and_the_length_that_the_journal_asks_for() -
     assert 750 <= len(body.split()) <= 1750
 
 
-def test_the_paper_names_the_authors_of_the_package() -> None:
+def test_paper_names_the_authors_of_the_package() -> None:
     head = yaml.safe_load(PAPER.split("---\n", maxsplit=2)[1])
     assert [author["name"] for author in head["authors"]] == [
         author["name"] for author in CITATION["authors"]
@@ -58,13 +58,13 @@ def test_the_paper_names_the_authors_of_the_package() -> None:
     assert (ROOT / "joss" / head["bibliography"]).exists()
 
 
-def test_every_reference_is_cited_and_every_citation_is_a_reference() -> None:
+def test_every_reference_is_cited_and_every_citation_has_a_reference() -> None:
     assert len(ENTRIES) == BIBLIOGRAPHY.count("\n@") + BIBLIOGRAPHY.startswith("@")
     assert set(re.findall(r"@(\w+)", PAPER)) == set(ENTRIES)
 
 
 @pytest.mark.parametrize("key", sorted(ENTRIES.keys() & _ENTRIES.keys()))
-def test_references_are_those_that_results_cite(key: str) -> None:
+def test_references_equal_those_that_results_cite(key: str) -> None:
     assert fields(ENTRIES[key]) == fields(_ENTRIES[key])
 
 
@@ -74,7 +74,7 @@ def test_other_references_have_an_identifier(key: str) -> None:
 
 
 def test_measured_ratios_of_the_paper_are_on_the_performance_page() -> None:
-    """Table rows of the paper: `| Exudyn | 1.3e-04 | 52.5 | 27.3 |`."""
+    """Rows of the paper's table: `| Exudyn | 1.3e-04 | 52.5 | 27.3 |`."""
     page = (ROOT / "docs/performance/index.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\w+)[^|]*\| ([\d.e-]+) \| ([\d.e+]+) \| ([\d.]+) \|$", PAPER, re.M)
     assert len(rows) >= 5

@@ -1,4 +1,4 @@
-"""The sample of `make mutants`; running it takes an hour."""
+"""The sample of `make mutants`; the mutants themselves take an hour."""
 
 from collections import Counter
 from pathlib import Path
@@ -14,13 +14,13 @@ def chosen() -> list[Mutant]:
     return sample()
 
 
-def test_the_sample_has_its_size_and_every_area(chosen: list[Mutant]) -> None:
+def test_sample_has_its_size_and_every_area(chosen: list[Mutant]) -> None:
     counts = Counter(mutant.area for mutant in chosen)
     assert counts == {name: area.mutants for name, area in AREAS.items()}
     assert counts.total() >= 150
 
 
-def test_one_mutant_a_line_and_every_one_is_a_changed_program(chosen: list[Mutant]) -> None:
+def test_sample_has_one_mutant_per_line_and_each_changes_the_program(chosen: list[Mutant]) -> None:
     assert len({(mutant.file, mutant.line) for mutant in chosen}) == len(chosen)
     for mutant in chosen:
         code = (ROOT / mutant.file).read_text(encoding="utf-8")
@@ -30,16 +30,16 @@ def test_one_mutant_a_line_and_every_one_is_a_changed_program(chosen: list[Mutan
         assert changed != code
 
 
-def test_the_sample_is_the_same_every_time(chosen: list[Mutant]) -> None:
+def test_sample_is_reproducible(chosen: list[Mutant]) -> None:
     area = "command line"
     assert sample([area]) == [mutant for mutant in chosen if mutant.area == area]
 
 
-def test_a_mutant_of_the_sample_is_found_by_its_place(chosen: list[Mutant]) -> None:
+def test_mutant_of_the_sample_is_found_by_its_place(chosen: list[Mutant]) -> None:
     assert chosen[0] in mutants_at(f"{chosen[0].file}:{chosen[0].line}")
 
 
-def test_the_order_depends_neither_on_folders_nor_on_line_numbers(chosen: list[Mutant]) -> None:
+def test_order_depends_neither_on_folders_nor_on_line_numbers(chosen: list[Mutant]) -> None:
     moved = Mutant(
         **{**vars(chosen[0]), "file": f"src/other/{Path(chosen[0].file).name}", "line": 1}
     )
@@ -60,8 +60,8 @@ def test_every_source_belongs_to_a_group_with_files() -> None:
         assert {group for _, group in area.files()} == set(area.groups)
 
 
-def test_changes_without_an_effect_are_still_in_the_code() -> None:
-    """A line that has gone leaves the list, with its reason."""
+def test_lines_of_equivalent_mutants_exist() -> None:
+    """If a line no longer exists, its reason must leave the list."""
     texts = {
         path.name: path.read_text("utf-8") for area in AREAS.values() for path, _ in area.files()
     }

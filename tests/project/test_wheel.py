@@ -1,7 +1,7 @@
-"""The wheel that users install: built, looked into, and installed into an empty environment.
+"""The wheel is built, inspected, and installed into an empty environment.
 
-Nothing is fetched. The wheel is built without isolation, by the build backend of the extra `dev`,
-and the new environment finds the dependencies in the one that runs the tests.
+Nothing is downloaded. The wheel is built without isolation, by the build backend of the extra
+`dev`, and the new environment finds the dependencies in the one that runs the tests.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Nothing of the source folder may help the installed package.
+#: The installed package must not use files of the source folder.
 CLEAN = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
 
 
 def run(*command: str | Path, cwd: Path) -> str:
-    """Run a command and return its output; on failure the test shows both streams."""
+    """Run a command and return its output; a failure shows both streams."""
     done = subprocess.run(
         [*map(str, command)], cwd=cwd, env=CLEAN, capture_output=True, text=True, check=False
     )
@@ -44,7 +44,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Programs of a new environment with the wheel, and nothing else of its own."""
+    """Return programs of a new environment that contains only the wheel."""
     folder = tmp_path_factory.mktemp("environment")
     run(sys.executable, "-m", "venv", "--without-pip", folder, cwd=folder)
     programs = folder / ("Scripts" if os.name == "nt" else "bin")
@@ -52,15 +52,15 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     pip = (sys.executable, "-m", "pip", "--python", python, "install")
     offline = ("--no-index", "--no-deps", "--no-compile", "--disable-pip-version-check")
     run(*pip, *offline, wheel, cwd=folder)
-    # Folders behind its own. Python does not follow the .pth files in them, and so it does not
-    # find an editable installation of flexarm there.
+    # These folders come after its own. Python does not follow the .pth files in them, and so it
+    # does not find an editable installation of flexarm there.
     found = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder)
     folders = [entry for entry in sys.path if entry.endswith("-packages")]
     Path(found.strip(), "dependencies.pth").write_text("\n".join(folders) + "\n")
     return programs
 
 
-def test_it_contains_the_package_and_nothing_else(wheel: Path) -> None:
+def test_wheel_contains_the_package_only(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
     information = {name for name in names if re.match(r"flexarm-[^/]*\.dist-info/", name)}
@@ -75,16 +75,16 @@ def test_it_contains_the_package_and_nothing_else(wheel: Path) -> None:
     }
 
 
-def test_it_is_for_every_platform(wheel: Path) -> None:
+def test_wheel_is_for_every_platform(wheel: Path) -> None:
     assert wheel.name == f"flexarm-{version('flexarm')}-py3-none-any.whl"
 
 
-def test_the_command_starts(environment: Path, tmp_path: Path) -> None:
+def test_installed_command_starts(environment: Path, tmp_path: Path) -> None:
     printed = run(environment / "flexarm", "--version", cwd=tmp_path)
     assert printed == f"flexarm {version('flexarm')}\n"
 
 
-def test_the_installed_package_reads_its_own_library(environment: Path, tmp_path: Path) -> None:
+def test_installed_package_reads_its_library(environment: Path, tmp_path: Path) -> None:
     code = "import flexarm; print(flexarm.__file__)"
     package = Path(run(environment / "python", "-c", code, cwd=tmp_path).strip()).parent
     assert package.is_relative_to(environment.parent)

@@ -1,4 +1,4 @@
-"""The workflow runs chores that exist, and the forms for issues are ones that GitHub can show."""
+"""The workflow runs existing chores, and GitHub can show the forms for issues."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def strings(value: Any) -> Iterator[str]:
 
 
 def pythons(*, experimental: bool) -> set[str]:
-    """Return the Python versions of the suite: those that may fail, or those that may not."""
+    """Return the Python versions of the suite that may fail, or those that may not."""
     matrix = WORKFLOW["jobs"]["suite"]["strategy"]["matrix"]
     if experimental:
         return {entry["python"] for entry in matrix["include"] if entry.get("experimental")}
     return set(matrix["python"])
 
 
-def test_it_runs_for_every_change() -> None:
+def test_workflow_runs_for_every_change() -> None:
     # YAML 1.1 reads the key `on` as true.
     assert set(WORKFLOW[True]) == {"push", "pull_request"}
 
@@ -72,14 +72,14 @@ def test_every_chore_is_in_the_makefile(job: str) -> None:
             assert named <= CHORES, f"the Makefile has no {named - CHORES}"
 
 
-def test_chores_are_all_declared_phony() -> None:
-    """A file of that name would otherwise stop the chore from running."""
+def test_every_chore_is_declared_phony() -> None:
+    """Otherwise a file with the name of a chore stops it from running."""
     declared = re.search(r"^\.PHONY: (.*)$", MAKEFILE, flags=re.MULTILINE)
     assert declared
     assert set(declared[1].split()) == CHORES
 
 
-def test_it_covers_what_the_project_promises() -> None:
+def test_workflow_covers_platforms_and_chores() -> None:
     systems = {name.partition("-")[0] for job in WORKFLOW["jobs"].values() for name in runs_on(job)}
     assert systems == {"ubuntu", "macos", "windows"}
     run = [line for job in WORKFLOW["jobs"] for line in commands(job)]
@@ -93,8 +93,8 @@ def runs_on(job: dict[str, Any]) -> list[str]:
     return [name] if "matrix" not in name else job["strategy"]["matrix"]["os"]
 
 
-def test_windows_runs_what_the_suite_runs() -> None:
-    """It has no make, so its commands must follow the recipe of the chore."""
+def test_windows_runs_the_commands_of_the_chore() -> None:
+    """Windows has no make, so its commands must equal the recipe of the chore."""
     recipe = MAKEFILE.partition("\nsuite:")[2].partition("\n\n")[0]
     recipe = recipe.replace("$(BIN)/", "").replace("$(WORKERS)", "2")
     for line in commands("windows")[1:]:
@@ -105,7 +105,7 @@ def test_windows_runs_what_the_suite_runs() -> None:
     )
 
 
-def test_classifiers_are_the_versions_that_must_pass() -> None:
+def test_classifiers_equal_the_versions_that_must_pass() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     prefix = "Programming Language :: Python :: 3."
     promised = {"3." + c.removeprefix(prefix) for c in project["classifiers"] if prefix in c}
@@ -118,16 +118,19 @@ def test_classifiers_are_the_versions_that_must_pass() -> None:
         assert setup["with"]["python-version"] == lowest
 
 
-def test_expressions_name_what_the_matrix_has() -> None:
+def test_expressions_use_names_of_the_matrix() -> None:
+    found = 0
     for name, job in WORKFLOW["jobs"].items():
         matrix = job.get("strategy", {}).get("matrix", {})
         known = {*matrix, *(key for entry in matrix.get("include", []) for key in entry)}
         used = {word for text in strings(job) for word in re.findall(r"matrix\.(\w+)", text)}
         assert used <= known, f"{name}: {used - known}"
+        found += len(used)
+    assert found
 
 
 @pytest.mark.parametrize("path", FORMS, ids=lambda path: path.stem)
-def test_forms_have_the_keys_that_github_knows(path: Path) -> None:
+def test_forms_have_keys_that_github_supports(path: Path) -> None:
     form = yaml.safe_load(path.read_text(encoding="utf-8"))
     assert form.keys() == {"name", "description", "labels", "body"}
     known = {
@@ -151,7 +154,7 @@ def test_forms_have_the_keys_that_github_knows(path: Path) -> None:
         ("feature", {"task"}),
     ],
 )
-def test_forms_require_what_an_answer_needs(form: str, fields: set[str]) -> None:
+def test_forms_require_the_information_for_an_answer(form: str, fields: set[str]) -> None:
     path = ROOT / ".github/ISSUE_TEMPLATE" / f"{form}.yml"
     body = yaml.safe_load(path.read_text(encoding="utf-8"))["body"]
     required = {field["id"] for field in body if field.get("validations", {}).get("required")}

@@ -130,11 +130,11 @@ def value(expression, seed: int):
 
 
 def equal(left, right) -> bool:
-    """Equal at three random states, in exact arithmetic."""
+    """Return whether expressions are equal at three random states, in exact arithmetic."""
     difference = sp.Matrix([left]) - sp.Matrix([right])
     return all(value(difference, seed).is_zero_matrix for seed in (1, 2, 3))
 
 
 def carried_force() -> sp.Matrix:
-    """Rate of momentum of link 2, by Newton: what link 1 must supply at the elbow."""
+    """Return the rate of momentum of link 2 by Newton's law, the force of link 1 at the elbow."""
     return rate(rate(along(MU2 * R2, LENGTH2)))

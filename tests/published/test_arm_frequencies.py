@@ -34,8 +34,9 @@ def paper_arm(elements, **options):
 
 
 def frequencies(arm, elbow_degrees, joints, count=5):
-    """The lowest elastic frequencies (rad/s); any mixture of locked and free joints."""
-    angles = [0.3, np.deg2rad(elbow_degrees)]  # where the whole arm points must not matter
+    """Return the lowest elastic frequencies (rad/s) for any combination of locked and free
+    joints."""
+    angles = [0.3, np.deg2rad(elbow_degrees)]  # the direction of the whole arm has no effect
     modes = fa.modes(arm, angles, joints=joints)
     rigid = joints.count("free")
     assert np.all(modes.frequency_hz[:rigid] == 0.0)
@@ -47,11 +48,12 @@ def frequencies(arm, elbow_degrees, joints, count=5):
 @pytest.mark.parametrize("case", ARM["meshes"], ids=label)
 def test_finite_element_meshes_to_all_digits(case):
     found = frequencies(paper_arm(case["elements"]), 90.0, case["joints"])
-    np.testing.assert_allclose(found, case["rad_per_s"], rtol=1e-9)  # as many digits are given
+    # the number of published digits
+    np.testing.assert_allclose(found, case["rad_per_s"], rtol=1e-9)
 
 
 @pytest.mark.parametrize("case", ARM["exact"], ids=label)
-def test_exact_frequencies_are_met_with_the_fourth_power_of_the_mesh(case):
+def test_frequencies_converge_with_fourth_order(case):
     exact = np.array(case["rad_per_s"])
     meshes = [(8, 6), (16, 12), (32, 24)]
     errors = np.array(
@@ -60,7 +62,7 @@ def test_exact_frequencies_are_met_with_the_fourth_power_of_the_mesh(case):
             for mesh in meshes
         ]
     )
-    assert np.all(errors > -2e-10)  # upper bounds, to the digits given
+    assert np.all(errors > -2e-10)  # upper bounds, to the published digits
     # beta h is 0.6 at most on the finest mesh: (beta h)^4 / 1440.
     np.testing.assert_allclose(errors[-1], 0.0, atol=1e-4)
     for coarse, fine in pairwise(errors):
@@ -70,7 +72,7 @@ def test_exact_frequencies_are_met_with_the_fourth_power_of_the_mesh(case):
 
 
 def test_first_frequencies_of_the_arm_to_eight_digits():
-    """What is published of this arm: the coarsest mesh is good to a part in a thousand."""
+    """The coarsest published mesh is accurate to a part in a thousand."""
     exact = next(c for c in ARM["exact"] if c["elbow_degrees"] == 90 and "free" not in c["joints"])
     found = frequencies(paper_arm((64, 48)), 90.0, ["locked", "locked"])
     np.testing.assert_allclose(found[:2], exact["rad_per_s"][:2], rtol=2e-8)
@@ -78,7 +80,7 @@ def test_first_frequencies_of_the_arm_to_eight_digits():
     np.testing.assert_allclose(coarse[:2], exact["rad_per_s"][:2], rtol=3e-3)
 
 
-def test_four_reduced_modes_serve_as_well_as_the_whole_mesh():
+def test_four_reduced_modes_are_as_accurate_as_the_whole_mesh():
     links = [link.model_copy(update={"modes": 4}) for link in paper_arm((16, 16)).spec.links]
     reduced = frequencies(fa.Arm(links=links), 90.0, ["free", "free"], count=2)
     full = frequencies(paper_arm((16, 16)), 90.0, ["free", "free"], count=2)
@@ -88,7 +90,7 @@ def test_four_reduced_modes_serve_as_well_as_the_whole_mesh():
 
 @pytest.mark.parametrize("case", SINGLE, ids=label)
 def test_one_link_with_hub_and_payload(case):
-    """L = EI = mu = 1: hub, payload mass and inertia are then the ratios of the closed form."""
+    """With L = EI = mu = 1, hub, payload mass and inertia are the ratios of the closed form."""
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=24)
     arm = fa.Arm(
         links=[link],
@@ -99,7 +101,8 @@ def test_one_link_with_hub_and_payload(case):
     found = 2 * np.pi * fa.modes(arm, joints=case["joint"]).frequency_hz
     found = found[1:4] if case["joint"] == "free" else found[:3]
     error = found / exact - 1.0
-    # Above the exact ones, by (beta h)^4 / 1440 or less where lumps hold a part of the motion.
+    # Above the exact ones by at most (beta h)^4 / 1440, less if lumps have a part of the kinetic
+    # energy.
     assert np.all(error > -1e-10)
     assert np.all(error < 1.02 * (np.sqrt(exact) / 24) ** 4 / 1440 + 1e-10)
 
@@ -122,8 +125,8 @@ def test_rotary_inertia_of_the_sections(case):
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.05])
-def test_payload_offset_along_the_tip_is_a_longer_arm(offset):
-    """Held by its tangent, a point beyond the tip moves by deflection plus offset times slope."""
+def test_axial_payload_offset_equals_a_longer_arm(offset):
+    """A point beyond the tip moves by deflection plus offset times slope."""
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=8)
     arm = fa.Arm(links=[link], payload=fa.Payload(mass=0.7, inertia=0.02, offset=offset))
     bare = fa.Arm(links=[link])
@@ -138,10 +141,10 @@ def test_payload_offset_along_the_tip_is_a_longer_arm(offset):
 
 
 def test_link_modes_of_de_luca_and_siciliano():
-    """Both links of their arm, through joints and payload as a user would write them.
+    """Both links of their arm, with joints and payload as users describe them.
 
-    Link 1 carries what they lump at its tip: the elbow motor, link 2 (whose rotary inertia about
-    the joint they print as 0.0083) and the payload.
+    Link 1 has at its tip the elbow motor, link 2 (with a printed rotary inertia about the joint of
+    0.0083) and the payload.
     """
     for case in BEAM["de_luca_siciliano"]:
         link = fa.Link(

@@ -16,19 +16,19 @@ DATA = json.loads(
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_slewing_step(theory):
-    """A step of hub torque so small that the theories agree and angles stay linear."""
+    """The step of hub torque is so small that the theories agree and angles are linear."""
     case, torque = DATA["slewing"], 1e-3
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=16)
     arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=case["hub_inertia"])], theory=theory)
     result = fa.simulate(arm, 1.0, torque=lambda t: [torque], rate=200.0, rtol=1e-8, atol=1e-12)
     at = result.sel(time=case["time"])
-    # The step excites every mode; those the mesh gets wrong bring 1e-6 of the response. Terms of
-    # second order are 1e-6 of it at this torque.
+    # The step excites every mode; those with mesh errors have 1e-6 of the response. Terms of second
+    # order are 1e-6 of it at this torque.
     np.testing.assert_allclose(at.link_angle.values[:, 0] / torque, case["angle"], atol=2e-6)
     np.testing.assert_allclose(
         at.link_tip_deflection.values[:, 0] / torque, case["deflection"], atol=2e-6
     )
-    # The deflection about which the tip vibrates: static load of the rigid acceleration.
+    # The tip vibrates about the static deflection under the rigid acceleration.
     acceleration = 1.0 / (1.0 / 3.0 + case["hub_inertia"])
     constants = arm.assembly.links[0]
     mean = -constants.P @ (constants.a * acceleration / constants.w2)
@@ -36,12 +36,12 @@ def test_slewing_step(theory):
 
 
 def spin_up_acceleration(t):
-    """Second derivative of Kane's angle (rad/s^2)."""
+    """Return the second derivative of Kane's angle (rad/s^2)."""
     return 0.4 * (1.0 - np.cos(2 * np.pi * t / 15.0)) if t < 15.0 else 0.0
 
 
 def spin_up(theory, duration):
-    """The beam on a hub of such inertia that the prescribed motion is a torque."""
+    """Return the beam on a hub of such inertia that the prescribed motion is a torque."""
     case = DATA["spin_up"]
     link = fa.Link(
         length=case["length"],
@@ -65,7 +65,7 @@ def spin_up(theory, duration):
 
 
 def test_spin_up_of_kane_ryan_and_banerjee():
-    """Second-order theory: the spinning beam gets stiffer and comes to rest straight."""
+    """Second-order theory: rotation stiffens the beam, and it comes to rest straight."""
     case = DATA["spin_up"]["stiffened"]
     time, deflection, result = spin_up("second_order", 20.0)
     lowest = np.argmin(deflection)
@@ -81,12 +81,12 @@ def test_spin_up_of_kane_ryan_and_banerjee():
 
 
 def test_spin_up_in_the_papers_theory_diverges():
-    """Without foreshortening the same beam loses its stiffness, and must."""
+    """Without foreshortening the beam loses its stiffness."""
     case = DATA["spin_up"]["unstiffened"]
     with pytest.warns(fa.LargeDeflectionWarning):
         time, deflection, _ = spin_up("linear", 10.0)
     found = np.interp(case["time"], time, deflection)
-    # Printed to five digits and more; the instability magnifies what the mesh errs.
+    # Five or more digits are printed; the instability amplifies the mesh error.
     np.testing.assert_allclose(found, case["deflection"], rtol=1e-5)
 
 
@@ -100,7 +100,8 @@ def table_one_arm(elements, gravity):
 
 
 def linear_statics(arm):
-    """First-order nodal values and tip of the horizontal arm, joints locked, under its weight."""
+    """Return first-order nodal values and tip of the horizontal arm under its weight, joints
+    locked."""
     elastic = modal_parts(arm)
     straight = arm.rest(np.zeros(arm.joints))
     load = -arm.bias_force(straight, np.zeros(arm.dof))
@@ -116,7 +117,7 @@ def test_sag_of_the_table_one_arm(elements):
     """Cubic elements are exact at their nodes, however few."""
     case = DATA["statics"]
     nodal, tip = linear_statics(table_one_arm(elements, (0.0, -9.81)))
-    # Ten decimals are given.
+    # Ten decimals are published.
     assert -nodal[0][-1, 0] == pytest.approx(case["elbow_sag"], abs=6e-11)
     assert -nodal[0][-1, 1] == pytest.approx(case["elbow_slope"], abs=6e-11)
     assert -tip[1] == pytest.approx(case["tip_sag"], abs=6e-11)
@@ -144,7 +145,7 @@ def test_cantilever_under_tip_loads(elements):
 
 
 def test_slow_loading_ends_in_the_static_shape():
-    """The same sag reached by simulation: gravity let in through damping, joints held stiffly."""
+    """The same sag by simulation: gravity acts on a damped arm with stiff joints."""
     link = fa.Link(
         length=1.0,
         flexural_rigidity=50.0,
@@ -152,11 +153,11 @@ def test_slow_loading_ends_in_the_static_shape():
         elements=1,
         damping=fa.ModalDamping(ratio=0.7),
     )
-    hub = 1e9  # as good as locked: it turns by 1e-9 in this time
+    hub = 1e9  # practically locked: it turns by 1e-9 in this time
     arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=hub)], gravity=(0.0, -9.81))
     result = fa.simulate(arm, 3.0, rate=10.0, rtol=1e-10, atol=1e-13)
     weight = 0.5 * 9.81
     sag = weight / (8 * 50.0)
-    # Vibrations have decayed by exp(-0.7 * 35 * 3); the hub's angle turns gravity by 1e-8.
+    # Vibrations have decayed by exp(-0.7 * 35 * 3); the hub's rotation turns gravity by 1e-8.
     assert result.link_tip_deflection.values[-1, 0] == pytest.approx(-sag, rel=1e-6)
     assert result.link_tip_slope.values[-1, 0] == pytest.approx(-weight / (6 * 50.0), rel=1e-6)

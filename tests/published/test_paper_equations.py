@@ -1,7 +1,7 @@
 """The printed equations (1) to (27) of "Dynamic Modeling of Tow Flexible Link Manipulators".
 
-Every claim of docs/theory/paper.md that algebra can decide is decided here, in the order of the
-print: what is right, what is wrong, and that the correction closes the gap. Notation: paper_arm.
+Every claim of docs/theory/paper.md that algebra can decide is tested here, in the order of the
+paper: correct equations, wrong ones, and their corrections. Notation: paper_arm.
 """
 
 import pytest
@@ -60,7 +60,7 @@ from .paper_arm import (
 
 
 def printed_24_25() -> sp.Matrix:
-    """Left sides of (25), the angle, above (24), the deflection."""
+    """Return the left sides of (25), the angle, and (24), the deflection."""
     spin = (Q1.T * ONE.M1 * Q1)[0]
     angle = (ONE.a * Q1DD)[0] + (ONE.inertia + spin) * QDD[0]
     angle += 2 * (Q1D.T * ONE.M1 * Q1)[0] * RATE1
@@ -94,7 +94,7 @@ def test_kinetic_energy_integrands_6_and_14_are_right() -> None:
     assert equal(rate(R2).dot(rate(R2)), printed)
 
 
-def test_elbow_velocity_that_10_to_12_leave_open() -> None:
+def test_missing_elbow_velocity_of_10_to_12() -> None:
     across = LENGTH1 * RATE1 + V_TIP_RATE
     assert equal(VOX, -V_TIP * RATE1 * COS - across * SIN)
     assert equal(VOY, -V_TIP * RATE1 * SIN + across * COS)
@@ -105,7 +105,7 @@ def test_strain_energy_15_16_needs_the_square() -> None:
     printed = integral(RIGIDITY1 * curvature / 2, 0, LENGTH1)
     squared = integral(RIGIDITY1 * curvature**2 / 2, 0, LENGTH1)
     bent_other_way = dict(zip(Q1, -Q1, strict=True))
-    assert equal(printed.xreplace(bent_other_way), -printed)  # a negative energy: not an energy
+    assert equal(printed.xreplace(bent_other_way), -printed)  # negative, so it is not an energy
     assert equal(squared, (Q1.T * ONE.K * Q1)[0] / 2)
 
 
@@ -143,7 +143,7 @@ def test_element_integrals_on_the_reference_interval() -> None:
             assert ours == sp.integrate(X**power, (X, (i - 1) * h, i * h))
 
 
-def test_kinetic_energy_in_coordinates_has_the_wrong_transposes() -> None:
+def test_kinetic_energy_in_coordinates_has_wrong_transposes() -> None:
     with pytest.raises(sp.matrices.exceptions.ShapeError):
         Q2.T * TWO.M2.T
     energy = TWO.M4 * (VOX**2 + VOY**2) + (Q2.T * TWO.M1 * Q2)[0] * RATE2**2
@@ -199,8 +199,8 @@ def test_26_in_acceleration_components() -> None:
     ax, ay = (rate(ELBOW_VELOCITY).dot(axis) for axis in (I2, J2))
     assert equal(ax, VOX_RATE - RATE2 * VOY)
     assert equal(ay, VOY_RATE + RATE2 * VOX)
-    # Reading the printed Vdot as acceleration components instead does not save the pair:
-    # both equations then hold one velocity term too many.
+    # With the printed Vdot as acceleration components both equations have one velocity term too
+    # many, too.
     assert equal(EXACT[3], printed_26a(ax, ay) + STATIC2_RATE * VOX)
     assert equal(EXACT[4:6, 0], printed_26b(ay) - TWO.M2 * VOX * RATE2)
 
@@ -228,7 +228,7 @@ def corrected_mass_matrix() -> sp.Matrix:
 
 
 def test_mass_matrix_of_27() -> None:
-    """The print's is block diagonal; with Vdot_o written out it is not even symmetric."""
+    """The printed one is block diagonal; with Vdot_o written out it is not even symmetric."""
     corrected = corrected_mass_matrix()
     assert equal(sp.hessian(T1 + T2, list(QD)), corrected)
     assert equal(EXACT.jacobian(QDD), corrected)

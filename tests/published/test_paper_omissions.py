@@ -1,4 +1,4 @@
-"""What the paper leaves out, and its example: stiffening, rotary inertia, lumps, Table I."""
+"""Terms that the paper omits, and its example: stiffening, rotary inertia, lumps, Table I."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,8 @@ ELASTIC = (*Q1, *Q2, *Q1D, *Q2D, *Q1DD, *Q2DD)
 
 
 def rayleigh_ritz(functions: int, foreshortening: bool, spin: float) -> np.ndarray:
-    """Squared frequencies of K + spin^2 (K_G - M), length, EI and mu one, polynomials x^2 ..."""
+    """Return squared frequencies of K + spin^2 (K_G - M), length, EI and mu one, polynomials x^2
+    ..."""
     shapes = sp.Matrix([[X ** (k + 2) for k in range(functions)]])
     slope = shapes.diff(X)
     curvature = slope.diff(X)
@@ -67,11 +68,11 @@ def rayleigh_ritz(functions: int, foreshortening: bool, spin: float) -> np.ndarr
 def test_spin_softening_and_the_sign_of_geometric_stiffness() -> None:
     """Printed K - M w^2 collapses at the first frequency; foreshortening makes it grow."""
     at_rest = np.sqrt(rayleigh_ritz(2, False, 0.0))
-    # clamped-free frequencies of one Hermite element, known to the ten decimals shown
+    # clamped-free frequencies of one Hermite element, published with the ten decimals shown
     assert at_rest == pytest.approx([3.5327315428, 34.8068931082], abs=5e-11)
     assert rayleigh_ritz(2, False, 3.53)[0] > 0 > rayleigh_ritz(2, False, 3.54)[0]
     # Lag frequency of a clamped beam spinning about its root at 2 (dimensionless): 3.62179696412,
-    # from the exact differential equation. Eight polynomials reach it to better than 1e-8.
+    # from the exact differential equation. Eight polynomials have an error below 1e-8.
     assert np.sqrt(rayleigh_ritz(8, True, 2.0)[0]) == pytest.approx(3.62179696412, abs=1e-8)
     assert rayleigh_ritz(8, True, 10.0)[0] > rayleigh_ritz(8, True, 2.0)[0]
     softened = rayleigh_ritz(8, False, 2.0)[0]
@@ -92,12 +93,12 @@ def test_geometric_stiffness_uses_the_whole_axial_force() -> None:
         return first, elbow, elbow + (X + u2) * I2 + (N * Q2)[0] * J2
 
     def rows(position: sp.Matrix, state: dict[sp.Expr, sp.Expr]) -> sp.Matrix:
-        """Lagrange's left side for a unit point mass: (acceleration - gravity) . dR/dq."""
+        """Return Lagrange's left side for a unit point mass: (acceleration - gravity) . dR/dq."""
         apparent = (rate(rate(position)) - gravity).xreplace(state)
         return position.jacobian(Q).xreplace(state).T * apparent
 
     def added(with_u: sp.Matrix, without_u: sp.Matrix, seed: int) -> sp.Matrix:
-        """Part linear in the elastic coordinates of what the shortening adds."""
+        """Return the part of the shortening's effect that is linear in the elastic coordinates."""
         epsilon = sp.Symbol("epsilon")
         state = random_state(seed)
         state.update({symbol: epsilon * state[symbol] for symbol in ELASTIC})
@@ -125,8 +126,8 @@ def test_geometric_stiffness_uses_the_whole_axial_force() -> None:
         assert ours[4:6, 0] == stiffness2 * Q2.xreplace(state)
 
 
-def test_rotary_inertia_stays_out_of_the_centripetal_term() -> None:
-    """The term meant by (2) and (9), and a tip inertia: 1/2 J (w + d/dt v')^2."""
+def test_rotary_inertia_has_no_part_in_the_centripetal_term() -> None:
+    """The intended term of (2) and (9), and a tip inertia: 1/2 J (w + d/dt v')^2."""
     density, tip_inertia = sp.Rational(2, 9), sp.Rational(3, 8)
     slope = N.diff(X)
     section = RATE1 + (slope * Q1D)[0]
@@ -161,16 +162,16 @@ def test_rigid_limit_of_the_table_1_arm() -> None:
     second = TWO.inertia * QDD[3] + coupling * (COS * QDD[0] - SIN * RATE1**2)
     assert equal(EXACT.xreplace(rigid)[[0, 3], 0], sp.Matrix([first, second]))
     length, mu = 1.4142, 0.61732  # Table I; link 2 is 1 m of the same rod
-    # ten decimals are what docs/theory/paper.md prints
+    # ten decimals are printed in docs/theory/paper.md
     assert mu * length**3 / 3 + mu * length**2 == pytest.approx(1.8166144527, abs=5e-11)
     assert mu / 3 == pytest.approx(0.2057733333, abs=5e-11)
     assert mu * length / 2 == pytest.approx(0.4365069720, abs=5e-11)
-    # a 10 mm steel rod of 7860 kg/m^3 weighs what the table says, to its five digits
+    # a 10 mm steel rod of 7860 kg/m^3 has the mass of the table, to its five digits
     assert 7860.0 * np.pi / 4 * 0.01**2 == pytest.approx(mu, abs=5e-6)
 
 
 def our_torques(duration: float, samples: int) -> np.ndarray:
-    """Rigid inverse dynamics of the Table I arm on the line from (2, 1) to (1, 2), (samples, 2)."""
+    """Return rigid torques of the Table I arm on the line from (2, 1) to (1, 2), (samples, 2)."""
     length, mu = 1.4142, 0.61732
     first, second, coupling = mu * length**3 / 3 + mu * length**2, mu / 3, mu * length / 2
     peaks = []
@@ -197,7 +198,7 @@ def our_torques(duration: float, samples: int) -> np.ndarray:
 
 def test_torques_of_our_example() -> None:
     torques = our_torques(duration=1.0, samples=2001)
-    # two decimals are what docs/theory/paper.md prints
+    # two decimals are printed in docs/theory/paper.md
     assert torques.max(axis=0) == pytest.approx([11.21, 1.63], abs=0.005)
     assert torques.min(axis=0) == pytest.approx([-8.87, -1.90], abs=0.005)
     assert our_torques(duration=2.0, samples=2001) == pytest.approx(torques / 4.0, rel=1e-9)

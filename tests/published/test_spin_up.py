@@ -19,7 +19,7 @@ ELASTICA = (-0.4684355, -0.5589849)  # at the first two
 
 
 def spin_up():
-    """theta = 6/15 (t^2 / 2 + (15 / 2 pi)^2 (cos(2 pi t / 15) - 1)), then 6 t - 45."""
+    """Return theta = 6/15 (t^2 / 2 + (15 / 2 pi)^2 (cos(2 pi t / 15) - 1)), then 6 t - 45."""
     k = 2.0 * np.pi / RISE
 
     def choose(rising, steady):
@@ -45,36 +45,36 @@ def deflections(result, times=TIMES):
 
 def test_second_order_theory_stiffens():
     found = deflections(spun("second_order"))
-    # The problem solved by others is linear in the deflection of up to 6 % of the length. The terms
-    # of third order that keep the mass matrix positive change these values by 1.8e-4 m, a third of
-    # what the exact beam of the next tests differs by; without them the difference was 6e-6 m.
+    # The published problem is linear in the deflection of up to 6 % of the length. The terms of
+    # third order that keep the mass matrix positive change these values by 1.8e-4 m, a third of the
+    # difference from the exact beam of the next tests; without them the difference was 6e-6 m.
     np.testing.assert_allclose(found, STIFFENED, rtol=0, atol=2.5e-4)
 
 
-def test_linear_theory_diverges_as_it_must():
-    """6 rad/s is beyond the first clamped frequency, 3.80 rad/s."""
+def test_linear_theory_diverges():
+    """6 rad/s exceeds the first clamped frequency, 3.80 rad/s."""
     with pytest.warns(fa.LargeDeflectionWarning, match=r"link 1 deflects by up to 72 m, 720%"):
         found = deflections(spun("linear"))
     np.testing.assert_allclose(found[:2], LINEAR[:2], rtol=0, atol=1e-5)
-    assert found[2] == pytest.approx(LINEAR[2], rel=1e-4)  # a growing error of the mesh
+    assert found[2] == pytest.approx(LINEAR[2], rel=1e-4)  # the mesh error grows
 
 
-def test_segments_tend_to_the_exact_elastica():
+def test_segments_converge_to_the_exact_elastica():
     found = deflections(spun("second_order", 7.5, segments=8), TIMES[:2])
     np.testing.assert_allclose(found, ELASTICA, rtol=0, atol=1.5e-5)
 
 
-def test_even_linear_segments_stiffen():
-    """Pieces draw back as the chain folds: second order in the length of a piece."""
+def test_linear_segments_stiffen():
+    """The chain of segments shortens when it bends, with second order in their length."""
     found = deflections(spun("linear", 7.5, segments=8), TIMES[:2])
     np.testing.assert_allclose(found, ELASTICA, rtol=0, atol=0.012)
 
 
-def test_extremes():
-    """The largest deflection, and what is left of it in the steady spin: +-3.646 mm.
+def test_largest_and_remaining_deflection():
+    """The largest deflection, and the remaining amplitude in the steady spin: +-3.646 mm.
 
-    The tolerances leave room for the terms of third order, as above: 2.4e-4 m here, and of the
-    amplitude that is left two percent.
+    The tolerances allow for the terms of third order, as above: 2.4e-4 m here, and two percent of
+    the remaining amplitude.
     """
     result = spun("second_order", 25.0, rate=500)
     bend = result.link_tip_deflection.sel(link=1)

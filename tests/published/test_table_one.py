@@ -1,4 +1,4 @@
-"""The arm of Table I against time histories that other programs computed (tests/data/README.md)."""
+"""The arm of Table I against time histories of other programs (tests/data/README.md)."""
 
 from __future__ import annotations
 
@@ -45,23 +45,24 @@ def difference(result, name: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("given", [torque, sampled()], ids=["function", "samples"])
-def test_papers_mesh(given) -> None:
+def test_mesh_of_the_paper(given) -> None:
     mesh = arm((2, 1))
     found = difference(fa.simulate(mesh, 2.0, torque=given, initial=mesh.rest(START)), "linear_2p1")
-    # The default tolerances leave 2e-10 m; the goal is 1e-7. A sampled torque knows the kink at
-    # 1 s by its second difference alone: without that it would be off by 2e-6 m.
+    # The default tolerances leave 2e-10 m; the goal is 1e-7. A sampled torque shows the kink at 1 s
+    # only in its second difference: if it were missed, the error would be 2e-6 m.
     assert found["tip"] < 1e-9
     assert found["deflection"] < 1e-8
     assert found["angle"] < 1e-8
 
 
 @pytest.mark.parametrize("step", [0.8e-3, 1.4e-3])
-def test_a_two_step_method_takes_a_step_that_the_stretched_arm_bears(step) -> None:
-    """Four modes a link bear 0.75 ms: with longer steps and stiff modes it ran off by 4 mm."""
+def test_cowell_takes_a_stable_step_of_the_stretched_arm(step) -> None:
+    """With four modes a link 0.75 ms are stable: longer steps with stiff modes gave an error of 4
+    mm."""
     reduced = arm((16, 16), theory="second_order", modes=4)
     settings = {"torque": torque, "initial": reduced.rest(START), "integrator": "cowell_4"}
     found = difference(fa.simulate(reduced, 2.0, step=step, **settings), "exact")
-    # The theory itself is 2.4e-5 m off, the steps about as much.
+    # The error of the theory is 2.4e-5 m, that of the steps about as much.
     assert found["tip"] < 5e-5
 
 
@@ -71,23 +72,25 @@ def test_fine_mesh() -> None:
         fa.simulate(mesh, 2.0, torque=torque, initial=mesh.rest(START), rtol=1e-6, atol=1e-8),
         "linear_16p16",
     )
-    # Goal 2e-6 m. Frequencies reach 2.6e5 rad/s here; the tolerance is what is left of them.
+    # Goal 2e-6 m. Frequencies reach 2.6e5 rad/s here; the tolerance is their remaining error.
     assert found["tip"] < 1e-6
     assert found["deflection"] < 2e-6
 
 
 @pytest.mark.parametrize("elements", [8, 16])
 def test_all_modes_of_a_fine_mesh(elements) -> None:
-    """Without the terms that keep the mass matrix positive they stopped at 0.12 s and 0.04 s."""
+    """Without the terms that keep the mass matrix positive the runs stopped at 0.12 s and 0.04
+    s."""
     mesh = arm((elements, elements), theory="second_order")
     settings = {"torque": torque, "initial": mesh.rest(START), "integrator": "kennedy_carpenter_5"}
     found = difference(fa.simulate(mesh, 2.0, rtol=1e-5, **settings), "exact")
-    # Finer meshes do not change the 1.6e-5 m that the theory leaves.
+    # Finer meshes do not change the error of the theory, 1.6e-5 m.
     assert found["tip"] < 2.5e-5
 
 
-def test_second_order_is_nearer_to_the_exact_beam() -> None:
-    """Linear theory leaves 4e-4 m, the second-order theory 2e-5 m at most with these modes."""
+def test_second_order_theory_is_closer_to_the_exact_beam() -> None:
+    """The linear theory has an error of 4e-4 m, the second-order one of 2e-5 m at most with these
+    modes."""
     errors = {}
     for theory in ("linear", "second_order"):
         own = fa.Arm(

@@ -1,8 +1,8 @@
 """From a motor's torque to points of its link: zeros against closed forms.
 
-To its own encoder: poles are the hub's frequencies, zeros the clamped ones. They interlace, as
-between any force and the displacement that it works on. Further out there are zeros on the real
-axis.
+To its own encoder, poles are the hub's frequencies and zeros the clamped ones. They interlace, as
+between any force and the displacement on which it does work. Points further out have zeros on the
+real axis.
 """
 
 import json
@@ -24,48 +24,49 @@ HUBS = [case for case in BEAM["pinned"] if case["hub"] > 0.0 and case["tip_mass"
 
 
 def lowest(values, count):
-    """Frequencies on the imaginary axis, each once, ascending; rigid-body poles left out."""
+    """Return frequencies on the imaginary axis, each once, ascending, without rigid-body poles."""
     assert np.abs(values.real).max() < 1e-4 * np.abs(values).max()
     return np.sort(values.imag[values.imag > 1e-2])[:count]
 
 
 @pytest.mark.parametrize("case", HUBS, ids=lambda case: f"hub={case['hub']}")
-def test_from_torque_to_encoder(case):
+def test_zeros_from_torque_to_encoder(case):
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=12)
     arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=case["hub"])])
     model = fa.linearize(arm, outputs="joint_angle")
     zeros = lowest(model.zeros("torque[1]", "joint_angle[1]"), 3)
     poles = lowest(model.poles, 3)
-    # Of the mesh: (beta h)^4 / 1440, 1.3e-4 in the third.
+    # Error of the mesh: (beta h)^4 / 1440, 1.3e-4 for the third.
     np.testing.assert_allclose(zeros, CLAMPED[:3], rtol=2e-4)
     np.testing.assert_allclose(poles, np.square(case["beta_L"][:3]), rtol=2e-4)
     together = [value for pair in zip(zeros, poles, strict=True) for value in pair]
     assert all(low < high for low, high in pairwise(together))
 
 
-# ---- From the torque to points further out: theory page "small motion", section 6 ----
+# Zeros from the torque to points further out: theory page "small motion", section 6
 
 
 def uniform(elements):
-    """A uniform beam of unit length, mass and rigidity, turned by a torque at its root."""
+    """Return a uniform beam of unit length, mass and rigidity, with a torque at its root."""
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=elements)
     return fa.Arm(links=[link])
 
 
 def real_zeros(arm, station):
-    """Zeros on the positive real axis from the torque to the deflection of a point, ascending."""
+    """Return zeros on the positive real axis from the torque to the deflection of a point,
+    ascending."""
     sensor = fa.Sensor("position", 1, station, name="point")
     zeros = fa.linearize(arm, outputs=sensor).zeros("torque[1]", "point[y]")
     return np.sort(zeros.real[(zeros.real > 1e-3) & (np.abs(zeros.imag) < 1e-3 * np.abs(zeros))])
 
 
 def tip_equation(r):
-    """(S.8): tan r + tanh r = 0, without its poles."""
+    """Return (S.8), tan r + tanh r = 0, without its poles."""
     return np.sin(r) * np.cosh(r) + np.cos(r) * np.sinh(r)
 
 
 def point_equation(r, station):
-    """(S.9), over e^2r: no number grows."""
+    """Return (S.9) divided by e^2r, so that no number grows."""
     left = (1.0 - station) * r
 
     def parts(x):
@@ -78,15 +79,15 @@ def point_equation(r, station):
 
 
 def roots(equation, count, spacing):
-    """The first roots above zero of a function whose roots lie about ``spacing`` apart."""
+    """Return the first positive roots of a function whose roots are about ``spacing`` apart."""
     grid = np.arange(0.05, (count + 2.0) * spacing, spacing / 40.0)
     values = np.array([equation(r) for r in grid])
     turns = np.flatnonzero(values[:-1] * values[1:] < 0.0)[:count]
     return np.array([brentq(equation, grid[k], grid[k + 1], xtol=1e-14) for k in turns])
 
 
-def test_the_equation_of_the_tips_zeros_is_that_of_the_beam():
-    """Of the beam's equation itself: s^2 y + y'''' = 0, y = 0 at the root, at the free tip also y.
+def test_equation_of_the_tips_zeros_follows_from_the_beam():
+    """s^2 y + y'''' = 0, y = 0 at the root, and y = 0 also at the free tip.
 
     The determinant of the four conditions on the four exponentials vanishes at s = 2 r^2 and not
     between, and sin b + sinh b does at b = (1 + i) r.
@@ -108,10 +109,11 @@ def test_the_equation_of_the_tips_zeros_is_that_of_the_beam():
 
 
 @pytest.mark.parametrize(("elements", "close"), [(6, 0.015), (12, 1e-3), (24, 7e-5)])
-def test_from_torque_to_tip(elements, close):
-    """Real pairs, for a torque that turns the hub: (S.8). Hubs change nothing. Error (b h)^4 / 720.
+def test_zeros_from_torque_to_tip(elements, close):
+    """Real pairs (S.8), for a torque on the hub, whose inertia has no effect. Error (b h)^4 / 720.
 
-    ``close``: of the third zero, 0.0137, 7.8e-4, 4.5e-5 measured; the first is 200 times closer.
+    ``close``: of the third zero, 0.0137, 7.8e-4, 4.5e-5 measured; the error of the first is 200
+    times smaller.
     """
     wanted = 2.0 * roots(tip_equation, 3, np.pi) ** 2
     arm = uniform(elements)
@@ -128,15 +130,15 @@ def test_from_torque_to_tip(elements, close):
 
 
 @pytest.mark.parametrize("station", [0.4, 0.5, 0.7])
-def test_from_torque_to_a_point(station):
-    """The slowest bad zero of a point (S.9); about 2 (pi / x)^2 for points near the root."""
+def test_zeros_from_torque_to_a_point(station):
+    """The slowest right half-plane zero of a point (S.9); about 2 (pi / x)^2 near the root."""
     exact = 2.0 * roots(lambda r: point_equation(r, station), 1, np.pi / station)[0] ** 2
     assert exact == pytest.approx(2.0 * (np.pi / station) ** 2, rel=0.1)
     np.testing.assert_allclose(real_zeros(uniform(24), station)[0], exact, rtol=2e-4)
 
 
 def direct(arm, station):
-    """Acceleration of a point at once, per N m."""
+    """Return the direct acceleration of a point per N m."""
     return fa.linearize(arm, outputs=fa.Sensor("acceleration", 1, station)).D[1, 0]
 
 
@@ -146,15 +148,16 @@ def first_sign_change(function, stations):
     return brentq(function, stations[k - 1], stations[k])
 
 
-def test_the_turning_station_of_a_mesh_is_a_part_of_its_first_element():
-    """All points of a beam but its root are non-minimum phase: a mesh says so but for that part."""
+def test_turning_station_of_a_mesh_is_within_its_first_element():
+    """All points of a beam except its root are non-minimum phase; a mesh agrees beyond that
+    station."""
     parts = []
     for elements in (6, 12, 24):
         arm = uniform(elements)
         stations = np.linspace(0.01, 3.0, 60) / elements
         turn = first_sign_change(lambda x, arm=arm: direct(arm, x), stations)
         parts.append(turn * elements)
-        # On this side no zero is in the right half-plane, on the other there is.
+        # On one side no zero is in the right half-plane, on the other there is one.
         assert real_zeros(arm, 0.9 * turn).size == 0
         assert real_zeros(arm, 1.1 * turn).size > 0
     np.testing.assert_allclose(parts, parts[-1], rtol=1e-5)
@@ -162,19 +165,20 @@ def test_the_turning_station_of_a_mesh_is_a_part_of_its_first_element():
 
 
 @pytest.mark.parametrize("count", [4, 8, 16])
-def test_the_turning_station_of_a_number_of_modes(count):
-    """(S.10): of the sum of the first modes the first root, tan z = z over the last wave number."""
+def test_turning_station_of_a_number_of_modes(count):
+    """(S.10): the sum of the first modes has its first root at tan z = z over the last wave
+    number."""
     arm = uniform(48)
     found = fa.modes(arm, joints="free")
-    shapes = found.shapes[: count + 1]  # the rigid one too
+    shapes = found.shapes[: count + 1]  # the rigid mode too
     at_root = shapes[:, arm.joint_index[0]]
 
     def kept(x):
         row = fa.linearize(arm, outputs=fa.Sensor("position", 1, x)).C[1, : arm.dof]
         return (shapes @ row) @ at_root
 
-    limit = (count + 0.75) * np.pi  # half-way to the mode that is left out, at (k + 1/4) pi
+    limit = (count + 0.75) * np.pi  # half-way to the omitted mode, at (k + 1/4) pi
     turn = first_sign_change(kept, np.linspace(0.5, 6.0, 23) / limit)
     z = brentq(lambda z: np.sin(z) - z * np.cos(z), 4.0, 4.6)
-    # The sum for an integral: 0.4 % with four modes, less with more; the mesh, 0.03 %.
+    # The sum replaces an integral: 0.4 % with four modes, less with more; the mesh, 0.03 %.
     assert turn * limit == pytest.approx(z, rel=5e-3)

@@ -1,4 +1,4 @@
-"""Tolerances that mean something, and runs that cannot be carried on."""
+"""Accuracy for given tolerances, and runs that fail."""
 
 import numpy as np
 import pytest
@@ -6,15 +6,7 @@ import pytest
 import flexarm as fa
 from flexarm.engine.tolerance import fastest_frequency
 from flexarm.integrate import RungeKutta4
-
-
-def table_one_arm(**options):
-    section = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **section),
-        fa.Link(length=1.0, elements=1, **section),
-    ]
-    return fa.Arm(links=links, **options)
+from paper_arms import table_one_arm
 
 
 def torque(t):
@@ -41,7 +33,7 @@ def test_tip_error_is_proportional_to_the_tolerance(integrator, theory):
     )
     slope = np.polyfit(np.log(levels), np.log(errors), 1)[0]
     assert 0.75 < slope < 1.25
-    # The promise of the defaults: 1e-6 of the reach at most.
+    # The documented accuracy of the defaults: 1e-6 of the reach at most.
     assert errors[levels == 1e-7][0] < 2.4e-6
     assert np.all(errors < 10.0 * levels)  # metres, for a reach of 2.4 m
 
@@ -64,7 +56,7 @@ def test_fastest_frequency_is_the_highest_of_the_free_arm(links, elements):
     state = arm.padded(np.stack([arm.rest(angles), np.zeros(arm.dof)]))
     highest = 2 * np.pi * fa.modes(arm, angles, joints="free").frequency_hz[-1]
     found = fastest_frequency(arm, state)
-    # Growth of an iterate, which a far from symmetric matrix may exaggerate a little.
+    # Growth of an iterate, which a far from symmetric matrix may slightly overestimate.
     assert 0.9 * highest < found < 1.02 * highest
 
 
@@ -74,8 +66,8 @@ def test_rigid_arm_has_no_fast_frequency():
     assert fastest_frequency(arm, state) == 1.0
 
 
-def test_too_long_a_step_is_told_with_time_reason_hint_and_what_was_computed():
-    """The arm's fastest mode has 3700 rad/s; 10 ms are far too long for it."""
+def test_too_long_a_step_is_reported_with_time_reason_hint_and_partial_result():
+    """The fastest mode of the arm has 3700 rad/s; 10 ms are far too long for it."""
     arm = table_one_arm()
     with pytest.raises(fa.SimulationError) as caught:
         fa.simulate(arm, 5.0, torque=torque, integrator=RungeKutta4(step=0.01), rate=100.0)
@@ -139,7 +131,7 @@ def test_unknown_integrator_lists_the_known_ones():
         ("kennedy_carpenter_4", "kennedy_carpenter_5"),
     ],
 )
-def test_a_removed_integrator_names_its_replacement(gone, instead):
+def test_removed_integrator_names_its_replacement(gone, instead):
     arm = table_one_arm()
     with pytest.raises(fa.InputError, match=f"was removed; use '{instead}'"):
         fa.simulate(arm, 1.0, integrator=gone)
@@ -148,7 +140,7 @@ def test_a_removed_integrator_names_its_replacement(gone, instead):
         fa.step_jacobian(arm, q, q, [0.0, 0.0], 1e-3, method=gone)
 
 
-def test_starts_where_the_motion_starts():
+def test_run_starts_at_the_start_of_the_motion():
     arm = table_one_arm()
     motion = fa.joint_motion(arm, [0.3, -0.4], [0.8, 0.1], 1.0)
     for options in (

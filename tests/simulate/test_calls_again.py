@@ -1,4 +1,4 @@
-"""Labels, buffers and numbers that are kept between calls do not join their results."""
+"""Labels, buffers and numbers that are kept between calls do not connect their results."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def run(arm: fa.Arm, **options: object):
     return fa.simulate(arm, 0.05, initial=arm.rest([0.3, -0.5]), progress=False, **options)
 
 
-def test_results_of_one_arm_share_nothing_that_can_be_changed() -> None:
+def test_results_of_one_arm_share_no_mutable_data() -> None:
     arm = an_arm()
     first, again = run(arm), run(arm)
     assert first.drop_attrs(deep=False).identical(again.drop_attrs(deep=False))
@@ -37,7 +37,7 @@ def test_results_of_one_arm_share_nothing_that_can_be_changed() -> None:
 
 
 @pytest.mark.parametrize("options", [{"rate": 200.0}, {"stations": 3}, {"tip_force": [0.1, 0.0]}])
-def test_another_run_in_between_leaves_no_trace(options: dict[str, object]) -> None:
+def test_another_run_between_two_equal_ones_has_no_effect(options: dict[str, object]) -> None:
     arm = an_arm()
     run(arm)
     between = run(arm, **options)
@@ -46,7 +46,7 @@ def test_another_run_in_between_leaves_no_trace(options: dict[str, object]) -> N
     assert between.drop_attrs(deep=False).identical(fresh.drop_attrs(deep=False))
 
 
-def test_frequency_is_that_of_the_posture() -> None:
+def test_frequency_depends_on_the_posture() -> None:
     arm = an_arm()
     states = [arm.padded(np.stack([arm.rest(angles), np.zeros(arm.dof)])) for angles in
               ([0.0, 0.0], [0.0, 2.0])]  # fmt: skip
@@ -56,7 +56,7 @@ def test_frequency_is_that_of_the_posture() -> None:
     assert found == [*fresh, fresh[0]]
 
 
-def test_results_of_evaluations_are_arrays_of_their_own() -> None:
+def test_evaluations_return_separate_arrays() -> None:
     arm = an_arm()
     q, zero = arm.rest([0.3, -0.5]), np.zeros(arm.dof)
     for call in (
@@ -70,7 +70,7 @@ def test_results_of_evaluations_are_arrays_of_their_own() -> None:
         np.testing.assert_array_equal(first, kept)
 
 
-def test_an_evaluation_that_fails_does_not_spoil_the_next() -> None:
+def test_a_failed_evaluation_does_not_affect_the_next_one() -> None:
     arm = an_arm()
     q, zero, torque = arm.rest([0.3, -0.5]), np.zeros(arm.dof), np.ones(2)
     wanted = an_arm().forward_dynamics(q, zero, torque)
@@ -88,19 +88,17 @@ def test_numbers_whose_squares_overflow_are_used_without_a_warning() -> None:
     np.testing.assert_allclose(found, 1e200 * arm.forward_dynamics(q, zero, [1.0, 0.0]), rtol=1e-9)
 
 
-def test_equal_links_are_computed_once_and_others_anew() -> None:
+def test_constants_of_equal_links_are_computed_once() -> None:
     arm = an_arm()
-    rigid_counterpart, other = (
-        an_arm(),
-        fa.Link(length=1.1, **arm.spec.links[0].model_dump(exclude={"length"})),
-    )
-    assert rigid_counterpart.assembly.links[0] is arm.assembly.links[1]
+    equal = an_arm()
+    other = fa.Link(length=1.1, **arm.spec.links[0].model_dump(exclude={"length"}))
+    assert equal.assembly.links[0] is arm.assembly.links[1]
     changed = fa.Arm(links=[arm.spec.links[0], other])
     assert changed.assembly.links[0] is arm.assembly.links[0]
     assert changed.assembly.links[1].length == 1.1
 
 
-def test_threads_may_use_one_arm() -> None:
+def test_threads_may_share_one_arm() -> None:
     arm = an_arm()
     zero = np.zeros(arm.dof)
     postures = [arm.rest([0.1 * k, -0.2 * k]) for k in range(20)]
@@ -116,7 +114,7 @@ def test_threads_may_use_one_arm() -> None:
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_bound_excludes_no_large_error(theory: str) -> None:
-    """Whatever the bound lets pass, the estimate finds small; it does let something pass."""
+    """If the bound accepts a state, its estimated error is small; some states are accepted."""
     arm = an_arm(theory=theory)
     errors = BendingErrors(arm)
     rng = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""The loop of controller and arm against an independent one, and what it is good for."""
+"""The loop of controller and arm against an independent one, and its accuracy."""
 
 import numpy as np
 import pytest
@@ -29,8 +29,8 @@ def flexible_arm(**options):
     return fa.Arm(links=links, joints=joints, **options)
 
 
-def test_same_as_an_independent_loop():
-    """SciPy between sample times, the pendulum's equations written out, PD by hand."""
+def test_rigid_loop_equals_an_independent_integration():
+    """SciPy between sample times, with the equations of the pendulum and PD written out."""
     arm = rigid_arm()
     motion = fa.joint_motion(arm, [0.3, -0.5], [1.2, 0.4], 0.5)
     controller = fa.JointPD(*GAINS, sample_time=SAMPLE_TIME)
@@ -55,8 +55,8 @@ def test_same_as_an_independent_loop():
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
 
 
-def test_same_as_runs_of_one_sample_time_each():
-    """A flexible arm: the loop cut into open-loop runs that start where the last one ended."""
+def test_flexible_loop_equals_open_loop_runs_of_one_sample_time_each():
+    """Each run starts at the end of the previous one."""
     arm = flexible_arm(theory="second_order")
     motion = fa.joint_motion(arm, [0.3, -0.5], [0.6, -0.1], 0.1)
     controller = fa.JointPD(*GAINS, sample_time=0.01)
@@ -95,7 +95,7 @@ def test_pd_brings_a_flexible_arm_to_its_goal():
     assert energy[-1] < 1e-3 * energy.max()
 
 
-def test_feedforward_of_rigid_torque_leaves_feedback_little_to_do():
+def test_feedforward_of_rigid_torque_reduces_the_error():
     arm = flexible_arm()
     motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, -0.7], 1.0)
     errors = []
@@ -107,8 +107,8 @@ def test_feedforward_of_rigid_torque_leaves_feedback_little_to_do():
     assert errors[1] < 0.2 * errors[0]
 
 
-def test_the_plant_is_what_moves():
-    """The controller believes in a rigid arm and drives the flexible one."""
+def test_plant_is_simulated_instead_of_the_believed_arm():
+    """The controller is designed for a rigid arm and drives the flexible one."""
     plant = flexible_arm()
     believed = plant.rigid()
     motion = fa.joint_motion(believed, [0.0, 0.0], [0.1, 0.1], 0.3)
@@ -126,7 +126,7 @@ def one_link():
     return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
 
 
-def test_without_a_reference_it_holds_the_first_angles():
+def test_without_a_reference_the_initial_angles_are_held():
     arm = rigid_arm()
     level = fa.Arm(arm.spec.model_copy(update={"gravity": (0.0, 0.0)}))
     result = fa.simulate(
@@ -135,8 +135,8 @@ def test_without_a_reference_it_holds_the_first_angles():
     np.testing.assert_allclose(result.joint_angle.values[-1], [0.4, 0.9], atol=1e-4)
 
 
-def test_regulated_to_nothing_a_run_goes_on_for_ever():
-    """Angles decay by exp(-10 t) to where squares underflow, and so do the errors of a step."""
+def test_run_continues_when_all_values_underflow():
+    """Angles decay by exp(-10 t) until squares underflow, and so do the errors of a step."""
     arm = one_link()
 
     class Zero:
@@ -166,8 +166,8 @@ def test_torque_and_controller_exclude_each_other():
         fa.simulate(rigid_arm(), 1.0, torque=lambda t: [0.0, 0.0], controller=fa.JointPD(*GAINS))
 
 
-def test_an_unstable_loop_is_told_and_keeps_what_it_had():
-    """Gains far beyond what the sample time allows."""
+def test_unstable_loop_is_reported_with_its_partial_result():
+    """The gains are far too large for the sample time."""
     controller = fa.JointPD(1e6, 1e5, sample_time=0.02)
     with pytest.warns(fa.UnstableLoopWarning), pytest.raises(fa.SimulationError) as caught:
         fa.simulate(

@@ -1,4 +1,4 @@
-"""Numbers of runs, and tables of them."""
+"""Metrics of runs, and tables of them."""
 
 import numpy as np
 import pytest
@@ -23,8 +23,8 @@ def gains(factor=1.0):
     return fa.JointPD([20.0 * factor, 8.0 * factor], [2.0, 0.8])
 
 
-def test_numbers_of_a_run_made_up_with_known_ones(arm, motion):
-    """The tip misses by 3 mm in x and vibrates by 2 mm in y; joint 1 is 1 mrad behind."""
+def test_metrics_of_a_synthetic_run(arm, motion):
+    """The tip has an error of 3 mm in x and vibrates by 2 mm in y; joint 1 lags by 1 mrad."""
     result = fa.simulate(arm, 0.8, rate=1000.0, controller=gains(), reference=motion).copy(
         deep=True
     )
@@ -37,7 +37,7 @@ def test_numbers_of_a_run_made_up_with_known_ones(arm, motion):
     result.attrs |= {"controller_calls": 4, "controller_seconds": 1e-5}
     found = metrics_of(result, arm, motion)
     assert set(found) == {metric.name for metric in METRICS}
-    # Sixteen whole periods of the sine while it moves; one sample more than they have.
+    # The motion lasts sixteen whole periods of the sine and one more sample.
     assert found["tip_error_rms"] == pytest.approx(np.sqrt(9e-6 + 2e-6), rel=1e-2)
     assert found["tip_error_peak"] == pytest.approx(np.hypot(3e-3, 2e-3), rel=1e-6)
     assert found["tip_error_settled"] == pytest.approx(3e-3, rel=1e-3)
@@ -47,13 +47,13 @@ def test_numbers_of_a_run_made_up_with_known_ones(arm, motion):
     assert found["torque_peak"] == 4.0
     assert found["controller_time"] == pytest.approx(2.5e-6)
     assert np.isnan(found["force_error_rms"])
-    # A second later the vibration that has been left out does not count.
+    # Vibration more than a second later does not count.
     result["tip"].values[t < 0.7, 1] += 0.1
     late = metrics_of(result, arm, motion, settling=0.3)
     assert late["residual_vibration"] == pytest.approx(2e-3, rel=1e-2)
 
 
-def test_any_reference_will_do(arm, motion):
+def test_any_object_with_joint_functions_is_a_reference(arm, motion):
     class Plain:
         joint_angle, joint_rate = motion.joint_angle, motion.joint_rate
         joint_acceleration = motion.joint_acceleration
@@ -67,10 +67,10 @@ def test_any_reference_will_do(arm, motion):
     )
     found = metrics_of(result, arm, Plain())
     assert found["tip_error_rms"] > 0.0
-    assert np.isnan(found["residual_vibration"])  # nobody knows when it ends
+    assert np.isnan(found["residual_vibration"])  # without an end time
 
 
-def test_a_table_of_every_combination(arm, motion):
+def test_table_has_every_combination(arm, motion):
     heavy = fa.Arm(links=arm.spec.links, joints=arm.spec.joints, payload=fa.Payload(mass=0.3))
     back = fa.joint_motion(arm, [0.9, 0.5], [0.2, -0.4], 0.3)
     table = fa.compare(
@@ -95,11 +95,11 @@ def test_a_table_of_every_combination(arm, motion):
     ).all()
 
 
-def test_a_load_on_one_plant_moves_a_held_joint_by_its_torque_over_the_gain():
-    """At rest the gain times the angle is the force's moment, and the link bends by F L^3 / 3 EI.
+def test_load_on_one_plant_moves_a_joint_by_its_torque_over_the_gain():
+    """At rest gain times angle is the moment of the force, and the link bends by F L^3 / 3 EI.
 
-    A computed torque's gain is the rigid inertia times its frequency squared: a controller that
-    knew of the force would hold against it and stand nearer to the goal.
+    The gain of computed torque is the rigid inertia times its frequency squared. If the controller
+    knew the force, it would compensate it and the error would be smaller.
     """
     length, rigidity, force, goal = 1.0, 60.0, 1.5, 0.3
     link = fa.Link(
@@ -123,19 +123,19 @@ def test_a_load_on_one_plant_moves_a_held_joint_by_its_torque_over_the_gain():
     table = fa.compare(held, controllers, 8.0, {"move": move}, plants, **options)
     for name, stiffness in gain.items():
         turned = goal
-        for _ in range(60):  # a contraction: the moment changes little with the angle
+        for _ in range(60):  # a contraction, because the moment changes little with the angle
             bent = force * np.cos(turned) * length**3 / (3.0 * rigidity)
             moment = force * (length * np.cos(turned) - bent * np.sin(turned))
             turned = goal + moment / stiffness
         along, across = np.array([[1, 1j], [1j, -1]]) @ [np.cos(turned), np.sin(turned)]
         missed = abs(length * along + bent * across - length * np.exp(1j * goal))
         of_one = table.sel(controller=name)
-        # After 7 s what is left of the motion is below a millionth.
+        # After 7 s the remaining motion is below a millionth.
         assert of_one.tip_error_settled.sel(plant="pushed").item() == pytest.approx(
             missed, rel=1e-5
         )
         assert of_one.tip_error_settled.sel(plant="free").item() < 1e-6
-    # What acts on all plants and what acts on one add up.
+    # Loads on all plants and on one plant are added.
     back = fa.compare(
         held, controllers, 8.0, {"move": move}, plants, loads=[fa.Load(1, (0.0, -force))], **options
     )
@@ -146,7 +146,7 @@ def test_a_load_on_one_plant_moves_a_held_joint_by_its_torque_over_the_gain():
 @pytest.mark.parametrize(
     "wrong", [3, (3, []), "arm", ("arm", [3]), ("arm", fa.Load(1, (0.0, 1.0))), ("arm", [], [])]
 )
-def test_a_plant_is_an_arm_or_an_arm_with_loads(arm, motion, wrong):
+def test_plant_is_an_arm_or_an_arm_with_loads(arm, motion, wrong):
     if isinstance(wrong, tuple) and wrong[0] == "arm":
         wrong = (arm, *wrong[1:])
     words = r"plants\['pushed'\] must be an Arm, or a pair of an Arm and a list of Load objects"
@@ -154,13 +154,13 @@ def test_a_plant_is_an_arm_or_an_arm_with_loads(arm, motion, wrong):
         fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, {"pushed": wrong})
 
 
-def test_loads_that_are_no_list_are_refused_on_plants_with_loads_too(arm, motion):
+def test_loads_that_are_not_a_list_are_rejected(arm, motion):
     push = fa.Load(1, (0.0, 1.0))
     with pytest.raises(fa.InputError, match="loads must be a list of Load objects"):
         fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, {"it": (arm, [push])}, loads=push)
 
 
-def test_the_same_noise_for_all_and_the_same_again(arm, motion):
+def test_noise_is_the_same_for_all_controllers_and_in_repeated_calls(arm, motion):
     hardware = fa.Hardware([fa.Instrument("joint_angle", noise=1e-3, rate_cutoff=50.0)], seed=5)
     tables = [
         fa.compare(arm, {"a": gains(), "b": gains()}, 0.5, {"move": motion}, hardware=hardware)
@@ -171,7 +171,7 @@ def test_the_same_noise_for_all_and_the_same_again(arm, motion):
     assert a == b > 0.0
 
 
-def test_a_run_that_fails_is_told_and_the_others_go_on(arm, motion):
+def test_failed_run_is_reported_and_the_others_continue(arm, motion):
     class Broken(fa.Controller):
         sample_time = 0.01
 
@@ -185,7 +185,7 @@ def test_a_run_that_fails_is_told_and_the_others_go_on(arm, motion):
     assert np.isfinite(table.tip_error_peak.sel(controller="pd")).all()
 
 
-def test_a_later_run_that_is_refused_does_not_lose_the_others(arm, motion):
+def test_rejected_run_does_not_lose_the_others(arm, motion):
     controllers = {"one": gains(), "other": fa.ComputedTorque(arm, 1.0)}
     three = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 3)
     controllers["misfit"] = fa.ComputedTorque(three, 1.0)
@@ -199,13 +199,13 @@ def test_a_later_run_that_is_refused_does_not_lose_the_others(arm, motion):
 
 @pytest.mark.parametrize("wrong", ["controllers", "references", "plants"])
 @pytest.mark.parametrize("value", [{}, [1, 2]])
-def test_nothing_to_compare_is_refused(arm, motion, wrong, value):
+def test_empty_comparisons_are_rejected(arm, motion, wrong, value):
     given = {"controllers": {"pd": gains()}, "references": {"move": motion}, "plants": None}
     with pytest.raises(fa.InputError, match=f"{wrong} must be a dictionary by name"):
         fa.compare(arm, duration=0.1, **{**given, wrong: value})
 
 
-def test_settling_leaves_something_after_the_motion(arm, motion):
+def test_settling_must_be_shorter_than_the_rest_after_the_motion(arm, motion):
     rest = 0.1
     duration = motion.end_time + rest
     with pytest.raises(fa.InputError, match=r"less than the 0\.1 s of the run after"):
@@ -213,30 +213,31 @@ def test_settling_leaves_something_after_the_motion(arm, motion):
 
 
 @pytest.mark.parametrize("settling", [0.1, 3.0, -0.5, np.nan, "long"])
-def test_settling_is_shorter_than_the_run(arm, motion, settling):
+def test_settling_must_be_shorter_than_the_run(arm, motion, settling):
     with pytest.raises(fa.InputError, match=r"^compare: settling must be"):
         fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, settling=settling)
 
 
-def test_runs_that_an_event_ends_are_not_judged(arm, motion):
+def test_runs_that_an_event_ends_have_no_metrics(arm, motion):
     early = fa.joint_event(arm, 1, 0.4, terminal=True)
     table = fa.compare(arm, {"pd": gains()}, 0.5, {"move": motion}, events=[early])
     assert table.failure.item().startswith("ended by the event")
     assert np.isnan(table.tip_error_rms.item())
 
 
-def test_what_is_given_by_name_is_not_given_twice(arm, motion):
+def test_plant_is_not_an_argument_of_compare(arm, motion):
     with pytest.raises(fa.InputError, match="plant is not an argument of compare"):
         fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, plant=arm)
 
 
-def test_a_reference_must_answer(arm):
+def test_reference_needs_a_joint_angle_function(arm):
     with pytest.raises(fa.InputError, match="reference must have the methods joint_angle"):
         fa.simulate(arm, 0.1, controller=gains(), reference=[0.1, 0.2])
 
 
-def test_a_loop_that_runs_away_is_stopped(arm, motion):
-    """Rates fed back with the wrong sign: the linear theory would bend the links by kilometres."""
+def test_diverging_loop_is_stopped(arm, motion):
+    """Rates are fed back with the wrong sign: the linear theory would bend the links by
+    kilometres."""
 
     class Unstable(fa.Controller):
         sample_time = 0.002
@@ -251,7 +252,7 @@ def test_a_loop_that_runs_away_is_stopped(arm, motion):
     assert caught.value.result is not None
     stopped = caught.value.time
     assert stopped < 30.0
-    # Every sample is looked at, the last as well: a run that ends there is stopped, too.
+    # Every sample is checked, also the last one, so that a run that ends there is stopped, too.
     with pytest.raises(fa.SimulationError, match="times its length") as caught:
         fa.simulate(arm, stopped, controller=Unstable(), initial=arm.rest([0.2, -0.1]))
     assert caught.value.time == pytest.approx(stopped)

@@ -1,4 +1,4 @@
-"""Touching over time: energy, restitution, friction, and no surface passed unseen."""
+"""Contacts over time: energy, restitution, friction, and no contact that is missed."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ import flexarm as fa
 from flexarm.integrate import INTEGRATORS
 
 FOLLOWING = [name for name, kind in INTEGRATORS.items() if kind.follows_contacts]
-#: A rod of 3 kg and 1 m turning about its end: 1 kg at its tip.
+#: A rod of 3 kg and 1 m on a joint at its end: 1 kg effective mass at its tip.
 ROD = {"length": 1.0, "mass_per_length": 3.0}
 CEILING = fa.Wall((0.0, 0.3), (0.0, -1.0))
 
@@ -29,7 +29,8 @@ def total_energy(result):
 
 
 def integrated(contact, rate, until, start=0.0):
-    """The rod against the ceiling by SciPy: angle and rate at ``until``; the law written anew."""
+    """Integrate the rod against the ceiling by SciPy, with the contact law written out; return
+    angle and rate at ``until``."""
     k, n, c = contact.stiffness, contact.exponent, contact.damping
 
     def slope(t, y):
@@ -45,7 +46,7 @@ def integrated(contact, rate, until, start=0.0):
     return run.y[:, -1]
 
 
-# The law over time -----------------------------------------------------------------------------
+# Contact law over time ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -60,22 +61,22 @@ def integrated(contact, rate, until, start=0.0):
         ({"stiffness": 3e4, "damping": 0.2, "friction": 0.3, "friction_speed": 0.02}, 2.5),
     ],
 )
-def test_a_blow_as_scipy_integrates_it(law, rate):
+def test_impact_equals_scipy_integration(law, rate):
     contact = fa.Contact(CEILING, **law)
     until = 0.4 / rate + 0.1
     result = fa.simulate(
         rod(), until, initial_rate=[rate], contacts=[contact], rtol=1e-10, atol=1e-12
     )
     angle, rate_after = integrated(contact, rate, float(result.time[-1]))
-    # Step control on both sides of a corner in the force keeps about seven digits.
+    # Step control keeps about seven digits across a corner in the force.
     np.testing.assert_allclose(result.joint_angle[-1, 0], angle, rtol=0, atol=1e-7)
     np.testing.assert_allclose(result.joint_rate[-1, 0], rate_after, rtol=1e-6)
 
 
 def rebound(damping, speed):
-    """Speed at which a mass leaves that met Hunt and Crossley's surface at ``speed``.
+    """Return the speed of a mass after contact with Hunt and Crossley's surface at ``speed``.
 
-    c v - ln(1 + c v) = -c u - ln(1 - c u), whatever mass, stiffness and exponent.
+    c v - ln(1 + c v) = -c u - ln(1 - c u), for any mass, stiffness and exponent.
     """
     taken = damping * speed - np.log1p(damping * speed)
     return brentq(
@@ -86,27 +87,27 @@ def rebound(damping, speed):
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 @pytest.mark.parametrize("damping", [0.1, 1.0])
 def test_restitution(damping, exponent):
-    """Against a wall across the rod, whose tip meets it along the normal."""
+    """The tip of a rod meets a wall along its normal."""
     wall = fa.Wall((1.0, 0.0), (0.0, -1.0))
     contact = fa.Contact(wall, 1e6, exponent=exponent, damping=damping)
     result = fa.simulate(
         rod(), 0.1, initial=[-0.02], initial_rate=[1.0], contacts=[contact], rtol=1e-9, atol=1e-11
     )
-    # The tip goes in by a thousandth of the length: the arc is straight to a millionth.
+    # The depth is a thousandth of the length, so the arc is straight to a millionth.
     assert -result.joint_rate.values[-1, 0] == pytest.approx(rebound(damping, 1.0), rel=3e-5)
 
 
 @pytest.mark.parametrize(
     ("restitution", "off"), [(0.95, 3e-3), (0.7, 3e-3), (0.5, 1.3e-2), (0.2, 4e-2), (0.1, 4e-2)]
 )
-def test_damping_made_of_a_restitution(restitution, off):
-    """By the formula of the reference, as far off as it says; and by the equation, exactly."""
+def test_damping_from_a_restitution(restitution, off):
+    """By the formula of the reference, with its stated error, and exactly by the equation."""
     wall = fa.Wall((1.0, 0.0), (0.0, -1.0))
     about = 1.5 * (1.0 - restitution) / restitution
     exact = brentq(
         lambda c: rebound(c, 1.0) - restitution, 0.3 * about, min(1.5 * about, 1.0 / restitution)
     )
-    # The how-to solves the same equation for the damping; two searches to 1e-12 lie between.
+    # The how-to solves the same equation for the damping; both searches have a tolerance of 1e-12.
     e = restitution
     assert np.log1p(exact) - np.log1p(-exact * e) == pytest.approx(exact * (1.0 + e), rel=1e-6)
     for damping, allowed in ((about, off), (exact, 3e-5)):
@@ -120,8 +121,8 @@ def test_damping_made_of_a_restitution(restitution, off):
 
 
 @pytest.mark.parametrize("make", [rod, beam])
-def test_bouncing_keeps_its_energy(make):
-    """Under gravity on an elastic floor without friction: every bounce gives back what it took."""
+def test_bouncing_conserves_energy(make):
+    """Under gravity on an elastic floor without friction."""
     arm = make(gravity=(0.0, -9.81))
     floor = fa.Wall((0.0, -0.2), (0.1, 1.0))
     contact = fa.Contact(floor, 2e4, exponent=1.5)
@@ -130,12 +131,12 @@ def test_bouncing_keeps_its_energy(make):
     touches = np.diff((result.contact_gap[:, 0].values < 0.0).astype(int))
     assert np.sum(touches == 1) >= 3
     assert result.contact_energy.max() > 0.3
-    # Every corner of the force costs some of the eleven digits that smooth motion would have.
+    # Every corner of the force loses some of the eleven digits of a smooth motion.
     assert np.ptp(energy) < 1e-7 * float(result.kinetic_energy.max())
 
 
 @pytest.mark.parametrize("make", [rod, beam])
-def test_what_is_lost_is_what_damping_and_friction_take(make):
+def test_lost_energy_is_the_work_of_damping_and_friction(make):
     contact = fa.Contact(CEILING, 1e4, damping=0.2, friction=0.3, friction_speed=0.02)
     arm = make()
     result = fa.simulate(
@@ -145,16 +146,16 @@ def test_what_is_lost_is_what_damping_and_friction_take(make):
     energy = total_energy(result)
     force, velocity = result.contact_force[:, 0].values, result.tip_velocity.values
     depth = np.maximum(-result.contact_gap[:, 0].values, 0.0)
-    elastic = np.stack([0.0 * depth, -1e4 * depth], axis=1)  # what the spring alone gives
+    elastic = np.stack([0.0 * depth, -1e4 * depth], axis=1)  # force of the spring alone
     power = np.sum((force - elastic) * velocity, axis=1)
     lost = np.trapezoid(power, result.time)
     assert lost < -0.1
-    # The trapezoidal rule over 20 kHz.
+    # The trapezoidal rule at 20 kHz.
     assert energy[-1] - energy[0] == pytest.approx(lost, rel=1e-4)
     assert np.all(power <= 1e-9)
 
 
-def test_pressed_at_rest_the_force_is_torque_over_lever():
+def test_force_at_rest_is_torque_over_lever():
     contact = fa.Contact(CEILING, 1e4, damping=2.0)
     arm = beam(joints=[fa.Joint(damping=5.0)])
     result = fa.simulate(arm, 6.0, torque=lambda t: [8.0], contacts=[contact], rate=100)
@@ -167,7 +168,7 @@ def test_pressed_at_rest_the_force_is_torque_over_lever():
 
 
 def test_sliding_friction_is_coulombs():
-    """A tip driven along a floor: mu N against the motion; ``N`` from the balance of moments."""
+    """A tip is driven along a floor: mu N against the motion; ``N`` from the balance of moments."""
     floor = fa.Wall((0.0, -0.1), (0.0, 1.0))
     contact = fa.Contact(floor, 1e5, damping=5.0, friction=0.4, friction_speed=1e-3)
     links = [fa.Link(length=1.0, mass_per_length=0.5, flexible=False)] * 2
@@ -181,35 +182,37 @@ def test_sliding_friction_is_coulombs():
     gliding = (abs(result.tip_velocity[:, 0]) > 0.02) & (result.contact_gap[:, 0] < 0.0)
     force = result.contact_force[:, 0].values[gliding.values]
     sense = np.sign(result.tip_velocity.values[gliding.values, 0])
-    # Drawn and pushed; steeper, a tip that is pushed would jam and hop.
+    # Pulled and pushed; at a steeper angle a pushed tip would jam and hop.
     assert np.sum(sense == 1.0) > 400
     assert np.sum(sense == -1.0) > 400
     assert force[:, 1].min() > 1.0
-    # tanh(20) is one to all digits.
+    # tanh(20) equals one in double precision.
     np.testing.assert_allclose(force[:, 0], -0.4 * sense * force[:, 1], rtol=1e-12)
 
 
-# No step past a surface --------------------------------------------------------------------------
+# No contact is missed between steps --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", FOLLOWING)
-def test_a_fast_tip_on_a_stiff_wall(name):
-    """12 m/s on 1e6 N/m with default tolerances: back it comes, no further in than v / omega."""
+def test_fast_tip_on_a_stiff_wall(name):
+    """12 m/s on 1e6 N/m with default tolerances: the tip returns, with a depth of v / omega at
+    most."""
     contact = fa.Contact(fa.Wall((1.0, 0.0), (0.0, -1.0)), 1e6)
     result = fa.simulate(
         rod(), 0.2, initial=[-1.0], initial_rate=[12.0], contacts=[contact], integrator=name
     )
     assert float(result.contact_gap.min()) >= -12.0 * np.sqrt(1.0 / 1e6) * 1.001
     # Step control to 1e-7 a step leaves 1e-5 at the two corners of the force; a fixed step of half
-    # a radian of the touch, a per cent.
+    # a radian of the contact vibration, a per cent.
     loose = 1e-4 if INTEGRATORS[name].adaptive else 1e-2
     assert float(result.joint_rate[-1, 0]) == pytest.approx(-12.0, rel=loose)
 
 
 @pytest.mark.parametrize("name", [n for n in FOLLOWING if INTEGRATORS[n].adaptive])
 @pytest.mark.parametrize("speed", [1.0, 10.0, 30.0])
-def test_no_post_is_passed_unseen(name, speed):
-    """A rigid arm turns at constant rate, which any step would follow; the post is 5 mm thick."""
+def test_contact_with_a_thin_post_is_not_missed(name, speed):
+    """A rigid arm turns at constant rate, for which any step is accurate; the post is 5 mm
+    thick."""
     post = fa.RoundWall((0.0, 1.0), 0.0025)
     contact = fa.Contact(post, 1e9)
     result = fa.simulate(
@@ -224,8 +227,8 @@ def test_no_post_is_passed_unseen(name, speed):
 
 
 @pytest.mark.parametrize("name", [n for n in FOLLOWING if INTEGRATORS[n].adaptive])
-def test_no_wall_is_grazed_unseen(name):
-    """A tip on a circle of 1 m that reaches 2 mm into a wall: in and out within 0.13 rad."""
+def test_grazing_contact_with_a_wall_is_not_missed(name):
+    """A tip on a circle of 1 m reaches 2 mm into a wall, within 0.13 rad."""
     contact = fa.Contact(fa.Wall((0.0, 0.998), (0.0, -1.0)), 1e5)
     result = fa.simulate(
         rod(), 1.0, initial_rate=[3.0], contacts=[contact], integrator=name, rate=5000
@@ -237,36 +240,36 @@ def test_no_wall_is_grazed_unseen(name):
     assert float(result.joint_angle[-1, 0]) == pytest.approx(exact.y[0, -1], abs=1e-5)
 
 
-def test_a_fixed_step_too_long_for_a_touch_stops_and_says_so():
+def test_fixed_step_too_long_for_a_contact_ends_the_run():
     contact = fa.Contact(fa.Wall((1.0, 0.0), (0.0, -1.0)), 1e6)
     with pytest.raises(
         fa.SimulationError, match="fixed step is too long to resolve a contact"
-    ) as told:
+    ) as reported:
         fa.simulate(rod(), 0.2, initial=[-1.0], initial_rate=[12.0], contacts=[contact], step=5e-3)
-    assert 0.07 < told.value.time < 0.09
-    assert told.value.result.sizes["time"] > 70
+    assert 0.07 < reported.value.time < 0.09
+    assert reported.value.result.sizes["time"] > 70
 
 
 @pytest.mark.parametrize(
     ("stiffness", "radius", "speed"), [(1e3, 0.01, 5.0), (10.0, 0.01, 5.0), (1.0, 0.0025, 20.0)]
 )
-def test_a_contact_too_soft_for_the_blow_stops_and_says_so(stiffness, radius, speed):
-    """However soft: what hardly turns the point back is not stepped over either."""
+def test_contact_too_soft_for_the_impact_ends_the_run(stiffness, radius, speed):
+    """Soft surfaces, which hardly change the velocity, are not skipped either."""
     contact = fa.Contact(fa.RoundWall((0.0, 1.0), radius), stiffness)
     with pytest.raises(fa.SimulationError, match="passed through its surface"):
         fa.simulate(rod(), 10.0 / speed, initial_rate=[speed], contacts=[contact])
 
 
-def test_a_method_that_looks_back_is_refused():
+def test_multistep_method_is_rejected_with_contacts():
     contact = fa.Contact(CEILING, 1e4)
     with pytest.raises(fa.InputError, match="for an arm with contacts, got 'cowell_4'"):
         fa.simulate(rod(), 0.1, contacts=[contact], integrator="cowell_4")
 
 
-# What a result says ------------------------------------------------------------------------------
+# Channels of a result ----------------------------------------------------------------------------
 
 
-def test_channels_are_there_with_contacts_only():
+def test_contact_channels_exist_with_contacts_only():
     contact = fa.Contact(CEILING, 1e4)
     result = fa.simulate(rod(), 0.01, contacts=[contact, contact], rate=100)
     assert result.contact_force.dims == ("time", "contact", "axis")
@@ -276,8 +279,8 @@ def test_channels_are_there_with_contacts_only():
     assert not any("contact" in name for name in fa.simulate(rod(), 0.01, rate=100).variables)
 
 
-def test_reactions_and_section_forces_know_of_contacts():
-    """At rest between motor and wall: what the joint gives balances what the wall gives."""
+def test_reactions_and_section_forces_include_contacts():
+    """At rest between motor and wall the reaction of the joint balances the contact force."""
     contact = fa.Contact(CEILING, 1e4, damping=2.0, station=0.8)
     arm = beam(joints=[fa.Joint(damping=5.0)])
     result = fa.simulate(arm, 6.0, torque=lambda t: [8.0], contacts=[contact], rate=10, stations=11)
@@ -287,5 +290,5 @@ def test_reactions_and_section_forces_know_of_contacts():
     )
     moment = last.bending_moment[0].values
     assert moment[0] == pytest.approx(-8.0, rel=1e-3)
-    np.testing.assert_allclose(moment[8:], 0.0, atol=1e-3)  # nothing outboard of the touch
+    np.testing.assert_allclose(moment[8:], 0.0, atol=1e-3)  # no force outboard of the contact
     assert last.attrs["integrator_reason"]

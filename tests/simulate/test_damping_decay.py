@@ -1,4 +1,4 @@
-"""Structural damping over time: the measured logarithmic decrement is the one that was promised."""
+"""Structural damping over time: the measured logarithmic decrement equals the specified one."""
 
 import numpy as np
 import pytest
@@ -15,19 +15,20 @@ def clamped(damping, **fields):
 
 
 def measured_ratio(times, signal):
-    """Damping ratio of a decaying oscillation from its extremes (parabolas through samples)."""
+    """Return the damping ratio of a decaying oscillation from its extremes (parabolas through
+    samples)."""
     middle = signal[1:-1]
     peaks = np.flatnonzero((abs(middle) > abs(signal[:-2])) & (abs(middle) >= abs(signal[2:]))) + 1
     a, b, c = signal[peaks - 1], signal[peaks], signal[peaks + 1]
     heights = abs(b - (a - c) ** 2 / (8 * (a - 2 * b + c)))
-    # Two extremes to a period.
+    # Two extremes in each period.
     slope = np.polyfit(np.arange(len(heights)), np.log(heights), 1)[0]
     decrement = -2.0 * slope
     return decrement / np.hypot(2.0 * np.pi, decrement)
 
 
 def ring(arm, mode, prescribed, periods=8.0):
-    """Let one mode ring; the times and its coordinate."""
+    """Return times and coordinate of the free vibration of one mode."""
     promised = fa.modes(arm)
     start = arm.rest(np.zeros(arm.joints)) + 1e-3 * promised.shapes[mode]
     frequency = promised.frequency_hz[mode]
@@ -68,28 +69,29 @@ def test_decay_of_a_clamped_link(damping, mode):
     assert measured_ratio(times, signal) == pytest.approx(formula, rel=1e-3)
 
 
-def test_kelvin_voigt_is_damping_of_the_material():
-    """beta E I v''' beside E I v'': ratio beta omega / 2 for every link cut from the same bar."""
+def test_kelvin_voigt_damping_belongs_to_the_material():
+    """Damping beta E I v''' beside E I v'': the ratio is beta omega / 2 for every link of the same
+    bar."""
     beta = 2e-4
     damping = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=beta)
     short = fa.modes(clamped(damping))
     for segments in (2, 4):
         cut = fa.modes(clamped(damping, segments=segments))
-        # Cutting a linear link changes nothing, and its damping neither: that is why segments do
-        # with a stiffness coefficient what modal ratios of each segment cannot.
+        # Segments of a linear link do not change it, nor its damping: a stiffness coefficient does
+        # what modal ratios of each segment cannot.
         omega = 2.0 * np.pi * cut.frequency_hz[:3]
         np.testing.assert_allclose(cut.damping_ratio[:3], beta * omega / 2, rtol=1e-6)
         np.testing.assert_allclose(cut.frequency_hz[:3], short.frequency_hz[:3], rtol=1e-9)
 
 
 def test_decay_of_two_links_with_locked_joints():
-    """The lowest mode of the chain, whose ratio `modes` takes from its own shape."""
+    """The lowest mode of the chain; `modes` takes its ratio from its shape."""
     damping = fa.RayleighDamping(mass_coefficient=0.5, stiffness_coefficient=1e-3)
     links = [fa.Link(length=1.0, elements=2, damping=damping, **ROD)] * 2
     arm = fa.Arm(links=links)
     hold = {1: CLAMPED[1], 2: CLAMPED[1]}
     times, signal, promised = ring(arm, 0, hold)
-    # Mass damping acts on each link's own motion, which couples the modes by a little.
+    # Mass damping acts on each link's own motion, which couples the modes slightly.
     assert measured_ratio(times, signal) == pytest.approx(promised.damping_ratio[0], rel=0.01)
     assert promised.damping_ratio[0] > 0.005
 

@@ -1,4 +1,4 @@
-"""What a long run must keep: its energy, and the memory of the machine."""
+"""Long runs conserve energy and need little memory."""
 
 from __future__ import annotations
 
@@ -12,38 +12,31 @@ import pytest
 from scipy.integrate import simpson
 
 import flexarm as fa
-
-
-def two_links(**options) -> fa.Arm:
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **rod),
-        fa.Link(length=1.0, elements=1, **rod),
-    ]
-    return fa.Arm(links=links, **options)
+from paper_arms import table_one_arm
 
 
 def total_energy(result) -> np.ndarray:
     return (result.kinetic_energy + result.strain_energy + result.gravity_energy).values
 
 
-def test_free_arm_keeps_its_energy_over_ten_seconds() -> None:
+def test_free_arm_conserves_energy_over_ten_seconds() -> None:
     for gravity in ((0.0, 0.0), (0.0, -9.81)):
-        arm = two_links(gravity=gravity)
+        arm = table_one_arm(gravity=gravity)
         rates = arm.rest([1.0, -2.0])
-        # Under gravity it falls so far that its links bend by 14 %: energy is kept all the same.
+        # Under gravity it falls so far that its links bend by 14 %, which does not affect the
+        # energy.
         with pytest.warns(fa.LargeDeflectionWarning) if any(gravity) else nullcontext():
             result = fa.simulate(
                 arm, 10.0, initial=arm.rest([0.3, 0.8]), initial_rate=rates, rtol=1e-11, atol=1e-13
             )
         energy = total_energy(result)
-        # Gravity energy may pass zero: the largest energy in motion is the measure.
+        # Gravity energy may pass zero, so the tolerance is relative to the largest kinetic energy.
         scale = float((result.kinetic_energy + result.strain_energy).max())
         assert np.max(np.abs(energy - energy[0])) < 1e-9 * scale
 
 
 def test_work_of_the_torques_is_the_change_of_energy() -> None:
-    arm = two_links(gravity=(0.0, -9.81))
+    arm = table_one_arm(gravity=(0.0, -9.81))
     result = fa.simulate(
         arm,
         1.0,
@@ -57,12 +50,12 @@ def test_work_of_the_torques_is_the_change_of_energy() -> None:
     work = simpson(power, x=result.time.values)
     energy = total_energy(result)
     moved = float(result.kinetic_energy.max())
-    # Simpson's rule at 20 kHz errs by 1e-10 here: the fastest mode has 4000 rad/s.
+    # Simpson's rule at 20 kHz has an error of 1e-10 here: the fastest mode has 4000 rad/s.
     assert abs(work - (energy[-1] - energy[0])) < 1e-8 * moved
 
 
-def test_damping_only_takes_energy() -> None:
-    arm = two_links()
+def test_damping_never_increases_energy() -> None:
+    arm = table_one_arm()
     links = [link.replace(damping=fa.ModalDamping(ratio=0.02)) for link in arm.spec.links]
     damped = fa.Arm(links=links, joints=[fa.Joint(damping=0.05)] * 2)
     result = fa.simulate(damped, 2.0, initial_rate=damped.rest([2.0, -1.0]))
@@ -71,8 +64,9 @@ def test_damping_only_takes_energy() -> None:
     assert energy[-1] < 0.95 * energy[0]
 
 
-def test_a_minute_at_one_kilohertz_fits_into_memory() -> None:
-    """60001 samples of every channel within 200 MB over the imports, in a process of its own."""
+def test_memory_of_a_minute_at_one_kilohertz() -> None:
+    """60001 samples of every channel within 200 MB in addition to the imports, in a separate
+    process."""
     script = textwrap.dedent(
         """
         import resource

@@ -1,4 +1,4 @@
-"""Events that are wrong, functions that fail, and what results and files keep."""
+"""Wrong events, functions that fail, and events in results and files."""
 
 import csv
 
@@ -7,15 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.integrate import RungeKutta4
-
-
-def arm_of_two(**options):
-    section = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **section),
-        fa.Link(length=1.0, elements=1, **section),
-    ]
-    return fa.Arm(links=links, **options)
+from paper_arms import table_one_arm
 
 
 def first(t, q, qd):
@@ -56,25 +48,27 @@ def first(t, q, qd):
         ),
     ],
 )
-def test_wrong_events_are_refused(make, message):
+def test_wrong_events_are_rejected(make, message):
     with pytest.raises(fa.InputError, match=message):
-        make(arm_of_two())
+        make(table_one_arm())
 
 
-def test_all_that_is_wrong_is_told_at_once():
+def test_all_problems_of_events_are_reported():
     with pytest.raises(fa.InputError) as caught:
         fa.Event(None, name="", direction=7, terminal="yes")
     assert len(caught.value.problems) == 4
 
 
-def test_events_of_an_equal_arm_will_do():
-    event = fa.joint_event(arm_of_two(), 1, 0.05)
-    result = fa.simulate(arm_of_two(), 0.1, initial_rate=arm_of_two().rest([1, 0]), events=[event])
+def test_events_of_an_equal_arm_are_accepted():
+    event = fa.joint_event(table_one_arm(), 1, 0.05)
+    result = fa.simulate(
+        table_one_arm(), 0.1, initial_rate=table_one_arm().rest([1, 0]), events=[event]
+    )
     assert result.sizes["event"] == 1
 
 
 def bad(kind):
-    """Functions that go wrong at 0.0503 s, between samples, or at 0.0505 s and after."""
+    """Functions with wrong values at 0.0503 s, between samples, or from 0.0505 s on."""
 
     def function(t, q, qd):
         if t < 0.0503:
@@ -93,10 +87,8 @@ def bad(kind):
     ],
 )
 @pytest.mark.parametrize("loop", ["open", "closed"])
-def test_function_that_fails_ends_the_run_with_time_reason_and_what_was_computed(
-    kind, reason, loop
-):
-    arm = arm_of_two()
+def test_failing_function_ends_the_run_with_time_reason_and_partial_result(kind, reason, loop):
+    arm = table_one_arm()
     events = [fa.joint_event(arm, 1, 0.02, name="passed"), fa.Event(bad(kind), name="bad")]
     drive = {"controller": fa.JointPD(0.0, 0.0)} if loop == "closed" else {}
     if loop == "closed":
@@ -105,7 +97,7 @@ def test_function_that_fails_ends_the_run_with_time_reason_and_what_was_computed
         fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=events, **drive)
     error = caught.value
     assert reason in error.reason
-    assert error.time == pytest.approx(0.051)  # the first sample that it fails at
+    assert error.time == pytest.approx(0.051)  # the first sample at which it fails
     result = error.result
     assert result.time.values[-1] == pytest.approx(0.051)
     assert result.event_name.values.tolist() == ["passed"]
@@ -114,8 +106,8 @@ def test_function_that_fails_ends_the_run_with_time_reason_and_what_was_computed
     np.testing.assert_array_equal(error.state[0], result.q.values[-1])
 
 
-def test_failure_between_samples_is_told_too():
-    arm = arm_of_two()
+def test_failure_between_samples_is_reported():
+    arm = table_one_arm()
 
     def function(t, q, qd):
         return 0.047 - t if abs(t - round(t, 2)) < 1e-9 else np.nan
@@ -126,16 +118,16 @@ def test_failure_between_samples_is_told_too():
     assert caught.value.result.time.values[-1] == pytest.approx(0.04)
 
 
-def test_terminal_event_comes_before_a_function_that_fails_later():
-    arm = arm_of_two()
+def test_terminal_event_precedes_a_later_failure_of_a_function():
+    arm = table_one_arm()
     events = [fa.Event(bad("nan")), fa.joint_event(arm, 1, 0.03, name="end", terminal=True)]
     result = fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=events)
     assert result.attrs["ended_by"] == "end"
 
 
-def test_terminal_event_comes_before_a_run_that_fails_later():
-    """3 ms are far too long a step for this arm, which diverges within some steps."""
-    arm = arm_of_two()
+def test_terminal_event_precedes_a_later_failure_of_the_run():
+    """3 ms are too long a step for this arm, which diverges within some steps."""
+    arm = table_one_arm()
     options = {"integrator": RungeKutta4(step=3e-3), "torque": lambda t: [4.0, 1.5]}
     with pytest.raises(fa.SimulationError) as caught:
         fa.simulate(arm, 5.0, **options)
@@ -144,8 +136,8 @@ def test_terminal_event_comes_before_a_run_that_fails_later():
     assert result.attrs["ended_by"] == "end"
 
 
-def test_functions_that_take_many_samples_at_once():
-    arm = arm_of_two()
+def test_functions_may_take_many_samples():
+    arm = table_one_arm()
     calls = []
 
     def angle(t, q, qd):
@@ -171,8 +163,8 @@ def test_functions_that_take_many_samples_at_once():
 
 
 @pytest.mark.parametrize("angle", [0.05, 9.0])
-def test_files_keep_events_or_leave_them_out(tmp_path, angle):
-    arm = arm_of_two()
+def test_events_are_kept_in_netcdf_and_omitted_from_tables(tmp_path, angle):
+    arm = table_one_arm()
     event = fa.joint_event(arm, 1, angle, name="there")
     result = fa.simulate(arm, 0.2, initial_rate=arm.rest([1.0, 0.0]), events=[event])
     assert result.sizes["event"] == (angle < 1.0)

@@ -1,4 +1,4 @@
-"""Events are found where closed forms have them, whatever the integrator and the drive."""
+"""Event times against closed forms, for every integrator and every drive."""
 
 import numpy as np
 import pytest
@@ -6,24 +6,16 @@ from scipy.special import ellipk
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
+from paper_arms import table_one_arm
 
 LENGTH, DENSITY, GRAVITY = 0.7, 0.5, 9.81
 INERTIA = DENSITY * LENGTH**3 / 3.0
 
 
 def rod(**options):
-    """One rigid link: a physical pendulum, or a wheel where nothing pulls."""
+    """Return one rigid link: a physical pendulum, or a wheel without gravity."""
     link = fa.Link(length=LENGTH, flexural_rigidity=1.0, mass_per_length=DENSITY, flexible=False)
     return fa.Arm(links=[link], **options)
-
-
-def flexible(rigidity=105.0, **options):
-    section = {"flexural_rigidity": rigidity, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **section),
-        fa.Link(length=1.0, elements=1, **section),
-    ]
-    return fa.Arm(links=links, **options)
 
 
 def by_name(result, name):
@@ -31,7 +23,7 @@ def by_name(result, name):
 
 
 def pendulum_events(swing, **options):
-    """A pendulum let go at an angle from its lowest position: when it is lowest, when it turns."""
+    """Return times at which a pendulum, released at an angle, is lowest, and at which it turns."""
     arm = rod(gravity=(0.0, -GRAVITY))
     events = [
         fa.joint_event(arm, 1, -np.pi / 2, name="lowest"),
@@ -50,7 +42,7 @@ def test_pendulum_passes_and_turns_at_quarter_periods(integrator, rate):
     result, quarter = pendulum_events(2.5, integrator=integrator, rate=rate, **options)
     count = int(4.0 / quarter)
     expected = quarter * np.arange(1, count + 1)
-    # Ten times what the worst of the methods errs by at these settings; order 2 errs far more.
+    # Ten times the largest error of the methods at these settings; order 2 has much larger ones.
     found = 2e-8 if INTEGRATORS[integrator].order > 2 else 1e-4
     np.testing.assert_allclose(result.event_time, expected, rtol=0.0, atol=found)
     assert result.event_name.values.tolist() == (["lowest", "turns"] * count)[:count]
@@ -70,20 +62,20 @@ def test_times_converge_with_the_tolerance():
         )
         expected = quarter * np.arange(1, result.sizes["event"] + 1)
         errors.append(abs(result.event_time.values - expected).max())
-    # In proportion to the tolerance; three times that is left for luck.
+    # In proportion to the tolerance; the factor of three allows for chance.
     assert errors[1] < 0.03 * errors[0]
     assert errors[2] < 0.03 * errors[1]
     assert errors[2] < 1e-7
 
 
 def test_times_do_not_depend_on_the_rate():
-    """Located by stepping again, not by drawing a line between samples 50 ms apart."""
+    """They are located by repeated steps, not by interpolation between samples 50 ms apart."""
     coarse, _ = pendulum_events(2.5, rate=20.0)
     fine, _ = pendulum_events(2.5, rate=5000.0)
     np.testing.assert_allclose(coarse.event_time, fine.event_time, rtol=0.0, atol=1e-8)
 
 
-def test_free_rotation_reaches_angles_in_time():
+def test_free_rotation_reaches_angles_at_exact_times():
     arm = rod()
     angles = [0.3, 1.0, 2.7]
     events = [fa.joint_event(arm, 1, angle, name=f"{angle}") for angle in angles]
@@ -92,8 +84,8 @@ def test_free_rotation_reaches_angles_in_time():
     assert result.event_name.values.tolist() == ["0.3", "1.0", "2.7"]
 
 
-def test_tip_crosses_a_line_where_geometry_says():
-    """The line y = x / 2 + 0.1, crossed on the way round in both senses."""
+def test_tip_crosses_a_line_at_the_exact_angles():
+    """The line y = x / 2 + 0.1 is crossed in both directions."""
     arm = rod()
     event = fa.tip_event(arm, point=(0.0, 0.1), normal=(-0.5, 1.0), name="line")
     result = fa.simulate(arm, 2.0 * np.pi, initial_rate=[1.0], events=[event], rate=100.0)
@@ -103,14 +95,14 @@ def test_tip_crosses_a_line_where_geometry_says():
     expected = [shift + part, shift + np.pi - part]
     np.testing.assert_allclose(result.event_time, expected, rtol=1e-10)
     assert result.event_direction.values.tolist() == [1, -1]
-    # The function is a distance in metres: the normal counts by its direction only.
+    # The function is a distance in metres: only the direction of the normal matters.
     assert event.function(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)))[0] == pytest.approx(
         -(0.5 * LENGTH + 0.1) / np.hypot(1.0, 0.5)
     )
 
 
-def test_bounces_follow_each_other_as_the_closed_form_says():
-    """A rod driven against a wall by a constant torque, its rate times -e at every blow."""
+def test_times_of_bounces_equal_their_closed_form():
+    """A constant torque drives a rod against a wall; each impact multiplies its rate by -e."""
     arm = rod()
     torque, restitution, start = -2.0, 0.7, 0.4
     acceleration = torque / INERTIA
@@ -136,13 +128,13 @@ def test_bounces_follow_each_other_as_the_closed_form_says():
     np.testing.assert_allclose(times, expected, rtol=1e-9)
 
 
-def test_stop_of_a_joint_is_reached_and_left():
+def test_joint_reaches_and_leaves_its_stop():
     limits = fa.JointLimits(lower=-1.0, upper=0.5, stiffness=50.0)
     arm = rod(joints=[fa.Joint(limits=limits)])
     event = fa.joint_event(arm, 1, "upper", name="stop")
     result = fa.simulate(arm, 2.0, initial_rate=[2.0], events=[event])
     frequency = np.sqrt(50.0 / INERTIA)
-    # The corner of the stop is rounded over 1e-6 rad or so.
+    # The corner of the stop is rounded over 1e-6 rad.
     np.testing.assert_allclose(
         result.event_time[:2], [0.25, 0.25 + np.pi / frequency], atol=2e-6, rtol=0.0
     )
@@ -169,7 +161,7 @@ def test_terminal_event_is_the_last_sample():
 
 
 def test_terminal_event_after_the_last_sample():
-    """Samples at 0, 0.1, ..., 0.9; the run goes on to 0.95 and the event is at 0.93."""
+    """Samples at 0, 0.1, ..., 0.9; the run lasts until 0.95 and the event is at 0.93."""
     arm = rod()
     event = fa.joint_event(arm, 1, 0.93, terminal=True)
     result = fa.simulate(arm, 0.95, initial_rate=[1.0], events=[event], rate=10.0)
@@ -178,9 +170,9 @@ def test_terminal_event_after_the_last_sample():
     assert result.attrs["ended_by"] == "event_1"
 
 
-def test_event_on_a_sample_is_counted_once():
+def test_event_at_a_sample_is_counted_once():
     arm = rod()
-    # Exact in binary: the angle is zero at the sample of t = 0.5 to the last bit, or near it.
+    # Exact in binary: the angle at the sample of t = 0.5 is zero, or zero to rounding.
     event = fa.Event(lambda t, q, qd: t - 0.5, name="half")
     result = fa.simulate(arm, 1.0, initial_rate=[2.0], events=[event], rate=64.0)
     assert by_name(result, "half").tolist() == [0.5]
@@ -190,14 +182,14 @@ def test_event_on_a_sample_is_counted_once():
     assert float(result.time[-1]) == 0.5
 
 
-def test_start_on_zero_is_no_event():
+def test_start_at_zero_is_not_an_event():
     arm = rod()
     event = fa.joint_event(arm, 1, 0.0)
     result = fa.simulate(arm, 1.0, initial_rate=[1.0], events=[event])
     assert result.sizes["event"] == 0
 
 
-def test_events_between_two_samples_come_in_order():
+def test_events_between_two_samples_are_in_order():
     arm = rod()
     order = [0.57, 0.52, 0.55, 0.59]
     events = [
@@ -219,11 +211,11 @@ def test_direction(direction, expected):
         assert set(result.event_direction.values) == {direction}
 
 
-def test_touching_is_no_crossing_and_brief_crossings_need_the_rate():
+def test_tangent_zero_is_not_a_crossing_and_short_crossings_need_the_rate():
     arm = rod()
 
     def dip(depth):
-        # Below zero for 2 sqrt(depth) around 0.5003 rad, away from samples.
+        # Below zero for 2 sqrt(depth) around 0.5003 rad, not at a sample.
         return fa.Event(lambda t, q, qd: (q[0] - 0.5003) ** 2 - depth)
 
     run = {"initial_rate": [1.0], "rate": 100.0}
@@ -236,7 +228,7 @@ def test_touching_is_no_crossing_and_brief_crossings_need_the_rate():
 
 
 class Steps:
-    """A controller that gives another torque at each tick, whatever it sees."""
+    """A controller that returns another torque at each sample, for any readings."""
 
     sample_time = 0.01
 
@@ -254,8 +246,8 @@ class Steps:
 
 @pytest.mark.parametrize("rate", [7.0, 100.0, 1000.0])
 @pytest.mark.parametrize("integrator", ["auto", "rk4", "kennedy_carpenter_5"])
-def test_closed_loop_knows_the_torque_that_was_held(rate, integrator):
-    """The angle is a parabola in each tick; samples come more or less often than ticks."""
+def test_closed_loop_events_use_the_constant_torque(rate, integrator):
+    """The angle is a parabola in each sample time; results have a higher or a lower rate."""
     arm = rod()
     h, angle, speed = Steps.sample_time, 0.0, 0.0
     for tick in range(200):
@@ -269,7 +261,7 @@ def test_closed_loop_knows_the_torque_that_was_held(rate, integrator):
     result = fa.simulate(
         arm, 2.0, controller=controller, events=[event], rate=rate, integrator=integrator
     )
-    # 1e-7 of what the angle moves in a tick, over its speed.
+    # 1e-7 of the angle's change in a sample time, over its speed.
     assert float(result.event_time[0]) == pytest.approx(tick * h + part, abs=1e-9)
     assert float(result.time[-1]) == float(result.event_time[0])
     assert result.torque.values[-1, 0] == Steps.torque(tick)
@@ -278,8 +270,8 @@ def test_closed_loop_knows_the_torque_that_was_held(rate, integrator):
 
 
 def test_prescribed_joint_and_a_load_over_time():
-    """Joint 1 swings as told; the other hangs on it and is pushed: against a tight run."""
-    arm = flexible(gravity=(0.0, -9.81), rigidity=2000.0)
+    """Joint 1 is prescribed; a load acts on the other; compared with a run at tight tolerances."""
+    arm = table_one_arm(gravity=(0.0, -9.81), rigidity=2000.0)
     swing = fa.PrescribedAngle(
         lambda t: 0.5 * np.sin(3.0 * t),
         lambda t: 1.5 * np.cos(3.0 * t),
@@ -306,8 +298,9 @@ def test_prescribed_joint_and_a_load_over_time():
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_flexible_arm_with_every_integrator(integrator):
-    """The tip through a line, and a mode through zero again and again, against a tight run."""
-    arm = flexible()
+    """The tip crosses a line, and a mode crosses zero many times; compared with a run at tight
+    tolerances."""
+    arm = table_one_arm()
 
     def torque(t):
         return [4.0 * np.sin(6.0 * t), 1.5 * np.sin(6.0 * t)]
@@ -326,18 +319,18 @@ def test_flexible_arm_with_every_integrator(integrator):
     step = None if INTEGRATORS[integrator].adaptive else 1e-4
     result = run(integrator=integrator, rtol=1e-8, atol=1e-10, step=step, rate=100.0)
     assert result.event_name.values.tolist() == tight.event_name.values.tolist()
-    # Tip errors of 1e-7 m or so at speeds of 1 m/s.
+    # Tip errors of 1e-7 m at speeds of 1 m/s.
     late = np.full(result.sizes["event"], 1e-6)
     if INTEGRATORS[integrator].order == 2:
-        # A vibration of w rad/s runs late by the part (w h)^2 / 12 of the time; the third, of
-        # 295 rad/s here, is the fastest that counts in the mode, which hardly moves the tip.
+        # A vibration of w rad/s has a phase error of the part (w h)^2 / 12 of the time; the third,
+        # of 295 rad/s here, is the fastest that matters in the mode, which hardly moves the tip.
         straight = result.event_name.values == "straight"
         late[straight] = (295.0 * step) ** 2 / 12.0 * result.event_time.values[straight]
     assert np.all(abs(result.event_time.values - tight.event_time.values) < late)
 
 
-def test_watching_does_not_change_the_run():
-    arm = flexible()
+def test_events_do_not_change_the_run():
+    arm = table_one_arm()
     options = {"initial": arm.rest([0.3, 0.4]), "torque": lambda t: [np.sin(9.0 * t), 0.2]}
     plain = fa.simulate(arm, 0.5, **options)
     events = [fa.joint_event(arm, 1, 0.35), fa.Event(lambda t, q, qd: qd[0])]
@@ -350,8 +343,9 @@ def test_watching_does_not_change_the_run():
 
 
 @pytest.mark.parametrize("rate", [30.0, 1000.0])
-def test_hardware_that_is_late_and_slow(rate):
-    """The torque changes within a sample time, and its motor lags: against a tight run."""
+def test_hardware_with_delay_and_lag(rate):
+    """The torque changes within a sample time, and its motor lags; compared with a run at tight
+    tolerances."""
     arm = rod()
     hardware = fa.Hardware(motors=fa.Motors(time_constant=0.02, delay=0.004))
     event = fa.joint_event(arm, 1, 1.0, name="there", terminal=True)
@@ -367,8 +361,8 @@ def test_hardware_that_is_late_and_slow(rate):
     assert float(result.time[-1]) == pytest.approx(float(tight.time[-1]), abs=1e-8)
 
 
-def test_contacts_made_and_lost():
-    """A rod against a wall without damping: free turns between bounces take the same time."""
+def test_contact_start_and_end():
+    """A rod against a wall without damping: free rotations between bounces take the same time."""
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=0.6, flexible=False)])
     wall = fa.Contact(fa.Wall((np.cos(0.5), 0.0), (-1.0, 0.0)), 1e5)
     events = [
@@ -377,7 +371,7 @@ def test_contacts_made_and_lost():
     ]
     options = {"initial": [1.0], "initial_rate": [-2.0], "contacts": [wall], "events": events}
     result = fa.simulate(arm, 1.5, **options)
-    # From 1 to 0.5 rad at 2 rad/s, back, and never again: nothing pulls it.
+    # From 1 to 0.5 rad at 2 rad/s, back, and no further contact, because no force acts.
     assert result.event_name.values.tolist() == ["made", "lost"]
     assert result.event_time.values[0] == pytest.approx(0.25, abs=1e-9)
     touching = result.event_q.values[:, 0]

@@ -1,4 +1,4 @@
-"""Short features of functions of time: found by comparison, or named in ``breaks``."""
+"""Short features of functions of time are found by comparison, or given in ``breaks``."""
 
 import numpy as np
 import pytest
@@ -8,18 +8,18 @@ from flexarm.histories.functions import function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import sampled_torque
 
-#: Between two of the points that are looked at first in runs of two seconds, 1.0031 and 1.0078.
+#: Between two of the points that are evaluated first in runs of two seconds, 1.0031 and 1.0078.
 ON, OFF = 1.0051, 1.0062
 FINE = {"rtol": 1e-9, "atol": 1e-11}
 
 
 def unit_link():
-    """One rigid link whose inertia about its joint is 1 kg m^2: acceleration is torque."""
+    """Return one rigid link with an inertia of 1 kg m^2 about its joint: acceleration is torque."""
     return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
 
 
 class Pulse:
-    """A row of numbers between two times, and zeros before and after."""
+    """The given numbers between two times, and zeros before and after."""
 
     def __init__(self, row, on=ON, off=OFF, breaks=()):
         self.row, self.on, self.off, self.breaks = np.asarray(row), on, off, breaks
@@ -29,18 +29,18 @@ class Pulse:
 
 
 def ramp(pulse, end):
-    """Rate and angle that an acceleration pulse of a unit inertia leaves at ``end``, s."""
+    """Return rate and angle at ``end``, s, after an acceleration pulse of a unit inertia."""
     rate = pulse.row[0] * (pulse.off - pulse.on)
     return rate, rate * (end - 0.5 * (pulse.on + pulse.off))
 
 
-# Samples end before the run does -----------------------------------------------------------------
+# Samples that end before the run -----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "hold"])
 @pytest.mark.parametrize("rate", [10.0, 1000.0])
-def test_the_last_sample_is_held_to_the_end(interpolation, rate):
-    """A cubic went on beyond its last sample: 17 N m from samples of 1 N m."""
+def test_last_sample_is_held_to_the_end(interpolation, rate):
+    """A cubic beyond its last sample gave 17 N m from samples of 1 N m."""
     count = int(rate)
     samples = np.where(np.random.default_rng(3).uniform(-1, 1, count) < 0.0, -1.0, 1.0)
     samples[-3:] = 1.0, -1.0, 1.0
@@ -53,8 +53,8 @@ def test_the_last_sample_is_held_to_the_end(interpolation, rate):
     assert result.torque.values[-1, 0] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_spline_overshoots_its_samples_as_documented():
-    """11 % at a jump; at worst 1.55 times the largest sample, and 1.97 times near the ends.
+def test_spline_overshoots_its_samples_as_documented():
+    """11 % at a jump; at most 1.55 times the largest sample, and 1.97 times near the ends.
 
     The last two are the largest sum of the absolute values of the splines through one sample.
     """
@@ -74,7 +74,7 @@ def test_a_spline_overshoots_its_samples_as_documented():
     assert 1.8 < ends < 1.98
 
 
-def test_a_history_that_ends_before_the_run_is_held():
+def test_history_that_ends_before_the_run_is_held():
     line = PiecewiseCubic(
         np.array([0.0, 0.5]), np.array([[[0.0], [2.0], [0.0], [0.0]]]), np.zeros(0)
     )
@@ -87,7 +87,7 @@ def test_a_history_that_ends_before_the_run_is_held():
 
 
 def shaken(**options):
-    """Angle after a shock of the base, known as a table or as a function."""
+    """Return the angle after a shock of the base, given as a table or as a function."""
     arm = fa.Arm(
         links=[fa.Link(length=1.0, elements=1, flexural_rigidity=105.0, mass_per_length=0.6)],
         joints=[fa.Joint(hub_inertia=0.1)],
@@ -95,12 +95,12 @@ def shaken(**options):
     return fa.simulate(arm, 2.0, rate=10.0, rtol=1e-6, **options).joint_angle.values[-1, 0]
 
 
-@pytest.mark.parametrize("told", ["by the function", "by the call"])
-def test_breaks_of_a_base_acceleration_count(told):
-    """They were ignored, and the shock with them."""
+@pytest.mark.parametrize("given_by", ["by the function", "by the call"])
+def test_breaks_of_a_base_acceleration_are_used(given_by):
+    """When they were ignored, the shock was missed."""
     table = ([ON, ON, OFF, OFF], [[0, 0], [0, 500], [0, 500], [0, 0]])
     known = (ON, OFF)
-    if told == "by the function":
+    if given_by == "by the function":
         found = shaken(base_acceleration=Pulse([0.0, 500.0], breaks=known))
     else:
         found = shaken(base_acceleration=Pulse([0.0, 500.0]), breaks=known)
@@ -108,13 +108,13 @@ def test_breaks_of_a_base_acceleration_count(told):
     assert abs(found) > 0.1
 
 
-@pytest.mark.parametrize("told", ["by the function", "by the call"])
+@pytest.mark.parametrize("given_by", ["by the function", "by the call"])
 @pytest.mark.parametrize("what", ["torque", "load", "prescribed"])
-def test_breaks_count_for_every_function_of_time(what, told):
-    """A millisecond and less in two seconds, looked at every 0.1 s."""
+def test_breaks_of_every_function_of_time_are_used(what, given_by):
+    """Features of a millisecond and less in two seconds, with samples every 0.1 s."""
     known = (ON, ON + 1e-3)
-    pulse = Pulse([300.0], ON, ON + 1e-3, known if told == "by the function" else ())
-    options = {} if told == "by the function" else {"breaks": known}
+    pulse = Pulse([300.0], ON, ON + 1e-3, known if given_by == "by the function" else ())
+    options = {} if given_by == "by the function" else {"breaks": known}
     rate, angle = ramp(pulse, 2.0)
     if what == "torque":
         options["torque"] = pulse
@@ -144,7 +144,7 @@ def test_breaks_count_for_every_function_of_time(what, told):
     assert result.joint_angle.values[-1, 0] == pytest.approx(angle, abs=1e-8)
 
 
-def test_breaks_of_an_added_torque_count():
+def test_breaks_of_an_added_torque_are_used():
     arm = unit_link()
     motion = fa.joint_motion(arm, [0.0], [0.0], 2.0)
     pulse = Pulse([300.0], ON, ON + 1e-3)
@@ -154,7 +154,7 @@ def test_breaks_of_an_added_torque_count():
     assert result.joint_angle.values[-1, 0] == pytest.approx(ramp(pulse, 2.0)[1], rel=1e-5)
 
 
-def test_breaks_of_a_plant_count():
+def test_breaks_of_a_plant_are_used():
     pulse = Pulse([0.0, 300.0], 0.203, 0.204)
     ends = []
     for options in (
@@ -170,16 +170,16 @@ def test_breaks_of_a_plant_count():
 
 
 @pytest.mark.parametrize("breaks", ["soon", [[1.0]], [np.nan]])
-def test_breaks_are_a_list_of_times(breaks):
+def test_breaks_must_be_a_list_of_times(breaks):
     with pytest.raises(fa.InputError, match="breaks"):
         fa.simulate(unit_link(), 1.0, torque=lambda t: [0.0], breaks=breaks)
 
 
-# Features that nobody named ----------------------------------------------------------------------
+# Features without breaks -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("on", np.random.default_rng(0).uniform(1.0, 5.0, 5))
-def test_a_pulse_as_long_as_a_sample_is_found(on):
+def test_pulse_as_long_as_a_sample_is_found(on):
     """A millisecond in ten seconds was missed 39 times in 40."""
     pulse = Pulse([100.0], on, on + 1.001e-3)
     result = fa.simulate(unit_link(), 10.0, torque=pulse, rate=1000.0, **FINE)
@@ -188,8 +188,8 @@ def test_a_pulse_as_long_as_a_sample_is_found(on):
     assert result.joint_angle.values[-1, 0] == pytest.approx(angle, rel=1e-6)
 
 
-def test_a_train_of_pulses_is_followed():
-    """Two hundred pulses of 2 ms, none visible at the points looked at first."""
+def test_train_of_pulses_is_followed():
+    """Two hundred pulses of 2 ms; none is at the points that are evaluated first."""
 
     def torque(t):
         return [1.0 if (t % 0.01) < 0.002 else 0.0]
@@ -198,14 +198,14 @@ def test_a_train_of_pulses_is_followed():
     assert result.joint_rate.values[-1, 0] == pytest.approx(0.4, rel=1e-6)
 
 
-def test_the_result_states_the_shortest_feature():
+def test_result_states_the_shortest_feature():
     arm = unit_link()
     function = fa.simulate(arm, 2.0, torque=lambda t: [np.sin(t)], rate=1000.0)
     assert function.shortest_feature == pytest.approx(1e-3, rel=1e-9)
-    # At low rates the points of the cubics decide: a quarter of a 64th of the run.
+    # At low rates the points of the cubics determine it: a quarter of a 64th of the run.
     coarse = fa.simulate(arm, 2.0, torque=lambda t: [np.sin(t)], rate=10.0)
     assert coarse.shortest_feature == pytest.approx(2.0 / 256.0, rel=1e-9)
-    # Over a long run the instants are 20 000 at most.
+    # A long run has 20 000 instants at most.
     long = function_history(lambda t: [0.0], 100.0, 1, 1e-9, spacing=1e-4)
     assert long.shortest_feature == pytest.approx(100.0 / 20_000, rel=1e-9)
     exact = fa.simulate(arm, 1.0, torque=np.ones((1001, 1)), rate=1000.0)
@@ -215,7 +215,7 @@ def test_the_result_states_the_shortest_feature():
     assert loaded.shortest_feature == pytest.approx(1e-3, rel=1e-9)
 
 
-def test_breaks_shorten_what_is_resolved_between_them():
+def test_breaks_shorten_the_resolved_features():
     """Pieces end at breaks, so that seven points lie between any two of them."""
     seen = []
 
@@ -228,7 +228,7 @@ def test_breaks_shorten_what_is_resolved_between_them():
     assert len(inside) == 7
 
 
-def test_comparing_does_not_change_a_history_that_follows():
+def test_comparison_does_not_change_an_accurate_history():
     def torque(t):
         return [np.sin(5.0 * t) if t < 0.7 else 2.0]
 

@@ -1,4 +1,4 @@
-"""What does not fit a run is refused before it, in one sentence."""
+"""Arguments that do not match a run are rejected before it, with one sentence each."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ GAUGES = [fa.Gauge(station=0.1, distance=0.005)]
 
 
 def arm_of(links, gauges=0, **more):
-    """An arm whose first ``gauges`` links carry one gauge each."""
+    """Return an arm whose first ``gauges`` links have one gauge each."""
     made = [fa.Link(length=0.7, gauges=GAUGES if k < gauges else [], **LINK) for k in range(links)]
     return fa.Arm(links=made, joints=[fa.Joint(hub_inertia=0.05)] * links, **more)
 
@@ -20,7 +20,7 @@ def arm():
     return arm_of(2)
 
 
-def refused(arm, controller, **options):
+def problems_of(arm, controller, **options):
     with pytest.raises(fa.InputError) as caught:
         fa.simulate(arm, 0.01, controller=controller, **options)
     return [str(problem) for problem in caught.value.problems]
@@ -38,14 +38,19 @@ def refused(arm, controller, **options):
     ],
     ids=lambda controller: type(controller).__name__,
 )
-def test_controllers_for_another_number_of_joints(controller):
-    told = refused(arm_of(2, gauges=2), controller)
-    assert told == ["simulate: controller is for 3 joints, but the arm has 2."]
+def test_controllers_for_another_number_of_joints_are_rejected(controller):
+    reported = problems_of(arm_of(2, gauges=2), controller)
+    assert reported == ["simulate: controller is for 3 joints, but the arm has 2."]
 
 
-def test_one_number_for_all_joints_fits_every_arm(arm):
-    fa.simulate(arm, 0.01, controller=fa.JointPD(1.0, 1.0))
-    fa.simulate(arm_of(1), 0.01, controller=fa.JointPD(1.0, 1.0))
+def test_one_gain_for_all_joints_fits_every_arm(arm):
+    for model in (arm, arm_of(1)):
+        start = model.rest(np.full(model.joints, 0.1))
+        hold = fa.joint_motion(model, np.zeros(model.joints), np.zeros(model.joints), 1.0)
+        result = fa.simulate(
+            model, 0.01, controller=fa.JointPD(2.0, 1.0), reference=hold, initial=start
+        )
+        np.testing.assert_allclose(result.torque[0], np.full(model.joints, -0.2), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -58,25 +63,25 @@ def test_one_number_for_all_joints_fits_every_arm(arm):
         (fa.Adaptive(arm_of(2, gauges=1), 1.0, 1.0, 1.0, strain_gain=[1.0, 0.0]), 2, 1),
     ],
 )
-def test_gauges_that_the_arm_lacks(controller, gauges, wanted):
-    (told,) = refused(arm_of(2, gauges=gauges), controller)
+def test_missing_gauges_are_reported(controller, gauges, wanted):
+    (reported,) = problems_of(arm_of(2, gauges=gauges), controller)
     called = type(controller).__name__
     plural = "s" * (wanted != 1)
     rule = f"must have the {wanted} gauge{plural} that {called} reads, got {gauges}"
     rule = rule if gauges else f"has no gauges, but {called} reads strain"
-    assert told == f"simulate: arm {rule}."
+    assert reported == f"simulate: arm {rule}."
 
 
-def test_a_plant_without_the_gauges_of_the_arm_believed_in():
+def test_missing_gauges_of_the_plant_are_reported():
     believed = arm_of(2, gauges=2)
-    told = refused(believed, fa.LQG(believed), plant=arm_of(2))
-    assert told == ["simulate: arm has no gauges, but LQG reads strain."]
+    reported = problems_of(believed, fa.LQG(believed), plant=arm_of(2))
+    assert reported == ["simulate: arm has no gauges, but LQG reads strain."]
 
 
-def test_every_reading_that_is_missing(arm):
+def test_every_missing_reading_is_reported(arm):
     hardware = fa.Hardware([fa.Instrument("tip")])
-    told = refused(arm, fa.JointPD(1.0, 1.0), hardware=hardware)
-    assert told == [
+    reported = problems_of(arm, fa.JointPD(1.0, 1.0), hardware=hardware)
+    assert reported == [
         (
             "simulate: hardware has no instrument for joint_angle, which JointPD reads; it "
             "measures tip."
@@ -88,25 +93,25 @@ def test_every_reading_that_is_missing(arm):
     ]
 
 
-def test_a_reading_under_nearly_its_name(arm):
+def test_misspelled_reading_has_a_suggestion(arm):
     misnamed = fa.Instrument("joint_angle", name="joint_angles", rate_cutoff=50.0)
     misnamed = fa.Hardware([misnamed, fa.Instrument("joint_rate")])
-    (told,) = refused(arm, fa.JointPD(1.0, 1.0), hardware=misnamed)
-    assert told.endswith("Did you mean 'joint_angles'?")
+    (reported,) = problems_of(arm, fa.JointPD(1.0, 1.0), hardware=misnamed)
+    assert reported.endswith("Did you mean 'joint_angles'?")
 
 
-def test_readings_beyond_the_exact_ones_need_hardware(arm):
+def test_readings_besides_the_exact_ones_need_hardware(arm):
     measured = {"joint_angle": 1e-4, "tip": 1e-3}
-    (told,) = refused(arm, fa.LQG(arm, measured=measured))
-    assert told == ("simulate: hardware has no instrument for tip, which LQG reads.")
+    (reported,) = problems_of(arm, fa.LQG(arm, measured=measured))
+    assert reported == ("simulate: hardware has no instrument for tip, which LQG reads.")
     angles = fa.Instrument("joint_angle", rate_cutoff=100.0)
     hardware = fa.Hardware([angles, fa.Instrument("tip")])
     fa.simulate(arm, 0.01, controller=fa.LQG(arm, measured=measured), hardware=hardware)
 
 
-def test_a_class_is_no_controller(arm):
-    (told,) = refused(arm, fa.JointPD)
-    assert told == (
+def test_class_in_place_of_a_controller_is_rejected(arm):
+    (reported,) = problems_of(arm, fa.JointPD)
+    assert reported == (
         "simulate: controller must be a controller, got the class JointPD. "
         "Create an object: JointPD(...)."
     )
@@ -119,7 +124,7 @@ def test_a_class_is_no_controller(arm):
 
 
 class Own(fa.Controller):
-    """A controller of a user, that reads what it likes."""
+    """A controller of a user, with readings of its choice."""
 
     sample_time = 0.01
 
@@ -134,16 +139,18 @@ class Own(fa.Controller):
         return [0.0, 0.0]
 
 
-def test_own_controllers_may_say_what_they_need(arm):
-    (told,) = refused(arm, Own(lambda m: None, fa.ControllerRequirements(joints=3)))
-    assert "controller is for 3 joints, but the arm has 2" in told
-    (told,) = refused(arm, Own(lambda m: None, fa.ControllerRequirements(measured=("tip",))))
-    assert "no instrument for tip, which Own reads" in told
+def test_controllers_of_users_may_state_their_requirements(arm):
+    (reported,) = problems_of(arm, Own(lambda m: None, fa.ControllerRequirements(joints=3)))
+    assert "controller is for 3 joints, but the arm has 2" in reported
+    (reported,) = problems_of(
+        arm, Own(lambda m: None, fa.ControllerRequirements(measured=("tip",)))
+    )
+    assert "no instrument for tip, which Own reads" in reported
     fa.simulate(arm, 0.01, controller=Own(lambda m: m.joint_angle))
 
 
 @pytest.mark.parametrize("read", [lambda m: m.joint_angel, lambda m: m["joint_angel"]])
-def test_a_mistyped_reading_names_the_right_one(arm, read):
+def test_misspelled_requirement_has_a_suggestion(arm, read):
     with pytest.raises(
         fa.SimulationError, match="measured are: joint_angle, joint_rate, strain"
     ) as e:
@@ -152,7 +159,7 @@ def test_a_mistyped_reading_names_the_right_one(arm, read):
     assert "Did you mean 'joint_angle'?" in str(e.value)
 
 
-def test_mistyped_names_elsewhere():
+def test_misspelled_names_of_other_arguments_have_suggestions():
     arm = arm_of(2)
     with pytest.raises(fa.InputError, match=r"Did you mean 'joint_angle'\?"):
         fa.Instrument("joint_angel")

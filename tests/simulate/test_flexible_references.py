@@ -1,20 +1,10 @@
-"""References for the joints under which the tip of a flexible arm arrives, and control by them."""
+"""Joint references under which the tip of a flexible arm reaches its goal, and their tracking."""
 
 import numpy as np
 import pytest
 
 import flexarm as fa
-
-ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-
-
-def arm(**options):
-    links = [fa.Link(length=1.4142, elements=2, **ROD), fa.Link(length=1.0, elements=1, **ROD)]
-    joints = [
-        fa.Joint(hub_inertia=0.1),
-        fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-    ]
-    return fa.Arm(links=links, joints=joints, **options)
+from paper_arms import ROD, laboratory_arm
 
 
 def line(flexible, duration=1.0, profile="quintic"):
@@ -24,31 +14,31 @@ def line(flexible, duration=1.0, profile="quintic"):
 
 @pytest.fixture(scope="module")
 def inverse():
-    return fa.tip_inversion(arm(), line(arm()))
+    return fa.tip_inversion(laboratory_arm(), line(laboratory_arm()))
 
 
 def away(run, motion):
     return np.hypot(*(run.tip.values - motion.tip(run.time.values)).T)
 
 
-def test_the_inversions_reference_is_where_its_torques_bring_the_joints(inverse):
+def test_reference_of_the_inversion_is_its_joint_motion(inverse):
     run = fa.simulate(
         inverse.arm, inverse.end, torque=inverse.torque, initial=inverse.initial, rate=500.0
     )
     reference = inverse.reference
     t = run.time.values
     moving = t <= inverse.motion.end_time
-    # A spline through samples of a run of tighter tolerance.
+    # A spline through samples of a run with smaller tolerance.
     np.testing.assert_allclose(
         run.joint_angle[moving], reference.joint_angle(t[moving]), rtol=0, atol=1e-6
     )
     np.testing.assert_allclose(
         run.joint_rate[moving], reference.joint_rate(t[moving]), rtol=0, atol=1e-4
     )
-    # After the motion what is left of the bending is led to rest.
+    # After the motion the remaining bending is led to rest.
     np.testing.assert_allclose(run.joint_angle, reference.joint_angle(t), rtol=0, atol=1e-3)
     rigid = inverse.motion.joint_angle(t)
-    assert abs(run.joint_angle.values - rigid).max() > 0.01  # not where rigid joints would be
+    assert abs(run.joint_angle.values - rigid).max() > 0.01  # different from the rigid joint angles
     np.testing.assert_array_equal(reference.tip(t), inverse.motion.tip(t))
     np.testing.assert_array_equal(reference.torque(0.7), inverse.torque(0.7))
     assert reference.start_time == inverse.start
@@ -57,18 +47,18 @@ def test_the_inversions_reference_is_where_its_torques_bring_the_joints(inverse)
     np.testing.assert_allclose(reference.joint_angle(9.0), final, rtol=0, atol=1e-12)
 
 
-def test_joints_that_follow_the_inversions_reference_bring_the_tip(inverse):
-    """Exact drives in place of torques: the tip is where it was to be."""
+def test_prescribed_joints_of_the_inversion_bring_the_tip_to_the_line(inverse):
+    """Prescribed joints replace the torques: the tip follows its path."""
     moved = dict.fromkeys((1, 2), inverse.reference)
     run = fa.simulate(inverse.arm, 2.0, prescribed=moved, initial=inverse.initial, rate=500.0)
     missed = away(run, inverse.motion)
     assert missed[run.time.values <= inverse.motion.end_time].max() < 5e-5
-    assert missed.max() < 1e-3  # undamped links swing by what was left of their bending
+    assert missed.max() < 1e-3  # undamped links vibrate by their remaining bending
     assert inverse.rigid_tip_error > 5e-3
 
 
-def test_model_based_control_beats_joint_pd_on_the_papers_line(inverse):
-    """20 times in tip error, 50 times in what still swings a second and more after the end."""
+def test_model_based_control_is_better_than_joint_pd_on_the_papers_line(inverse):
+    """The tip error is 20 times smaller, the vibration a second after the end 50 times."""
     gains = {"proportional": [40.0, 10.0], "derivative": [20.0, 3.0]}
     plain = fa.JointPD(**gains)
     best = fa.ComputedTorque(inverse.arm, 1.0, feedforward=inverse.torque)
@@ -82,16 +72,17 @@ def test_model_based_control_beats_joint_pd_on_the_papers_line(inverse):
         swings.append(np.hypot(*(late - late.mean(axis=0)).T).max())
     assert errors[1] < errors[0] / 20.0
     assert swings[1] < swings[0] / 50.0
-    # And it is no more than the held torque's due: 1 ms of them is second order in time.
+    # The rest is the error of the zero-order hold: 1 ms is second order in time.
     assert errors[1] < 2e-4
 
 
 def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
     """(T_1 / T)^4 for a smooth motion, where rigid torques have the square."""
-    flexible = arm()
+    flexible = laboratory_arm()
     errors = {"rigid": [], "quasi-static": []}
     for duration in (4.0, 8.0):
-        # The quintic's jerk jumps, and what that excites goes as the cube: smooth it.
+        # The quintic's jerk jumps, and its excitation has the third power, so the motion is
+        # smoothed.
         motion = fa.smoothed(line(flexible, 0.6 * duration), 0.4 * duration)
         static = fa.quasi_static_reference(flexible, motion)
         for name, reference in (("rigid", motion), ("quasi-static", static)):
@@ -104,8 +95,8 @@ def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_quasi_static_rest_is_equilibrium_with_the_tip_in_place(theory):
-    heavy = arm(gravity=(0.0, -1.62), theory=theory)
+def test_quasi_static_end_is_the_equilibrium_with_the_tip_at_its_goal(theory):
+    heavy = laboratory_arm(gravity=(0.0, -1.62), theory=theory)
     motion = line(heavy)
     static = fa.quasi_static_reference(heavy, motion)
     np.testing.assert_allclose(heavy.tip(static.initial)[:2], [2.0, 1.0], rtol=0, atol=1e-10)
@@ -117,7 +108,7 @@ def test_quasi_static_rest_is_equilibrium_with_the_tip_in_place(theory):
 
 
 def test_one_link_and_three():
-    """The tip in the direction of the rigid one; joints to spare that follow the rigid motion."""
+    """The tip is in the direction of the rigid one; redundant joints follow the rigid motion."""
     one = fa.Arm(links=[fa.Link(length=1.0, elements=2, **ROD)], joints=[fa.Joint(hub_inertia=0.1)])
     turn = fa.joint_motion(one, [0.2], [0.8], 1.5, start_time=0.2)
     three = fa.Arm(links=[fa.Link(length=0.7, elements=1, **ROD)] * 3)
@@ -132,13 +123,13 @@ def test_one_link_and_three():
         assert errors[1] < 0.2 * errors[0]
 
 
-def test_bending_beyond_reason_is_told():
-    soft = arm(gravity=(0.0, -2000.0), theory="second_order")
+def test_excessive_bending_is_reported():
+    soft = laboratory_arm(gravity=(0.0, -2000.0), theory="second_order")
     with pytest.raises(fa.SimulationError, match="bend too far"):
         fa.quasi_static_reference(soft, line(soft))
 
 
-def test_scenarios_run_every_controller():
+def test_scenarios_with_every_controller_run(tmp_path):
     text = """
 flexarm: 1
 arm:
@@ -171,15 +162,11 @@ run: {duration: 0.1, rate: 100}
             fa.StrainFeedback(20.0, [2.0, 1.0], [30.0, 9.0], 0.1)
         ),
     }
-    import tempfile
-    from pathlib import Path
-
+    path = tmp_path / "s.yaml"
     for drive, make in direct.items():
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "s.yaml"
-            path.write_text(text.replace("DRIVE", "{" + drive + "}"))
-            found = fa.run_scenario(path)
-            scenario = fa.load_scenario(path)
+        path.write_text(text.replace("DRIVE", "{" + drive + "}"))
+        found = fa.run_scenario(path)
+        scenario = fa.load_scenario(path)
         model = fa.Arm(scenario.arm)
         motion = fa.joint_motion(model, [0.2, 0.3], [0.4, 0.1], 0.5)
         controller = make(model, fa.rigid_torque(model, motion))
@@ -209,7 +196,7 @@ run: {duration: 0.1, rate: 100}
         ),
     ],
 )
-def test_wrong_scenarios_are_told(drive, more, words, tmp_path):
+def test_wrong_scenarios_are_rejected(drive, more, words, tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text(
         f"""

@@ -1,4 +1,4 @@
-"""Force control in closed loop, against springs in series, linear models and its promises."""
+"""Force control in closed loop, against springs in series, linear models and its documentation."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from scipy.signal import cont2discrete
 import flexarm as fa
 from flexarm.motion.geometry.kinematics import tip_jacobian
 from flexarm.simulation.metrics import metrics_of
+from paper_arms import laboratory_arm
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0
 NORMAL = np.array([-1.0, 0.0])
@@ -33,23 +34,27 @@ ARM = arm_of()
 
 
 def bars():
-    """Both bars of the rigid arm at POSTURE, and what turns them by a radian: x, y each, m."""
+    """Return both bars of the rigid arm at POSTURE, and their displacement for a radian: x, y each,
+    m."""
     angles = np.cumsum(POSTURE)
     along = np.array([np.cos(angles), np.sin(angles)]) * LENGTHS
     return along, np.array([-along[1], along[0]])
 
 
 def jacobian():
-    """Of the rigid tip at POSTURE, (2, 2) m."""
+    """Return the Jacobian (2, 2) of the rigid tip at POSTURE, m."""
     turned = bars()[1]
     return np.stack([turned.sum(axis=1), turned[:, 1]], axis=1)
 
 
 def compliance():
-    """Of the links under a force along x at the tip, joints locked, m/N: work of its moments."""
+    """Return the compliance of the links for a force along x at the tip, joints locked, m/N.
+
+    It is the work of the moments.
+    """
     _, rises = bars()[0]
     total = 0.0
-    # Moment of 1 N along x at a point of the axis: how far across x the tip is from it.
+    # Moment of 1 N along x at a point of the axis: its distance from the tip across x.
     for length, first, last in (
         (LENGTHS[0], rises.sum(), rises[1]),
         (LENGTHS[1], rises[1], 0.0),
@@ -59,7 +64,8 @@ def compliance():
 
 
 def standing(force):
-    """A motion that stands, at POSTURE, pressing with a constant force; and where its tip is."""
+    """Return a motion that stays at POSTURE and presses with a constant force, and the place of its
+    tip."""
     x, y = bars()[0].sum(axis=1).tolist()
     line = fa.line_motion(ARM, (x, y), (x, y + 1e-6), 1.0, start_time=100.0)
     np.testing.assert_allclose(line.joint_angle(0.0), POSTURE, atol=1e-9)
@@ -67,7 +73,7 @@ def standing(force):
 
 
 def settled(controller, away, force=1.0, duration=6.0):
-    """Force (N) that a tip presses with in the end on a wall that is ``away`` m farther."""
+    """Return the final force (N) of a tip on a wall that is ``away`` m farther."""
     reference, x = standing(force)
     contact = fa.Contact(fa.Wall((x + away, 0.0), NORMAL), stiffness=STIFFNESS, damping=0.5)
     result = fa.simulate(
@@ -80,7 +86,7 @@ def settled(controller, away, force=1.0, duration=6.0):
         rate=50.0,
     )
     late = -result.contact_force.values[-25:, 0, 0]
-    assert np.ptp(late) < 1e-3 * abs(late).max()  # it has come to rest
+    assert np.ptp(late) < 1e-3 * abs(late).max()  # it is at rest
     return late.mean()
 
 
@@ -89,26 +95,26 @@ def in_series(*stiffnesses):
 
 
 @pytest.mark.parametrize("normal_stiffness", [20.0, 100.0])
-def test_impedance_gives_in_as_springs_in_series_do(normal_stiffness):
-    """(F.9): the designed spring, the links and the wall, one behind the other."""
+def test_impedance_is_a_spring_in_series_with_links_and_wall(normal_stiffness):
+    """(F.9): the designed spring, the links and the wall."""
     controller = fa.Impedance(ARM, normal_stiffness=normal_stiffness)
     k = in_series(normal_stiffness, 1.0 / compliance(), STIFFNESS)
     away, pressed = 5e-4, 0.2
     force = settled(controller, away, pressed) - settled(controller, -away, pressed)
-    # The torque that presses does not turn with the arm: a spring of 0.2 N over a metre beside k.
+    # The torque for the force does not turn with the arm: a spring of 0.2 N over a metre beside k.
     assert force == pytest.approx(-2.0 * away * k, rel=1.5e-2)
-    # The face of the wall is where it is believed: only its own compliance is missing.
+    # The wall is at its believed place: only its own compliance is missing.
     found = settled(controller, 0.0, pressed)
     assert found == pytest.approx(pressed * (1.0 - k / STIFFNESS), rel=1e-3)
 
 
-def test_impedance_with_the_force_measured_has_no_steady_error():
+def test_impedance_with_measured_force_has_no_steady_error():
     controller = fa.Impedance(ARM, force_integral=5.0)
     assert settled(controller, 5e-3) == pytest.approx(1.0, rel=1e-4)
 
 
 @pytest.mark.parametrize("stiffness", [50.0, 150.0])
-def test_admittance_gives_in_as_springs_in_series_do(stiffness):
+def test_admittance_is_a_spring_in_series_with_links_and_wall(stiffness):
     """(F.12): its own spring, the position loop, the links and the wall."""
     frequency = 8.0
     controller = fa.Admittance(ARM, damping=100.0, stiffness=stiffness, frequency=frequency)
@@ -122,7 +128,7 @@ def test_admittance_gives_in_as_springs_in_series_do(stiffness):
     assert force == pytest.approx(-2.0 * away * k, rel=1.5e-2)  # as for the impedance
 
 
-def test_without_a_spring_of_its_own_admittance_has_no_steady_error():
+def test_admittance_without_a_spring_has_no_steady_error():
     controller = fa.Admittance(ARM, damping=100.0)
     assert settled(controller, 5e-3, duration=16.0) == pytest.approx(1.0, rel=1e-3)
 
@@ -133,7 +139,7 @@ def test_hybrid_has_no_steady_error(away):
 
 
 class Step:
-    """Equilibrium of an arm in touch, and a force a little greater asked for."""
+    """Equilibrium of an arm in contact, and a reference with a slightly greater force."""
 
     def __init__(self, rest, force, more):
         self._angle, self._torque = ARM.joint_angles(rest.q), rest.torque
@@ -157,8 +163,8 @@ class Step:
         return self._torque
 
 
-def test_force_loop_is_that_of_the_linear_model():
-    """Sampled loop of (F.7) with ``fa.linearize`` in touch: every sample of a small step."""
+def test_force_loop_equals_that_of_the_linear_model():
+    """Sampled loop of (F.7) with ``fa.linearize`` in contact: every sample of a small step."""
     reference, x = standing(2.0)
     contact = fa.Contact(fa.Wall((x, 0.0), NORMAL), stiffness=STIFFNESS, damping=0.5)
     rest = fa.equilibrium(ARM, reference.joint_angle(0.0), contacts=[contact])
@@ -172,7 +178,7 @@ def test_force_loop_is_that_of_the_linear_model():
     angles = ARM.joint_angles(rest.q)
     M = rigid.mass_matrix(rigid.rest(angles))
     J = tip_jacobian(np.array(LENGTHS), angles)
-    along = np.diag([0.0, 1.0])  # of the wall, which stands along y
+    along = np.diag([0.0, 1.0])  # of the wall, which is parallel to y
     w = controller.frequency
     way = M @ np.linalg.inv(J) @ along @ J
     across = J.T @ np.outer(NORMAL, NORMAL) @ J
@@ -202,10 +208,10 @@ def test_force_loop_is_that_of_the_linear_model():
     seen = -run.contact_force.values[:steps, 0, 0] - force0
     # Second order of a step of 5e-4 of the force, and the pseudo-inverse's millionth.
     np.testing.assert_allclose(seen, force, atol=3e-3 * step)
-    assert force[-1] > 0.8 * step  # it has done something
+    assert force[-1] > 0.8 * step  # the step has an effect
 
 
-# What it is for -------------------------------------------------------------------------------
+# Accuracy in use ---------------------------------------------------------------------------------
 
 
 LINE_START, LINE_END = 1.5, 4.5
@@ -214,18 +220,6 @@ LINE_START, LINE_END = 1.5, 4.5
 def wall(away=0.0, stiffness=STIFFNESS, friction=0.2):
     surface = fa.Wall((1.5 + away, 0.0), NORMAL)
     return fa.Contact(surface, stiffness=stiffness, damping=0.5, friction=friction)
-
-
-def lab(rigidity=1.0, payload=0.1):
-    rod = {"flexural_rigidity": 105.0 * rigidity, "mass_per_length": 0.61732}
-    return fa.Arm(
-        links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],
-        joints=[
-            fa.Joint(hub_inertia=0.1),
-            fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-        ],
-        payload=fa.Payload(mass=payload),
-    )
 
 
 def asked_force(t):
@@ -238,13 +232,13 @@ def asked_force(t):
 
 @pytest.fixture(scope="module")
 def sliding():
-    arm = lab()
+    arm = laboratory_arm(payload=0.1)
     line = fa.line_motion(arm, (1.5, 0.5), (1.5, 0.8), LINE_END - LINE_START, start_time=LINE_START)
     return arm, fa.pressed_motion(arm, line, asked_force, NORMAL, friction=0.2)
 
 
-# On a wall three times as stiff the loop of the soft arm is unstable at the start, without friction
-# by a tenth of a second's vibration; along the wall it becomes stable.
+# On a wall three times as stiff the loop of the soft arm is unstable at the start, where it
+# vibrates for a tenth of a second without friction; sliding along the wall makes it stable.
 @pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @pytest.mark.parametrize(
     ("plant", "contact", "limit"),
@@ -256,8 +250,8 @@ def sliding():
         ({"rigidity": 0.7, "payload": 0.2}, {"friction": 0.4, "stiffness": 1e4 / 3}, 5.0),
     ],
 )
-def test_force_is_tracked_from_touchdown_through_sliding(sliding, plant, contact, limit):
-    """RMS error below 2 % of 5 N as believed, 5 % where arm and wall differ."""
+def test_force_is_followed_from_first_contact_through_sliding(sliding, plant, contact, limit):
+    """RMS error below 2 % of 5 N for the believed arm and wall, 5 % for others."""
     arm, reference = sliding
     before = fa.line_motion(arm, (1.49, 0.5), (1.49, 0.8), 1.0).joint_angle(0.0)
     result = fa.simulate(
@@ -265,20 +259,20 @@ def test_force_is_tracked_from_touchdown_through_sliding(sliding, plant, contact
         LINE_END,
         controller=fa.HybridForce(arm),
         reference=reference,
-        plant=lab(**plant),
+        plant=laboratory_arm(**{"payload": 0.1, **plant}),
         initial=arm.rest(before),
         contacts=[wall(**contact)],
     )
     error = metrics_of(result, arm, reference)["force_error_rms"]
     assert 100.0 * error / 5.0 < limit
-    # The number is that of the sliding alone, across the wall.
+    # The metric is that of the sliding alone, along the normal.
     now = result.sel(time=slice(LINE_START, LINE_END))
     wanted = [asked_force(t) for t in now.time.values]
     by_hand = np.sqrt(np.mean((-now.contact_force.values[:, 0, 0] - wanted) ** 2))
     assert error == pytest.approx(by_hand, rel=1e-12)
 
 
-def test_touches_down_at_its_speed_and_stays(sliding):
+def test_contact_starts_at_the_given_speed_and_is_kept(sliding):
     arm, reference = sliding
     before = fa.line_motion(arm, (1.47, 0.5), (1.47, 0.8), 1.0).joint_angle(0.0)
     controller = fa.HybridForce(arm, approach_speed=0.1)
@@ -293,13 +287,13 @@ def test_touches_down_at_its_speed_and_stays(sliding):
     gap = result.contact_gap.values[:, 0]
     touch = int(np.argmax(gap < 0.0))
     speed = (gap[touch - 50] - gap[touch]) / 0.05
-    # A light arm, still swinging from its start; 2 N against 20 N s/m asks for this speed.
+    # A light arm, which still vibrates from its start; 2 N against 20 N s/m requires this speed.
     assert speed == pytest.approx(0.1, rel=0.3)
     assert gap[touch:].max() < 2e-3
     assert gap[touch + 700 :].max() < 0.0, "it bounces no more"
 
 
-def test_noise_delay_and_resolution_change_little(sliding):
+def test_noise_delay_and_resolution_have_small_effects(sliding):
     arm, reference = sliding
     hardware = fa.Hardware(
         instruments=[
@@ -322,14 +316,14 @@ def test_noise_delay_and_resolution_change_little(sliding):
     assert result.measured_contact_force.shape[1:] == (1, 2)
 
 
-def test_no_force_in_the_run_has_no_force_error(sliding):
+def test_run_without_a_force_has_no_force_error(sliding):
     arm, reference = sliding
     motion = reference.motion
     result = fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=motion)
     assert np.isnan(metrics_of(result, arm, motion)["force_error_rms"])
 
 
-def test_a_force_that_nobody_measures_is_told(sliding):
+def test_unmeasured_force_is_rejected(sliding):
     arm, reference = sliding
     with pytest.raises(fa.InputError, match="contacts are missing: HybridForce measures"):
         fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=reference)

@@ -1,4 +1,4 @@
-"""Functions of time that raise: the run ends with the time, the reason and what was computed."""
+"""Functions of time that raise: the run ends with the time, the reason and a partial result."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ OPTIONS = {
 
 
 @pytest.mark.parametrize("name", OPTIONS)
-def test_a_failure_carries_time_and_partial_result(name):
+def test_failure_has_time_and_partial_result(name):
     with pytest.raises(fa.SimulationError) as caught:
         fa.simulate(ARM, 1.0, rate=100.0, **OPTIONS[name])
     error = caught.value
@@ -44,17 +44,18 @@ def test_a_failure_carries_time_and_partial_result(name):
     assert error.result.attrs["ended_by"] == "failure"
     assert error.result.attrs["failure"] == str(error)
     alone = fa.simulate(ARM, END, rate=100.0, **OPTIONS[name])
-    np.testing.assert_allclose(error.result.q, alone.q, rtol=0.0, atol=1e-9)  # two runs' tolerance
+    # tolerance of the two runs
+    np.testing.assert_allclose(error.result.q, alone.q, rtol=0.0, atol=1e-9)
 
 
-def test_a_function_that_never_answers_leaves_no_result():
+def test_function_that_always_fails_leaves_no_result():
     with pytest.raises(fa.SimulationError, match="torque failed with ZeroDivisionError") as caught:
         fa.simulate(ARM, 1.0, torque=lambda t: [1 / 0])
     assert caught.value.time == 0.0
     assert caught.value.result is None
 
 
-def test_errors_of_flexarm_stay_as_they_are():
+def test_errors_of_flexarm_are_not_wrapped():
     def wrong(t):
         return fa.rigid_torque(ARM, "motion")(t)
 
@@ -62,7 +63,7 @@ def test_errors_of_flexarm_stay_as_they_are():
         fa.simulate(ARM, 1.0, torque=wrong)
 
 
-def test_a_prescribed_angle_that_fails_is_a_failure_too():
+def test_prescribed_angle_that_fails_is_reported():
     moved = fa.PrescribedAngle(lambda t: 1 / 0, lambda t: 0.0, lambda t: 0.0)
     with pytest.raises(fa.SimulationError, match=r"prescribed\[1\].* ZeroDivisionError"):
         fa.simulate(ARM, 1.0, prescribed={1: moved})

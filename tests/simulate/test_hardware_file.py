@@ -1,4 +1,4 @@
-"""The hardware of a scenario file: checked with its line, and the same run as in Python."""
+"""The hardware of a scenario file: errors with their line, and the same run as in Python."""
 
 from typing import get_args
 
@@ -69,12 +69,12 @@ def test_same_run_as_in_python(tmp_path):
     for name in by_hand.data_vars:
         np.testing.assert_array_equal(from_file[name], by_hand[name])
     assert abs(from_file.torque).max() <= 3.0
-    # And the file that the result keeps says the same again.
+    # The file in the result has the same hardware.
     again = fa.run_scenario(written(tmp_path, from_file.attrs["scenario"]))
     np.testing.assert_array_equal(again.q, by_hand.q)
 
 
-def test_signals_of_files_are_those_of_python():
+def test_signals_of_files_equal_those_of_python():
     assert set(CHANNEL_SIGNALS) == set(CHANNEL_OUTPUTS)
     assert set(get_args(Signal)) == {*CHANNEL_SIGNALS, *POINT_SIGNALS}
 
@@ -96,7 +96,7 @@ def test_signals_of_files_are_those_of_python():
         ("seed: 3", "seed: -3", "hardware.seed must be at least 0"),
     ],
 )
-def test_problems_are_told_with_their_place(tmp_path, old, new, words):
+def test_problems_are_reported_with_their_place(tmp_path, old, new, words):
     text = ARM + HARDWARE.replace(old, new)
     assert text != ARM + HARDWARE
     with pytest.raises(fa.InputError) as caught:
@@ -105,7 +105,7 @@ def test_problems_are_told_with_their_place(tmp_path, old, new, words):
     assert len(caught.value.problems) == 1
 
 
-def test_hardware_without_a_controller_is_refused(tmp_path):
+def test_hardware_without_a_controller_is_rejected(tmp_path):
     drive = ARM.splitlines()[-2]
     text = (ARM + HARDWARE).replace(drive, "drive: {kind: rigid_inverse_dynamics}")
     with pytest.raises(fa.InputError, match="hardware requires a controller as drive"):

@@ -1,4 +1,4 @@
-"""Shaped moves leave the vibration that the theory of input shaping predicts.
+"""Shaped motions leave the vibration that the theory of input shaping predicts.
 
 Closed forms of Singer and Seering (1990) and of Singhose et al. (1994), written out here.
 """
@@ -8,11 +8,11 @@ import pytest
 
 import flexarm as fa
 
-STILL = 4.0  # s, when every motion here has ended
+STILL = 4.0  # s, after the end of every motion here
 
 
 def one_mode(ratio=0.0):
-    """A link of a single mode on a joint that is moved."""
+    """Return a link with a single mode on a joint with a prescribed motion."""
     link = fa.Link(
         length=1.0,
         flexural_rigidity=20.0,
@@ -30,7 +30,7 @@ def small_move(arm, duration=0.31):
 
 
 def amplitude(arm, motion, frequency_hz, ratio=0.0):
-    """Complex amplitude of the mode at a time when all is over, of free vibration."""
+    """Return the complex amplitude of the mode in free vibration, after the motion."""
     run = fa.simulate(
         arm, STILL, prescribed={1: motion}, rate=100.0, rtol=1e-10, atol=1e-13, progress=False
     )
@@ -41,7 +41,7 @@ def amplitude(arm, motion, frequency_hz, ratio=0.0):
 
 
 def printed_impulses(method, tolerance=0.05):
-    """Undamped shapers as the papers print them: amplitudes half a period apart."""
+    """Return the printed undamped shapers: amplitudes half a period apart."""
     V = tolerance
     return {
         "zv": [1 / 2, 1 / 2],
@@ -51,9 +51,9 @@ def printed_impulses(method, tolerance=0.05):
 
 
 def residual(amplitudes, detuned, ratio=0.0):
-    """Percentage residual vibration for a system of ``detuned`` times the design frequency.
+    """Return the residual vibration, %, of a system of ``detuned`` times the design frequency.
 
-    Amplitudes are those of the system's free vibration, after both have ended.
+    Amplitudes are those of the system's free vibration after both motions.
     """
     design = np.pi / np.sqrt(1.0 - ratio**2)  # half a damped period, in 1 / omega
     times = design * np.arange(len(amplitudes))
@@ -67,7 +67,7 @@ def test_residual_over_frequency_error_is_the_closed_form(method):
     hertz = float(fa.modes(arm).frequency_hz[0])
     motion = small_move(arm)
     plain = abs(amplitude(arm, motion, hertz))
-    assert plain > 1e-6  # there is something to cancel
+    assert plain > 1e-6  # the unshaped motion causes vibration
     for detuned in (0.7, 0.9, 1.0, 1.05, 1.3):
         made = fa.shaped(motion, method=method, frequency_hz=hertz / detuned)
         left = abs(amplitude(arm, made, hertz)) / plain
@@ -76,8 +76,11 @@ def test_residual_over_frequency_error_is_the_closed_form(method):
         assert left == pytest.approx(wanted, abs=2e-5), detuned
 
 
-def test_what_the_three_are_for():
-    """ZV: zero at design. ZVD: zero slope, too. EI: the tolerance at design, zero at both sides."""
+def test_properties_of_the_three_shapers():
+    """ZV: zero at the design.
+
+    ZVD: zero slope, too. EI: the tolerance at the design, zero on both sides.
+    """
     arm = one_mode()
     hertz = float(fa.modes(arm).frequency_hz[0])
     motion = small_move(arm)
@@ -113,7 +116,8 @@ def test_damped_modes(method):
     plain = abs(amplitude(arm, motion, hertz, ratio))
     left = abs(amplitude(arm, made, hertz, ratio)) / plain
     if method == "ei":
-        # Of a single impulse, which the damping of the shaper's two half periods has left less of.
+        # Relative to a single impulse, which the damping over the shaper's two half periods has
+        # reduced.
         assert left * K**2 == pytest.approx(0.05, abs=1e-5)
         assert residual(made.amplitudes, 1.0, ratio) == pytest.approx(left, rel=1e-3)
         return
@@ -122,7 +126,7 @@ def test_damped_modes(method):
     assert left < 1e-5
 
 
-def test_two_modes_stay_at_rest():
+def test_two_modes_are_at_rest_after_the_motion():
     link = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, elements=2, modes=2)
     arm = fa.Arm(links=[link])
     motion = small_move(arm, 0.05)
@@ -134,13 +138,13 @@ def test_two_modes_stay_at_rest():
     plain = energy(motion)
     first = energy(fa.shaped(motion, arm, "zv"))
     both = energy(fa.shaped(motion, arm, "zv", modes=2))
-    assert first > 1e-4 * plain  # the second mode is worth while
+    assert first > 1e-4 * plain  # the second mode matters
     assert both < 1e-9 * plain
 
 
 @pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
-def test_frequency_that_changes_on_the_way(profile):
-    """An elbow that folds changes the lowest frequency by half; impulses follow its phase."""
+def test_frequency_that_changes_along_the_motion(profile):
+    """A folding elbow raises the lowest frequency by half; impulses follow its phase."""
     rod = {"flexural_rigidity": 600.0, "mass_per_length": 0.5, "elements": 1}
     arm = fa.Arm(
         links=[
@@ -163,21 +167,20 @@ def test_frequency_that_changes_on_the_way(profile):
     followed = energy(fa.shaped(motion, arm))
     of_start = energy(fa.shaped(motion, frequency_hz=hertz[0]))
     of_end = energy(fa.shaped(motion, frequency_hz=hertz[1]))
-    print(profile, hertz, plain, followed, of_start, of_end)
     assert followed < 0.05 * plain
     assert followed < 0.3 * min(of_start, of_end)
 
 
 @pytest.mark.parametrize(("window", "turns"), [("moving_average", 1.0), ("raised_cosine", 2.0)])
-def test_a_window_of_whole_periods_leaves_nothing(window, turns):
+def test_average_over_whole_periods_leaves_no_vibration(window, turns):
     arm = one_mode()
     hertz = float(fa.modes(arm).frequency_hz[0])
     motion = small_move(arm)
     plain = abs(amplitude(arm, motion, hertz))
     left = abs(amplitude(arm, fa.smoothed(motion, turns / hertz, window), hertz))
     assert left < 1e-5 * plain
-    # Elsewhere the transform of the window.
-    x = 0.6  # turns in the window
+    # Otherwise the transform of the window.
+    x = 0.6  # radians in the window
     sinc = np.sinc(x)
     wanted = abs(sinc if window == "moving_average" else sinc / (1.0 - x**2))
     left = abs(amplitude(arm, fa.smoothed(motion, x / hertz, window), hertz))

@@ -1,4 +1,4 @@
-"""What ``integrator="auto"`` takes, and whether the result is as exact as the tolerances say."""
+"""Integrators chosen by ``integrator="auto"``, and the accuracy of their results."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def run(arm, duration=0.3, **settings):
 
 
 def apart(a, b):
-    """Largest distance of the tips (m)."""
+    """Return the largest distance of the tips (m)."""
     return float(np.linalg.norm((a.tip - b.tip).values, axis=1).max())
 
 
@@ -48,13 +48,13 @@ def apart(a, b):
     ],
     ids=["3 modes", "4 modes", "full mesh, loose", "full mesh", "rigid"],
 )
-def test_auto_follows_stiffness_and_tolerance(arm, rtol, wanted):
+def test_auto_depends_on_stiffness_and_tolerance(arm, rtol, wanted):
     result = run(arm, duration=0.01, rtol=rtol, atol=rtol / 100)
     assert result.integrator == wanted
     assert ("implicit" in result.integrator_reason) == (wanted != "dormand_prince_8")
 
 
-def test_strong_damping_is_stiff_too():
+def test_strong_damping_is_stiff():
     damped = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=1.0)
     links = [fa.Link(length=1.0, elements=4, modes=4, damping=damped, **ROD)]
     arm = fa.Arm(links=links)
@@ -62,7 +62,7 @@ def test_strong_damping_is_stiff_too():
     assert result.integrator == "kennedy_carpenter_5"
 
 
-def test_a_full_mesh_costs_no_more_steps_when_it_gets_finer():
+def test_number_of_steps_of_a_full_mesh_does_not_grow_with_refinement():
     """The explicit method's steps would double twice from 8 to 16 elements."""
     steps = [
         run(table_one(n), integrator="kennedy_carpenter_5", rtol=1e-5, atol=1e-7).steps
@@ -73,13 +73,14 @@ def test_a_full_mesh_costs_no_more_steps_when_it_gets_finer():
 
 @pytest.mark.parametrize("elements", [8, 32])
 def test_default_tolerances_on_a_full_mesh(elements):
-    """1e-6 of the reach, against a run ten times as tight."""
+    """1e-6 of the reach, against a run with a tenth of the tolerance."""
     arm = table_one(elements)
     assert apart(run(arm), run(arm, rtol=1e-8, atol=1e-10)) < 1e-6 * 2.4142
 
 
-def test_cowell_keeps_the_energy_of_a_vibration():
-    """Small vibrations for 20 s, 700 periods of the slowest mode; rk4 at twice the evaluations."""
+def test_cowell_conserves_the_energy_of_a_vibration():
+    """Small vibrations for 20 s, 700 periods of the slowest mode; rk4 needs twice the
+    evaluations."""
     arm = fa.Arm(links=[fa.Link(length=1.0, elements=2, modes=2, **ROD)])
     start = arm.from_nodal([0.0], [[[0.00004, 0.0001], [0.0001, 0.00014]]])
 
@@ -98,7 +99,7 @@ def fixed(arm, step, **settings):
     return run(arm, rtol=1e-9, atol=1e-11, step=step, **settings)
 
 
-def test_auto_with_a_step_takes_rk4_where_it_is_stable():
+def test_auto_with_a_step_chooses_rk4_where_it_is_stable():
     arm = table_one(2, modes=2)
     result = fixed(arm, 5e-4)
     assert (result.integrator, result.warning) == ("rk4", "")
@@ -114,12 +115,12 @@ def test_auto_with_a_step_too_long_for_rk4_warns_and_damps_fast_vibrations():
     assert "halve it once and compare" in result.warning
     named = run(arm, integrator="generalized_alpha", step=1e-3, rtol=1e-9, atol=1e-11)
     np.testing.assert_array_equal(result.q, named.q)
-    # Of order 2: a thousandth of the reach, where the explicit method has no result.
+    # Of order 2: a thousandth of the reach, where the explicit method diverges.
     assert apart(result, run(arm)) < 1e-3 * 2.4142
 
 
-def test_a_torque_that_truncates_the_steps_keeps_rk4():
-    """Held for 0.2 ms, whatever the step: what counts is the length of the steps taken."""
+def test_torque_that_truncates_the_steps_keeps_rk4():
+    """Constant for 0.2 ms, whatever the step: the lengths of truncated steps decide."""
     arm = table_one(2, modes=2)
     samples = np.stack([torque(t) for t in np.arange(0.0, 0.05, 2e-4)])
     result = fa.simulate(
@@ -129,7 +130,7 @@ def test_a_torque_that_truncates_the_steps_keeps_rk4():
     assert result.steps >= 250
 
 
-def test_a_loop_keeps_rk4():
+def test_closed_loop_keeps_rk4():
     """Its steps end at each sample time."""
     arm = table_one(2, modes=2)
     loop = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=2e-4)

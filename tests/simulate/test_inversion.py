@@ -1,4 +1,4 @@
-"""Torques by inversion, judged by simulating the full model under them."""
+"""Torques by inversion, checked by simulation of the full model."""
 
 from functools import cache
 
@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-
-
-def paper_arm(**fields):
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
-    return fa.Arm(links=links, **fields)
+from paper_arms import table_one_arm
 
 
 def paper_line(arm, **fields):
@@ -26,8 +21,8 @@ def tip_error(arm, motion, torque, initial, duration):
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_tip_error_on_the_papers_line(theory):
-    """A hundredth of the error under rigid torques is promised; it is a five-hundredth."""
-    arm = paper_arm(theory=theory)
+    """A hundredth of the error under rigid torques is documented; a five-hundredth is reached."""
+    arm = table_one_arm(theory=theory)
     line = paper_line(arm)
     found = fa.tip_inversion(arm, line)
     straight = arm.rest(line.joint_angle(0.0))
@@ -35,7 +30,7 @@ def test_tip_error_on_the_papers_line(theory):
     rigid = tip_error(arm, line, fa.rigid_torque(arm, line), straight, 1.6)
     own = tip_error(arm, line, found.torque, found.initial, 1.6)
     assert own < rigid / 300.0
-    # It judges itself at the same tolerance as any run, and over the same time.
+    # It estimates its error with the tolerance of any run, over the same time.
     assert found.tip_error == pytest.approx(own, rel=0.3)
     assert 0.1 < found.pre_actuation < 0.25
     # The zeros that make it non-minimum phase: as many grow as decay.
@@ -44,7 +39,7 @@ def test_tip_error_on_the_papers_line(theory):
     )
 
 
-@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # a soft link, to be seen
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # a soft link, on purpose
 def test_single_link_under_gravity():
     """It sags at both ends; the tip of one link is kept in the direction of the rigid one."""
     link = fa.Link(length=1.0, elements=3, flexural_rigidity=10.0, mass_per_length=0.6)
@@ -59,10 +54,10 @@ def test_single_link_under_gravity():
 
 
 def test_light_damping_does_not_lengthen_the_torques():
-    """Zeros of damped vibrations have a small real part: nothing that bending waits for."""
+    """Zeros of damped vibrations have a small real part, which must not extend the actuation."""
     spans, errors = [], []
     for ratio in (0.0, 0.005):
-        plain = paper_arm().spec
+        plain = table_one_arm().spec
         damping = fa.ModalDamping(ratio=ratio) if ratio else None
         arm = fa.Arm(plain.replace(links=[one.replace(damping=damping) for one in plain.links]))
         found = fa.tip_inversion(arm, paper_line(arm))
@@ -74,7 +69,7 @@ def test_light_damping_does_not_lengthen_the_torques():
 
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # links sag by a tenth
 def test_vertical_arm():
-    """It would fall under an open-loop search; the torque found holds it all the same."""
+    """An open-loop search would let it fall; the computed torque holds it."""
     rod = {"elements": 2, "damping": fa.ModalDamping(ratio=0.01), "mass_per_length": 0.6}
     arm = fa.Arm(
         links=[
@@ -92,9 +87,9 @@ def test_vertical_arm():
     found = fa.tip_inversion(arm, motion)
     assert found.tip_error < found.rigid_tip_error / 300.0
     own = tip_error(arm, motion, found.torque, found.initial, found.end)
-    # The torque alone, of an arm that magnifies its errors a thousandfold.
+    # The torque alone, on an arm that amplifies errors a thousandfold.
     assert own < found.rigid_tip_error / 300.0
-    # Its own figure is of a longer run, in which errors grow on.
+    # Its own estimate is of a longer run, in which errors grow further.
     assert own <= 1.1 * found.open_loop_tip_error < found.rigid_tip_error / 300.0
     # The joints of the reference are those of the run.
     run = fa.simulate(arm, found.end, torque=found.torque, initial=found.initial)
@@ -102,8 +97,8 @@ def test_vertical_arm():
     assert np.abs(away).max() < 1e-3
 
 
-def test_refused():
-    arm = paper_arm()
+def test_unsupported_motions_and_arguments_are_rejected():
+    arm = table_one_arm()
     with pytest.raises(fa.InputError, match=r"start at 0\.19"):
         fa.tip_inversion(arm, paper_line(arm, start_time=0.0))
     with pytest.raises(fa.InputError, match="arm is rigid"):
@@ -113,17 +108,18 @@ def test_refused():
         fa.tip_inversion(arm, straight)
 
 
-def test_what_cannot_be_done_says_how_far_it_came():
-    arm = paper_arm()
+def test_failed_inversion_reports_its_tip_error():
+    arm = table_one_arm()
     with pytest.raises(fa.InversionError) as raised:
         fa.tip_inversion(arm, paper_line(arm, duration=0.25))
     assert raised.value.tip_error > 0.0
 
 
-@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # twice as fast as the paper
+# twice as fast as in the paper
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
 def test_joints_follow_under_flexible_torque(profile):
-    arm = paper_arm()
+    arm = table_one_arm()
     line = paper_line(arm, profile=profile, start_time=0.013)
     torque = fa.flexible_torque(arm, line, 1.2)
     run = fa.simulate(arm, 1.2, torque=torque, rtol=1e-9, atol=1e-11)
@@ -137,7 +133,7 @@ ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 1}
 ELASTIC = fa.Joint(rotor_inertia=0.02, stiffness=400.0, hub_inertia=0.05)
 BESIDE = fa.Payload(mass=0.3, inertia=0.01, offset=(0.05, 0.1))
 LINKS = [fa.Link(length=length, **ROD) for length in (1.0, 0.9, 0.6)]
-#: Arms that differ from the paper's in one thing, and a motion of a second for each.
+#: Arms that differ from the paper's in one property, and a motion of a second for each.
 OTHERS = {
     "payload beside the tip": (
         fa.Arm(links=LINKS[:2], payload=BESIDE),
@@ -161,7 +157,7 @@ OTHERS = {
 
 @cache
 def inverted(name):
-    """Arm, motion and inversion of one of the others."""
+    """Return arm, motion and inversion of one of these."""
     arm, start, end = OTHERS[name]
     motion = fa.joint_motion(arm, start, end, 1.0, start_time=0.4)
     return arm, motion, fa.tip_inversion(arm, motion)
@@ -170,7 +166,7 @@ def inverted(name):
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # under rigid torques
 @pytest.mark.parametrize("name", OTHERS)
 def test_tip_error_of_other_arms(name):
-    """The full model under the torque, run afresh: a hundredth at most, as of two.
+    """The full model has at most a hundredth of its error under rigid torques.
 
     Measured: payload 1800, elastic joints 2600, three joints 730, fixed joints 980 and 1200 times.
     """
@@ -179,25 +175,25 @@ def test_tip_error_of_other_arms(name):
     rigid = tip_error(arm, motion, fa.rigid_torque(arm, motion), found.initial, until)
     own = tip_error(arm, motion, found.torque, found.initial, until)
     assert own < rigid / 400.0
-    # Its own figures are of a longer run, and at the usual tolerance: that is off by 1e-6 of the
-    # arm's length or two.
+    # Its own estimates are of a longer run, at the usual tolerance: one or two times 1e-6 of the
+    # arm's length.
     assert found.tip_error == pytest.approx(own, rel=0.3, abs=5e-6)
     assert found.rigid_tip_error >= rigid * (1.0 - 1e-3)
 
 
-def test_what_three_joints_have_to_spare_follows_the_motion():
-    """The joint that the tip can best do without goes as the rigid arm's, up to the same part."""
+def test_redundant_joint_follows_the_rigid_motion():
+    """It is the joint with the least effect on the tip."""
     arm, motion, found = inverted("three joints")
     run = fa.simulate(arm, found.end, torque=found.torque, initial=found.initial)
     away = np.abs(run.joint_angle.values - motion.joint_angle(run.time.values)).max(axis=0)
     assert away[2] < 14e-3 / 300.0  # 14 mrad under rigid torques
-    assert min(away[0], away[1]) > 1e-2  # these two keep the tip where it belongs
+    assert min(away[0], away[1]) > 1e-2  # the other two keep the tip on its path
 
 
-def test_zeros_behind_the_springs_of_joints_are_those_of_the_arm_behind_them():
-    """A spring and a rotor of no gear pass on what the motor gives: zeros are the links' own.
+def test_elastic_joints_keep_the_zeros_of_the_links():
+    """A spring and a rotor without gear transmit the torque of the motor.
 
-    The spring's damper adds one zero, -k / c, for each joint. The pairs at infinity are left out.
+    The spring's damper adds one zero, -k / c, for each joint. Pairs at infinity are omitted.
     """
     stiff = fa.Arm(links=LINKS[:2], joints=[fa.Joint(hub_inertia=0.05)] * 2)
     motion = fa.joint_motion(stiff, [0.2, 0.9], [0.7, 1.2], 1.0, start_time=0.4)
@@ -211,14 +207,14 @@ def test_zeros_behind_the_springs_of_joints_are_those_of_the_arm_behind_them():
     # Double precision leaves six digits beside a fourfold eigenvalue at infinity.
     np.testing.assert_allclose(zeros(ELASTIC), wanted, rtol=1e-5, atol=1e-3)
     damped = zeros(ELASTIC.replace(damping=0.5))
-    # A double eigenvalue, known to the root of those digits.
+    # A double eigenvalue, accurate to the root of those digits.
     np.testing.assert_allclose(damped[np.abs(damped + 800.0) < 1.0], [-800.0] * 2, rtol=1e-3)
     left = damped[np.abs(damped + 800.0) >= 1.0]
     np.testing.assert_allclose(np.sort_complex(left), wanted, rtol=1e-5, atol=1e-3)
 
 
-def test_a_rigid_link_behind_a_spring_has_no_zeros():
-    """Its tip held, the spring is held: nothing can move but at infinity."""
+def test_rigid_link_behind_a_spring_has_no_zeros():
+    """With a constrained tip the spring is constrained, so no finite zeros remain."""
     link = fa.Link(length=1.0, flexible=False, mass_per_length=0.6)
     arm = fa.Arm(links=[link], joints=[ELASTIC])
     motion = fa.joint_motion(arm, [0.0], [0.5], 1.0, start_time=0.4)

@@ -1,4 +1,4 @@
-"""Dry friction over time: a link that slows down, one that creeps where a real one would stick."""
+"""Dry friction over time: a link that slows down, and one that creeps instead of sticking."""
 
 import numpy as np
 import pytest
@@ -14,54 +14,54 @@ def arm(gravity=(0.0, 0.0), **friction):
     return fa.Arm(links=[link], joints=[joint], gravity=gravity)
 
 
-def test_coulomb_friction_slows_a_link_at_a_steady_rate():
+def test_coulomb_friction_gives_a_constant_deceleration():
     of = arm(coulomb=1.5)
     result = fa.simulate(of, 2.0, initial_rate=[3.0], rate=100)
     t, rate = result.time.values, result.joint_rate.values[:, 0]
     stop = 3.0 * INERTIA / 1.5  # s
     moving = t < stop - 0.1
-    # Until it creeps: below ten times the smoothing rate the level is no longer Coulomb's.
+    # Until it creeps: below ten times the smoothing rate friction is less than Coulomb's level.
     np.testing.assert_allclose(rate[moving], 3.0 - 1.5 / INERTIA * t[moving], rtol=1e-6)
     assert abs(rate[t > stop + 0.1]).max() < 0.01
-    assert np.all(np.diff(rate) < 1e-6)  # and never turns round, but for the integrator's error
+    assert np.all(np.diff(rate) < 1e-6)  # and never turns back, except for the integrator's error
 
 
-def test_what_friction_takes_is_the_energy_that_is_lost():
+def test_work_of_friction_is_the_lost_energy():
     of = arm(coulomb=1.0, static=1.8, stribeck_rate=0.3, gravity=(0.0, -9.81))
     result = fa.simulate(of, 1.5, initial=[0.5], rate=2000, rtol=1e-9)
     energy = (result.kinetic_energy + result.gravity_energy).values
     rate = result.joint_rate.values[:, 0]
-    # What the joint gives its link besides the (absent) motor torque is friction.
+    # Friction is the joint's torque on its link, because the motor torque is zero.
     power = result.joint_moment.values[:, 0] * rate
     assert np.all(power <= 1e-12)
     work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * 5e-4)])
-    # The trapezoidal rule at 2 kHz, across reversals that last a few milliseconds.
+    # The trapezoidal rule at 2 kHz, across reversals of a few milliseconds.
     np.testing.assert_allclose(energy - energy[0], work, rtol=0, atol=2e-3 * abs(work[-1]))
     assert work[-1] < -1.0
 
 
 @pytest.mark.parametrize("part", [0.2, 0.6, 0.95])
-def test_below_static_friction_a_joint_creeps_as_regularised(part):
-    """The settled rate is where the formula balances the torque: far below what anyone sees."""
+def test_joint_creeps_below_static_friction(part):
+    """At the settled rate the formula balances the torque; it is too small to be visible."""
     of = arm(coulomb=1.0, static=2.0, stribeck_rate=0.5, smoothing_rate=1e-3)
     torque = part * 2.0
     result = fa.simulate(of, 0.05, torque=lambda t: [torque], rate=1000)
     settled = result.joint_rate.values[-1, 0]
-    # Stribeck's fall at so low a rate takes a part in 1e5 off the static level.
+    # Stribeck's term reduces the static level by a part in 1e5 at so low a rate.
     assert settled == pytest.approx(1e-3 * np.arctanh(part), rel=1e-3)
 
 
-def test_above_static_friction_it_breaks_loose():
+def test_joint_slides_above_static_friction():
     of = arm(coulomb=1.0, static=2.0, stribeck_rate=0.5, smoothing_rate=1e-3)
     result = fa.simulate(of, 4.0, torque=lambda t: [2.1], rate=100)
     rate = result.joint_rate.values[:, 0]
-    # Loose, it feels Coulomb's level alone.
+    # A sliding joint has Coulomb's level.
     slope = np.diff(rate)[-50:] * 100
     np.testing.assert_allclose(slope, (2.1 - 1.0) / INERTIA, rtol=1e-4)
 
 
-def test_a_flexible_link_rings_on_a_stuck_joint():
-    """Friction beyond what the vibration asks for holds the root: clamped frequency, to a part."""
+def test_sticking_joint_clamps_a_flexible_link():
+    """Static friction exceeds the torque of the vibration: clamped frequency, to a part."""
     link = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, elements=4)
     stuck = fa.Joint(hub_inertia=0.05, friction=fa.Friction(coulomb=5.0, smoothing_rate=1e-3))
     of = fa.Arm(links=[link], joints=[stuck])

@@ -17,14 +17,14 @@ def bar(**joint):
     return fa.Arm(links=[link], joints=[fa.Joint(**joint)])
 
 
-def test_a_rotor_counts_with_the_square_of_its_gear():
+def test_rotor_inertia_is_multiplied_by_the_square_of_the_gear_ratio():
     arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR)
     acceleration = arm.forward_dynamics([0.3], [1.0], [2.0])
     assert acceleration[0] == pytest.approx(2.0 / (INERTIA + GEAR**2 * ROTOR), rel=1e-13)
 
 
-def test_a_rotor_turns_with_what_carries_it():
-    """Second joint locked by no torque of its own: the rotor's reaction is felt by the first."""
+def test_rotor_on_a_moving_link():
+    """The second joint is locked without a torque: the reaction of its rotor acts on the first."""
     bars = [fa.Link(length=LENGTH, mass_per_length=0.5, flexible=False)] * 2
     joints = [fa.Joint(), fa.Joint(rotor_inertia=ROTOR, gear_ratio=GEAR)]
     arm = fa.Arm(links=bars, joints=joints)
@@ -44,8 +44,8 @@ def test_frequency_of_an_elastic_joint(joints, inverse_inertia):
     assert found == pytest.approx(np.sqrt(SPRING * inverse_inertia) / (2 * np.pi), rel=1e-12)
 
 
-def test_an_elastic_joint_swings_as_two_inertias_on_a_spring():
-    """Torque for a while: motor and link against the exact solution of two masses."""
+def test_elastic_joint_equals_two_inertias_on_a_spring():
+    """The torque acts for a while: motor and link against the exact solution of two masses."""
     arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING)
     motor = GEAR**2 * ROTOR
     result = fa.simulate(arm, 0.3, torque=lambda t: [3.0], rtol=1e-10, atol=1e-12)
@@ -60,8 +60,8 @@ def test_an_elastic_joint_swings_as_two_inertias_on_a_spring():
     np.testing.assert_allclose(result.joint_moment.values[:, 0], -SPRING * twist, rtol=0, atol=1e-6)
 
 
-def test_a_stiff_spring_is_no_spring():
-    """The rigid limit: errors fall with the compliance."""
+def test_stiff_joint_approaches_a_rigid_one():
+    """Errors are proportional to the compliance."""
     links = [fa.Link(length=1.0, elements=2, **ROD), fa.Link(length=0.7, elements=1, **ROD)]
     geared = {"rotor_inertia": ROTOR, "gear_ratio": GEAR}
     rigid = fa.modes(fa.Arm(links=links, joints=[fa.Joint(**geared)] * 2), [0.2, 0.9], "free")
@@ -74,7 +74,7 @@ def test_a_stiff_spring_is_no_spring():
     np.testing.assert_allclose(np.divide(gaps[:-1], gaps[1:]), 10.0, rtol=0.1)
 
 
-def test_the_rigid_twin_has_stiff_gears():
+def test_rigid_model_has_stiff_gears():
     arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING, damping=0.1)
     rigid_counterpart = arm.rigid()
     assert (rigid_counterpart.dof, rigid_counterpart.joints) == (1, 1)
@@ -83,7 +83,7 @@ def test_the_rigid_twin_has_stiff_gears():
     )
 
 
-def test_a_motor_that_follows_a_motion_drives_the_link_through_its_spring():
+def test_prescribed_motor_drives_the_link_through_its_spring():
     arm = bar(rotor_inertia=ROTOR, gear_ratio=GEAR, stiffness=SPRING)
     natural, slow = np.sqrt(SPRING / INERTIA), 10.0
     motor = fa.PrescribedAngle(
@@ -93,17 +93,17 @@ def test_a_motor_that_follows_a_motion_drives_the_link_through_its_spring():
     )
     result = fa.simulate(arm, 0.5, prescribed={1: motor}, rtol=1e-10, atol=1e-12)
     t = result.time.values
-    # The link obeys x'' + n^2 x = n^2 motor: the steady answer less the natural one it starts with.
+    # The link obeys x'' + n^2 x = n^2 motor: the steady response minus the natural vibration.
     gain = natural**2 / (natural**2 - slow**2)
     link = 0.1 * (1 - gain * np.cos(slow * t) + (gain - 1) * np.cos(natural * t))
     np.testing.assert_allclose(result.link_angle.values[:, 0], link, rtol=0, atol=1e-8)
-    asked = 0.1 * slow**2 * np.cos(slow * t)
-    torque = GEAR**2 * ROTOR * asked - SPRING * result.joint_twist.values[:, 0]
+    requested = 0.1 * slow**2 * np.cos(slow * t)
+    torque = GEAR**2 * ROTOR * requested - SPRING * result.joint_twist.values[:, 0]
     np.testing.assert_allclose(result.torque.values[:, 0], torque, rtol=0, atol=1e-6)
 
 
 def knee(**fixed):
-    """Three links, the middle joint rigid at an angle."""
+    """Return three links, the middle joint rigid at an angle."""
     links = [
         fa.Link(length=1.0, elements=2, **ROD),
         fa.Link(length=0.6, elements=2, **ROD),
@@ -114,7 +114,7 @@ def knee(**fixed):
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_a_fixed_joint_is_one_that_is_held_there(theory):
+def test_fixed_joint_equals_a_prescribed_constant_angle(theory):
     links, joint = knee(fixed=True)
     arm = fa.Arm(links=links, joints=[fa.Joint(), joint, fa.Joint()], theory=theory)
     assert (arm.links, arm.joints, arm.joint_numbers.tolist()) == (3, 2, [1, 3])
@@ -136,8 +136,8 @@ def test_a_fixed_joint_is_one_that_is_held_there(theory):
     assert "joint_2" not in found.coordinate.values
 
 
-def test_a_clamped_beam_has_no_joints_to_turn():
-    """Simulated, in equilibrium and in its modes, without a motor anywhere."""
+def test_clamped_beam_has_no_joint_coordinates():
+    """Simulation, equilibrium and modes work without a motor."""
     beam = fa.Link(length=1.0, elements=8, **ROD)
     arm = fa.Arm(links=[beam], joints=[fa.Joint(fixed=True, rest_angle=0.5)])
     assert (arm.joints, arm.dof) == (0, 16)
@@ -149,12 +149,12 @@ def test_a_clamped_beam_has_no_joints_to_turn():
     result = fa.simulate(arm, 1.0, initial=bent.q, rtol=1e-9, atol=1e-12)
     assert result.torque.shape == (1001, 0)
     total = result.kinetic_energy + result.strain_energy
-    # The method damps what the release leaves in modes that it barely resolves.
+    # The method damps the release's excitation of modes that it barely resolves.
     np.testing.assert_allclose(total, total[0], rtol=1e-5)
     np.testing.assert_allclose(arm.tip(arm.rest([])), [np.cos(0.5), np.sin(0.5), 0.5], rtol=1e-15)
 
 
-def test_motions_know_the_shape_of_rigidly_joined_links():
+def test_motions_include_rigidly_joined_links():
     links, joint = knee(fixed=True)
     base = fa.Joint(fixed=True, rest_angle=1.1)
     arm = fa.Arm(links=[links[1], *links], joints=[base, fa.Joint(), joint, fa.Joint()])
@@ -186,12 +186,12 @@ def test_motions_know_the_shape_of_rigidly_joined_links():
         ({"gear_ratio": -1.0, "rotor_inertia": 1e-4}, "gear_ratio must be greater than 0"),
     ],
 )
-def test_contradictions_are_refused(fields, message):
+def test_contradictory_joints_are_rejected(fields, message):
     with pytest.raises(fa.ModelError, match=message):
         fa.Joint(**fields)
 
 
-def test_what_is_asked_of_arms_without_motors():
+def test_functions_that_need_motors_reject_arms_without_them():
     arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)], joints=[fa.Joint(fixed=True)])
     with pytest.raises(fa.InputError, match="arm has no joint that is not fixed"):
         fa.joint_motion(arm, [], [], 1.0)
@@ -219,13 +219,13 @@ run: {duration: 2.0, rate: 100}
 """
 
 
-def test_a_scenario_counts_the_joints_that_turn(tmp_path):
+def test_scenario_counts_the_joints_that_turn(tmp_path):
     path = tmp_path / "arm.yaml"
     path.write_text(SCENARIO + "prescribed: [{kind: motion, joint: 3}]\n")
     result = fa.run_scenario(path)
-    asked = [0.2, 0.5]
+    requested = [0.2, 0.5]
     ends = result.joint_angle.sel(joint=3).values[[0, -1]]
-    np.testing.assert_allclose(ends, asked, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(ends, requested, rtol=0, atol=1e-7)
 
 
 def test_tables_and_plots_keep_the_numbers_of_joints(tmp_path):
@@ -236,9 +236,9 @@ def test_tables_and_plots_keep_the_numbers_of_joints(tmp_path):
     assert "joint_angle_3 [rad]" in names
     assert "joint_angle_2 [rad]" not in names
     legends = [axes.get_legend() for axes in signals_figure(result).axes]
-    said = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
-    assert "joint 3" in said
-    assert "joint 2" not in said
+    stated = {text.get_text() for legend in legends if legend for text in legend.get_texts()}
+    assert "joint 3" in stated
+    assert "joint 2" not in stated
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_tables_and_plots_keep_the_numbers_of_joints(tmp_path):
         ),
     ],
 )
-def test_a_scenario_refuses_what_does_not_turn(tmp_path, old, new, message):
+def test_scenario_rejects_values_for_fixed_joints(tmp_path, old, new, message):
     path = tmp_path / "arm.yaml"
     path.write_text(SCENARIO.replace(old, new))
     with pytest.raises(fa.ModelError, match=message):

@@ -1,4 +1,4 @@
-"""What joints transmit: forces, moments, and that they add up to the momentum gained."""
+"""Forces and moments at joints, and their relation to the rate of momentum."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def torque(t):
     return [8.0 + np.sin(5 * t), 3.0 * np.cos(4 * t)]
 
 
-def test_moment_is_the_torque_and_what_the_joint_gives_itself():
+def test_moment_is_the_torque_and_the_passive_torque():
     result = fa.simulate(two_links("second_order"), 0.5, torque=torque, rate=200)
     angle, rate = result.joint_angle.values, result.joint_rate.values
     moment = result.joint_moment.values - result.torque.values
@@ -35,7 +35,7 @@ def test_moment_is_the_torque_and_what_the_joint_gives_itself():
     np.testing.assert_allclose(result.torque.values, given, atol=1e-8)
 
 
-def test_an_arm_at_rest_hangs_from_its_weight():
+def test_arm_at_rest_is_supported_against_its_weight():
     arm = two_links(payload=fa.Payload(mass=0.7, offset=0.1))
     at_rest = fa.equilibrium(arm, [1.2, -0.5])
     result = fa.simulate(arm, 0.01, initial=at_rest.q, torque=lambda t: at_rest.torque, rate=1000)
@@ -47,8 +47,8 @@ def test_an_arm_at_rest_hangs_from_its_weight():
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_forces_add_up_to_the_rate_of_momentum(theory):
-    """Everything outboard of a joint: its force, the weight and the loads move the mass centre."""
+def test_forces_equal_the_rate_of_momentum(theory):
+    """Reaction, weight and loads accelerate the mass centre of the part beyond a joint."""
     arm = two_links(theory, payload=fa.Payload(mass=0.7, inertia=0.01))
     push = fa.Load(2, (1.0, -2.0), station=0.5, factor=lambda t: float(np.cos(7 * t)))
     result = fa.simulate(arm, 0.2, torque=torque, loads=[push], rate=20000, rtol=1e-10, atol=1e-12)
@@ -68,13 +68,13 @@ def test_forces_add_up_to_the_rate_of_momentum(theory):
     load = np.cos(7 * t[some])[:, None] * [1.0, -2.0]
     force = acceleration - mass * np.array([0.0, -9.81]) - load
     found = result.joint_force.sel(link=1).values[some]
-    # Second differences at 20 kHz of positions good to 1e-12: rounding 4e-4, truncation of modes
-    # of 300 Hz a part in 1e3 of their share.
+    # Second differences at 20 kHz of positions accurate to 1e-12: rounding 4e-4, truncation of
+    # modes of 300 Hz a part in 1e3 of their share.
     np.testing.assert_allclose(found, force, rtol=0, atol=3e-3 * abs(found).max())
 
 
 def test_reactions_under_loads_that_change():
-    """At every sample with the loads of that sample."""
+    """Each sample has the loads of its time."""
     arm = two_links()
     factor = lambda t: 1.0 + np.sin(9 * t)  # noqa: E731
     load = fa.Load(1, (0.5, 2.0), 0.3, station=0.7, factor=factor)
@@ -86,12 +86,12 @@ def test_reactions_under_loads_that_change():
         q, qd = result.q.values[k], result.qd.values[k]
         qdd = arm.forward_dynamics(q, qd, torque(t), loads=now, base_acceleration=shaken(t))
         exact = arm.joint_reactions(q, qd, qdd, loads=now, base_acceleration=shaken(t))
-        # Factors are followed to 1e-9; stiff modes answer with forces of 1e3.
+        # Factors are interpolated to 1e-9; stiff modes respond with forces of 1e3.
         np.testing.assert_allclose(result.joint_force.values[k], exact[:, :2], rtol=0, atol=1e-6)
         np.testing.assert_allclose(result.joint_moment.values[k], exact[:, 2], rtol=0, atol=1e-6)
 
 
-def test_a_joint_that_is_held_gives_what_statics_asks_for():
+def test_constant_joint_has_the_static_reaction():
     hold = fa.PrescribedAngle(lambda t: 0.3, lambda t: 0.0, lambda t: 0.0)
     arm = two_links()
     held = fa.equilibrium(arm, [0.3, 0.3], tip_force=(1.0, 2.0, 0.3))

@@ -1,8 +1,7 @@
-"""Stops over time: blows without loss, and with Hunt and Crossley's loss in closed form.
+"""Stops over time: impacts without loss, and with Hunt and Crossley's loss in closed form.
 
-With I w' = -k p (1 + c w), p' = w, the rate w over the penetration p obeys
-w dw / (1 + c w) = -(k / I) p dp. In at v and out at -u, both at p = 0:
-c v - ln(1 + c v) = -c u - ln(1 - c u).
+With I w' = -k p (1 + c w), p' = w, the rate w over the penetration p obeys w dw / (1 + c w) = -(k /
+I) p dp. In at v and out at -u, both at p = 0: c v - ln(1 + c v) = -c u - ln(1 - c u).
 """
 
 import sys
@@ -29,14 +28,14 @@ def arm(damping=0.0, flexible=False, **joint):
 
 
 def blow(of, rate):
-    """Throw the arm at its upper stop; angle and rate over time, 1 kHz."""
+    """Return angle and rate, 1 kHz, of an arm that hits its upper stop."""
     soon_after = 0.5 / abs(rate) + 0.15
     result = fa.simulate(of, soon_after, initial_rate=[rate], rate=1000, rtol=1e-9, atol=1e-11)
     return result.joint_angle.values[:, 0], result.joint_rate.values[:, 0]
 
 
 def rebound(damping, rate):
-    """Rate (> 0) at which a rigid arm leaves a stop that it met at ``rate``."""
+    """Return the rate (> 0) at which a rigid arm leaves a stop after contact at ``rate``."""
     taken = damping * rate - np.log1p(damping * rate)
     return brentq(
         lambda u: -damping * u - np.log1p(-damping * u) - taken, 0.0, (1.0 - 1e-12) / damping
@@ -44,10 +43,10 @@ def rebound(damping, rate):
 
 
 @pytest.mark.parametrize("rate", [3.0, -3.0])
-def test_without_damping_all_energy_comes_back(rate):
+def test_impact_without_damping_conserves_energy(rate):
     angle, rates = blow(arm(), rate)
     assert abs(angle).max() == pytest.approx(0.5 + 3.0 * np.sqrt(INERTIA / STIFFNESS), rel=1e-4)
-    # The corner is rounded over 1e-9 rad, and conservative: what is left is the integrator's.
+    # The corner is rounded over 1e-9 rad, and conservative: only the integrator's error remains.
     assert rates[-1] == pytest.approx(-rate, rel=1e-7)
     assert np.all(np.sign(rate) * np.diff(rates) <= 1e-9)
 
@@ -56,7 +55,7 @@ def test_without_damping_all_energy_comes_back(rate):
 @pytest.mark.parametrize("rate", [1.5, 4.0])
 def test_restitution_of_hunt_and_crossley(damping, rate):
     _, rates = blow(arm(damping), rate)
-    # Across the corner, 1e-9 rad wide, the integrator keeps a few digits less.
+    # Across the corner, 1e-9 rad wide, the integrator loses a few digits.
     assert -rates[-1] == pytest.approx(rebound(damping, rate), rel=1e-5)
 
 
@@ -72,8 +71,8 @@ def test_restitution_falls_with_damping_and_with_speed():
     assert restitution(0.01, 3.0) == pytest.approx(1.0 - 2 / 3 * 0.03, rel=1e-3)
 
 
-def test_the_stop_pushes_and_never_pulls():
-    """Also where a motor tears the arm off the stop faster than the stop springs back."""
+def test_stop_force_is_never_negative():
+    """Also where a motor pulls the arm off the stop faster than the stop springs back."""
     of = arm(1.0, stiffness=0.0)
     result = fa.simulate(
         of,
@@ -85,16 +84,16 @@ def test_the_stop_pushes_and_never_pulls():
     )
     pushed = result.joint_moment.values[:, 0] - result.torque.values[:, 0]
     upper = result.joint_angle.values[:, 0] > 0.0
-    # Rounding of the corner, of the torques subtracted, and 1e-6 of the rise.
+    # Rounding of the corner, of the subtracted torques, and 1e-6 of the rise.
     assert pushed[upper].max() < 1e-3
     assert pushed[~upper].min() > -1e-3
     assert pushed.min() < -50.0
     released = upper & (result.joint_angle.values[:, 0] > 0.5) & (abs(pushed) < 1e-3)
-    assert released.sum() >= 2  # the case did occur
+    assert released.sum() >= 2  # the case occurs
 
 
-def test_energy_of_a_flexible_arm_between_two_stops():
-    """Blow after blow, nothing is lost: bending, stop and motion share one energy."""
+def test_flexible_arm_between_two_stops_conserves_energy():
+    """Over many impacts the sum of bending, stop and kinetic energy is constant."""
     of = arm(flexible=True)
     start = of.rest([0.0])
     rates = np.zeros(of.dof)
@@ -106,7 +105,7 @@ def test_energy_of_a_flexible_arm_between_two_stops():
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
 
 
-def test_a_damped_arm_comes_to_rest_leaning_on_its_stop():
+def test_damped_arm_comes_to_rest_at_its_stop():
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=STIFFNESS, damping=2.0)
     link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
     of = fa.Arm(links=[link], joints=[fa.Joint(limits=limits, damping=20.0)], gravity=(0.0, -9.81))
@@ -117,7 +116,7 @@ def test_a_damped_arm_comes_to_rest_leaning_on_its_stop():
 
 
 def bouncing(friction=None):
-    """A soft light rod that is pushed against its stop: six impacts in 2 s."""
+    """Return a soft light rod that a torque pushes against its stop: six impacts in 2 s."""
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=1e4, damping=0.1)
     link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.05, elements=1, modes=1)
     joint = fa.Joint(hub_inertia=0.1, limits=limits, friction=friction)
@@ -128,8 +127,8 @@ def pushed(of, **settings):
     return fa.simulate(of, 2.0, torque=lambda t: [1.0], rate=500.0, **settings)
 
 
-def test_default_settings_keep_their_promise_over_six_impacts():
-    """1e-6 of the reach; each impact amplifies errors, altogether by 5e5. Once it was 9 mm."""
+def test_default_settings_are_accurate_over_six_impacts():
+    """1e-6 of the reach; the impacts amplify errors by 5e5, and the error once was 9 mm."""
     exact = pushed(bouncing(), rtol=1e-13, atol=1e-15)
     inside = np.diff((np.abs(exact.joint_angle.values[:, 0]) > 0.5).astype(int)) > 0
     assert inside.sum() == 6
@@ -143,8 +142,8 @@ def changing(t):
     return 1.0 + 0.3 * np.sin(9.0 * t)
 
 
-def test_loads_are_followed_as_closely_as_the_second_run():
-    """Impacts amplify errors of the load just as those of the steps: once it was 8e-6 m."""
+def test_loads_are_interpolated_as_accurately_as_the_second_run_requires():
+    """Impacts amplify errors of the load as those of the steps: once it was 8e-6 m."""
     changing = fa.Load(
         link=1, station=0.3, force=(0.0, 1.5), factor=lambda t: 1.0 + 0.3 * np.sin(9.0 * t)
     )
@@ -160,17 +159,19 @@ def test_loads_are_followed_as_closely_as_the_second_run():
 
 @pytest.mark.parametrize("name", ["dormand_prince_8", "kennedy_carpenter_5"])
 def test_steps_end_at_the_corner_of_a_stop(name):
-    """A rigid arm, thrown without loss: nothing amplifies, so the tolerance is what is left."""
+    """A rigid arm without loss amplifies no errors, so the tolerance determines the error."""
     for rtol in (1e-6, 1e-8):
         result = fa.simulate(
             arm(), 0.4, initial_rate=[3.0], rate=1000, integrator=name, rtol=rtol, atol=rtol / 100
         )
-        # A few steps follow the impact; without their ends at the corner it is 20 times as much.
+        # A few steps follow the impact; without their ends at the corner the error is 20 times as
+        # large.
         assert result.joint_rate.values[-1, 0] == pytest.approx(-3.0, rel=10.0 * rtol)
 
 
-def test_a_motion_that_tolerances_do_not_determine_gets_a_warning(monkeypatch):
-    """Friction and impacts: runs at rtol = 1e-7 and 1e-12 mostly end 2 cm apart, by rounding."""
+def test_motion_that_tolerances_do_not_determine_gives_a_warning(monkeypatch):
+    """With friction and impacts, runs at rtol = 1e-7 and 1e-12 end 2 cm apart, because of
+    rounding."""
     monkeypatch.setattr(sys.modules["flexarm.engine.impacts"], "_PARTED", 1e-5)
     with pytest.warns(fa.AccuracyWarning, match="Do not rely on this result after that time"):
         result = pushed(bouncing(fa.Friction(coulomb=0.3)))
@@ -179,7 +180,7 @@ def test_a_motion_that_tolerances_do_not_determine_gets_a_warning(monkeypatch):
     assert tight.warning == ""
 
 
-def test_a_second_run_finds_its_events_once():
+def test_events_of_a_second_run_are_reported_once():
     stop = fa.joint_event(bouncing(), 1, "upper", direction=1)
     end = fa.joint_event(bouncing(), 1, -0.2, direction=-1, terminal=True, name="back")
     result = pushed(bouncing(), events=[stop, end])
@@ -190,8 +191,8 @@ def test_a_second_run_finds_its_events_once():
     assert result.sizes["time"] == exact.sizes["time"]
 
 
-def test_a_closed_loop_counts_the_steps_that_meet_stops():
-    """It is made once: its result says that impacts may have amplified errors."""
+def test_closed_loop_reports_steps_with_impacts():
+    """It runs once, and its result states that impacts may have amplified errors."""
     controller = fa.JointPD(0.0, 0.0, feedforward=lambda t: [1.0])
     loop = fa.simulate(bouncing(), 0.5, controller=controller, rate=500.0)
     assert loop.impact_steps >= 1

@@ -1,4 +1,4 @@
-"""A run warns where its links have bent by more than its theory holds for."""
+"""A run warns if its links bend beyond the validity of their theory."""
 
 import inspect
 
@@ -20,20 +20,20 @@ def arm(theory="linear", segments=1, **fields):
 
 
 def loaded(of, deflection):
-    """Coordinates under a force P at the tip, whose P L^3 / 3 E I is the deflection."""
+    """Return coordinates under a force P at the tip with the deflection P L^3 / 3 E I."""
     with one_warning():
         return fa.equilibrium(of, tip_force=(0.0, deflection * 3 * 20.0)).q
 
 
 def bent(of, deflection, **options):
-    """A short run from rest with the last link bent as by a force at its tip."""
+    """Return a short run from rest with the last link bent as by a force at its tip."""
     q = loaded(of, deflection)
     held = {1: fa.PrescribedAngle.hold(0.0), 2: fa.PrescribedAngle.hold(0.0)}
     return fa.simulate(of, 0.01, initial=q, prescribed=held, rate=1000, **options)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_names_the_link_and_how_far(side):
+def test_warning_names_the_link_and_its_deflection(side):
     with pytest.warns(fa.LargeDeflectionWarning) as caught:
         result = bent(arm(), side * 0.11)
     assert len(caught) == 1
@@ -45,14 +45,14 @@ def test_it_names_the_link_and_how_far(side):
     )
 
 
-def test_it_points_at_the_call():
+def test_warning_has_the_line_of_the_call():
     with pytest.warns(fa.LargeDeflectionWarning) as caught:
         bent(arm(), 0.11)
     assert caught[0].filename == inspect.getfile(arm)
 
 
-def test_the_largest_of_the_run_counts():
-    """It swings through from the other side: at the end it is straight again."""
+def test_warning_depends_on_the_largest_deflection_of_the_run():
+    """The link starts bent to the other side and is straight at the end."""
     of = arm()
     period = 1.0 / fa.modes(of).frequency_hz[0]
     q = loaded(of, 0.11)
@@ -72,7 +72,7 @@ def test_the_largest_of_the_run_counts():
     ],
     ids=["less", "second order", "segments", "rigid"],
 )
-def test_nothing_is_said_without_need(of, deflection):
+def test_small_deflections_give_no_warning(of, deflection):
     if of.joints == 1:
         result = fa.simulate(of, 0.01)
     else:
@@ -81,15 +81,15 @@ def test_nothing_is_said_without_need(of, deflection):
     assert result.attrs["warning"] == ""
 
 
-def test_a_segment_is_judged_by_itself():
-    """Four pieces of a quarter: 0.9 of the length, and the first of them bends most."""
+def test_segments_are_checked_separately():
+    """Four segments of a quarter: 0.9 of the length, and the first of them bends most."""
     with pytest.warns(fa.LargeDeflectionWarning, match="^a segment of link 2 deflects") as caught:
         bent(arm(segments=4), 0.9)
     assert "of its length of 0.25 m" in str(caught[0].message)
     assert "or more segments on that link" in str(caught[0].message)
 
 
-def test_a_run_that_fails_says_only_that():
+def test_failed_run_gives_no_bending_warning():
     q = loaded(arm(), 1 / 3)
     with pytest.raises(fa.SimulationError) as caught:  # warnings are errors in this suite
         fa.simulate(arm(), 1.0, initial=q, integrator="rk4", step=0.01)
@@ -97,7 +97,7 @@ def test_a_run_that_fails_says_only_that():
     assert np.all(np.isfinite(caught.value.result.tip))
 
 
-def test_a_scenario_says_it_too(tmp_path):
+def test_scenario_run_gives_the_warning(tmp_path):
     text = (
         "flexarm: 1\n"
         "arm: {links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5}]}\n"

@@ -1,4 +1,4 @@
-"""Loads and a base that moves, over time: work, closed forms, and what the result says."""
+"""Loads and base accelerations over time: work, closed forms, and their channels."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,8 @@ def clamped(**fields):
 
 
 def modal_answer(arm, force, omega, times):
-    """Coordinates (times, modes) of modes at rest, of unit mass, driven by force * sin(omega t)."""
+    """Return coordinates (times, modes) of modes of unit mass, from rest, under force * sin(omega
+    t)."""
     w = np.sqrt(arm.assembly.links[0].w2)
     beat = np.sin(omega * times[:, None]) - omega / w * np.sin(w * times[:, None])
     return force * beat / (w**2 - omega**2)
@@ -29,10 +30,10 @@ def sine(t):
 
 
 class TestClosedForms:
-    """A linear link held at its root is as many oscillators as it has modes."""
+    """A linear link with a locked root consists of one oscillator for each mode."""
 
     @pytest.mark.parametrize("segment", [(0.0, 1.0), (0.25, 0.8)])
-    def test_spread_load(self, segment):
+    def test_distributed_load(self, segment):
         arm = clamped()
         load = fa.Load(1, (3.0, 2.0), spread=segment, factor=sine)
         result = fa.simulate(arm, 0.5, loads=[load], prescribed={1: HOLD}, rate=200, **FINE)
@@ -41,7 +42,8 @@ class TestClosedForms:
         x = segment[0] + (segment[1] - segment[0]) * (node + 1) / 2
         force = 2.0 * (weight * (segment[1] - segment[0]) / 2) @ link.deflection(x)
         exact = modal_answer(arm, force, OMEGA, result.time.values)
-        # Thirty Gauss points across the nodes of a mesh that is once differentiable.
+        # Thirty Gauss points across the nodes of a mesh whose shapes have one continuous
+        # derivative.
         np.testing.assert_allclose(
             result.q.values[:, 1:], exact, rtol=0, atol=1e-6 * abs(exact).max()
         )
@@ -57,7 +59,7 @@ class TestClosedForms:
             result.q.values[:, 1:], exact, rtol=0, atol=1e-8 * abs(exact).max()
         )
 
-    def test_shaken_base(self):
+    def test_accelerated_base(self):
         arm = clamped()
         result = fa.simulate(
             arm,
@@ -73,29 +75,29 @@ class TestClosedForms:
         )
 
 
-def test_a_base_that_accelerates_upwards_is_gravity():
+def test_upward_acceleration_of_the_base_equals_gravity():
     arm = fa.Arm(links=[fa.Link(length=1.0, elements=2, **ROD)] * 2, theory="second_order")
     heavy = fa.Arm(arm.spec.replace(gravity=(0.0, -9.81)))
     start = arm.rest([-0.4, 0.3])
     lifted = fa.simulate(arm, 0.5, initial=start, base_acceleration=(0.0, 9.81), rate=100)
     fallen = fa.simulate(heavy, 0.5, initial=start, rate=100)
-    # The first step is chosen from a frequency that gravity changes by a little.
+    # The first step follows from a frequency that gravity changes slightly.
     np.testing.assert_allclose(lifted.q.values, fallen.q.values, rtol=0, atol=1e-10)
     by_function = fa.simulate(
         arm, 0.5, initial=start, base_acceleration=lambda t: (0.0, 9.81), rate=100
     )
-    # Followed by cubics to 1e-9 of its size.
+    # Interpolated by cubics to 1e-9 of its size.
     np.testing.assert_allclose(by_function.q.values, fallen.q.values, rtol=0, atol=1e-7)
 
 
-def test_a_free_fall_with_the_base_loosens_the_arm():
+def test_free_fall_of_the_base_removes_the_weight():
     arm = fa.Arm(links=[fa.Link(length=1.0, elements=2, **ROD)], gravity=(1.0, -9.81))
     result = fa.simulate(arm, 0.3, base_acceleration=(1.0, -9.81), rate=100)
     np.testing.assert_array_equal(result.q.values, 0.0)
     np.testing.assert_allclose(result.joint_force.values, 0.0, atol=1e-12)
 
 
-def test_a_jumping_factor_is_landed_on():
+def test_steps_end_at_jumps_of_a_factor():
     """A force that acts from 0.1 to 0.2 s gives a rigid arm one angular impulse."""
     link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
     arm = fa.Arm(links=[link])
@@ -106,8 +108,8 @@ def test_a_jumping_factor_is_landed_on():
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_work_of_loads_is_the_energy_gained(theory):
-    """Force times the velocity of the point that it acts on, moment times the section's rate."""
+def test_work_of_loads_is_the_change_of_energy(theory):
+    """Force times the velocity of its point, and moment times the rate of its section."""
     links = [
         fa.Link(length=1.0, elements=2, segments=2, **ROD),
         fa.Link(length=0.8, elements=1, **ROD),
@@ -136,15 +138,15 @@ def test_work_of_loads_is_the_energy_gained(theory):
     np.testing.assert_allclose(energy, work, rtol=0, atol=1e-3 * energy.max())
 
 
-def test_a_constant_tip_force_is_a_load():
+def test_constant_tip_force_equals_a_load():
     arm = clamped()
     by_tip = fa.simulate(arm, 0.2, tip_force=(1.0, 2.0, 0.3), rate=100)
     by_load = fa.simulate(arm, 0.2, loads=[fa.Load(1, (1.0, 2.0), 0.3)], rate=100)
     np.testing.assert_array_equal(by_tip.q.values, by_load.q.values)
 
 
-def test_loads_beside_a_controller():
-    """A PD controller holds the joint against a load: the angle it gives way by is load / gain."""
+def test_load_with_a_controller():
+    """PD control against a load has a steady error of load / gain."""
     link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
     arm = fa.Arm(links=[link])
     hold = fa.joint_motion(arm, [0.0], [0.0], 1.0)
@@ -162,6 +164,6 @@ def test_loads_beside_a_controller():
         {"base_acceleration": (1.0, 2.0, 3.0)},
     ],
 )
-def test_wrong_functions_are_refused(fields):
+def test_wrong_functions_are_rejected(fields):
     with pytest.raises(fa.InputError, match="simulate:"):
         fa.simulate(clamped(), 0.1, **fields)

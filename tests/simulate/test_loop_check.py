@@ -1,4 +1,4 @@
-"""Runs whose sampled loop is unstable: announced before they begin, and only those."""
+"""Runs with an unstable sampled loop give a warning before they start, and others do not."""
 
 from pathlib import Path
 
@@ -9,24 +9,20 @@ from typer.testing import CliRunner
 import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.loop.stability import differenced, instability
+from paper_arms import laboratory_arm, table_one_arm
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
 
 
 def paper_arm(**joint):
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [
-        fa.Link(length=1.4142, elements=2, **rod),
-        fa.Link(length=1.0, elements=1, **rod),
-    ]
-    return fa.Arm(links=links, joints=[fa.Joint(**joint), fa.Joint(**joint)])
+    return table_one_arm(joints=[fa.Joint(**joint)] * 2)
 
 
 def straight(arm):
     return fa.line_motion(arm, (2.0, 1.0), (1.0, 2.0), 2.0)
 
 
-def test_gains_too_high_for_the_sample_time_are_announced_and_explain_the_end():
+def test_too_high_gains_give_a_warning_and_explain_the_failure():
     arm = paper_arm()
     with (
         pytest.warns(fa.UnstableLoopWarning, match="at the start: a pole of magnitude 18"),
@@ -37,8 +33,9 @@ def test_gains_too_high_for_the_sample_time_are_announced_and_explain_the_end():
     assert "unstable" in caught.value.result.attrs["unstable_loop"]
 
 
-def test_an_arm_that_hangs_is_judged_where_it_rests():
-    """About straight links, which are not at rest under gravity, this loop has a growing pole."""
+def test_hanging_arm_is_analysed_at_its_equilibrium():
+    """About straight links, which are not in equilibrium under gravity, this loop has a growing
+    pole."""
     rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
     rod["damping"] = fa.ModalDamping(ratio=0.01)
     links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
@@ -49,14 +46,14 @@ def test_an_arm_that_hangs_is_judged_where_it_rests():
     assert float(fa.loop_margins(controller, arm, postures=[[-0.3, -1.58]]).growth.max()) < 0.0
 
 
-def test_slow_growth_within_a_short_run_is_not_announced():
+def test_slow_growth_within_a_short_run_gives_no_warning():
     arm = paper_arm()
     run = fa.simulate(arm, 1e-3, controller=fa.JointPD([4.0, 1.0], [0.2, 0.03]))
     assert run.attrs["unstable_loop"] == ""
 
 
-def test_it_agrees_with_how_errors_grow():
-    """The run of a controller at the edge: the announced rate is that of the run."""
+def test_reported_growth_is_that_of_the_run():
+    """The gains are at the limit of stability."""
     arm = paper_arm(hub_inertia=0.05)
     controller = fa.JointPD([40.0, 10.0], [40.0, 40.0])
     start = arm.rest([0.3, 0.8])
@@ -80,7 +77,7 @@ def test_it_agrees_with_how_errors_grow():
     assert float(decades) * tenfold == pytest.approx(1.0, abs=0.15)
 
 
-def test_another_plant_and_a_slow_instrument_count():
+def test_plant_and_slow_instruments_are_included():
     arm = paper_arm(hub_inertia=0.1)
     controller = fa.JointPD([40.0, 10.0], [4.0, 0.5])
     start = arm.rest([0.3, 0.8])
@@ -93,7 +90,7 @@ def test_another_plant_and_a_slow_instrument_count():
     assert "unstable" in instability(arm, arm, controller, None, frames, (), start, 5.0)
 
 
-def test_compare_warns_once_and_keeps_it_with_the_numbers():
+def test_compare_warns_once_and_keeps_the_warning_with_the_metrics():
     arm = paper_arm(hub_inertia=0.1)
     controllers = {"gentle": fa.JointPD([4.0, 1.0], [0.5, 0.05]), "hard": fa.JointPD(*GAINS)}
     motion = {"line": straight(arm)}
@@ -102,10 +99,10 @@ def test_compare_warns_once_and_keeps_it_with_the_numbers():
             arm, controllers, 0.05, motion, {"light": paper_arm()}, integrator="rk4", step=1e-4
         )
     assert len(caught) == 1
-    told = [f"{table.warning.sel(controller=name).item()}" for name in controllers]
-    told = [a or b for a, b in zip(told, table.failure.values.ravel(), strict=True)]
-    assert told[0] == ""
-    assert "unstable" in told[1]
+    reported = [f"{table.warning.sel(controller=name).item()}" for name in controllers]
+    reported = [a or b for a, b in zip(reported, table.failure.values.ravel(), strict=True)]
+    assert reported[0] == ""
+    assert "unstable" in reported[1]
 
 
 def test_check_warns_of_an_unstable_loop(tmp_path):
@@ -128,8 +125,8 @@ run: {duration: 1.0, rate: 100}
         assert "ok" in result.stdout
 
 
-def test_a_surface_that_nothing_is_pressed_on_does_not_count():
-    """Joint control ends with straight links deep in the wall: no posture of rest."""
+def test_surfaces_without_a_force_reference_are_ignored():
+    """Joint control ends with straight links deep in the wall, which is not an equilibrium."""
     from flexarm.model import load_scenario
     from flexarm.scenarios.scenario import prepare
 
@@ -140,7 +137,7 @@ def test_a_surface_that_nothing_is_pressed_on_does_not_count():
     assert prepared.unstable_loop(poles) == ""
 
 
-def test_differences_are_those_of_the_exact_linear_model():
+def test_differences_equal_the_exact_linear_model():
     arm = paper_arm(hub_inertia=0.1)
     q = arm.rest([0.3, 0.8])
     found = differenced(arm, q, ["joint_angle", "tip"], ())
@@ -163,22 +160,7 @@ ENCODERS = fa.Hardware(
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.Impedance, fa.Admittance])
 def test_force_controllers_are_stable_with_encoders_of_17_bits(kind, rigidity, payload):
     """The three arms of examples/studies/wipe.yaml."""
-
-    def arm_of(rigidity, payload):
-        rod = {"flexural_rigidity": 105.0 * rigidity, "mass_per_length": 0.61732}
-        return fa.Arm(
-            links=[
-                fa.Link(length=1.4142, elements=2, **rod),
-                fa.Link(length=1.0, elements=1, **rod),
-            ],
-            joints=[
-                fa.Joint(hub_inertia=0.1),
-                fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-            ],
-            payload=fa.Payload(mass=payload),
-        )
-
-    arm, plant = arm_of(1.0, 0.1), arm_of(rigidity, payload)
+    arm, plant = laboratory_arm(payload=0.1), laboratory_arm(rigidity, payload)
     path = fa.line_motion(arm, (1.5, 0.5), (1.5, 0.8), 2.0, start_time=1.0)
     reference = fa.pressed_motion(arm, path, lambda t: 5.0, (-1.0, 0.0))
     wall = fa.Contact(fa.Wall((1.5, 0.0), (-1.0, 0.0)), stiffness=1e4, damping=0.5, friction=0.2)
@@ -191,8 +173,8 @@ def test_force_controllers_are_stable_with_encoders_of_17_bits(kind, rigidity, p
     assert text == ""
 
 
-def test_dry_friction_hides_no_instability():
-    """At rest it looks like a damper of 100 N m s/rad, which no moving joint has."""
+def test_dry_friction_does_not_hide_an_instability():
+    """At rest it acts like a damper of 100 N m s/rad, in motion it does not."""
     arm = paper_arm(friction=fa.Friction(coulomb=1.0))
     with (
         pytest.warns(fa.UnstableLoopWarning, match="at the start"),
@@ -206,8 +188,8 @@ def test_dry_friction_hides_no_instability():
 @pytest.mark.parametrize(
     ("kind", "numbers"), [(fa.ComputedTorque, (1.0, 0.7)), (fa.SlidingMode, (5.0, 0.5))]
 )
-def test_compensated_friction_is_no_instability(kind, numbers):
-    """The controller takes off what the joints add: neither of them counts."""
+def test_compensated_friction_is_not_an_instability(kind, numbers):
+    """The controller subtracts the friction of the joints, so both are ignored."""
     arm = paper_arm(hub_inertia=0.5, friction=fa.Friction(coulomb=2.0, static=3.0)).rigid()
     controller = kind(arm, *numbers)
     reference = fa.joint_motion(arm, [0.3, 0.8], [0.4, 0.9], 1.0)
@@ -224,7 +206,7 @@ def test_compensated_friction_is_no_instability(kind, numbers):
 
 
 class Integrating(fa.JointPD):
-    """A user's controller, which keeps more than the class that it derives from."""
+    """A user's controller with more memory than its base class."""
 
     def reset(self):
         self.integral = np.zeros(2)
@@ -234,7 +216,7 @@ class Integrating(fa.JointPD):
         return np.asarray(super().update(t, measurement, reference)) - 50.0 * self.integral
 
 
-def test_a_declaration_of_memory_holds_for_the_class_that_computes():
+def test_declared_memory_is_valid_for_its_class_only():
     arm = paper_arm(hub_inertia=0.1)
     start = arm.rest([0.3, 0.8])
     too_hard = Integrating([4.0, 1.0], [0.5, 0.05])
@@ -253,7 +235,7 @@ def test_a_declaration_of_memory_holds_for_the_class_that_computes():
 
 
 class Stubborn(fa.Controller):
-    """Works in a run, and not in an analysis."""
+    """Works in a run, and raises in an analysis."""
 
     sample_time = 1e-3
     memory = ()
@@ -271,7 +253,7 @@ class Stubborn(fa.Controller):
 
 
 @pytest.mark.parametrize("fault", ["copy", "update"])
-def test_the_analysis_ends_no_run(fault):
+def test_failed_analysis_does_not_end_the_run(fault):
     arm = paper_arm(hub_inertia=0.1)
     run = fa.simulate(arm, 0.01, controller=Stubborn(fault))
     assert run.attrs["failure"] == ""
@@ -286,7 +268,7 @@ def test_the_analysis_ends_no_run(fault):
         ("integral", "memory must be a tuple of names"),
     ],
 )
-def test_memory_that_names_nothing_is_refused(memory, message):
+def test_memory_with_unknown_names_is_rejected(memory, message):
     arm = paper_arm(hub_inertia=0.1)
     controller = Integrating([4.0, 1.0], [0.5, 0.05])
     controller.memory = memory
@@ -296,7 +278,7 @@ def test_memory_that_names_nothing_is_refused(memory, message):
         fa.loop_margins(controller, arm)
 
 
-def test_frames_that_never_meet_are_not_analysed():
+def test_incommensurable_sample_times_are_not_analysed():
     """97, 101 and 103 ms at 1 ms: a period of a million samples."""
     arm = paper_arm(hub_inertia=0.1)
     frames = {"joint_angle": 0.097, "joint_rate": 0.101, "tip": 0.103}

@@ -1,4 +1,4 @@
-"""The progress bar: there for long runs on a terminal, and never in the way."""
+"""The progress bar appears for long runs on a terminal only."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ def run(shown, clock, seconds):
             bar.update(k / 10)
 
 
-def test_appears_after_a_second(clock, screen):
+def test_bar_appears_after_a_second(clock, screen):
     run(True, clock, 5.0)
     assert "simulating" in screen()
 
 
-def test_stays_away_before(clock, screen):
+def test_bar_does_not_appear_before(clock, screen):
     run(True, clock, 0.9)
     assert screen() == ""
 
 
 @pytest.mark.parametrize("shown", [False, None])
-def test_stays_away_unless_wanted_or_on_a_terminal(shown, clock, screen):
+def test_bar_is_omitted_without_request_or_terminal(shown, clock, screen):
     run(shown, clock, 5.0)
     assert screen() == ""
 
 
-def test_appears_on_a_terminal_by_itself(clock, screen, monkeypatch):
+def test_bar_appears_on_a_terminal_by_default(clock, screen, monkeypatch):
     monkeypatch.setattr(meter.sys.stderr, "isatty", lambda: True, raising=False)
     run(None, clock, 5.0)
     assert "simulating" in screen()

@@ -1,4 +1,4 @@
-"""Motions of scenario files beyond plain ones: shaped, smoothed, pressing; as Python makes them."""
+"""Shaped, smoothed and pressing motions of scenario files equal those of Python."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def assert_same(one, other):
         ("{method: zv, frequency_hz: [1.5, 6], damping_ratio: [0, 0.02]}", None),
     ],
 )
-def test_shaped_motions(made, keys, options):
+def test_shaped_and_smoothed_motions(made, keys, options):
     if options is None:
         options = {
             "{joints: [[40": {"joints": [(40.0, 20.0), "locked"]},
@@ -62,19 +62,19 @@ def test_shaped_motions(made, keys, options):
     plain = fa.joint_motion(found.arm, [0.2, -0.4], [0.5, 0.0], 0.5)
     assert_same(found.motion, fa.shaped(plain, found.arm, **options))
     assert found.motion.end_time > 0.55
-    # And averaged over time, after that.
+    # The average over time is applied after shaping.
     found = made(text.replace("SHAPED", f"shaping: {keys}, smoothing: {{duration: 0.2}}"))
     assert_same(found.motion, fa.smoothed(fa.shaped(plain, found.arm, **options), 0.2))
 
 
-def test_a_force_over_time_goes_through_its_values_at_rest():
+def test_force_over_time_passes_its_values_at_rest():
     force = _over_time(ForceTable(times=[0.0, 1.0, 3.0], values=[2.0, 6.0, 0.0]))
-    # The quintic from rest to rest has half of the way behind it at half time.
-    told = {-1.0: 2.0, 0.0: 2.0, 0.5: 4.0, 1.0: 6.0, 2.0: 3.0, 3.0: 0.0, 9.0: 0.0}
-    assert [force(t) for t in told] == pytest.approx(list(told.values()), abs=1e-12)
+    # The quintic from rest to rest is halfway at half of the time.
+    reported = {-1.0: 2.0, 0.0: 2.0, 0.5: 4.0, 1.0: 6.0, 2.0: 3.0, 3.0: 0.0, 9.0: 0.0}
+    assert [force(t) for t in reported] == pytest.approx(list(reported.values()), abs=1e-12)
     h = 1e-4
     for t in (0.0, 1.0, 3.0):
-        # Slope and curvature die with the third and second power of the distance from a rest.
+        # Slope and curvature vanish with the third and second power of the distance from a rest.
         assert abs(force(t + h) - force(t - h)) / (2 * h) < 1e-6
         assert abs(force(t + h) - 2 * force(t) + force(t - h)) / h**2 < 0.05
     assert _over_time(ForceTable(times=[1.0], values=[3.0]))(0.0) == 3.0
@@ -102,7 +102,7 @@ def by_hand(arm, friction=0.2, normal=(-1.0, 0.0)):
     return fa.pressed_motion(arm, path, force, normal, duration=1.0, friction=friction)
 
 
-def test_a_motion_that_presses_is_that_of_python(made):
+def test_pressing_motion_equals_that_of_python(made):
     found = made(PRESSED)
     arm, reference = found.arm, by_hand(found.arm)
     assert_same(found.motion, reference)
@@ -120,13 +120,13 @@ def test_a_motion_that_presses_is_that_of_python(made):
     np.testing.assert_array_equal(result.q, wanted.q)
 
 
-def test_the_normal_may_be_given(made):
+def test_normal_may_be_given(made):
     turned = PRESSED.replace("  friction: 0.2\ndrive", "  normal: [-3, 0.3]\ndrive", 1)
     reference = by_hand(made(PRESSED).arm, friction=0.0, normal=(-3.0, 0.3))
     assert_same(made(turned).motion, reference)
 
 
-def test_the_normal_of_a_circle_follows_the_path(made):
+def test_normal_of_a_circle_follows_the_path(made):
     centre = (2.1, 0.6)
     text = PRESSED.replace(
         "{kind: wall, point: [1.5, 0.0], normal: [-2, 0]}",
@@ -140,12 +140,12 @@ def test_the_normal_of_a_circle_follows_the_path(made):
     np.testing.assert_allclose(inside.normal(0.5), -found.normal(0.5), rtol=0, atol=1e-12)
 
 
-def test_where_angles_are_given_it_starts_there(made):
+def test_pressing_motion_starts_at_given_angles(made):
     found = made(PRESSED + "initial: {joint_angle: [1.3, -1.4]}\n")
     np.testing.assert_array_equal(found.options["initial"], found.arm.rest([1.3, -1.4]))
 
 
-#: Text of the file after the arm; the place and the key that the error names.
+#: Text of the file after the arm; the place and the key in the error.
 IMPOSSIBLE = {
     "a mode that does not exist": (
         """motion:
@@ -175,7 +175,7 @@ def test_an_impossible_motion_is_reported_at_its_key(case, tmp_path):
         fa.run_scenario(path)
 
 
-#: What a scenario lacks for what it asks of the drive; the place; what is told.
+#: Settings that a scenario lacks for its drive; the place; the message.
 LACKING = {
     "contacts": (
         PRESSED.replace(PRESSED[PRESSED.index("contacts") : PRESSED.index("run:")], "").replace(
@@ -240,7 +240,7 @@ LACKING = {
 
 
 @pytest.mark.parametrize("what", LACKING)
-def test_what_a_drive_will_not_find_is_told_before_the_run(what, tmp_path):
+def test_missing_requirements_of_a_drive_are_reported_before_the_run(what, tmp_path):
     text, words = LACKING[what]
     path = tmp_path / "run.yaml"
     path.write_text(ARM + text)
@@ -251,7 +251,7 @@ def test_what_a_drive_will_not_find_is_told_before_the_run(what, tmp_path):
     assert problem.where.startswith(f"{path}:")
 
 
-def test_the_filter_reads_the_hardware_where_it_names_nothing(made):
+def test_filter_reads_all_instruments_by_default(made):
     text = (
         "motion: {kind: joint, start: [0.2, -0.4], end: [0.5, 0.0], duration: 0.5}\n"
         "hardware: {instruments: [{signal: joint_angle, noise: 0.0001}]}\n"
@@ -314,7 +314,7 @@ def test_paths_of_the_tip(made, keys, function, arguments):
         ("{kind: polygon, points: [[2, 0.5], [1, 1]], duration: 1}", "motion.kind must be one of"),
     ],
 )
-def test_paths_that_are_refused_at_their_key(tmp_path, motion, message):
+def test_wrong_paths_are_rejected_at_their_key(tmp_path, motion, message):
     path = tmp_path / "run.yaml"
     path.write_text(f"{ARM}motion: {motion}\nrun: {{duration: 1}}\n")
     with pytest.raises(fa.InputError, match=message):

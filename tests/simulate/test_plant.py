@@ -1,4 +1,4 @@
-"""An arm stepped from outside, against the loop of ``simulate``."""
+"""An arm that is stepped by the caller, against the loop of ``simulate``."""
 
 import copy
 import pickle
@@ -12,7 +12,7 @@ import flexarm as fa
 from flexarm.bending import theory_error
 from flexarm.engine.validity import BendingWatch
 
-#: A binary fraction: samples and sample times are then at the same times to the last bit.
+#: A binary fraction, so that samples and sample times are equal to the last bit.
 TICK = 2.0**-9
 LINK = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
 START = [0.2, -0.4]
@@ -47,8 +47,8 @@ NOISY = fa.Hardware(
 GUST = fa.Load(1, (0.0, 0.3), factor=([0.0, 0.0731, 0.2], [0.0, 1.0, 0.2]))
 
 
-def by_hand(plant, controller, motion, ticks, **start):
-    """Step with a controller; the states at all sample times."""
+def stepped(plant, controller, motion, ticks, **start):
+    """Step with a controller and return the states at all sample times."""
     controller.reset()
     measurement = plant.reset(**start)
     states = [(plant.q, plant.qd)]
@@ -68,7 +68,7 @@ def by_hand(plant, controller, motion, ticks, **start):
     ],
     ids=["ideal", "hardware", "loads", "implicit"],
 )
-def test_steps_by_hand_have_the_digits_of_simulate(arm, motion, hardware, outside):
+def test_steps_have_the_digits_of_simulate(arm, motion, hardware, outside):
     result = fa.simulate(
         arm,
         100 * TICK,
@@ -80,7 +80,7 @@ def test_steps_by_hand_have_the_digits_of_simulate(arm, motion, hardware, outsid
     )
     plant = fa.Plant(arm, TICK, hardware, **outside)
     initial = arm.rest(motion.joint_angle(0.0))
-    _, q, qd = by_hand(plant, controller(), motion, 100, initial=initial)
+    _, q, qd = stepped(plant, controller(), motion, 100, initial=initial)
     np.testing.assert_array_equal(q, result.q.values)
     np.testing.assert_array_equal(qd, result.qd.values)
     assert plant.time == 100 * TICK
@@ -91,7 +91,7 @@ def test_steps_by_hand_have_the_digits_of_simulate(arm, motion, hardware, outsid
     )
 
 
-def test_measures_what_simulate_measures(arm, motion):
+def test_readings_equal_those_of_simulate(arm, motion):
     result = fa.simulate(
         arm, 50 * TICK, controller=controller(), reference=motion, hardware=NOISY, rate=1.0 / TICK
     )
@@ -104,36 +104,36 @@ def test_measures_what_simulate_measures(arm, motion):
         measurement = plant.step(pd.update(plant.time, measurement, motion))
 
 
-def test_functions_of_time_are_followed_as_in_simulate(arm, motion):
+def test_functions_of_time_act_as_in_simulate(arm, motion):
     load = fa.Load(2, moment=0.2, factor=lambda t: np.sin(40.0 * t))
     result = fa.simulate(
         arm, 50 * TICK, controller=controller(), reference=motion, loads=[load], rate=1.0 / TICK
     )
     plant = fa.Plant(arm, TICK, loads=[load], duration=50 * TICK)
-    _, q, _ = by_hand(plant, controller(), motion, 50, initial=arm.rest(START))
+    _, q, _ = stepped(plant, controller(), motion, 50, initial=arm.rest(START))
     np.testing.assert_array_equal(q, result.q.values)
     with pytest.raises(fa.InputError, match=r"must be at most the duration of the plant, 0.09765"):
         plant.step([0.0, 0.0])
 
 
-def test_reset_makes_runs_alike_and_the_seed_makes_the_noise(arm, motion):
+def test_reset_makes_runs_equal_and_the_seed_determines_the_noise(arm, motion):
     plant = fa.Plant(arm, TICK, NOISY)
     start = {"initial": arm.rest(START), "initial_rate": np.full(arm.dof, 0.01)}
     first, again, other = (
-        by_hand(plant, controller(), motion, 30, seed=seed, **start) for seed in (5, 5, 6)
+        stepped(plant, controller(), motion, 30, seed=seed, **start) for seed in (5, 5, 6)
     )
     for a, b in zip(first[1:], again[1:], strict=True):
         np.testing.assert_array_equal(a, b)
     assert np.any(first[1] != other[1])
     np.testing.assert_array_equal(first[2][0], start["initial_rate"])
-    # Without a seed it is the hardware's.
-    own = by_hand(plant, controller(), motion, 30, **start)
-    given = by_hand(plant, controller(), motion, 30, seed=NOISY.seed, **start)
+    # Without a seed, that of the hardware is used.
+    own = stepped(plant, controller(), motion, 30, **start)
+    given = stepped(plant, controller(), motion, 30, seed=NOISY.seed, **start)
     np.testing.assert_array_equal(own[1], given[1])
 
 
-def test_two_plants_do_not_disturb_each_other(arm, motion):
-    _, alone, _ = by_hand(fa.Plant(arm, TICK), controller(), motion, 20)
+def test_two_plants_are_independent(arm, motion):
+    _, alone, _ = stepped(fa.Plant(arm, TICK), controller(), motion, 20)
     one, two = fa.Plant(arm, TICK), fa.Plant(arm, TICK)
     pd = controller()
     for k in range(20):
@@ -142,7 +142,7 @@ def test_two_plants_do_not_disturb_each_other(arm, motion):
         np.testing.assert_array_equal(one.q, alone[k + 1])
 
 
-def test_stands_at_rest_before_anything_is_asked_of_it(arm):
+def test_plant_is_at_rest_before_its_first_step(arm):
     plant = fa.Plant(arm)
     assert plant.sample_time == 0.001
     assert plant.time == 0.0
@@ -152,7 +152,7 @@ def test_stands_at_rest_before_anything_is_asked_of_it(arm):
     np.testing.assert_allclose(plant.tip, [1.4, 0.0, 0.0], rtol=0, atol=1e-15)
 
 
-def test_a_reading_is_a_copy(arm):
+def test_reading_is_a_copy(arm):
     plant = fa.Plant(arm, TICK)
     plant.measurement.joint_angle[:] = 7.0
     plant.q[:] = 7.0
@@ -160,7 +160,7 @@ def test_a_reading_is_a_copy(arm):
 
 
 def test_memory_does_not_grow(arm):
-    """Torques of the past are not kept: a plant may be stepped for days."""
+    """Earlier torques are not kept, so that a plant may run for days."""
     plant = fa.Plant(arm, TICK, NOISY)
     for _ in range(50):
         plant.step([0.1, 0.0])
@@ -210,12 +210,12 @@ def test_memory_does_not_grow(arm):
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
-def test_wrong_arguments(arm, arguments, message):
+def test_wrong_arguments_are_rejected(arm, arguments, message):
     with pytest.raises(fa.InputError, match=message):
         fa.Plant(**{"arm": arm, **arguments})
 
 
-def test_wrong_torques_and_starts_move_nothing(arm):
+def test_wrong_torques_and_starts_change_nothing(arm):
     plant = fa.Plant(arm, TICK)
     plant.step([0.1, 0.0])
     q = plant.q
@@ -229,7 +229,7 @@ def test_wrong_torques_and_starts_move_nothing(arm):
     assert plant.time == TICK
 
 
-def test_a_run_away_stops_with_its_state_and_waits_for_a_reset(arm):
+def test_diverged_plant_keeps_its_state_and_requires_a_reset(arm):
     plant = fa.Plant(arm, 0.05, integrator="rk4", step=0.05, warn=False)  # far too long a step
 
     def run():
@@ -248,7 +248,7 @@ def test_a_run_away_stops_with_its_state_and_waits_for_a_reset(arm):
     assert plant.time == 0.05
 
 
-def test_warns_once_where_a_link_bends_too_far(arm):
+def test_bending_gives_one_warning(arm):
     bent = arm.from_nodal([0.0, 0.0], [np.array([[0.09, 0.15]]), np.zeros((1, 2))])
     plant = fa.Plant(arm, TICK)
     plant.reset(bent)
@@ -266,21 +266,21 @@ def test_warns_once_where_a_link_bends_too_far(arm):
     assert "link 1 deflects" in silent.warning
 
 
-def test_the_quick_look_at_bending_says_what_the_thorough_one_says(arm):
+def test_fast_bending_check_agrees_with_the_full_one(arm):
     rng = np.random.default_rng(0)
     segmented = fa.Arm(links=[fa.Link(length=0.8, segments=3, **(LINK | {"elements": 3}))])
     for one in (arm, segmented, fa.Arm(links=arm.spec.links, theory="second_order")):
-        watch, said = BendingWatch(one), 0
+        watch, stated = BendingWatch(one), 0
         most = 0.03 if one.spec.theory == "linear" else 0.1
         for _ in range(40):
             state = one.padded(rng.uniform(0.0, most) * rng.standard_normal((2, one.dof)))
             assert watch(state) == theory_error(one, state[None])
-            said += bool(watch(state))
-        assert 0 < said < 40
+            stated += bool(watch(state))
+        assert 0 < stated < 40
 
 
-def test_a_plant_can_touch(arm, motion):
-    """The wall stands in the way of the tip, whose force is measured."""
+def test_plant_with_contacts(arm, motion):
+    """The wall is in the way of the tip, and the force is measured."""
     tip = motion.tip(0.06)
     wall = fa.Contact(fa.Wall(tip, -(motion.tip(0.3) - tip)), 1e4, damping=0.3)
     result = fa.simulate(
@@ -294,10 +294,10 @@ def test_a_plant_can_touch(arm, motion):
     assert abs(result.contact_force).max() > 0.1
     plant = fa.Plant(arm, TICK, contacts=[wall])
     initial = arm.rest(motion.joint_angle(0.0))
-    measurement, q, _ = by_hand(plant, controller(), motion, 100, initial=initial)
+    measurement, q, _ = stepped(plant, controller(), motion, 100, initial=initial)
     np.testing.assert_array_equal(q, result.q.values)
     np.testing.assert_allclose(measurement.contact_force, result.contact_force[-1], atol=1e-9)
-    np.testing.assert_array_equal(plant.contact_force, measurement.contact_force)  # the truth
+    np.testing.assert_array_equal(plant.contact_force, measurement.contact_force)  # the exact value
 
 
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda plant: pickle.loads(pickle.dumps(plant))])
@@ -306,8 +306,8 @@ def test_a_plant_can_touch(arm, motion):
     [{}, {"hardware": NOISY, "loads": [GUST]}, {"contacts": True}],
     ids=["plain", "hardware", "contacts"],
 )
-def test_a_copy_goes_on_where_the_plant_stood(arm, motion, more, again):
-    """To the last bit, noise and delays included, and neither moves the other."""
+def test_copy_continues_from_the_state_of_the_plant(arm, motion, more, again):
+    """To the last bit, with noise and delays; the two are independent."""
     if "contacts" in more:
         tip = motion.tip(0.06)
         wall = fa.Wall(tip, -(motion.tip(0.3) - tip))
@@ -318,26 +318,24 @@ def test_a_copy_goes_on_where_the_plant_stood(arm, motion, more, again):
     torques = [[0.2, 0.1] + 0.05 * rng.standard_normal(2) for _ in range(80)]
     for torque in torques[:40]:
         plant.step(torque)
-    rigid_counterpart = again(plant)
+    copied = again(plant)
     ahead = [(plant.step(torque), plant.q) for torque in torques[40:]]
-    assert rigid_counterpart.time == 40 * TICK
+    assert copied.time == 40 * TICK
     for torque, (measurement, q) in zip(torques[40:], ahead, strict=True):
-        told = rigid_counterpart.step(torque)
+        reported = copied.step(torque)
         for name in measurement:
-            np.testing.assert_array_equal(told[name], measurement[name])
-        np.testing.assert_array_equal(rigid_counterpart.q, q)
+            np.testing.assert_array_equal(reported[name], measurement[name])
+        np.testing.assert_array_equal(copied.q, q)
     if "contacts" in more:
-        assert abs(rigid_counterpart.contact_force).max() > 0.0
-    np.testing.assert_array_equal(rigid_counterpart.tip, plant.tip)
-    rigid_counterpart.reset()
+        assert abs(copied.contact_force).max() > 0.0
+    np.testing.assert_array_equal(copied.tip, plant.tip)
+    copied.reset()
     assert plant.time == 80 * TICK
 
 
-def test_a_copied_arm_keeps_what_kernels_were_compiled_for(arm):
-    """Arrays of another type would have all kernels compiled again."""
-    for rigid_counterpart in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
-        for own, copied in zip(
-            arm.assembly.constants, rigid_counterpart.assembly.constants, strict=True
-        ):
-            np.testing.assert_array_equal(own, copied)
-            assert typeof(copied) == typeof(own)
+def test_copied_arm_needs_no_new_compilation(arm):
+    """Arrays of another type would compile all kernels again."""
+    for copied in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
+        for own, other in zip(arm.assembly.constants, copied.assembly.constants, strict=True):
+            np.testing.assert_array_equal(own, other)
+            assert typeof(other) == typeof(own)

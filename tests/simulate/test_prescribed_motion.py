@@ -1,16 +1,10 @@
-"""Joints that follow a given motion: what they take, and what they do to the others."""
+"""Joints with a prescribed motion: their torque, and the motion of the others."""
 
 import numpy as np
 import pytest
 
 import flexarm as fa
-
-ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-
-
-def two_links(**fields):
-    links = [fa.Link(length=1.4142, elements=2, **ROD), fa.Link(length=1.0, elements=1, **ROD)]
-    return fa.Arm(links=links, **fields)
+from paper_arms import ROD, table_one_arm
 
 
 def swing(amplitude, omega, phase=0.0):
@@ -23,37 +17,37 @@ def swing(amplitude, omega, phase=0.0):
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_the_joint_follows(theory):
+def test_joint_follows_its_motion(theory):
     given = swing(0.15, 5.0, 0.3)
-    arm = two_links(theory=theory, gravity=(0.0, -2.0))
+    arm = table_one_arm(theory=theory, gravity=(0.0, -2.0))
     result = fa.simulate(arm, 1.0, prescribed={1: given}, rate=200)
     exact = [(given.angle(t), given.rate(t)) for t in result.time.values]
-    # The acceleration is followed a hundred times closer than the tolerance of 1e-7, twice
-    # integrated.
+    # The acceleration is interpolated a hundred times closer than the tolerance of 1e-7, and
+    # integrated twice.
     np.testing.assert_allclose(result.joint_angle.values[:, 0], [a for a, _ in exact], atol=2e-8)
     np.testing.assert_allclose(result.joint_rate.values[:, 0], [r for _, r in exact], atol=1e-7)
-    assert np.ptp(result.joint_angle.values[:, 1]) > 0.1  # nobody holds the other
+    assert np.ptp(result.joint_angle.values[:, 1]) > 0.1  # the other joint is free
     np.testing.assert_array_equal(result.torque.values[:, 1], 0.0)
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_torque_that_it_took_moves_the_free_arm_the_same_way(theory):
+def test_torque_of_a_prescribed_joint_gives_the_same_motion(theory):
     joints = [fa.Joint(damping=0.3, stiffness=2.0), fa.Joint(friction=fa.Friction(coulomb=0.2))]
-    arm = two_links(theory=theory, gravity=(0.0, -9.81), joints=joints)
+    arm = table_one_arm(theory=theory, gravity=(0.0, -9.81), joints=joints)
     motion = {1: swing(0.4, 5.0), 2: swing(-0.7, 4.0, 0.5)}
     moved = fa.simulate(arm, 0.5, prescribed=motion, rate=20000, rtol=1e-9, atol=1e-11)
     start = {"initial": moved.q.values[0], "initial_rate": moved.qd.values[0]}
     driven = fa.simulate(arm, 0.5, torque=moved.torque.values, rate=20000, rtol=1e-9, **start)
-    # A spline through 20 kHz samples of torques that ring with the links' highest modes.
+    # A spline through 20 kHz samples of torques that vibrate with the links' highest modes.
     np.testing.assert_allclose(driven.q.values, moved.q.values, rtol=0, atol=1e-6)
 
 
-# The balance holds however far the links bend.
+# The balance holds for any bending.
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("moved", [(1,), (2,), (1, 2)])
 def test_power_balance(moved):
-    """Work of the torques on the joints, given or not, is the energy gained."""
-    arm = two_links(theory="second_order", gravity=(0.0, -9.81))
+    """Work of all torques on the joints is the change of energy."""
+    arm = table_one_arm(theory="second_order", gravity=(0.0, -9.81))
     motion = {joint: swing(0.3 * joint, 6.0) for joint in moved}
     torque = [1.0 if joint in moved else 0.5 for joint in (1, 2)]
     result = fa.simulate(
@@ -62,33 +56,33 @@ def test_power_balance(moved):
     for joint in (1, 2):
         own = result.torque.sel(joint=joint).values
         if joint in moved:
-            assert np.ptp(own) > 1.0  # not the torque asked for, which such a joint ignores
+            assert np.ptp(own) > 1.0  # not the requested torque, which such a joint ignores
         else:
             np.testing.assert_array_equal(own, 0.5)
     energy = (result.kinetic_energy + result.strain_energy + result.gravity_energy).values
     power = np.sum(result.torque.values * result.joint_rate.values, axis=1)
     work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * 1e-4)])
-    # The trapezoidal rule at 10 kHz on a torque that rings at up to 500 Hz.
+    # The trapezoidal rule at 10 kHz on a torque that vibrates at up to 500 Hz.
     scale = abs(energy - energy[0]).max()
     np.testing.assert_allclose(energy - energy[0], work, rtol=0, atol=2e-3 * scale)
 
 
-def test_a_motion_of_all_joints_gives_each_its_own_part():
-    arm = two_links()
+def test_motion_of_all_joints_is_divided_among_them():
+    arm = table_one_arm()
     motion = fa.line_motion(arm, start=(2.0, 1.0), end=(1.0, 2.0), duration=1.5)
     both = fa.simulate(arm, 1.7, prescribed={1: motion, 2: motion}, rate=100)
-    asked = np.array([motion.joint_angle(t) for t in both.time.values])
-    np.testing.assert_allclose(both.joint_angle.values, asked, atol=1e-7)
+    requested = np.array([motion.joint_angle(t) for t in both.time.values])
+    np.testing.assert_allclose(both.joint_angle.values, requested, atol=1e-7)
     rigid = fa.simulate(arm.rigid(), 1.5, prescribed={1: motion, 2: motion}, rate=100)
     torque = fa.rigid_torque(arm, motion)
     wanted = np.array([torque(t) for t in rigid.time.values])
-    # Accelerations are followed to 1e-9 of the largest.
+    # Accelerations are interpolated to 1e-9 of the largest.
     np.testing.assert_allclose(rigid.torque.values, wanted, rtol=0, atol=1e-6 * abs(wanted).max())
 
 
-def test_breaks_are_landed_on():
-    """A jump of acceleration: the joint turns by exactly the area under it."""
-    arm = two_links().rigid()
+def test_steps_end_at_breaks():
+    """After a jump of the acceleration the angle is exactly its integral."""
+    arm = table_one_arm().rigid()
     given = fa.PrescribedAngle(
         lambda t: 4.0 * np.clip(t - 0.2, 0.0, 0.5) ** 2 + 4.0 * max(t - 0.7, 0.0),
         lambda t: 8.0 * np.clip(t - 0.2, 0.0, 0.5),
@@ -100,7 +94,7 @@ def test_breaks_are_landed_on():
     assert result.joint_angle.values[-1, 0] == pytest.approx(8 * 0.125 + 4 * 0.3, rel=1e-9)
 
 
-def test_a_moving_joint_in_segments():
+def test_prescribed_joint_of_an_arm_with_segments():
     link = fa.Link(length=1.0, elements=4, segments=4, **ROD)
     arm = fa.Arm(links=[link, link], theory="second_order")
     result = fa.simulate(arm, 0.5, prescribed={2: swing(0.5, 6.0)}, rate=100)
@@ -109,15 +103,15 @@ def test_a_moving_joint_in_segments():
 
 
 @pytest.mark.parametrize("joint", [0, 3, "elbow"])
-def test_no_such_joint(joint):
+def test_unknown_joint_is_rejected(joint):
     with pytest.raises(
         fa.InputError, match="simulate: prescribed must name joints that are not fixed: 1, 2, got"
     ):
-        fa.simulate(two_links(), 0.1, prescribed={joint: swing(1.0, 1.0)})
+        fa.simulate(table_one_arm(), 0.1, prescribed={joint: swing(1.0, 1.0)})
 
 
-def test_not_beside_a_controller():
-    arm = two_links()
+def test_prescribed_joints_cannot_be_combined_with_a_controller():
+    arm = table_one_arm()
     motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, 1.0], 0.1)
     controller = fa.JointPD([1.0, 1.0], [1.0, 1.0], 1e-3)
     with pytest.raises(fa.InputError, match="prescribed cannot be combined with a controller"):
@@ -126,7 +120,7 @@ def test_not_beside_a_controller():
         )
 
 
-def test_a_rate_that_is_not_the_derivative_is_refused():
+def test_rate_that_is_not_the_derivative_is_rejected():
     """0.5 sin 3t has the rate 1.5 cos 3t."""
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     wrong = fa.PrescribedAngle(
@@ -140,14 +134,14 @@ def test_a_rate_that_is_not_the_derivative_is_refused():
     ("prescribed", "message"),
     [({1: 0.3}, "be a PrescribedAngle or a motion"), ([0.3], "be a mapping of joint numbers")],
 )
-def test_what_is_no_motion_is_refused(prescribed, message):
+def test_wrong_motions_are_rejected(prescribed, message):
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     with pytest.raises(fa.InputError, match=message):
         fa.simulate(arm, 1.0, prescribed=prescribed)
 
 
 @pytest.mark.parametrize("loads", [fa.Load(1, (0, 1)), None, [{"link": 1}]])
-def test_what_is_no_load_is_refused(loads):
+def test_wrong_loads_are_rejected(loads):
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     with pytest.raises(fa.InputError, match="loads must be a list of Load objects"):
         fa.simulate(arm, 1.0, loads=loads)

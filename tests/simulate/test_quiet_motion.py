@@ -1,4 +1,4 @@
-"""An arm that turns without bending: any step would do for its ends, not for what is between."""
+"""An arm that turns without bending: its step is limited by the samples between ends of steps."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def test_samples_between_long_steps(integrator):
     rates = arm.rest([1.2])
     result = fa.simulate(arm, 0.5, initial_rate=rates, rtol=1e-10, integrator=integrator)
     turned = 1.2 * result.time.values
-    # Rounding, multiplied by what seven radians of the fastest mode make of it.
+    # Rounding, times its amplification over seven radians of the fastest mode.
     np.testing.assert_allclose(result.joint_angle.values[:, 0], turned, rtol=0, atol=1e-9)
     assert abs(result.link_tip_deflection.values).max() < 1e-9
     fastest = fastest_frequency(arm, arm.padded(np.stack([rates * 0, rates])))

@@ -1,4 +1,4 @@
-"""What a run returns: labels, units, attributes, exact times, files."""
+"""Results of a run: labels, units, attributes, exact times and files."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import flexarm as fa
 from flexarm.engine.channels import CHANNELS
 
-#: Channels of runs with contacts; torque_command is of closed loops.
+#: Channels of runs with contacts; torque_command is that of closed loops.
 CONTACT = ("contact_force", "contact_gap", "contact_energy")
 
 
@@ -38,7 +38,7 @@ def result(arm):
     )
 
 
-def test_every_channel_has_its_dimensions_units_and_meaning(result, arm):
+def test_every_channel_has_its_dimensions_units_and_description(result, arm):
     sizes = {"joint": 3, "link": 3, "axis": 2, "coordinate": arm.dof, "gauge": 2}
     sizes["station"] = 4
     assert set(result.data_vars) == set(CHANNELS) - {"torque_command", *CONTACT}
@@ -96,7 +96,7 @@ def test_coordinates_are_labelled(result):
     assert result.time.attrs["units"] == "s"
 
 
-def test_attributes_say_how_it_was_made(result, arm):
+def test_attributes_describe_the_run(result, arm):
     attributes = result.attrs
     assert attributes["flexarm_version"] == fa.__version__
     assert attributes["integrator"] == "dormand_prince_8"
@@ -112,7 +112,7 @@ def test_attributes_say_how_it_was_made(result, arm):
     assert "flexural_rigidity: 30" in attributes["arm"]
 
 
-def test_the_arm_is_stored_inside(result, arm, tmp_path):
+def test_result_contains_its_arm(result, arm, tmp_path):
     path = tmp_path / "arm.yaml"
     path.write_text(result.attrs["arm"], encoding="utf-8")
     assert fa.load_arm(path).spec == arm.spec
@@ -132,8 +132,8 @@ def test_dataframe(result):
     assert frame.index.name == "time"
 
 
-def test_channels_are_what_the_arm_says_of_the_states(result, arm):
-    """Every sample against the arm's own methods, one state at a time."""
+def test_channels_equal_the_methods_of_the_arm(result, arm):
+    """Every sample is compared, one state at a time."""
     lengths = arm.lengths
     for k in range(0, 101, 10):
         now = result.isel(time=k)
@@ -158,7 +158,7 @@ def test_channels_are_what_the_arm_says_of_the_states(result, arm):
         deflection_rate, slope_rate = np.array([nodal[-1] for nodal in rates]).T
         np.testing.assert_allclose(now.link_tip_deflection_rate, deflection_rate, rtol=1e-12)
         np.testing.assert_allclose(now.link_tip_slope_rate, slope_rate, rtol=1e-12)
-        # Absolute angles: each joint turns from the bent tip before it.
+        # Absolute angles: each joint turns from the tip of the bent link before it.
         inboard = np.concatenate([[0.0], slope[:-1]])
         np.testing.assert_allclose(
             now.link_angle, np.cumsum(now.joint_angle.values + inboard), **exact
@@ -173,8 +173,8 @@ def test_channels_are_what_the_arm_says_of_the_states(result, arm):
         assert np.all(abs(chord - lengths) < 0.01)
 
 
-def test_rates_are_the_slopes_of_their_channels(arm):
-    """Differences at 20 kHz, where the fastest mode of this arm turns by a radian a sample."""
+def test_rates_are_the_derivatives_of_their_channels(arm):
+    """Differences at 20 kHz, at which the fastest mode turns by a radian per sample."""
     result = fa.simulate(
         arm, 0.02, initial_rate=arm.rest([0.5, 0.0, -0.5]), rate=20_000.0, rtol=1e-9, atol=1e-11
     )
@@ -199,8 +199,8 @@ def one_link():
 
 @settings(max_examples=60)
 @given(st.integers(1, 400), st.sampled_from([1.0, 3.0, 10.0, 30.0, 44.1, 100.0, 1000.0, 1 / 3]))
-def test_samples_lie_at_multiples_of_the_period_whatever_the_rounding(count, rate):
-    """Durations that are sums of periods, as a user's loop would make them."""
+def test_samples_are_at_multiples_of_the_period_despite_rounding(count, rate):
+    """Durations are sums of periods, as in a loop of a user."""
     duration = float(np.sum([1.0 / rate] * count))
     result = fa.simulate(one_link(), duration, initial_rate=[1.0], rate=rate)
     assert result.sizes["time"] == count + 1
@@ -212,14 +212,14 @@ def test_samples_lie_at_multiples_of_the_period_whatever_the_rounding(count, rat
     ("duration", "rate", "count"),
     [(1.0, 1000.0, 1001), (0.25, 10.0, 3), (0.05, 10.0, 1), (1 / 3, 30.0, 11), (2.0, 0.3, 1)],
 )
-def test_the_last_sample_is_the_last_that_fits(duration, rate, count):
+def test_last_sample_is_within_the_duration(duration, rate, count):
     result = fa.simulate(one_link(), duration, initial_rate=[1.0], rate=rate)
     assert result.sizes["time"] == count
     np.testing.assert_allclose(result.joint_angle[:, 0], np.arange(count) / rate, rtol=1e-12)
 
 
-def test_a_run_goes_on_to_its_end_behind_the_last_sample():
-    """The joint passes a line between the last sample, at 0.1 s, and the end."""
+def test_run_continues_after_the_last_sample():
+    """The joint crosses a line between the last sample, at 0.1 s, and the end."""
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=0.3, flexible=False)])
     events = [fa.joint_event(arm, 1, angle) for angle in (0.10025, 0.10045)]
     result = fa.simulate(arm, 0.1004, initial_rate=[1.0], events=events)
@@ -228,14 +228,14 @@ def test_a_run_goes_on_to_its_end_behind_the_last_sample():
     np.testing.assert_allclose(result.event_time, [0.10025], rtol=1e-12)
 
 
-def test_recording_more_or_less_does_not_change_the_motion(arm):
+def test_sample_rate_does_not_change_the_motion(arm):
     fine = fa.simulate(arm, 0.1, initial_rate=arm.rest([1.0, 0.0, 0.0]), rate=2000.0)
     coarse = fa.simulate(arm, 0.1, initial_rate=arm.rest([1.0, 0.0, 0.0]), rate=10.0)
     np.testing.assert_array_equal(fine.q.values[-1], coarse.q.values[-1])
     assert fine.attrs["steps"] == coarse.attrs["steps"]
 
 
-def test_same_call_same_digits(arm):
+def test_equal_calls_give_equal_digits(arm):
     start = arm.rest([1.0, 0.0, 0.0])
     runs = [fa.simulate(arm, 0.3, initial_rate=start, stations=3) for _ in range(2)]
     for name in runs[0].data_vars:

@@ -1,8 +1,8 @@
-"""Closed loops against theory: poles of the sampled loop, and the error's own equation.
+"""Closed loops against theory: poles of the sampled loop, and the equation of the error.
 
-The linear model goes to python-control, which samples it with held torques; the controllers are
-written out as difference equations. A run of the nonlinear arm from a small deviation must follow
-the sampled loop: each of its modes by its own pole, decay and frequency in one complex number.
+python-control samples the linear model with a zero-order hold; the controllers are written out as
+difference equations. A run of the nonlinear arm from a small deviation must follow the sampled
+loop: each mode has its own pole, decay and frequency in one complex number.
 """
 
 import control
@@ -28,7 +28,8 @@ def arm():
 
 
 def sampled_plant(model_arm):
-    """Phi, Gamma over one sample time, and rows that give angles, rates, strains of the state."""
+    """Return Phi, Gamma over one sample time, and rows for angles, rates and strains of the
+    state."""
     outputs = ["joint_angle", "joint_rate", "strain"]
     model = fa.linearize(model_arm, model_arm.rest(ANGLES), outputs=outputs)
     held = control.c2d(model.to_control(), TICK, "zoh")
@@ -49,7 +50,7 @@ def joint_pid():
     K, D, held = np.diag([30.0, 12.0]), np.diag([3.0, 1.0]), np.diag([25.0, 10.0])
 
     def loop(Phi, Gamma, angle, rate, strain):
-        """State and the integral's torque, which takes up the error after it was used."""
+        """State and the integral's torque, which adds the error after it is used."""
         return np.block(
             [[Phi - Gamma @ (K @ angle + D @ rate), Gamma], [-held * TICK @ angle, np.eye(2)]]
         )
@@ -75,7 +76,7 @@ def strain_feedback():
     kept, gain = (2 * lag - TICK) / (2 * lag + TICK), 2.0 / (2 * lag + TICK)
 
     def loop(Phi, Gamma, angle, rate, strain):
-        """State, strain before and its rate before: rate = kept rate' + gain (strain - strain')."""
+        """State, previous strain and its rate: rate = kept rate' + gain (strain - strain')."""
         now = K @ angle + D @ rate + S @ strain + gain * R @ strain
         return np.block(
             [
@@ -95,7 +96,7 @@ CASES = [joint_pd, joint_pid, computed_torque, strain_feedback]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
-def test_a_small_motion_follows_the_poles_of_the_sampled_loop(case):
+def test_small_motion_follows_the_poles_of_the_sampled_loop(case):
     controller, loop, memory = case()
     flexible = arm()
     closed = loop(*sampled_plant(flexible))
@@ -105,7 +106,7 @@ def test_a_small_motion_follows_the_poles_of_the_sampled_loop(case):
     rng = np.random.default_rng(1)
     small = 1e-5
     deviation = small * rng.normal(size=(2, flexible.dof))
-    # Bending of the size that goes with such angles, without rates.
+    # Bending of a size that matches these angles, without rates.
     deviation[0] *= np.where(np.isin(np.arange(flexible.dof), flexible.joint_index), 1.0, 0.05)
     deviation[1] = 0.0
     reference = fa.joint_motion(flexible, ANGLES, ANGLES, 1.0)
@@ -121,7 +122,7 @@ def test_a_small_motion_follows_the_poles_of_the_sampled_loop(case):
     )
     found = np.concatenate([run.q.values - flexible.rest(ANGLES), run.qd.values], axis=1)
     x = np.concatenate([found[0], np.zeros(memory)])
-    if memory == 4:  # the first strain is what the filter starts from
+    if memory == 4:  # the filter starts from the first strain
         x[-4:-2] = run.strain.values[0]
     wanted = [x]
     for _ in range(ticks):
@@ -136,7 +137,7 @@ def test_a_small_motion_follows_the_poles_of_the_sampled_loop(case):
     )
     if memory:
         return
-    # Mode by mode: its left eigenvector sees that mode alone, which turns by its pole each tick.
+    # Mode by mode: its left eigenvector selects one mode, which its pole multiplies at each sample.
     seen = found @ np.linalg.inv(vectors).T
     strong = np.abs(seen[:-1]) > 1e-3 * np.abs(seen[0]).max()
     for k, pole in enumerate(poles):
@@ -146,8 +147,8 @@ def test_a_small_motion_follows_the_poles_of_the_sampled_loop(case):
 
 
 @pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
-def test_the_gain_at_which_the_sampled_loop_turns_unstable():
-    """Just below it errors die out, just above they grow."""
+def test_critical_gain_of_the_sampled_loop():
+    """Errors decay slightly below it and grow slightly above it."""
     flexible = arm()
     Phi, Gamma, angle, rate, _ = sampled_plant(flexible)
 
@@ -174,8 +175,9 @@ def test_the_gain_at_which_the_sampled_loop_turns_unstable():
     assert grown[1] > 2.0
 
 
-def test_error_under_computed_torque_obeys_its_equation():
-    """A rigid arm, large motion, initial error: first order in the sample time, then exact."""
+def test_error_of_computed_torque_obeys_its_equation():
+    """A rigid arm with a large motion and an initial error: first order in the sample time, then
+    exact."""
     rigid = fa.Arm(links=arm().spec.links, joints=arm().spec.joints, gravity=(0.0, -9.81)).rigid()
     motion = fa.joint_motion(rigid, [0.2, -0.5], [1.4, 0.9], 0.8)
     off = np.array([0.2, -0.1])
@@ -204,6 +206,6 @@ def test_error_under_computed_torque_obeys_its_equation():
         error = run.joint_angle.values - motion.joint_angle(run.time.values)
         missed.append(np.abs(error - wanted).max())
     orders = np.log2(np.array(missed[:-1]) / missed[1:])
-    # A torque held is a torque half a sample late: first order.
+    # The hold delays the torque by half a sample: first order.
     np.testing.assert_allclose(orders, 1.0, atol=0.1)
     assert missed[-1] < 2e-3

@@ -1,4 +1,4 @@
-"""What a scenario file says beside motion and drive is what the same calls in Python say."""
+"""Options of a scenario besides motion and drive have the effect of the same calls in Python."""
 
 from importlib import import_module
 
@@ -81,12 +81,12 @@ def test_prescribed_joints(run, arm):
     free = run(
         "prescribed: [{joint: 2, kind: table, ends: free, times: [0, 0.4], angles: [0.5, 0.6]}]\n"
     )
-    # Both ends free: a straight line.
+    # Both ends are free: a straight line.
     line = 0.5 + 0.25 * free.time
     np.testing.assert_allclose(free.joint_angle.sel(joint=2), line, rtol=0, atol=1e-12)
 
 
-def test_a_held_joint_stays_where_it_starts(run):
+def test_constant_joint_stays_at_its_initial_angle(run):
     found = run("initial: {joint_angle: [0.4, -0.3]}\nprescribed: [{joint: 2, kind: hold}]\n")
     np.testing.assert_array_equal(found.joint_angle.sel(joint=2), -0.3)
     assert np.ptp(found.joint_angle.values[:, 0]) > 0.01
@@ -94,12 +94,12 @@ def test_a_held_joint_stays_where_it_starts(run):
     np.testing.assert_array_equal(by_motion.joint_angle.sel(joint=1), 0.3)
 
 
-#: What of `TestEquilibrium.LOADS` acts at time zero.
+#: Loads of `TestEquilibrium.LOADS` at time zero.
 ACTING = {"loads": [fa.Load(1, (2.0, -6.0))], "base_acceleration": (0.5, 1.0)}
 
 
 class TestEquilibrium:
-    #: A load that has acted for ever, one that begins later, and a base that rises.
+    #: A load from minus infinity, one that starts later, and a base that accelerates upwards.
     LOADS = (
         "loads:\n"
         "  - {link: 1, force: [1, -3], factor: {times: [0, 0, 9], values: [7, 2, 2]}}\n"
@@ -107,16 +107,16 @@ class TestEquilibrium:
         "base_acceleration: {times: [0, 9], values: [[0.5, 1], [0.5, 1]]}\n"
     )
 
-    def test_it_is_that_of_the_loads_at_time_zero(self, run, arm):
+    def test_start_is_the_equilibrium_under_loads_at_time_zero(self, run, arm):
         found = run(self.LOADS + "initial: {joint_angle: [0.3, -0.5], equilibrium: true}\n")
         wanted = fa.equilibrium(arm, [0.3, -0.5], **ACTING)
         np.testing.assert_array_equal(found.q[0], wanted.q)
-        np.testing.assert_array_equal(found.torque, 0.0)  # nobody asked for it to be held
+        np.testing.assert_array_equal(found.torque, 0.0)  # without a drive that holds it
         assert abs(found.link_tip_deflection.values[0]).min() > 5e-4
         plain = fa.equilibrium(arm, [0.3, -0.5])
         assert abs(wanted.q - plain.q).max() > 1e-3
 
-    def test_base_acceleration_is_felt_as_gravity(self, arm):
+    def test_base_acceleration_acts_as_gravity(self, arm):
         lifted = fa.equilibrium(arm, [0.3, -0.5], base_acceleration=(0.5, 1.0))
         heavy = fa.Arm(arm.spec.replace(gravity=(-0.5, -10.81)))
         wanted = fa.equilibrium(heavy, [0.3, -0.5])
@@ -139,7 +139,9 @@ class TestEquilibrium:
             ),
         ],
     )
-    def test_a_balanced_drive_keeps_it_until_something_happens(self, drive, duration, write):
+    def test_balanced_drive_keeps_the_equilibrium_until_a_load_changes(
+        self, drive, duration, write
+    ):
         still = "motion: {kind: joint, start: [0.3, -0.5], end: [0.3, -0.5], duration: 0.4}\n"
         drive = "drive: " + drive.replace("ZEROS", ", ".join(["[0, 0]"] * 41)) + "\n"
         start = "initial: {equilibrium: true, balance: true}\n"
@@ -150,26 +152,26 @@ class TestEquilibrium:
         result = fa.run_scenario(path)
         moved = np.ptp(result.q.values, axis=0).max()
         if duration < 0.35:
-            assert moved < 1e-8  # the residual of the equilibrium, let go for 0.34 s
+            assert moved < 1e-8  # the residual of the equilibrium, over 0.34 s
             holding = fa.equilibrium(fa.load_arm(path), [0.3, -0.5], **ACTING).torque
             np.testing.assert_allclose(result.torque, [holding] * 35, rtol=1e-6)
         else:
             assert moved > 1e-3
 
-    def test_balance_is_a_constant_on_top_of_the_rigid_torques(self, run, arm):
+    def test_balance_is_added_to_the_rigid_torques(self, run, arm):
         common = MOTION + "drive: {kind: rigid_inverse_dynamics}\n"
         plain = run(common)
         balanced = run(common + "initial: {equilibrium: true, balance: true}\n")
         more = balanced.torque - plain.torque
-        # Two torques of 10 N m subtracted.
+        # Two torques of 10 N m are subtracted.
         np.testing.assert_allclose(more, more[[0] * len(more)], rtol=0, atol=1e-12)
         holding = fa.equilibrium(arm, [0.3, -0.5]).torque
-        # The quintic starts without acceleration: at time zero all of it is holding.
+        # The quintic starts without acceleration, so at time zero the whole torque is static.
         np.testing.assert_allclose(balanced.torque[0], holding, rtol=1e-12)
         assert abs(more[0]).max() > 1e-3
 
-    def test_balance_knows_the_rigid_arm_at_rest_and_not_as_it_starts_off(self, run, arm):
-        """A trapezoidal motion starts with a jolt, which is not to be balanced away."""
+    def test_balance_ignores_the_initial_acceleration(self, run, arm):
+        """A trapezoidal motion starts with a jump, which must not be balanced."""
         common = MOTION.replace("duration", "profile: trapezoidal, duration")
         common += "drive: {kind: rigid_inverse_dynamics}\n"
         more = (
@@ -181,7 +183,7 @@ class TestEquilibrium:
         wanted = fa.equilibrium(arm, [0.3, -0.5]).torque - known
         np.testing.assert_allclose(more, [wanted] * len(more), rtol=0, atol=1e-12)
 
-    def test_prescribed_joints_are_where_their_motion_starts(self, run, arm):
+    def test_prescribed_joints_start_at_their_motion(self, run, arm):
         found = run(
             "initial: {joint_angle: [0.3, 9.0], equilibrium: true}\n"
             "prescribed:\n"
@@ -191,10 +193,10 @@ class TestEquilibrium:
         wanted = fa.equilibrium(arm, [0.3, -0.5])
         np.testing.assert_array_equal(found.q[0], wanted.q)
         until = found.q.sel(time=slice(0.0, 0.2))
-        # The residual of the equilibrium rings.
+        # The residual of the equilibrium vibrates.
         np.testing.assert_allclose(until, [wanted.q] * len(until), rtol=0, atol=1e-8)
 
-    def test_a_joint_that_follows_the_motion_is_where_that_starts(self, run, arm):
+    def test_initial_angle_of_a_prescribed_joint_is_that_of_its_motion(self, run, arm):
         found = run(
             MOTION
             + "initial: {joint_angle: [0.3, 9.0], equilibrium: true}\n"
@@ -203,8 +205,8 @@ class TestEquilibrium:
         wanted = fa.equilibrium(arm, [0.3, -0.5])
         np.testing.assert_array_equal(found.q[0], wanted.q)
 
-    def test_there_may_be_none(self, write, monkeypatch):
-        """Joints are locked here, and no load was found under which such an arm has none."""
+    def test_missing_equilibrium_is_reported(self, write, monkeypatch):
+        """The error is simulated, because every arm with locked joints has an equilibrium here."""
 
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
@@ -214,8 +216,8 @@ class TestEquilibrium:
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 
 
-def test_fixed_and_elastic_joints_start_in_equilibrium_too(tmp_path):
-    """Joint 2 is fixed and has no place among the angles; the spring of joint 3 twists."""
+def test_fixed_and_elastic_joints_start_in_equilibrium(tmp_path):
+    """Joint 2 is fixed and has no angle; the spring of joint 3 is twisted."""
     text = (
         "flexarm: 1\n"
         "arm:\n"
@@ -261,19 +263,19 @@ def test_fixed_and_elastic_joints_start_in_equilibrium_too(tmp_path):
         ),
     ],
 )
-def test_what_is_found_late_is_told_with_its_line(text, message, run):
+def test_errors_during_preparation_have_their_line(text, message, run):
     with pytest.raises(fa.InputError, match=message):
         run(text)
 
 
-def test_an_unknown_integrator_is_told_with_its_line(write):
+def test_unknown_integrator_has_its_line(write):
     path = write("")
     path.write_text(path.read_text().replace("rate: 100", "integrator: rk5"))
     with pytest.raises(fa.InputError, match=r"run\.yaml:10: run\.integrator must be one of"):
         fa.run_scenario(path)
 
 
-def test_without_a_file_only_the_key_is_told(write):
+def test_without_a_file_errors_have_the_key_only(write):
     scenario = load_scenario(write("drive: {kind: torque, rate: 9, values: [[0, 0], [1, 1]]}\n"))
     with pytest.raises(fa.InputError, match=r"^scenario: drive\.values must"):
         fa.run_scenario(scenario)
@@ -295,14 +297,14 @@ def test_events(run, arm, write):
     np.testing.assert_array_equal(found.q, wanted.q)
     np.testing.assert_array_equal(found.event_time, wanted.event_time)
     assert found.attrs["ended_by"] == "event_2"
-    # On another arm they are watched there.
+    # On another plant events are located on that plant.
     prepared = prepare(load_scenario(write(text)))
     rigid = prepared.run(arm=arm.rigid())
     height = [arm.rigid().tip(q)[1] for q in rigid.event_q.values]
     assert height[0] == pytest.approx(-0.5, abs=1e-9)
 
 
-def test_event_at_a_stop(tmp_path):
+def test_event_at_a_joint_stop(tmp_path):
     path = tmp_path / "run.yaml"
     stops = "limits: {lower: -0.3, upper: 1.0, stiffness: 1.0e+3}"
     text = ARM.replace("damping: 0.1}", f"damping: 0.1, {stops}}}")

@@ -1,11 +1,12 @@
-"""The second-order theory has a mass matrix at any deflection, on any mesh: sudden torques too."""
+"""The mass matrix of the second-order theory is positive for any deflection and mesh, also under
+sudden torques."""
 
 import numpy as np
 import pytest
 
 import flexarm as fa
 
-# Links bend further here than their theory holds for, on purpose.
+# Links bend further than their theory allows, on purpose.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
@@ -13,7 +14,7 @@ START = [np.pi / 4, -np.pi / 2]
 
 
 def torque(t):
-    """A torque from the first instant on: it excites higher modes than a smooth one does."""
+    """A torque from the first instant on, which excites higher modes than a smooth one."""
     return [0.0, 3.0]
 
 
@@ -28,10 +29,11 @@ def run(arm, duration=0.3):
 
 @pytest.mark.parametrize("fields", [{}, {"modes": 3}, {"segments": 4}, {"elements": 2}])
 def test_meshes_agree_under_a_sudden_torque(fields):
-    """All modes of eight elements stopped at 0.031 s before the theory kept a sum of squares."""
+    """With all modes of eight elements the run stopped at 0.031 s before kinetic energy was a sum
+    of squares."""
     result = run(table_one_arm(**fields))
     assert result.time.values[-1] == pytest.approx(0.3)
-    # All of them solve the same problem; a sudden torque shows what few modes leave out.
+    # All of them solve the same problem; a sudden torque excites modes that few modes omit.
     np.testing.assert_allclose(result.tip.values[-1], [2.1293, 0.7962], rtol=0, atol=5e-4)
 
 
@@ -47,16 +49,16 @@ def test_energy_is_conserved_after_a_sudden_torque():
     np.testing.assert_allclose(total, total[0], rtol=1e-6)
 
 
-def test_a_fine_mesh_follows_a_coarse_one():
-    """All 128 modes a link."""
+def test_fine_mesh_agrees_with_a_coarse_one():
+    """All 128 modes per link."""
     fine, coarse = (run(table_one_arm(elements=k), 0.002) for k in (64, 8))
-    # Bending waves of the first instant, which a coarse mesh sends off too fast: 1e-5 m.
+    # Bending waves of the first instant are too fast on a coarse mesh: 1e-5 m.
     np.testing.assert_allclose(fine.tip.values, coarse.tip.values, rtol=0, atol=2e-5)
 
 
 @pytest.mark.parametrize("elements", [8, 64])
 @pytest.mark.parametrize("deflection", [0.02, 0.2, 1.0])
-def test_the_mass_matrix_is_positive(elements, deflection):
+def test_mass_matrix_is_positive(elements, deflection):
     arm = table_one_arm(elements=elements)
     rng = np.random.default_rng(elements)
     for _ in range(8):
@@ -67,9 +69,9 @@ def test_the_mass_matrix_is_positive(elements, deflection):
             q[piece.modal][:4] = lowest
         mass = arm.mass_matrix(q)
         scale = np.sqrt(np.diag(mass))
-        # Positive, but for the rounding of sums of up to 260 products.
+        # Positive, except for the rounding of sums of up to 260 products.
         assert np.linalg.eigvalsh(mass / np.outer(scale, scale))[0] > -1e-13
-        # By elimination, without rounding: what a unit torque does to its joint.
+        # By exact elimination: the acceleration of a joint under a unit torque.
         rest = np.zeros_like(q)
         before = arm.forward_dynamics(q, rest, [0.0, 0.0])
         for joint, at in enumerate(arm.joint_index):

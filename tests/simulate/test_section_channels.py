@@ -1,4 +1,4 @@
-"""Section forces over a run: what the arm says of every sample, with the loads of that sample."""
+"""Section forces over a run equal those of the arm's method, with the loads of each sample."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def torque(t):
 
 
 def stacked(result):
-    """(samples, links, stations, 3)."""
+    """Return an array (samples, links, stations, 3)."""
     return np.stack([result[name].values for name in SECTION_CHANNELS], axis=-1)
 
 
@@ -55,12 +55,12 @@ def test_every_sample_with_loads_and_a_base_that_change(theory):
         q, qd = result.q.values[k], result.qd.values[k]
         qdd = arm.forward_dynamics(q, qd, torque(t), *around)
         exact = arm.section_forces(q, qd, qdd, STATIONS, *around)
-        # Factors are followed to 1e-9; stiff modes answer with forces of 1e3.
+        # Factors are interpolated to 1e-9; stiff modes respond with forces of 1e3.
         np.testing.assert_allclose(stacked(result)[k], exact, rtol=0, atol=1e-6)
 
 
-def test_more_samples_than_are_looked_at_in_one_go():
-    """The same numbers, wherever a sample stands in its chunk."""
+def test_results_do_not_depend_on_the_chunks():
+    """Each chunk of samples is evaluated at once."""
     arm = two_links()
     dense = fa.simulate(arm, 0.5, torque=torque, rate=20000, stations=3)
     sparse = fa.simulate(arm, 0.5, torque=torque, rate=100, stations=3)
@@ -69,7 +69,7 @@ def test_more_samples_than_are_looked_at_in_one_go():
     )
 
 
-def test_a_joint_whose_motion_is_given():
+def test_prescribed_joint_at_rest_has_static_forces():
     hold = fa.PrescribedAngle(lambda t: 0.3, lambda t: 0.0, lambda t: 0.0)
     arm = two_links(theory="linear")
     held = fa.equilibrium(arm, [0.3, 0.3], tip_force=(1.0, 2.0, 0.3))
@@ -83,12 +83,12 @@ def test_a_joint_whose_motion_is_given():
         stations=STATIONS,
     )
     still = arm.section_forces(held.q, 0 * held.q, 0 * held.q, STATIONS, (1.0, 2.0, 0.3))
-    # Rest is kept to the tolerance of the run, 1e-9 m at the tip.
+    # Rest has the tolerance of the run, 1e-9 m at the tip.
     np.testing.assert_allclose(stacked(result)[-1], still, rtol=0, atol=1e-5)
 
 
-def test_a_closed_loop_on_another_plant():
-    """Forces are those of the plant, under the torque that was held."""
+def test_closed_loop_on_another_plant():
+    """Forces are those of the plant, under the torque of each sample time."""
     arm = two_links()
     plant = two_links(payload=fa.Payload(mass=0.6))
     motion = fa.joint_motion(arm, [0.0, 0.0], [0.2, -0.1], 0.1)
@@ -104,14 +104,14 @@ def test_a_closed_loop_on_another_plant():
     )
 
 
-def test_root_and_tip_are_what_joints_give():
-    """Without a hub the root takes all that the joint gives."""
+def test_forces_at_root_and_tip_equal_joint_reactions():
+    """Without a hub the root transmits the whole reaction of the joint."""
     result = fa.simulate(two_links(hub=0.0), 0.2, torque=torque, rate=100, stations=3)
     root = result.sel(station=0.0)
     np.testing.assert_allclose(root.bending_moment, -result.joint_moment, rtol=1e-12)
     force = np.linalg.norm(result.joint_force, axis=-1)
     np.testing.assert_allclose(np.hypot(root.axial_force, root.shear_force), force, rtol=1e-12)
-    # Root sections lie at the angles of their links.
+    # Root sections have the angles of their links.
     c, s = np.cos(result.link_angle), np.sin(result.link_angle)
     up = s * root.axial_force + c * root.shear_force
     np.testing.assert_allclose(
@@ -119,7 +119,7 @@ def test_root_and_tip_are_what_joints_give():
     )
 
 
-def test_labels():
+def test_labels_of_sections():
     arm = two_links()
     result = fa.simulate(arm, 0.01, rate=100, stations=STATIONS)
     assert result.bending_moment.dims == ("time", "link", "station")
@@ -132,15 +132,15 @@ def test_labels():
 
 
 @pytest.mark.parametrize("stations", [1, -2, 2.5, True, 1001, "all"])
-def test_wrong_numbers_of_stations_are_refused_before_the_run(stations):
-    with pytest.raises(fa.InputError) as told:
+def test_wrong_numbers_of_stations_are_rejected_before_the_run(stations):
+    with pytest.raises(fa.InputError) as reported:
         fa.simulate(two_links(), 1e9, rate=1e-3, stations=stations)
-    assert str(told.value).startswith(
+    assert str(reported.value).startswith(
         "simulate: stations must be a whole number from 2 (root and tip) to 1000, got"
     )
 
 
-def test_a_run_that_stops_early_keeps_them():
+def test_partial_result_has_section_forces():
     def fails(t):
         return [np.nan, 0.0] if t > 0.02 else [0.0, 0.0]
 
@@ -153,9 +153,9 @@ def test_a_run_that_stops_early_keeps_them():
         def update(self, t, measurement, reference):
             return fails(t)
 
-    with pytest.raises(fa.SimulationError) as told:
+    with pytest.raises(fa.SimulationError) as reported:
         fa.simulate(two_links(), 0.1, controller=Fails(), rate=1000, stations=3)
-    kept = told.value.result
+    kept = reported.value.result
     assert kept.bending_moment.shape == (kept.sizes["time"], 2, 3)
     assert np.all(np.isfinite(kept.bending_moment))
 

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-
-ROD = {"mass_per_length": 0.61732}
-
-
-def paper_arm(rigidity=105.0, **fields):
-    rod = {"flexural_rigidity": rigidity, **ROD}
-    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
-    return fa.Arm(links=links, **fields)
+from paper_arms import table_one_arm
 
 
 def paper_line(arm, duration, **fields):
@@ -19,8 +12,8 @@ def paper_line(arm, duration, **fields):
 
 
 def deflection_error(duration, **fields):
-    """Largest error of the link tips' deflection, and the largest deflection, m."""
-    arm = paper_arm()
+    """Return the largest error of the link tips' deflection, and the largest deflection, m."""
+    arm = table_one_arm()
     line = paper_line(arm, duration)
     full = fa.simulate(arm, duration, torque=fa.rigid_torque(arm, line))
     parts = fa.simulate_separated(arm, line, **fields)
@@ -28,8 +21,8 @@ def deflection_error(duration, **fields):
     return error, np.abs(full.link_tip_deflection.values).max()
 
 
-# Durations: twice the paper's speed, the paper's, half of it. The measured shares are 0.102, 0.027
-# and 0.008: the linear model misses what is quadratic in the deflection, itself about 1 / T^2.
+# Durations: half the paper's, the paper's, twice as long. The measured parts are 0.102, 0.027 and
+# 0.008: the linear model omits terms quadratic in the deflection, which is about 1 / T^2.
 @pytest.mark.parametrize(("duration", "share"), [(1.0, 0.11), (2.0, 0.03), (4.0, 0.009)])
 def test_error_on_the_papers_motion(duration, share):
     error, largest = deflection_error(duration)
@@ -37,28 +30,28 @@ def test_error_on_the_papers_motion(duration, share):
 
 
 def test_error_is_quadratic_in_the_deflection():
-    """Twenty times as stiff as the paper's, and ten times."""
+    """Twenty times as stiff as the paper's arm, and ten times."""
     shares, largest = [], []
     for rigidity in (2000.0, 1000.0):
-        arm = paper_arm(rigidity)
+        arm = table_one_arm(rigidity)
         line = paper_line(arm, 1.0)
         full = fa.simulate(arm, 1.0, torque=fa.rigid_torque(arm, line))
         parts = fa.simulate_separated(arm, line, rtol=1e-5)
         shares.append(np.abs((parts - full).q.values).max())
         largest.append(np.abs(full.link_tip_deflection.values).max())
     order = np.log(shares[1] / shares[0]) / np.log(largest[1] / largest[0])
-    assert 1.7 < order < 2.5  # two, but for the phase of the vibration
+    assert 1.7 < order < 2.5  # two, except for the phase of the vibration
 
 
 def test_quasi_static_estimate_of_a_slow_motion():
-    """What is left out is the vibration that the start excites: a tenth of the deflection."""
+    """It omits the vibration that the start excites: a tenth of the deflection."""
     error, largest = deflection_error(4.0, method="quasi_static")
     assert error < 0.04 * largest
 
 
-def test_small_deviations_without_motion_of_the_reference():
-    """At rest, a small deviation: the error is quadratic in it."""
-    arm = paper_arm(gravity=(0.0, 0.0))
+def test_small_deviations_at_rest():
+    """The error is quadratic in the deviation."""
+    arm = table_one_arm(gravity=(0.0, 0.0))
     line = paper_line(arm, 1.0, start_time=10.0)
     errors = []
     for size in (1e-3, 1e-4):
@@ -67,11 +60,11 @@ def test_small_deviations_without_motion_of_the_reference():
         full = fa.simulate(arm, 0.3, initial=start, rtol=1e-11, atol=1e-13)
         parts = fa.simulate_separated(arm, line, 0.3, initial_deviation=away, rtol=1e-7)
         errors.append(np.abs((parts - full).q.values).max())
-    assert errors[1] < 0.02 * errors[0]  # a hundredth, and twice that for rounding
+    assert errors[1] < 0.02 * errors[0]  # a hundredth, and a factor of two for rounding
 
 
-def test_locked_joints_against_prescribed_ones():
-    arm = paper_arm(rigidity=2000.0)
+def test_locked_joints_equal_prescribed_ones():
+    arm = table_one_arm(rigidity=2000.0)
     line = paper_line(arm, 1.0, profile="trapezoidal")
     full = fa.simulate(
         arm, 1.2, prescribed={1: line, 2: line}, initial=arm.rest(line.joint_angle(0))
@@ -79,13 +72,13 @@ def test_locked_joints_against_prescribed_ones():
     parts = fa.simulate_separated(arm, line, 1.2, joints="locked", rtol=1e-4)
     np.testing.assert_allclose(parts.joint_angle, full.joint_angle, atol=1e-9)
     for name, share in (("link_tip_deflection", 0.02), ("torque", 0.02)):
-        # The spin and the deflection together are of second order here: 1 % of each.
+        # Spin and deflection together have second order here: 1 % of each.
         wanted = full[name].values
         assert np.abs(parts[name].values - wanted).max() < share * np.abs(wanted).max()
 
 
-def test_added_torque_moves_as_the_full_model_does():
-    arm = paper_arm(rigidity=2000.0)
+def test_added_torque_acts_as_in_the_full_model():
+    arm = table_one_arm(rigidity=2000.0)
     line = paper_line(arm, 1.0)
     rigid = fa.rigid_torque(arm, line)
 
@@ -102,8 +95,8 @@ def test_added_torque_moves_as_the_full_model_does():
     assert np.abs((parts - full).q.values).max() < 0.05 * effect
 
 
-def test_refused():
-    arm = paper_arm()
+def test_wrong_arguments_are_rejected():
+    arm = table_one_arm()
     line = paper_line(arm, 1.0)
     with pytest.raises(fa.InputError, match="quasi_static"):
         fa.simulate_separated(arm, line, method="static")
@@ -113,14 +106,14 @@ def test_refused():
         fa.simulate_separated(arm.rigid(), None)
 
 
-def test_it_can_be_cited():
-    arm = paper_arm()
+def test_result_can_be_cited():
+    arm = table_one_arm()
     parts = fa.simulate_separated(arm, paper_line(arm, 1.0), rate=100.0)
     assert "HairerWanner1996" in fa.citation(parts)
 
 
 @pytest.mark.parametrize("name", ["added_torque", "initial_deviation", "initial_deviation_rate"])
-def test_the_quasi_static_estimate_takes_nothing_besides(name):
+def test_quasi_static_estimate_rejects_other_arguments(name):
     arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
     motion = fa.joint_motion(arm, [0.0], [0.5], 1.0)
     given = {name: (lambda t: [0.1]) if name == "added_torque" else np.zeros(arm.dof)}
@@ -128,7 +121,7 @@ def test_the_quasi_static_estimate_takes_nothing_besides(name):
         fa.simulate_separated(arm, motion, method="quasi_static", **given)
 
 
-def test_a_separation_is_saved_under_its_own_ending(tmp_path):
+def test_separation_is_saved_with_its_suffix(tmp_path):
     arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
     model = fa.linearize_along(arm, fa.joint_motion(arm, [0.0], [0.5], 1.0))
     with pytest.raises(fa.InputError, match=r"path must end in \.npz"):
@@ -138,9 +131,9 @@ def test_a_separation_is_saved_under_its_own_ending(tmp_path):
 
 @pytest.mark.parametrize("method", ["dynamic", "quasi_static"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_it_says_where_links_bend_too_far(method, theory):
-    """Of any arm: deviations are linear in all. A tenth is the rule, as in simulate."""
-    arm = paper_arm(theory=theory)
+def test_excessive_bending_gives_a_warning(method, theory):
+    """Deviations are linear for any arm, so the limit is a tenth, as in simulate."""
+    arm = table_one_arm(theory=theory)
     with pytest.warns(fa.LargeDeflectionWarning, match="of its length of 1.4") as caught:
         result = fa.simulate_separated(arm, paper_line(arm, 0.7), method=method)
     assert caught[0].filename == __file__
@@ -150,6 +143,6 @@ def test_it_says_where_links_bend_too_far(method, theory):
     assert bent.max() > 0.1
 
 
-def test_it_says_nothing_below_that():
-    arm = paper_arm()
+def test_small_bending_gives_no_warning():
+    arm = table_one_arm()
     assert fa.simulate_separated(arm, paper_line(arm, 2.0)).attrs["warning"] == ""

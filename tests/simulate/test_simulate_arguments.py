@@ -1,4 +1,4 @@
-"""What ``simulate`` is given beside the torque: another plant, a tip force, sizes; and nonsense."""
+"""Arguments of ``simulate`` besides the torque: another plant, a tip force; and wrong ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def one_link(**options) -> fa.Arm:
     return fa.Arm(links=[fa.Link(length=1.0, elements=1, **rod)], **options)
 
 
-def test_the_plant_is_simulated_and_the_arm_is_not():
+def test_plant_is_simulated_instead_of_the_arm():
     arm, heavy = one_link(), one_link(payload=fa.Payload(mass=1.0))
     found = fa.simulate(arm, 0.2, torque=lambda t: [1.0], plant=heavy)
     wanted = fa.simulate(heavy, 0.2, torque=lambda t: [1.0])
@@ -24,18 +24,18 @@ def test_the_plant_is_simulated_and_the_arm_is_not():
     assert not np.allclose(found.tip, fa.simulate(arm, 0.2, torque=lambda t: [1.0]).tip)
 
 
-def test_a_tip_force_pulls_like_the_torque_of_its_lever():
+def test_tip_force_equals_the_torque_of_its_lever():
     """On a rigid link at right angles a force F at length L is a torque F L."""
     arm = one_link().rigid()
     pulled = fa.simulate(arm, 1e-3, tip_force=(0.0, 2.0), rate=1e4)
     driven = fa.simulate(arm, 1e-3, torque=[[2.0]] * 11, rate=1e4)
-    # The link turns by a few microradians, by which the lever shortens to second order.
+    # The link turns by a few microradians, which shortens the lever to second order.
     np.testing.assert_allclose(pulled.joint_angle, driven.joint_angle, rtol=1e-9, atol=1e-18)
     twisted = fa.simulate(arm, 1e-3, tip_force=(0.0, 0.0, 2.0), rate=1e4)
     np.testing.assert_allclose(twisted.joint_angle, driven.joint_angle, rtol=1e-9, atol=1e-18)
 
 
-def test_a_scenario_stays_with_its_result(tmp_path):
+def test_result_contains_its_scenario(tmp_path):
     text = (
         "flexarm: 1\n"
         "arm: {links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5}]}\n"
@@ -49,7 +49,7 @@ def test_a_scenario_stays_with_its_result(tmp_path):
     np.testing.assert_array_equal(again.tip, result.tip)
 
 
-def test_a_motion_out_of_reach_is_told_by_line_and_key(tmp_path):
+def test_motion_out_of_reach_is_reported_with_line_and_key(tmp_path):
     text = (
         "flexarm: 1\n"
         "arm: {links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5},"
@@ -65,7 +65,7 @@ def test_a_motion_out_of_reach_is_told_by_line_and_key(tmp_path):
 
 
 class Silent:
-    """A controller that keeps its promises but for what a test takes away."""
+    """A controller with all members, from which tests remove one."""
 
     sample_time = 1e-3
 
@@ -112,17 +112,17 @@ def broken(**attributes):
         ({"torque_interpolation": "x"}, "torque_interpolation must be one of"),
     ],
 )
-def test_nonsense_is_refused_in_one_form(arguments, message):
+def test_wrong_arguments_have_one_form_of_message(arguments, message):
     with pytest.raises(fa.InputError, match=message):
         fa.simulate(one_link(), 0.1, **arguments)
 
 
-def test_no_arm_is_refused():
+def test_argument_that_is_not_an_arm_is_rejected():
     with pytest.raises(fa.InputError, match="arm must be an Arm, got nothing"):
         fa.simulate(None, 0.1)
 
 
-def test_a_controller_that_raises_stops_the_run_with_its_time():
+def test_controller_that_raises_ends_the_run_with_its_time():
     def update(self, t, measurement, reference):
         if t > 0.0045:
             raise KeyError("gain")
@@ -134,7 +134,7 @@ def test_a_controller_that_raises_stops_the_run_with_its_time():
     assert caught.value.result.sizes["time"] == 6
 
 
-def test_an_open_loop_run_that_fails_keeps_what_it_had():
+def test_open_loop_run_that_fails_has_a_partial_result():
     arm = one_link(gravity=(0.0, -9.81))
     with pytest.raises(fa.SimulationError, match="the step is too long") as caught:
         fa.simulate(arm, 50.0, integrator="rk4", step=0.01, rate=100.0)
@@ -146,17 +146,17 @@ def test_an_open_loop_run_that_fails_keeps_what_it_had():
     assert error.result.attrs["failure"] == str(error)
 
 
-def test_noise_is_refused_as_a_function_of_time(monkeypatch):
-    # No number of pieces follows noise; fewer of them say so sooner.
+def test_noise_as_a_function_of_time_is_rejected(monkeypatch):
+    # No number of pieces follows noise; with fewer of them the error is faster.
     history = importlib.import_module("flexarm.histories.functions")
     monkeypatch.setattr(history, "_MOST_PIECES", 1000)
     rng = np.random.default_rng(0)
     with pytest.raises(fa.InputError, match="give noise as samples"):
         fa.simulate(one_link(), 0.1, torque=lambda t: [rng.normal()])
-    # The same noise as samples is welcome.
+    # The same noise as samples is accepted.
     fa.simulate(one_link(), 0.1, torque=rng.normal(size=(101, 1)), torque_interpolation="hold")
 
 
-def test_joint_angles_in_place_of_coordinates_are_told_what_to_do():
+def test_joint_angles_in_place_of_coordinates_are_rejected_with_a_hint():
     with pytest.raises(fa.InputError, match=r"Arm\.rest\(joint_angles\)"):
         fa.simulate(one_link(), 0.1, initial=[0.3])

@@ -1,4 +1,4 @@
-"""When a run compiles for its own sizes: by the work that it has counted, never by the clock."""
+"""A run compiles kernels for its sizes depending on its counted work, never on the clock."""
 
 import itertools
 
@@ -11,7 +11,7 @@ from flexarm.kernels.layout import run_time_sizes
 
 @pytest.fixture
 def compiled(monkeypatch):
-    """Count the switches to compile-time sizes, and make none."""
+    """Count the switches to compile-time sizes without compiling."""
     switches = []
 
     def count(constants):
@@ -29,23 +29,23 @@ def swing(duration):
     return fa.simulate(arm, duration, rate=100.0)
 
 
-def test_a_slow_machine_is_no_reason(compiled, monkeypatch):
-    """Each look at the clock is an hour after the last, as on a machine that is busy."""
+def test_slow_machine_does_not_cause_compilation(compiled, monkeypatch):
+    """Each reading of the clock is an hour after the last one."""
     hours = itertools.count(0.0, 3600.0)
     monkeypatch.setattr(stepping.time, "perf_counter", lambda: next(hours))
     result = swing(60.0)
-    assert result.steps > 2 * 64  # several calls, after each of which it is decided
+    assert result.steps > 2 * 64  # several calls, with a decision after each of them
     assert compiled == []
 
 
-def test_much_work_ahead_is_one(compiled, monkeypatch):
+def test_much_remaining_work_causes_compilation(compiled, monkeypatch):
     monkeypatch.setattr(stepping, "_TRIED", 100.0)
     monkeypatch.setattr(stepping, "_WORTH_COMPILING", 100.0)
     swing(60.0)
     assert compiled
 
 
-def test_a_short_rest_is_none(compiled, monkeypatch):
+def test_little_remaining_work_causes_no_compilation(compiled, monkeypatch):
     monkeypatch.setattr(stepping, "_TRIED", 1000.0)
     swing(60.0)
     assert compiled == []

@@ -1,11 +1,12 @@
-"""Runs that contacts refuse: a start deep in a surface, a motion that presses away from it."""
+"""Runs with contacts that are rejected: a start deep in a surface, a motion that presses away from
+it."""
 
 import numpy as np
 import pytest
 
 import flexarm as fa
 
-#: A rod of 3 kg and 1 m turning about its end, before it a floor.
+#: A rod of 3 kg and 1 m on a joint at its end, in front of a floor.
 FLOOR = fa.Wall((0.0, -0.1), (0.0, 1.0))
 WEIGHT = 3.0 * 9.81
 
@@ -19,12 +20,12 @@ def start(depth):
 
 
 def contact(force, depth, exponent=1.0):
-    """One that pushes so much (N) at a depth (m)."""
+    """Return a contact with the given force (N) at a depth (m)."""
     return fa.Contact(FLOOR, force / depth**exponent, exponent=exponent)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
-def test_a_deep_start_is_told_with_depth_force_and_energy(exponent):
+def test_deep_start_is_reported_with_depth_force_and_energy(exponent):
     depth, force = 0.05, 20.0 * WEIGHT
     energy = force * depth / (exponent + 1.0)  # the integral of the force from 0 to the depth
     message = (
@@ -42,18 +43,19 @@ def test_a_deep_start_is_told_with_depth_force_and_energy(exponent):
     [(0.009, 1000.0), (0.05, 9.0)],
     ids=["a blow on a stiff surface", "pressed into a soft one"],
 )
-def test_a_start_is_deep_only_if_it_is_far_in_and_nothing_could_hold_it(depth, weights):
+def test_start_is_deep_only_with_large_depth_and_large_force(depth, weights):
     touch = contact(weights * WEIGHT, depth)
-    fa.simulate(rod(), 1e-4, initial=start(depth), contacts=[touch], rate=1e4)
+    result = fa.simulate(rod(), 1e-4, initial=start(depth), contacts=[touch], rate=1e4)
+    assert float(result.contact_gap[0, 0]) == pytest.approx(-depth, rel=1e-12)
 
 
-def test_a_wall_that_faces_the_wrong_way_is_a_deep_start():
+def test_wall_with_a_wrong_normal_is_a_deep_start():
     wall = fa.Contact(fa.Wall((0.0, -0.1), (0.0, -1.0)), 1e4)
     with pytest.raises(fa.InputError, match="The normal of a wall points out of the solid"):
         fa.simulate(rod(), 0.01, contacts=[wall])
 
 
-def test_a_plant_refuses_a_deep_start_but_may_be_made_in_a_wall():
+def test_plant_rejects_a_deep_start_at_its_first_step():
     plant = fa.Plant(rod(), contacts=[fa.Contact(fa.Wall((0.0, 0.1), (0.0, 1.0)), 1e4)])
     with pytest.raises(fa.InputError, match=r"^Plant\.step: initial must start outside"):
         plant.step([0.0])
@@ -89,8 +91,8 @@ def table():
     ],
     ids=["wall", "room", "table", "ceiling"],
 )
-def test_a_motion_that_presses_the_wrong_way_is_refused(arm, surface, normal):
-    """The path lies on the surface; a post stands beside it, which is not what is pressed."""
+def test_motion_that_presses_the_wrong_way_is_rejected(arm, surface, normal):
+    """The path lies on the surface; a post beside it is not the pressed surface."""
     line = fa.line_motion(arm, (0.8, 0.3), (1.0, 0.3), 1.0, start_time=0.5)
     post = fa.Contact(fa.RoundWall((0.9, 0.8), 0.05), 1e4)
     touches = [post, fa.Contact(surface, 1e4)]
@@ -106,7 +108,7 @@ def test_a_motion_that_presses_the_wrong_way_is_refused(arm, surface, normal):
         fa.simulate(arm, 0.01, reference=wrong, initial=wrong.initial, **hold)
 
 
-def test_a_motion_that_comes_to_a_wall_later_is_looked_at_there(arm):
+def test_motion_that_reaches_a_wall_later_is_checked_there(arm):
     line = fa.line_motion(arm, (1.0, 0.6), (1.0, 0.3), 1.0)
     wrong = fa.pressed_motion(arm, line, lambda t: 5.0 * t, (0.0, -1.0))
     floor = fa.Contact(fa.Wall((0.0, 0.3), (0.0, 1.0)), 1e4)
@@ -114,8 +116,8 @@ def test_a_motion_that_comes_to_a_wall_later_is_looked_at_there(arm):
         fa.simulate(arm, 1.0, controller=fa.JointPD(20.0, 2.0), reference=wrong, contacts=[floor])
 
 
-def test_a_start_at_the_centre_of_a_circle_is_refused():
-    """All of the circle is as near: there is no way out."""
+def test_start_at_the_centre_of_a_circle_is_rejected():
+    """All points of the circle have the same distance, so no direction leads out."""
     link = fa.Link(length=1.0, mass_per_length=1.0, flexible=False)
     contact = fa.Contact(fa.RoundWall((1.0, 0.0), 0.05), 1e4)
     with pytest.raises(fa.InputError, match="initial lies at the centre of the surface"):

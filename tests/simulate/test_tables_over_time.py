@@ -1,4 +1,4 @@
-"""Tables of loads, base accelerations and angles over time: followed exactly."""
+"""Tables of loads, base accelerations and angles over time are interpolated exactly."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def history(arm, *loads, base=None):
 
 
 class TestFactors:
-    def test_between_and_beyond_the_times(self):
+    def test_values_between_and_beyond_the_times(self):
         table = ([0.2, 0.4, 0.4, 0.8], [1.0, 2.0, -1.0, 3.0])
         found = history(bar(), fa.Load(1, (0.0, 1.0), factor=table))
         times = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9, 1.0])
@@ -38,7 +38,7 @@ class TestFactors:
         assert found.at(np.array([before]))[0, 0] == pytest.approx(2.0, abs=1e-9)
         assert found.stops.tolist() == [0.2, 0.4, 0.8]
 
-    def test_only_bends_and_jumps_stop_the_integrator(self):
+    def test_integrator_stops_at_bends_and_jumps_only(self):
         table = ([0.0, 0.25, 0.5, 0.5, 0.75], [0.0, 1.0, 2.0, 2.0, 3.0])
         assert history(bar(), fa.Load(1, (0.0, 1.0), factor=table)).stops.tolist() == [0.75]
         for still in (([0.3], [2.0]), ([0.3, 0.6], [2.0, 2.0])):
@@ -46,23 +46,23 @@ class TestFactors:
             assert found.stops.size == 0
             assert found.at(np.array([0.0, 0.5, 1.0]))[:, 0].tolist() == [2.0, 2.0, 2.0]
 
-    def test_one_that_begins_before_the_run(self):
+    def test_table_that_begins_before_the_run(self):
         found = history(bar(), fa.Load(1, (0.0, 1.0), factor=([-1.0, 3.0], [0.0, 4.0])))
         np.testing.assert_allclose(
             found.at(np.array([0.0, 0.5, 1.0]))[:, 0], [1.0, 1.5, 2.0], atol=ROUNDING
         )
 
-    def test_the_momentum_of_a_ramp_and_a_jump(self):
+    def test_momentum_after_a_ramp_and_a_jump(self):
         """Moment over inertia, integrated by hand."""
         load = fa.Load(1, moment=2.0, factor=([0.1, 0.3, 0.3, 0.4], [0.0, 1.0, 3.0, 0.0]))
         result = fa.simulate(bar(), 0.6, loads=[load], rate=10)
         rates = result.joint_rate.values[:, 0]
         area = [0.0, 0.0, 0.025, 0.1, 0.25, 0.25, 0.25]  # of the factor, at tenths of a second
-        # The right side is piecewise linear: every method is exact.
+        # The right side is piecewise linear, so every method is exact.
         np.testing.assert_allclose(rates, 2.0 * np.array(area), rtol=0, atol=ROUNDING)
 
-    def test_a_table_beside_functions_and_constants(self):
-        """Each load on its own, and all of them together, on segments."""
+    def test_table_with_functions_and_constants(self):
+        """Each load separately, and all of them together, on segments."""
         links = [fa.Link(length=1.0, elements=4, segments=4, **ROD)]
         arm = fa.Arm(links=links)
         kinds = [None, np.cos, ([0.0, 0.7], [1.0, 0.0]), lambda t: float(t > 0.35)]
@@ -80,18 +80,18 @@ class TestFactors:
                 alone = history(arm, load, base=(1.0, 2.0)).at(t)
                 np.testing.assert_array_equal(alone[:, -2:], [[1.0, 2.0]] * len(t))
             for _ in range(4 if load.spread else 1):
-                # Columns are cut at each other's breaks, where cubics are shifted: rounding.
+                # Columns are divided at each other's breaks, where cubics are shifted: rounding.
                 np.testing.assert_allclose(found[:, column], alone[:, 0], rtol=0, atol=ROUNDING)
                 column += 1
         assert column == found.shape[1] - 2
 
-    def test_a_table_is_the_function_of_the_same_values(self):
+    def test_table_equals_the_function_of_the_same_values(self):
         t, f = [0.0, 0.1, 0.15, 0.3], [0.0, 1.0, 0.2, 0.0]
         runs = [
             fa.simulate(rod(), 0.5, loads=[fa.Load(1, (0.0, 1.0), factor=factor)], rate=100, **FINE)
             for factor in ((t, f), lambda x: float(np.interp(x, t, f)))
         ]
-        # The function is followed to 1e-12 of its size; the link rings at 40 rad/s and more.
+        # The function is interpolated to 1e-12 of its size; the link vibrates at 40 rad/s and more.
         np.testing.assert_allclose(runs[0].q, runs[1].q, rtol=0, atol=1e-9)
 
     @pytest.mark.parametrize(
@@ -108,11 +108,11 @@ class TestFactors:
             (([0, np.nan], [1, 1]), r"factor.times\[1\] must be a finite number"),
         ],
     )
-    def test_what_is_no_table_is_refused(self, factor, message):
+    def test_wrong_tables_are_rejected(self, factor, message):
         with pytest.raises(fa.InputError, match=f"Load: {message}"):
             fa.Load(1, (0.0, 1.0), factor=factor)
 
-    def test_a_function_that_fails_is_called_by_its_name(self):
+    def test_failing_function_is_reported_by_its_name(self):
         with pytest.raises(fa.InputError, match=r"simulate: Load.factor\(.*\) must be"):
             fa.simulate(bar(), 0.1, loads=[fa.Load(1, (0.0, 1.0), factor=lambda t: "much")])
         with pytest.raises(fa.InputError, match=r"simulate: base_acceleration\(.*\)\[1\] must be"):
@@ -120,7 +120,7 @@ class TestFactors:
 
 
 class TestBase:
-    def test_a_table_is_the_function_of_the_same_values(self):
+    def test_table_equals_the_function_of_the_same_values(self):
         t, a = [0.0, 0.2, 0.2, 0.4], np.array([[0, 1], [3, 2], [-1, 0], [0, 0.5]], dtype=float)
 
         def function(x):
@@ -135,7 +135,7 @@ class TestBase:
         assert abs(runs[0].q).max() > 0.1
 
     @pytest.mark.parametrize("table", [([0, 1], [1.0, 2.0]), ([1, 0], [[0, 1], [0, 1]])])
-    def test_what_is_no_table_is_refused(self, table):
+    def test_wrong_tables_are_rejected(self, table):
         with pytest.raises(fa.InputError, match=r"simulate: base_acceleration\.(values|times)\["):
             fa.simulate(bar(), 0.1, base_acceleration=table)
 
@@ -144,7 +144,7 @@ class TestAngles:
     TIMES = np.array([0.1, 0.3, 0.4, 0.7])
     ANGLES = np.array([0.2, 0.5, 0.1, 0.3])
 
-    def test_from_rest_to_rest(self):
+    def test_motion_from_rest_to_rest(self):
         given = fa.PrescribedAngle.table(self.TIMES, self.ANGLES)
         result = fa.simulate(rod(gravity=(0.0, -9.81)), 1.0, prescribed={1: given}, rate=10)
         angle, rate = result.joint_angle.values[:, 0], result.joint_rate.values[:, 0]
@@ -157,16 +157,16 @@ class TestAngles:
         np.testing.assert_allclose(rate[1:8], spline(t, 1), rtol=0, atol=1e-10)
         assert given.acceleration(0.2) == pytest.approx(float(spline(0.2, 2)), abs=ROUNDING)
 
-    def test_free_ends_find_the_rate(self):
+    def test_free_ends_choose_the_rate(self):
         t = np.linspace(0.0, 1.0, 41)
         given = fa.PrescribedAngle.table(t, np.sin(3 * t), ends="free")
         result = fa.simulate(rod(), 1.0, prescribed={1: given}, rate=400)
-        asked = np.sin(3 * result.time.values)
-        # A spline's error: (3/384) h^4 |f''''| = 2.5e-7 within, four times that beside the ends.
-        np.testing.assert_allclose(result.joint_angle.values[:, 0], asked, rtol=0, atol=1e-6)
+        requested = np.sin(3 * result.time.values)
+        # A spline's error: (3/384) h^4 |f''''| = 2.5e-7 within, four times as much beside the ends.
+        np.testing.assert_allclose(result.joint_angle.values[:, 0], requested, rtol=0, atol=1e-6)
         assert result.joint_rate.values[0, 0] == pytest.approx(3.0, abs=1e-3)
 
-    def test_free_ends_must_reach_over_the_run(self):
+    def test_free_ends_must_cover_the_run(self):
         given = fa.PrescribedAngle.table([0.0, 0.5, 1.0], [0.0, 0.1, 0.0], ends="free")
         fa.simulate(bar(), 1.0, prescribed={1: given}, rate=10)
         with pytest.raises(
@@ -177,7 +177,7 @@ class TestAngles:
         with pytest.raises(fa.InputError, match=r"cover the run from 0 to .* got from 0\.1 to 1"):
             fa.simulate(bar(), 1.0, prescribed={1: late}, rate=10)
 
-    def test_hold(self):
+    def test_constant_angle(self):
         given = fa.PrescribedAngle.hold(0.4)
         result = fa.simulate(rod(gravity=(0.0, -9.81)), 0.3, prescribed={1: given}, rate=10)
         np.testing.assert_array_equal(result.joint_angle.values[:, 0], 0.4)
@@ -192,7 +192,7 @@ class TestAngles:
             (([0, 1], [1.0, 2.0], "loose"), "ends must be one of 'rest', 'free', got 'loose'"),
         ],
     )
-    def test_nonsense_is_refused(self, arguments, message):
+    def test_wrong_tables_are_rejected(self, arguments, message):
         with pytest.raises(fa.InputError, match=message):
             fa.PrescribedAngle.table(*arguments)
         with pytest.raises(fa.InputError, match=r"hold: angle must be finite"):

@@ -1,4 +1,4 @@
-"""Ways of giving a torque: samples held, joined or smoothed, and functions of time."""
+"""Torques as samples, with each interpolation, and as functions of time."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
+from constant_torques import parabolas
 from flexarm.histories.functions import function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import find_kinks, sampled_torque
@@ -14,18 +15,8 @@ from strategies import between
 
 
 def unit_link():
-    """One rigid link whose inertia about its joint is 1 kg m^2: acceleration is torque."""
+    """Return one rigid link with an inertia of 1 kg m^2 about its joint: acceleration is torque."""
     return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
-
-
-def turned(edges, values, t):
-    """Angle and rate at t (s) under torques held between edges, from rest."""
-    angle = rate = 0.0
-    for start, end, value in zip(edges[:-1], edges[1:], values, strict=True):
-        span = np.clip(t, start, end) - start
-        angle += rate * span + value * span**2 / 2
-        rate += value * span
-    return angle, rate
 
 
 def end_of(result):
@@ -47,13 +38,13 @@ def test_hold_keeps_each_sample_until_the_next():
     np.testing.assert_allclose(history.stops, np.arange(1, 41) / RATE, rtol=1e-15)
 
 
-def test_hold_stops_only_where_something_changes():
+def test_hold_stops_only_where_the_torque_changes():
     samples = np.repeat([[1.0], [2.0]], [10, 11], axis=0)
     history = sampled_torque(samples, 20.0, 1.0, 1, "hold")
     np.testing.assert_array_equal(history.stops, [0.5])
 
 
-def test_linear_joins_the_samples():
+def test_linear_interpolates_the_samples():
     history = sampled_torque(SAMPLES, RATE, 1.0, 2, "linear")
     times = np.linspace(0.0, 1.0, 333)
     wanted = [np.interp(times, np.arange(41) / RATE, column) for column in SAMPLES.T]
@@ -80,7 +71,7 @@ def test_cubic_is_the_spline_of_smooth_samples():
     assert history.stops.size == 0
 
 
-def test_cubic_goes_through_every_sample_and_reaches_past_the_last():
+def test_cubic_passes_every_sample_and_extends_beyond_the_last():
     history = sampled_torque(SAMPLES, RATE, 1.0, 2, "cubic")
     np.testing.assert_allclose(history.at(np.arange(41) / RATE), SAMPLES, rtol=0, atol=1e-12)
     shorter = sampled_torque(SAMPLES[:40], RATE, 1.0, 2, "cubic")
@@ -98,7 +89,7 @@ def test_few_samples(count, interpolation):
 
 @settings(max_examples=60)
 @given(st.integers(3, 96), st.integers(3, 96), between(0.5, 20.0), between(-30, 30))
-def test_kinks_are_found_where_they_are_and_not_elsewhere(first, second, frequency, slope):
+def test_kinks_are_found_at_their_times_only(first, second, frequency, slope):
     """Smooth samples with a bend at two of them, twenty times as sharp as the curvature."""
     times = np.arange(100) / 1000.0
     assume(abs(first - second) > 4 and abs(slope) > 20.0 * frequency**2 / 1000.0 + 1e-3)
@@ -109,8 +100,8 @@ def test_kinks_are_found_where_they_are_and_not_elsewhere(first, second, frequen
     assert find_kinks(np.zeros((100, 1))).size == 0
 
 
-def test_spline_does_not_ring_at_a_kink():
-    """A triangle: parted at its corner, each side is the straight line it is."""
+def test_spline_does_not_oscillate_at_a_kink():
+    """A triangle, divided at its corner, consists of two straight lines."""
     times = np.arange(201) / 200.0
     samples = (1.0 - 2.0 * abs(times - 0.5))[:, None]
     history = sampled_torque(samples, 200.0, 1.0, 1, "cubic")
@@ -132,13 +123,13 @@ def test_spline_does_not_ring_at_a_kink():
         (np.zeros((0, 1)), "hold", "torque"),
     ],
 )
-def test_samples_that_cannot_be_used(values, interpolation, name):
+def test_wrong_samples_are_rejected(values, interpolation, name):
     with pytest.raises(fa.InputError, match=f"simulate: {name}"):
         fa.simulate(unit_link(), 1.0, torque=values, rate=4.0, torque_interpolation=interpolation)
 
 
 @pytest.mark.parametrize("interpolation", ["hold", "linear", "cubic"])
-def test_a_run_under_samples_is_the_integral_of_them(interpolation):
+def test_run_integrates_its_samples(interpolation):
     """Rate and angle of a unit inertia: first and second integral of the interpolation."""
     samples = np.cumsum(SAMPLES[:, :1], axis=0)
     history = sampled_torque(samples, RATE, 1.0, 1, interpolation)
@@ -173,10 +164,10 @@ def test_a_run_under_samples_is_the_integral_of_them(interpolation):
     st.lists(between(-5.0, 5.0), min_size=5, max_size=5),
     st.booleans(),
 )
-def test_jumps_at_awkward_times(places, values, closed):
-    """A function that jumps anywhere, to either side: as exact as if the times had been told."""
+def test_jumps_at_irregular_times(places, values, closed):
+    """A function with jumps at any times, of either sign, is as accurate as with given breaks."""
     edges = np.concatenate([[0.0], np.sort(places), [1.0]])
-    assume(np.all(np.diff(edges[1:-1]) > 1 / 30))  # nearer ones need ``breaks``
+    assume(np.all(np.diff(edges[1:-1]) > 1 / 30))  # closer ones need ``breaks``
     values = np.array(values[: len(edges) - 1])
     side = "left" if closed else "right"
 
@@ -185,25 +176,25 @@ def test_jumps_at_awkward_times(places, values, closed):
 
     result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
     # The jump is located to 1e-12 of the duration; the rest is rounding.
-    np.testing.assert_allclose(end_of(result), turned(edges, values, 1.0), rtol=0, atol=2e-11)
+    np.testing.assert_allclose(end_of(result), parabolas(edges, values, 1.0), rtol=0, atol=2e-11)
 
 
 @pytest.mark.parametrize("place", [1.0, 0.5, 1 / 3, 1 / 64, 0.1, 1e-9, 1.0 - 1e-9])
 @pytest.mark.parametrize("closed", [True, False])
 def test_jumps_at_special_times(place, closed):
-    """On the edges of its own pieces, on samples, beside the ends."""
+    """At ends of its own pieces, at samples, and near the ends."""
 
     def torque(t):
         return [1.0 if (t <= place if closed else t < place) else -2.0]
 
     result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
-    wanted = turned([0.0, place, 1.0], [1.0, -2.0], 1.0)
+    wanted = parabolas([0.0, place, 1.0], [1.0, -2.0], 1.0)
     np.testing.assert_allclose(end_of(result), wanted, rtol=0, atol=2e-11)
 
 
-def test_jumps_nearer_than_it_looks_are_told_by_breaks():
+def test_close_jumps_are_given_by_breaks():
     class Pulse:
-        """On for a ten thousandth of a second."""
+        """One for a ten thousandth of a second."""
 
         breaks = (0.70001, 0.70011)
 
@@ -212,12 +203,12 @@ def test_jumps_nearer_than_it_looks_are_told_by_breaks():
 
     result = fa.simulate(unit_link(), 1.0, torque=Pulse(), rate=10.0)
     np.testing.assert_allclose(
-        end_of(result), turned([0.0, 0.70001, 0.70011, 1.0], [0.0, 1e4, 0.0], 1.0), atol=1e-9
+        end_of(result), parabolas([0.0, 0.70001, 0.70011, 1.0], [0.0, 1e4, 0.0], 1.0), atol=1e-9
     )
 
 
 class Sine:
-    """sin(frequency t + phase), for one time or for many at once."""
+    """sin(frequency t + phase), for one time or for many."""
 
     vectorized = True
 
@@ -230,12 +221,12 @@ class Sine:
 
 @settings(max_examples=20)
 @given(between(1.0, 300.0), between(-3.0, 3.0))
-def test_smooth_functions_are_followed_to_the_runs_tolerance(frequency, phase):
+def test_smooth_functions_are_interpolated_to_the_runs_tolerance(frequency, phase):
     torque = Sine(frequency, phase)
     history = function_history(torque, 1.0, 1, 1e-9)
     times = np.linspace(0.0, 1.0, 1001)
     exact = np.sin(frequency * times + phase)
-    # Tested at three points of each piece: between them a cubic errs hardly more.
+    # Tested at three points of each piece: between them the error of a cubic is hardly larger.
     np.testing.assert_allclose(history.at(times)[:, 0], exact, rtol=0, atol=3e-9)
     assert history.stops.size == 0
     result = fa.simulate(unit_link(), 1.0, torque=torque, rate=10.0)
@@ -244,7 +235,7 @@ def test_smooth_functions_are_followed_to_the_runs_tolerance(frequency, phase):
     assert result.joint_rate.values[-1, 0] == pytest.approx(rate, abs=1e-7)
 
 
-def test_function_of_many_times_at_once_is_called_once_for_them():
+def test_vectorized_function_is_called_once_for_many_times():
     calls = []
 
     class Vectorized:
@@ -263,7 +254,7 @@ def test_function_of_many_times_at_once_is_called_once_for_them():
 
 
 @pytest.mark.parametrize("answer", [1.0, [1.0, 2.0], [np.nan], None, "1"], ids=str)
-def test_function_that_returns_something_else(answer):
+def test_wrong_values_of_functions_are_reported(answer):
     with pytest.raises(fa.InputError, match=r"simulate: torque\("):
         fa.simulate(unit_link(), 1.0, torque=lambda t: answer)
 
@@ -280,7 +271,7 @@ def test_function_may_return_the_same_row_object_each_time(row):
     np.testing.assert_array_equal(history.at(times), plain.at(times))
 
 
-def test_masked_row_among_arrays_is_refused():
+def test_masked_row_among_arrays_is_rejected():
     def torque(t):
         return np.ma.masked_array([1.0], mask=[t > 0.5])
 
@@ -312,7 +303,7 @@ def test_torque_history_and_constant():
 
 
 def test_constant_tip_force():
-    """A force fixed in the world on a link turning under it: energy tells its work."""
+    """A force with a constant direction on a rotating link: the energy equals its work."""
     arm = unit_link()
     result = fa.simulate(arm, 1.0, tip_force=(2.0, -1.0, 0.3), rtol=1e-11, atol=1e-13)
     tip = result.tip.values
@@ -323,8 +314,8 @@ def test_constant_tip_force():
 
 
 @pytest.mark.parametrize("place", [0.4, 0.42])
-def test_breaks_part_the_cubic_through_samples(place):
-    """A small bend that ``find_kinks`` takes for curvature: a cubic across it would ring."""
+def test_breaks_divide_the_cubic_through_samples(place):
+    """``find_kinks`` takes the small bend for curvature: a cubic across it would oscillate."""
     rate, times = 20.0, np.arange(21) / 20.0
 
     def bent(t):
@@ -340,5 +331,5 @@ def test_breaks_part_the_cubic_through_samples(place):
     ]
     near = (fine > 0.4) & (fine < 0.45)
     assert errors[1][~near].max() < 0.1 * errors[0][~near].max()
-    # Between two samples: the straight line has an error of h^2 / 8 times the curvature.
+    # Between two samples a straight line has an error of h^2 / 8 times the curvature.
     assert errors[1][near].max() < (1e-4 if place == 0.4 else 9.0 * 0.05**2 / 8)

@@ -1,4 +1,5 @@
-"""``cowell_4`` with steps that do not resolve the fastest modes: right, or stopped aloud."""
+"""``cowell_4`` with steps that do not resolve the fastest modes: accurate, or stopped with an
+error."""
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ HIGHEST = 19806.0  # rad/s, of ``hubbed`` stretched out
 
 
 def hubbed(damping=0.0):
-    """Two links of small elements with all their modes: joints feel next to no inertia."""
+    """Return two links of small elements with all modes, whose joints have little inertia."""
     links = [
         fa.Link(
             length=0.7,
@@ -30,17 +31,18 @@ def run(arm, duration, torque, **settings):
 
 
 def apart(a, b):
-    """Largest distance of the tips (m)."""
+    """Return the largest distance of the tips (m)."""
     return float(np.linalg.norm((a.tip - b.tip).values, axis=1).max())
 
 
 @pytest.mark.parametrize("turn", [1.8, 2.2, 2.5, 4.0, 20.0])
 @pytest.mark.parametrize("damping", [0.0, 2e-3])
-def test_a_jump_of_the_torque_leaves_the_momentum_right(turn, damping):
-    """The torque sets in at once; the tip moves by 2 cm, and was 1 to 2 cm off.
+def test_jump_of_the_torque_gives_the_right_momentum(turn, damping):
+    """The torque starts suddenly; the tip moves by 2 cm, and its error was 1 to 2 cm.
 
-    Where some coordinates have a formula of their own, the start of the two-step method could leave
-    the joints with momentum that no torque gave them. Allowed is about ten times what was measured.
+    Some coordinates have a separate formula, with which the start of the two-step method could
+    leave the joints with a momentum that no torque had caused. The tolerance is about ten times the
+    measured error.
     """
     torque = lambda t: np.array([1.0, 0.5])  # noqa: E731
     arm = hubbed(damping)
@@ -52,10 +54,10 @@ def test_a_jump_of_the_torque_leaves_the_momentum_right(turn, damping):
 
 @pytest.mark.parametrize("turn", [1.6, 2.0, 3.0, 6.0])
 def test_vibrations_do_not_grow_from_stop_to_stop(turn):
-    """A torque held for 5 ms: sixty stops, each the end of a span and the start of another.
+    """The torque is constant for 5 ms: sixty stops, each of which ends a span and starts another.
 
-    The rate at the end of a span makes vibrations that turn by 2 in a step larger by a fifth: the
-    tip was off by 20 times what it moves. Allowed is a hundredth of that motion.
+    The rate at the end of a span increases vibrations that turn by 2 in a step by a fifth: the
+    error of the tip was 20 times its motion. The tolerance is a hundredth of that motion.
     """
     ticks = 0.01 * np.array([[np.sin(3.1 * k), np.cos(2.0 * k)] for k in range(61)])
     settings = {"torque_interpolation": "hold"}
@@ -66,7 +68,7 @@ def test_vibrations_do_not_grow_from_stop_to_stop(turn):
     assert apart(fixed, tight) < 0.01 * moved
 
 
-def test_a_step_too_long_for_the_damping_is_shortened():
+def test_step_too_long_for_the_damping_is_shortened():
     """The fastest mode turns by 1.9 in a step of 0.1 ms and is damped at 5700 1/s: too much."""
     damping = fa.ModalDamping(ratio=0.15)
     link = fa.Link(
@@ -88,25 +90,26 @@ def spun():
     return fa.Arm(links=links)
 
 
-def test_a_motion_too_fast_for_the_step_is_stopped():
-    """Spun to and fro by strong torques."""
+def test_motion_too_fast_for_the_step_is_stopped():
+    """Strong torques of alternating sign accelerate the arm."""
     arm = spun()
     torque = lambda t: 8.0 * np.cos(20.0 * t + np.arange(2))  # noqa: E731
     with pytest.raises(fa.SimulationError, match="too long for this motion") as stop:
         run(arm, 0.3, torque, integrator="cowell_4", step=2e-3)
-    assert stop.value.result.sizes["time"] > 1  # what was computed is kept
+    assert stop.value.result.sizes["time"] > 1  # the partial result is kept
     fine = run(arm, 0.3, torque, integrator="cowell_4", step=1e-4)
     assert apart(fine, run(arm, 0.3, torque, integrator="dormand_prince_8")) < 1e-4
 
 
 @pytest.mark.parametrize("steps", [4, 5, 8, 16, 32])
-def test_it_is_stopped_whatever_the_number_of_steps_between_two_stops(steps):
-    """Held torques end a stretch each time; wrong by 8 to 50 mm where nobody looked.
+def test_fast_motion_is_stopped_for_any_number_of_steps_between_stops(steps):
+    """Changes of the torque end spans; without the check the error was 8 to 50 mm.
 
-    With up to three steps the one-step method makes them all: as good as ``rk4``, and as silent.
+    With up to three steps the one-step method takes them all, which is as accurate as ``rk4`` and
+    needs no error.
     """
     arm = spun()
-    hold = 4.6e-4 * steps  # what the highest frequency asks for there is 0.47 ms
+    hold = 4.6e-4 * steps  # the highest frequency there requires 0.47 ms
     times = np.arange(0.0, 0.3 + hold, hold)
     torque = 16.0 * np.cos(20.0 * times[:, None] + np.arange(2))
     settings = {"rate": 1.0 / hold, "torque_interpolation": "hold", "progress": False}
@@ -121,7 +124,7 @@ def test_it_is_stopped_whatever_the_number_of_steps_between_two_stops(steps):
     assert apart(found, tight) < 5e-3
 
 
-def test_an_arm_at_rest_is_not_stopped_for_its_rounding():
+def test_arm_at_rest_is_not_stopped_because_of_rounding():
     arm = hubbed()
     still = run(
         arm, 1.0, lambda t: np.zeros(2), integrator="cowell_4", step=2.0 / HIGHEST,

@@ -1,4 +1,4 @@
-"""What arguments are converted to, and which ones are refused."""
+"""Conversions of arguments, and wrong arguments."""
 
 import numpy as np
 import pytest
@@ -16,11 +16,11 @@ LINK = fa.Link(
 ARM = fa.Arm(links=[LINK])
 
 
-def test_no_payload_may_be_written_as_none():
+def test_payload_may_be_none():
     assert fa.Arm(links=[LINK], payload=None).spec == ARM.spec
 
 
-def test_lists_are_taken_where_arrays_are():
+def test_lists_are_accepted_as_arrays():
     q = [0.1, 0.2, 0.3]
     padded = ARM.padded(q)
     np.testing.assert_array_equal(padded, ARM.padded(np.array(q)))
@@ -66,23 +66,23 @@ def test_arguments_of_the_wrong_kind_are_named(call, words):
     assert "\n" not in str(caught.value)
 
 
-def test_truth_values_of_numpy_are_taken():
+def test_numpy_booleans_are_accepted():
     assert arc_of(fa.RoundWall((0, 0), 2.0, inside=np.True_))[0] == -0.5
 
 
 @pytest.mark.parametrize("length", [1e200, 1e-200])
-def test_a_normal_may_have_any_length(length):
+def test_normal_may_have_any_length(length):
     _, _, normal = arc_of(fa.Wall((0.0, 0.0), (0.0, length)))
     np.testing.assert_array_equal(normal, [0.0, 1.0])
 
 
-def test_a_gauge_beyond_the_range_of_numbers_is_refused():
+def test_gauge_with_overflowing_values_is_rejected():
     far = LINK.replace(gauges=[fa.Gauge(station=0.1, distance=1e308)])
     with pytest.raises(fa.InputError, match=r"gauges\.distance must be small enough"):
         fa.Arm(links=[far])
 
 
-def test_controllers_check_what_they_are_asked():
+def test_controllers_check_arguments_of_update():
     controller, reading = fa.JointPD(1.0, 0.1), fa.Measurement(joint_angle=np.zeros(1))
     for t, measurement, reference, name in (
         (np.nan, reading, None, "t"),
@@ -94,7 +94,7 @@ def test_controllers_check_what_they_are_asked():
             controller.update(t, measurement, reference)
 
 
-def test_an_object_that_cannot_be_shown_is_refused_by_its_type():
+def test_object_with_a_failing_repr_is_rejected_by_its_type():
     class Unhelpful:
         def __repr__(self):
             raise RuntimeError("no")

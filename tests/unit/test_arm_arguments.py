@@ -1,4 +1,4 @@
-"""What an arm refuses to compute: numbers too large, too few stations."""
+"""Wrong arguments of an arm's methods: too large numbers, too few stations."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ CALLS = {
 
 
 @pytest.mark.parametrize("method", CALLS)
-def test_numbers_too_large_to_compute_with_are_told(method):
+def test_numbers_too_large_to_compute_with_are_rejected(method):
     with pytest.raises(fa.InputError) as caught:
         getattr(ARM, method)(*CALLS[method])
     assert str(caught.value) == (
@@ -36,13 +36,13 @@ def test_numbers_too_large_to_compute_with_are_told(method):
 
 
 @pytest.mark.parametrize("stations", [0, -3, 1, 2.0, "many", None])
-def test_a_shape_has_two_stations_at_least(stations):
+def test_shape_needs_two_stations_at_least(stations):
     with pytest.raises(fa.InputError, match=r"Arm\.shape: stations must be a whole number from 2"):
         ARM.shape(ZERO, stations)
     assert ARM.shape(ZERO, np.int64(2)).shape == (2, 2, 2)
 
 
-def test_a_shape_does_not_depend_on_earlier_ones():
+def test_shape_does_not_depend_on_earlier_calls():
     q = ARM.rest([0.3, -0.4])
     q[1] = 0.02
     other = fa.Arm(ARM.spec)

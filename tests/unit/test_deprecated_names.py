@@ -1,4 +1,4 @@
-"""Deprecated public names work, warn where they are used, and are removed on time."""
+"""Deprecated public names work, warn when they are used, and are removed on time."""
 
 import warnings
 from importlib.metadata import version
@@ -10,22 +10,22 @@ import flexarm as fa
 
 @pytest.fixture
 def renamed(monkeypatch):
-    """Pretend that `Payload` was called `TipMass`."""
+    """Pretend that the former name of `Payload` was `TipMass`."""
     monkeypatch.setitem(fa._RENAMED, "TipMass", ("Payload", "99.0"))
 
 
-def test_an_old_name_is_the_new_object_and_warns_where_it_is_used(renamed):
+def test_old_name_is_the_new_object_and_warns_at_its_use(renamed):
     with warnings.catch_warnings(record=True) as record:
         warnings.simplefilter("always")
         assert fa.TipMass is fa.Payload
-        assert fa.TipMass is fa.Payload  # every use warns, not the first one only
+        assert fa.TipMass is fa.Payload  # every use warns, not only the first one
     text = "flexarm.TipMass is deprecated and will be removed in flexarm 99.0; use flexarm.Payload."
     assert [str(warning.message) for warning in record] == [text] * 2
     assert {warning.category for warning in record} == {DeprecationWarning}
     assert {warning.filename for warning in record} == {__file__}
 
 
-def test_an_import_of_an_old_name_warns_at_the_import(renamed):
+def test_import_of_an_old_name_warns(renamed):
     with warnings.catch_warnings(record=True) as record:
         warnings.simplefilter("always")
         from flexarm import TipMass
@@ -66,7 +66,7 @@ class _Former:
         return fa.ControllerRequirements(measured=("tip",))
 
 
-def test_the_former_method_of_a_controllers_requirements_works_and_warns():
+def test_former_method_of_a_controllers_requirements_works_and_warns():
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     with (
         pytest.warns(DeprecationWarning, match=r"_Former\.needs is deprecated"),

@@ -23,7 +23,7 @@ def test_problem_reads_as_a_sentence():
     assert str(with_hint).endswith("got 'c'. Did you mean 'b'?")
 
 
-def test_input_error_tells_one_line_a_problem_up_to_fifty():
+def test_input_error_has_one_line_per_problem_up_to_fifty():
     problems = [Problem("f", f"x[{i}]", "be finite", "nan") for i in range(52)]
     assert str(InputError(*problems[:2])) == (
         "f: x[0] must be finite, got nan.\nf: x[1] must be finite, got nan."
@@ -33,7 +33,7 @@ def test_input_error_tells_one_line_a_problem_up_to_fifty():
     assert str(error).splitlines()[50:] == ["... and 2 more problems."]
 
 
-def test_errors_can_be_caught_by_what_they_are_and_cross_processes():
+def test_errors_have_builtin_base_classes_and_can_be_pickled():
     assert issubclass(ModelError, InputError)
     assert issubclass(InputError, ValueError)
     assert issubclass(SimulationError, RuntimeError)
@@ -93,7 +93,7 @@ def test_check_array_returns_a_float_copy():
         ([[1], [2, 3]], (2, 2), "f: x must be numbers of shape (2, 2), got [[1], [2, 3]]."),
     ],
 )
-def test_check_array_refuses_the_rest(value, shape, message):
+def test_check_array_rejects_wrong_values(value, shape, message):
     with pytest.raises(InputError) as caught:
         check_array("f", "x", value, shape)
     assert str(caught.value) == message

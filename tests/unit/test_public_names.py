@@ -1,4 +1,4 @@
-"""Public names load lazily, and no folder or module takes the place of one."""
+"""Public names load lazily, and no folder or module has the name of one."""
 
 import subprocess
 import sys
@@ -10,18 +10,18 @@ import flexarm as fa
 
 
 def test_no_module_of_the_package_has_a_public_name() -> None:
-    """Python would put the module in the place of the function when it is imported."""
+    """Importing the module would put it in the place of the function."""
     modules = {path.stem for path in Path(fa.__file__).parent.iterdir()}
     assert not modules & set(fa.__all__)
 
 
-def test_the_package_loads_nothing_before_it_is_used() -> None:
+def test_package_loads_nothing_before_it_is_used() -> None:
     program = "import sys, flexarm; print(*(m for m in sys.modules if m.startswith('flexarm')))"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert loaded.stdout.split() == ["flexarm"]
 
 
-def test_an_unknown_name_is_an_attribute_error() -> None:
+def test_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="simulat"):
         fa.simulat  # noqa: B018
     assert fa.simulate is fa.simulate

@@ -1,4 +1,4 @@
-"""Nodal matrices of a link: the textbook's numbers, and exact integrals on ragged tables."""
+"""Nodal matrices of a link: textbook values, and exact integrals on irregular tables."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def matrices(elements):
 
 
 def exact(values, power):
-    """Integrate a column of the table times x^power, by shifting polynomials."""
+    """Integrate a column of the table times x^power, by shifted polynomials."""
     column = PPoly(np.stack([np.diff(values) / np.diff(X), values[:-1]]), X)
     total = 0.0
     for k in range(X.size - 1):
@@ -55,7 +55,7 @@ def test_one_uniform_element_has_the_textbook_matrices():
     np.testing.assert_allclose(found.rotation_moment, rotation, **ROUNDING)
 
 
-def test_middle_node_joins_two_elements():
+def test_middle_node_connects_two_elements():
     two = np.ones(2)
     table = BeamTable(np.array([0.0, 2.0]), two, 420 * two, 0 * two)
     found = beam_matrices(table, beam_quadrature(table.x, 2))
@@ -66,8 +66,9 @@ def test_middle_node_joins_two_elements():
 
 
 @pytest.mark.parametrize("elements", [1, 3, 8])
-def test_parabola_and_cubic_are_integrated_exactly_on_a_ragged_table(elements):
-    """v = x^2 and v = x^3 lie in the space of any mesh, so every quadratic form is known."""
+def test_parabola_and_cubic_are_integrated_exactly_on_an_irregular_table(elements):
+    """v = x^2 and v = x^3 are in the space of any mesh, so every quadratic form has a closed
+    form."""
     found = matrices(elements)
     nodes = np.linspace(0.0, 2.0, elements + 1)[1:]
     parabola = np.stack([nodes**2, 2 * nodes], axis=1).ravel()

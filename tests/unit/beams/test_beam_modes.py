@@ -1,4 +1,4 @@
-"""Shapes of a link: orthonormal, diagonal, signed, and what a reduced set keeps."""
+"""Shapes of a link: orthonormal, diagonal, with a sign; and properties of reduced sets."""
 
 import numpy as np
 import pytest
@@ -51,12 +51,12 @@ def test_full_basis_is_the_finite_element_model(matrices):
     link = ragged()
     np.testing.assert_allclose(link.w2, eigh(matrices.stiffness, matrices.mass)[0], rtol=1e-8)
     np.testing.assert_allclose(link.projector @ link.basis, np.eye(12), atol=1e-12)
-    # The shapes of the stiffest modes are small at the nodes: their inverse is large.
+    # The shapes of the stiffest modes are small at the nodes, so their inverse is large.
     np.testing.assert_allclose(link.basis @ link.projector, np.eye(12), atol=1e-10)
 
 
-def test_frequencies_keep_their_digits_on_the_finest_mesh():
-    """Taken from K and M directly the lowest frequency of 256 elements is right to 1e-6 only."""
+def test_lowest_frequencies_are_accurate_on_the_finest_mesh():
+    """Directly from K and M the lowest frequency of 256 elements is accurate to 1e-6 only."""
     link = uniform(256)
     beta = np.array([1.875104068712, 4.6940911329742, 7.8547574382376])
     mesh_error = (beta / 256) ** 4 / 1440
@@ -64,12 +64,12 @@ def test_frequencies_keep_their_digits_on_the_finest_mesh():
 
 
 @pytest.mark.parametrize("modes", [None, 4])
-def test_tips_point_up(modes):
+def test_tips_have_positive_deflection(modes):
     assert np.all(ragged(modes).P > 0.0)
 
 
-def test_sign_follows_the_largest_entry_where_the_tip_hardly_moves():
-    """A tip a million times heavier than the rest stays put in all modes but the lowest."""
+def test_sign_follows_the_largest_entry_if_the_tip_hardly_moves():
+    """A tip a million times heavier than the link is at rest in all modes except the lowest."""
     x = np.array([0.0, 0.999, 0.9991, 1.0])
     mass = np.array([1.0, 1.0, 1e10, 1e10])
     one = np.ones(4)
@@ -90,7 +90,7 @@ class TestReducedBasis:
         link = uniform(5, 1)
         assert link.w2[0] == pytest.approx(3 * 140 / 33, rel=1e-12)
 
-    def test_two_shapes_are_one_element(self):
+    def test_two_shapes_equal_one_element(self):
         """The two static shapes of a uniform link are cubics: the space of a single element."""
         reduced, single = uniform(7, 2), uniform(1)
         np.testing.assert_allclose(reduced.w2, single.w2, rtol=1e-11)
@@ -104,11 +104,11 @@ class TestReducedBasis:
         more = ragged(modes + 1).w2
         assert np.all(reduced >= more[:modes] * (1 - 1e-11))
 
-    def test_all_modes_are_the_full_model(self):
+    def test_all_modes_equal_the_full_model(self):
         np.testing.assert_allclose(ragged(12).w2, ragged().w2, rtol=1e-9)
 
     @pytest.mark.parametrize("modes", [3, 5])
-    def test_span_holds_static_shapes_and_clamped_clamped_modes(self, matrices, modes):
+    def test_span_contains_static_shapes_and_clamped_clamped_modes(self, matrices, modes):
         link = ragged(modes)
         inner = slice(None, -2)
         _, clamped = eigh(matrices.stiffness[inner, inner], matrices.mass[inner, inner])
@@ -118,16 +118,16 @@ class TestReducedBasis:
         kept = link.basis @ (link.projector @ wanted)
         np.testing.assert_allclose(kept, wanted, atol=1e-10 * np.abs(wanted).max())
 
-    def test_modes_not_wanted_are_left_out(self, matrices):
+    def test_omitted_modes_are_outside_the_span(self, matrices):
         link = ragged(3)
         inner = slice(None, -2)
         _, clamped = eigh(matrices.stiffness[inner, inner], matrices.mass[inner, inner])
         second = np.append(clamped[:, 1], [0.0, 0.0])
         kept = link.projector @ second
-        assert kept @ kept < 0.9  # of the unit modal mass it would keep inside the span
+        assert kept @ kept < 0.9  # of the unit modal mass that it would have inside the span
 
     def test_loaded_tip_converges_faster_than_with_clamped_free_modes(self):
-        """What the static shapes are for: another link hangs on the tip."""
+        """The static shapes serve links with another link at their tip."""
         full = uniform(16)
 
         def loaded(w2, tip):
@@ -148,7 +148,7 @@ def test_projection_of_a_shape_outside_the_span_is_the_nearest_one(matrices):
     np.testing.assert_allclose(link.basis.T @ matrices.mass @ left_over, 0.0, atol=1e-11)
 
 
-def test_a_massless_part_is_refused_by_name():
+def test_massless_part_is_rejected_by_name():
     x = [0.0, 0.1, 0.2, 1.0]
     with pytest.raises(InputError, match=r"arm\.links\[1\]: the mass matrix must be positive"):
         link_constants(
@@ -156,12 +156,12 @@ def test_a_massless_part_is_refused_by_name():
         )
 
 
-def test_a_basis_that_is_not_orthonormal_cannot_be_made():
+def test_basis_that_is_not_orthonormal_is_rejected():
     with pytest.raises(InputError, match="projector @ basis must be the identity"):
         BeamBasis(basis=np.eye(2), projector=np.eye(2) * (1 + 1e-9), w2=np.ones(2))
 
 
-def test_a_stiffness_that_disagrees_with_the_shapes_is_noticed(matrices):
+def test_stiffness_that_disagrees_with_the_shapes_is_rejected(matrices):
     """Shapes of a slightly stiffer tip against the stiffness matrix of the link itself."""
     table = BeamTable(X, STIFFNESS + np.array([0, 0, 0, 0, 1e-3]), MASS, ROTARY)
     factor = strain_to_nodal(table, beam_quadrature(table.x, ELEMENTS))
@@ -170,8 +170,8 @@ def test_a_stiffness_that_disagrees_with_the_shapes_is_noticed(matrices):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_wild_tables_pass_the_checks_of_their_own_algebra(seed):
-    """Properties that jump over twelve orders of magnitude are no reason for a false alarm."""
+def test_extreme_tables_pass_the_internal_checks(seed):
+    """Properties that vary over twelve orders of magnitude must not cause a false error."""
     rng = np.random.default_rng(seed)
     x = np.concatenate([[0.0], np.sort(rng.uniform(0.0, 2.0, 9)), [2.0]])
     stiffness, mass = 10.0 ** rng.uniform(-6, 6, (2, 11))

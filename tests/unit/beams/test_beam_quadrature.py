@@ -1,4 +1,4 @@
-"""Points along a link: exact where the integrands are polynomials, in the right element."""
+"""Points along a link: exact for polynomial integrands, and in the correct element."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_degree_seven_with_kinks_at_breakpoints_and_element_ends_is_exact(elemen
     assert found == pytest.approx(float(piecewise.integrate(0.0, 2.0)), rel=1e-13)  # rounding
 
 
-def test_points_lie_in_the_element_they_name():
+def test_points_are_in_their_element():
     quadrature = beam_quadrature(BREAKPOINTS, 3)
     assert np.all(np.diff(quadrature.points) > 0.0)
     assert np.all((quadrature.xi > 0.0) & (quadrature.xi < 1.0))
@@ -29,7 +29,7 @@ def test_points_lie_in_the_element_they_name():
     np.testing.assert_allclose(position, quadrature.points, rtol=1e-14)
 
 
-def test_a_breakpoint_a_rounding_away_from_an_element_end_does_no_harm():
+def test_breakpoint_within_rounding_of_an_element_end():
     third = 2.0 / 3.0
     beside = np.array([0.0, np.nextafter(third, 0.0), np.nextafter(2 * third, 2.0), 2.0])
     quadrature = beam_quadrature(beside, 3)
@@ -47,7 +47,7 @@ def test_outboard_moments_are_the_integrals_of_the_table(power):
     linear = PPoly(np.stack([slope, mass[:-1]]), BREAKPOINTS)
     found = table.outboard_moment(s, power)
     for station, value in zip(s, found, strict=True):
-        # Gauss-Legendre of high order on every interval of the table, cut at the station.
+        # Gauss-Legendre of high order on every interval of the table, divided at the station.
         node, weight = np.polynomial.legendre.leggauss(8)
         edges = np.unique(np.append(BREAKPOINTS[station < BREAKPOINTS], station))
         centre, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2

@@ -1,4 +1,4 @@
-"""Deflections under steady loads: exact at the nodes, whatever the mesh."""
+"""Deflections under static loads: exact at the nodes of any mesh."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
 
 L, EI, MU = 1.4, 105.0, 0.6
-# The handbook's numbers, to the rounding of sums over at most 64 coordinates.
+# Handbook values, to the rounding of sums over at most 64 coordinates.
 EXACT = 1e-12
 
 
@@ -43,7 +43,7 @@ class TestUniformCantilever:
         np.testing.assert_allclose(nodal, np.stack([deflection, slope], axis=1), rtol=1e-11)
 
     def test_linearly_growing_load(self, elements):
-        """Turning the root faster and faster loads the link like a triangle: w = -mu x."""
+        """A root with growing rate loads the link like a triangle: w = -mu x."""
         link = uniform(elements)
         bent = link.a / MU / link.w2
         assert link.P @ bent == pytest.approx(11 * L**5 / (120 * EI), rel=EXACT)
@@ -58,7 +58,7 @@ def test_reduced_shapes_carry_tip_loads_exactly(modes):
     assert link.dP @ (link.dP / link.w2) == pytest.approx(L / EI, rel=EXACT)
 
 
-def test_one_shape_carries_the_tip_force_alone():
+def test_one_shape_represents_the_tip_force_alone():
     link = uniform(8, 1)
     assert link.P @ (link.P / link.w2) == pytest.approx(L**3 / (3 * EI), rel=EXACT)
     assert link.dP @ (link.dP / link.w2) < 0.8 * L / EI  # a moment needs the second shape
@@ -66,7 +66,7 @@ def test_one_shape_carries_the_tip_force_alone():
 
 @pytest.mark.parametrize("kink", [False, True])
 def test_tapered_tip_compliance_converges_with_fourth_order(kink):
-    """Against the integral of M(x)^2/EI(x), Castigliano's theorem, in closed form per segment.
+    """Against Castigliano's integral of M(x)^2/EI(x), in closed form per segment.
 
     Fourth order needs element ends at the kinks of the table.
     """
@@ -82,7 +82,7 @@ def test_tapered_tip_compliance_converges_with_fourth_order(kink):
         link = link_constants(x, stiffness, np.ones_like(x), 0 * x, elements=elements)
         found = [link.P @ (link.P / link.w2), link.P @ (link.dP / link.w2)]
         errors.append(np.abs(np.array([*found, link.dP @ (link.dP / link.w2)]) - exact) / exact)
-    # Strong tapers approach the order slowly: 3.976 is the least of them here.
+    # Strong tapers approach the order slowly: the lowest value here is 3.976.
     np.testing.assert_allclose(np.log2(errors[0] / errors[1]), 4.0, atol=0.05)
     assert np.max(errors[1]) < 1e-7
 

@@ -1,4 +1,4 @@
-"""D0, D1 and G at work: spinning, hanging, standing and compressed links."""
+"""D0, D1 and G in use: spinning, hanging, standing and compressed links."""
 
 import json
 from pathlib import Path
@@ -45,7 +45,7 @@ def test_link_hanging_under_its_own_weight(link, case):
 
 
 def buckling(link, geometric):
-    """Lowest load at which diag(w2) - load * geometric loses its sign."""
+    """Return the lowest load at which diag(w2) - load * geometric becomes indefinite."""
     return 1.0 / eigvalsh(geometric / np.sqrt(np.outer(link.w2, link.w2)))[-1]
 
 

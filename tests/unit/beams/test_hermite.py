@@ -1,4 +1,4 @@
-"""The four shape functions: values at the ends, what they add up to, what they reproduce."""
+"""The four shape functions: end values, sums, and reproduced polynomials."""
 
 import numpy as np
 import pytest
@@ -30,5 +30,5 @@ def test_any_cubic_is_reproduced_with_its_derivatives(derivative):
     nodal = [cubic(0.0), slope(0.0), cubic(length), slope(length)]
     found = shape_functions(xi, length, derivative) @ nodal
     exact = (cubic.deriv(derivative) if derivative else cubic)(xi * length)
-    # Dividing by length**3 and the alternating sums of the nodal values cost two digits.
+    # Division by length**3 and alternating sums of the nodal values lose two digits.
     np.testing.assert_allclose(found, exact, rtol=1e-11, atol=1e-11)

@@ -1,28 +1,22 @@
-"""Constants of one link against brute-force integrals of the shapes they stand for."""
+"""Constants of one link against numerical integrals of their shapes."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, quad_vec
+from random_table import INTEGRATION, RandomTable
+from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
 from flexarm.beams.invariants import link_constants, rigid_constants
 from flexarm.errors import InputError
 
-INTEGRATION = 1e-9  # what the adaptive integrals are asked for is ten times less
 
-
-class Table:
-    """A random link and its integrals, taken one by one with adaptive quadrature."""
+class Table(RandomTable):
+    """A random link and its integrals, one by one with adaptive quadrature."""
 
     def __init__(self, seed, elements, modes=None):
-        rng = np.random.default_rng(seed)
-        inner = np.sort(rng.uniform(0.1, 1.2, 2))
-        self.x = np.array([0.0, *inner, 1.3])
-        self.stiffness = rng.uniform(0.5, 3.0, 4)
-        self.mass = rng.uniform(0.2, 2.0, 4)
-        self.rotary = rng.uniform(0.0, 0.05, 4)
+        super().__init__(seed, least_rotary=0.0)
         self.link = link_constants(
             self.x, self.stiffness, self.mass, self.rotary, elements=elements, modes=modes
         )
@@ -32,23 +26,6 @@ class Table:
         self.shapes = CubicHermiteSpline(nodes, nodal[:, 0], nodal[:, 1])
         self.slopes = self.shapes.derivative()
         self.kinks = np.union1d(nodes, self.x)
-
-    def integral(self, function, end=1.3):
-        points = self.kinks[(self.kinks > 0.0) & (self.kinks < end)]
-        return quad_vec(function, 0.0, end, epsabs=1e-11, epsrel=1e-10, points=points)[0]
-
-    def mu(self, x):
-        return np.interp(x, self.x, self.mass)
-
-    def rho_i(self, x):
-        return np.interp(x, self.x, self.rotary)
-
-    def square(self, x):
-        return np.outer(self.slopes(x), self.slopes(x))
-
-    def shortening(self, x):
-        """g(x), by its definition: the integral from the root."""
-        return self.integral(self.square, x) if x > 0.0 else self.square(0.0) * 0.0
 
 
 @pytest.fixture(scope="module", params=[(1, 1, None), (2, 3, None), (3, 4, 4)], ids=str)
@@ -109,7 +86,7 @@ class TestIntegrals:
         found = getattr(table.link, name)
         np.testing.assert_allclose(found, exact, atol=INTEGRATION * np.abs(exact).max())
         assert np.array_equal(found, found.T)
-        assert np.all(np.linalg.eigvalsh(found) > 0.0)  # shortening, never lengthening
+        assert np.all(np.linalg.eigvalsh(found) > 0.0)  # positive: the link never lengthens
 
 
 def test_shapes_between_the_nodes_are_cubic_hermite_splines(table):
@@ -122,7 +99,7 @@ def test_shapes_between_the_nodes_are_cubic_hermite_splines(table):
     np.testing.assert_allclose(table.link.curvature(inside), curvature, atol=1e-12 * scale)
 
 
-def test_curvature_at_the_root_carries_the_root_moment():
+def test_curvature_at_the_root_follows_from_the_root_moment():
     """EI v''(0) = P L under a tip force."""
     link = link_constants([0.0, 2.0], [3.0, 3.0], [1.0, 1.0], [0.0, 0.0], elements=3)
     bent = link.P / link.w2
@@ -132,7 +109,7 @@ def test_curvature_at_the_root_carries_the_root_moment():
 
 
 class TestRigidLink:
-    def test_same_body_without_shapes(self):
+    def test_rigid_link_has_the_same_mass_and_no_shapes(self):
         table = Table(5, 2)
         rigid = rigid_constants(table.x, table.mass, table.rotary, elements=3)
         link = table.link
@@ -141,7 +118,7 @@ class TestRigidLink:
         assert all(getattr(rigid, name).shape == (0,) for name in ("S", "a", "P", "dP", "w2"))
         assert all(getattr(rigid, name).shape == (0, 0) for name in ("rotary", "D0", "D1", "G"))
 
-    def test_no_coordinates_are_a_straight_link(self):
+    def test_zero_coordinates_are_a_straight_link(self):
         rigid = rigid_constants([0.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=3)
         assert np.array_equal(rigid.basis @ np.zeros(0), np.zeros(6))
         assert rigid.projector.shape == (0, 6)
@@ -156,7 +133,7 @@ def test_arrays_are_read_only():
         link.basis[0, 0] = 0.0
 
 
-def test_arrays_that_do_not_fit_together_are_refused():
+def test_inconsistent_arrays_are_rejected():
     link = link_constants([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=2)
     with pytest.raises(InputError, match="LinkConstants: D0 must be numbers of shape"):
         replace(link, D0=link.D0[:3, :3])
@@ -165,18 +142,18 @@ def test_arrays_that_do_not_fit_together_are_refused():
 
 
 @pytest.mark.parametrize("station", [-0.01, 1.01])
-def test_stations_off_the_link_are_refused(station):
+def test_stations_beyond_the_link_are_rejected(station):
     link = link_constants([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=2)
     with pytest.raises(InputError, match="x must lie between 0 and the length 1"):
         link.deflection([0.5, station])
 
 
-def test_a_rigid_link_may_be_massless():
+def test_rigid_link_may_be_massless():
     link = rigid_constants([0.0, 2.0], [0.0, 0.0], [0.0, 0.0])
     assert (link.length, link.mass, link.first_moment, link.inertia) == (2.0, 0.0, 0.0, 0.0)
 
 
-def test_an_indefinite_stiffness_is_not_blamed_on_units():
+def test_message_of_an_indefinite_stiffness_does_not_mention_units():
     with pytest.raises(InputError, match="the stiffness is not positive definite") as caught:
         link_constants(
             [0.0, 0.5 - 1e-9, 0.5, 1.0],

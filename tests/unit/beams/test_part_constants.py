@@ -28,7 +28,7 @@ def link(request):
 
 
 def fine_points(link, end):
-    """Sixteen Gauss points between neighbours among nodes, breakpoints and the end."""
+    """Return sixteen Gauss points between neighbours among nodes, breakpoints and the end."""
     nodes = np.linspace(0.0, LENGTH, link.elements + 1)
     cuts = np.unique(np.concatenate([nodes, TABLE, [end]]))
     cuts = cuts[cuts <= end]
@@ -38,7 +38,7 @@ def fine_points(link, end):
 
 
 @pytest.mark.parametrize("shortening", [False, True])
-def test_integrals_as_they_are_defined(link, shortening):
+def test_integrals_equal_their_definition(link, shortening):
     parts = part_constants(link, STATIONS, shortening=shortening)
     for k, end in enumerate(STATIONS):
         s, w = fine_points(link, end)
@@ -67,7 +67,7 @@ def test_integrals_as_they_are_defined(link, shortening):
             )
 
 
-def test_the_part_up_to_the_tip_is_the_link(link):
+def test_part_up_to_the_tip_equals_the_link(link):
     parts = part_constants(link, np.array([LENGTH]), shortening=True)
     for name in ("mass", "first_moment", "inertia", "S", "a", "D0", "D1"):
         np.testing.assert_allclose(getattr(parts, name)[0], getattr(link, name), atol=1e-13)
@@ -75,13 +75,13 @@ def test_the_part_up_to_the_tip_is_the_link(link):
     np.testing.assert_allclose(parts.spread[0], spread, atol=1e-12)
 
 
-def test_at_the_root_there_is_nothing(link):
+def test_part_up_to_the_root_is_zero(link):
     parts = part_constants(link, np.array([0.0]), shortening=True)
     for name in ("mass", "first_moment", "inertia", "S", "a", "D0", "D1", "spread"):
         np.testing.assert_array_equal(getattr(parts, name), 0.0)
 
 
-def test_a_rigid_link_has_the_numbers_without_shapes():
+def test_rigid_link_has_the_same_mass_and_no_shapes():
     link = rigid_constants(TABLE, COLUMNS["mass_per_length"], COLUMNS["rotary_inertia_per_length"])
     parts = part_constants(link, STATIONS, shortening=True)
     assert parts.S.shape == (6, 0)
@@ -91,7 +91,7 @@ def test_a_rigid_link_has_the_numbers_without_shapes():
     assert np.all(np.diff(parts.mass) > 0.0)
 
 
-def test_stations_in_any_order_and_twice():
+def test_stations_in_any_order_with_duplicates():
     link = link_constants(TABLE, **COLUMNS, elements=3)
     mixed = np.array([1.1, 0.1, 1.1, 0.0])
     parts = part_constants(link, mixed, shortening=True)

@@ -1,32 +1,25 @@
-"""Constants of links that shear against brute-force integrals, and the limit without shear."""
+"""Constants of links with shear against numerical integrals, and the limit without shear."""
 
 from dataclasses import fields
 
 import numpy as np
 import pytest
-from scipy.integrate import quad_vec
+from random_table import INTEGRATION, L, RandomTable
 from scipy.interpolate import PPoly
 
 from flexarm.beams.invariants import link_constants
 from flexarm.beams.shortening import shortening_matrices
 
-INTEGRATION = 1e-9  # what the adaptive integrals are asked for is ten times less
-L = 1.3
 
-
-class Table:
-    """A random link, its deflection and rotation made anew from their definition."""
+class Table(RandomTable):
+    """A random link, with its deflection and rotation computed from their definition."""
 
     def __init__(self, seed, elements, modes=None):
-        rng = np.random.default_rng(seed)
-        self.x = np.array([0.0, *np.sort(rng.uniform(0.1, 1.2, 2)), L])
-        self.bending = rng.uniform(0.5, 3.0, 4)
-        self.mass = rng.uniform(0.2, 2.0, 4)
-        self.rotary = rng.uniform(0.01, 0.05, 4)
-        self.shear = rng.uniform(5.0, 60.0, 4)
+        super().__init__(seed, least_rotary=0.01)
+        self.shear = self.rng.uniform(5.0, 60.0, 4)
         self.link = link_constants(
             self.x,
-            self.bending,
+            self.stiffness,
             self.mass,
             self.rotary,
             elements=elements,
@@ -47,17 +40,17 @@ class Table:
         self.kinks = np.union1d(nodes, self.x)
 
     def field(self, ends, nodal, inside):
-        """Cubic v (4, m) and quadratic phi (3, m) of one element, highest power first.
+        """Return cubic v (4, m) and quadratic phi (3, m) of one element, highest power first.
 
         Of the nodal values: four unknowns of v and one angle from v and v' - angle at both ends,
-        and from EI v''' + kGA angle = 0 with the element's mean EI and kGA. The interior values
-        add two shapes to v and one to phi.
+        and from EI v''' + kGA angle = 0 with the element's mean EI and kGA. The interior values add
+        two shapes to v and one to phi.
         """
         h = ends[1] - ends[0]
         dense = np.union1d(ends, self.x[(self.x > ends[0]) & (self.x < ends[1])])
         bending, shear = (
             np.trapezoid(np.interp(dense, self.x, column), dense) / h
-            for column in (self.bending, self.shear)
+            for column in (self.stiffness, self.shear)
         )
         conditions = np.array(
             [
@@ -79,20 +72,6 @@ class Table:
         turn += np.stack([-turned / h**2, turned / h, 0 * turned])
         return v, turn
 
-    def integral(self, function, end=L):
-        points = self.kinks[(self.kinks > 0.0) & (self.kinks < end)]
-        return quad_vec(function, 0.0, end, epsabs=1e-11, epsrel=1e-10, points=points)[0]
-
-    def mu(self, x):
-        return np.interp(x, self.x, self.mass)
-
-    def rho_i(self, x):
-        return np.interp(x, self.x, self.rotary)
-
-    def shortening(self, x):
-        """g(x), by its definition: the integral from the root."""
-        return self.integral(lambda s: np.outer(self.slopes(s), self.slopes(s)), x)
-
 
 @pytest.fixture(scope="module", params=[(1, 1, None), (2, 3, None), (3, 4, 4)], ids=str)
 def table(request):
@@ -109,7 +88,7 @@ class TestIntegrals:
         )
         np.testing.assert_allclose(table.link.a, angular, **close)
 
-    def test_tip_turns_with_its_section(self, table):
+    def test_tip_rotation_is_that_of_its_section(self, table):
         np.testing.assert_allclose(table.link.P, table.shapes(L), rtol=1e-11)
         scale = np.abs(table.link.dP).max()
         np.testing.assert_allclose(table.link.dP, table.rotation(L), atol=1e-11 * scale)
@@ -132,7 +111,7 @@ class TestIntegrals:
 
         def density(x):
             bent, sheared = curvature(x), table.slopes(x) - table.rotation(x)
-            return np.interp(x, table.x, table.bending) * np.outer(bent, bent) + np.interp(
+            return np.interp(x, table.x, table.stiffness) * np.outer(bent, bent) + np.interp(
                 x, table.x, table.shear
             ) * np.outer(sheared, sheared)
 
@@ -142,7 +121,7 @@ class TestIntegrals:
         )
 
     @pytest.mark.parametrize("name", ["D0", "D1", "G"])
-    def test_the_axis_draws_back_by_its_slope(self, table, name):
+    def test_axial_displacement_follows_from_the_slope_of_the_axis(self, table, name):
         if name == "G":
             exact = table.shortening(L)
         else:
@@ -151,8 +130,8 @@ class TestIntegrals:
         found = getattr(table.link, name)
         np.testing.assert_allclose(found, exact, atol=INTEGRATION * np.abs(exact).max())
 
-    def test_what_rigid_motions_leave(self, table):
-        """1 and x less what the shapes make of them, with rotations 0 and 1."""
+    def test_residual_of_rigid_motions(self, table):
+        """1 and x minus their projection on the shapes, with rotations 0 and 1."""
         link = table.link
         followed = np.stack([link.S, link.a], axis=1)
 
@@ -173,7 +152,7 @@ class TestIntegrals:
 
 
 def test_shapes_between_the_nodes(table):
-    inside = np.linspace(0.0, L, 14)[:-1] + 0.01  # off the element ends, where slopes jump
+    inside = np.linspace(0.0, L, 14)[:-1] + 0.01  # away from element ends, where slopes jump
     curvature = table.rotation.derivative()(inside)
     close = {"atol": 1e-11 * np.abs(curvature).max()}
     np.testing.assert_allclose(table.link.deflection(inside), table.shapes(inside), **close)
@@ -189,7 +168,7 @@ def test_shortening_up_to_a_station(table):
     np.testing.assert_allclose(found, exact, atol=INTEGRATION * np.abs(exact).max())
 
 
-def test_rotation_is_the_slope_without_shear():
+def test_without_shear_rotation_equals_the_slope():
     two = np.ones(2)
     link = link_constants([0.0, L], two, two, 0 * two, elements=3)
     x = np.linspace(0.0, L, 7)
@@ -203,9 +182,9 @@ COLUMNS = (np.array([5.0, 4.0, 8.0, 2.0]), np.array([3.0, 1.0, 1.5, 0.2]), np.fu
 
 @pytest.mark.parametrize("modes", [None, 3])
 @pytest.mark.parametrize("elements", [2, 16])
-def test_a_link_too_stiff_to_shear_is_an_euler_bernoulli_beam(elements, modes):
+def test_very_stiff_shear_gives_an_euler_bernoulli_beam(elements, modes):
     plain = link_constants(X, *COLUMNS, elements=elements, modes=modes)
-    # Shear parameters of 1e-18 and less: nothing is left of them beside one.
+    # Shear parameters of 1e-18 and less vanish beside one.
     stiff = link_constants(
         X, *COLUMNS, elements=elements, modes=modes, shear_rigidity=np.full(4, 1e24)
     )
@@ -213,7 +192,7 @@ def test_a_link_too_stiff_to_shear_is_an_euler_bernoulli_beam(elements, modes):
     for field in fields(plain):
         if field.name not in ("shear_parameter", "interior", "table"):
             exact, found = getattr(plain, field.name), getattr(stiff, field.name)
-            # What is left of a unit motion is a difference of numbers of order one.
+            # The residual of a unit motion is a difference of numbers of order one.
             scale = 1.0 if field.name == "residual_tip" else np.abs(exact).max()
             np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11 * scale, err_msg=field.name)
 
@@ -227,7 +206,7 @@ def test_difference_to_an_euler_bernoulli_beam_falls_with_the_stiffness():
     np.testing.assert_allclose(drops[0] / drops[1], 10.0, rtol=1e-2)
 
 
-def test_the_rigid_body_does_not_know_of_shear():
+def test_rigid_body_constants_do_not_depend_on_shear():
     plain = link_constants(X, *COLUMNS, elements=4)
     soft = link_constants(X, *COLUMNS, elements=4, shear_rigidity=[30.0, 5.0, 8.0, 20.0])
     for name in ("length", "mass", "first_moment", "inertia"):
@@ -236,7 +215,7 @@ def test_the_rigid_body_does_not_know_of_shear():
 
 @pytest.mark.parametrize("slenderness", [1.0, 3.0, 30.0])
 @pytest.mark.parametrize("rotary", [0.0, 1.0])
-def test_the_finest_mesh_of_a_stocky_link_passes_the_checks_of_its_own_algebra(slenderness, rotary):
+def test_finest_mesh_of_a_stocky_link_passes_the_internal_checks(slenderness, rotary):
     """Shear parameters up to two million, with and without inertia of the rotations."""
     two = np.ones(2)
     link = link_constants(

@@ -1,4 +1,4 @@
-"""One element that shears: its matrices, the field inside it, what it reproduces exactly."""
+"""One element with shear: its matrices, its internal field, and exactly reproduced functions."""
 
 import numpy as np
 import pytest
@@ -33,14 +33,14 @@ SHEAR = np.array([60.0, 20.0, 90.0, 15.0, 30.0])
 
 
 def static_stiffness(table, quadrature):
-    """Stiffness over the nodal values, interior values without a load of their own."""
+    """Return the stiffness over the nodal values; interior values have no loads."""
     n, stiffness = 2 * quadrature.elements, beam_matrices(table, quadrature).stiffness
     coupling = stiffness[:n, n:]
     return stiffness[:n, :n] - coupling @ np.linalg.solve(stiffness[n:, n:], coupling.T)
 
 
 def shapes(parameter):
-    """Deflection and its derivatives, and rotation, of one element: (11, 4) each."""
+    """Return deflection, its derivatives and rotation of one element: (11, 4) each."""
     angles = np.repeat(shear_angles(np.array([parameter]), H), XI.size, axis=0)
     deflection = [deflection_shapes(XI, H, angles, order) for order in range(3)]
     return *deflection, rotation_shapes(XI, H, angles)
@@ -53,7 +53,7 @@ class TestField:
         nodal = np.stack([v[0], rotation[0], v[-1], rotation[-1]])
         np.testing.assert_allclose(nodal, np.eye(4), **ROUNDING)
 
-    def test_translation_and_rotation_store_nothing(self, parameter):
+    def test_translation_and_rotation_have_no_energy(self, parameter):
         v, slope, curvature, rotation = shapes(parameter)
         lifted, turned = [1.0, 0.0, 1.0, 0.0], [0.0, 1.0, H, 1.0]
         np.testing.assert_allclose(v @ lifted, 1.0, **ROUNDING)
@@ -64,18 +64,18 @@ class TestField:
             np.testing.assert_allclose((slope - rotation) @ nodal, 0.0, **ROUNDING)
             np.testing.assert_allclose(curvature @ nodal, 0.0, atol=1e-11)
 
-    def test_moment_and_shear_force_balance(self, parameter):
+    def test_moment_and_shear_force_are_in_balance(self, parameter):
         """EI phi'' + k G A gamma = 0 with one gamma throughout; here EI = 1."""
         _, slope, curvature, rotation = shapes(parameter)
         gamma = slope - rotation
         np.testing.assert_allclose(gamma, np.tile(gamma[0], (XI.size, 1)), **ROUNDING)
         rate = np.diff(curvature, axis=0) / (XI[1] * H)
-        # k G A = 12/(Phi_s h^2), multiplied out so that it stays finite without shear.
+        # k G A = 12/(Phi_s h^2), multiplied out so that it is finite without shear.
         np.testing.assert_allclose(
             parameter * H**2 / 12 * rate, -gamma[1:], rtol=1e-9, atol=1e-10 + 1e-14 * parameter
         )
 
-    def test_curvature_is_the_rate_of_rotation(self, parameter):
+    def test_curvature_is_the_derivative_of_the_rotation(self, parameter):
         _, _, curvature, rotation = shapes(parameter)
         s = XI[:, None]
         linear = (1 - s) * curvature[0] + s * curvature[-1]
@@ -84,7 +84,7 @@ class TestField:
         np.testing.assert_allclose(rotation - rotation[0], turned, rtol=1e-11, atol=1e-11)
 
 
-def test_without_shear_the_shapes_are_the_cubic_ones_bit_for_bit():
+def test_without_shear_the_shapes_are_cubic_bit_for_bit():
     *deflection, rotation = shapes(0.0)
     for order, found in enumerate(deflection):
         np.testing.assert_array_equal(found, shape_functions(XI, H, order))
@@ -103,10 +103,10 @@ def test_one_uniform_element_has_the_textbook_stiffness():
     np.testing.assert_allclose(found, bending / (H**3 * (1 + PHI)) * exact, **ROUNDING)
 
 
-def test_parameter_of_an_element_is_that_of_its_mean_rigidities():
+def test_shear_parameter_has_the_mean_rigidities_of_its_element():
     table = BeamTable(X, BENDING, MASS, ROTARY, SHEAR)
     found = shear_parameters(table, beam_quadrature(table.x, 2))
-    # First element: the table from 0 to 1, cut between 0.55 and 1.3 where EI = 4.4 and kGA = 45.
+    # First element: the table from 0 to 1, divided at 0.55 and 1.3, where EI = 4.4 and kGA = 45.
     bending = 0.4 * 4.5 + 0.15 * 6.0 + 0.45 * 6.2
     shear = 0.4 * 40.0 + 0.15 * 55.0 + 0.45 * 67.5
     assert found[0] == pytest.approx(12 * bending / shear, rel=1e-13)
@@ -119,7 +119,7 @@ def inside(x, elements, field, derivative):
 
 
 @pytest.mark.parametrize("elements", [1, 3, 8])
-def test_energies_are_integrated_exactly_on_a_ragged_table(elements):
+def test_energies_are_integrated_exactly_on_an_irregular_table(elements):
     """Against many points on every piece, for nodal and interior values."""
     table = BeamTable(X, BENDING, MASS, ROTARY, SHEAR)
     quadrature = beam_quadrature(table.x, elements)

@@ -1,4 +1,4 @@
-"""Steady deflections of links that shear: exact at the nodes of a uniform link."""
+"""Static deflections of links with shear: exact at the nodes of a uniform link."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from flexarm.beams.invariants import link_constants
 
 L, EI, MU, KGA = 1.4, 105.0, 0.6, 400.0
-# The handbook's numbers, to the rounding of sums over at most 64 coordinates.
+# Handbook values, to the rounding of sums over at most 64 coordinates.
 EXACT = 1e-12
 
 
@@ -48,10 +48,11 @@ class TestUniformCantilever:
         deflection = x**2 * (6 * L**2 - 4 * L * x + x**2) / (24 * EI)
         deflection += x * (2 * L - x) / (2 * shear)
         rotation = x * (3 * L**2 - 3 * L * x + x**2) / (6 * EI)
-        # Where shear does most of the deflecting, rotations have a thousandth of its digits less.
+        # If most of the deflection is due to shear, rotations are accurate to a thousandth of its
+        # digits.
         np.testing.assert_allclose(nodal, np.stack([deflection, rotation], axis=1), rtol=1e-10)
 
-    def test_root_carries_moment_and_shear_force_of_a_tip_force(self, elements, shear):
+    def test_root_has_moment_and_shear_force_of_a_tip_force(self, elements, shear):
         link = uniform(elements, shear=shear)
         bent = link.P / link.w2
         assert EI * (link.curvature([0.0]) @ bent)[0] == pytest.approx(L, rel=1e-10)
@@ -83,6 +84,6 @@ def test_tapered_tip_compliance_converges_to_castigliano():
         )
         missed.append(1 - link.P @ (link.P / link.w2) / exact)
     assert min(missed) > 0.0
-    # Linear curvature under a stiffness that varies inside an element: fourth order.
+    # Linear curvature with a stiffness that varies inside an element: fourth order.
     np.testing.assert_allclose(np.log2(np.array(missed[:-1]) / missed[1:]), 4.0, atol=0.06)
     assert missed[-1] < 1e-7

@@ -1,4 +1,4 @@
-"""Contacts on arms of every kind: forces as loads, derivatives, mirror, and what is refused."""
+"""Contacts on arms of every kind: forces as loads, derivatives, symmetry, and wrong input."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SEEDS = range(2000, 2020)
 
 
 def drawn_contacts(arm, q, seed):
-    """Contacts that are all touched in a posture, at the tip and inside links."""
+    """Return contacts that are all active in a posture, at the tip and inside links."""
     rng = np.random.default_rng(seed)
     contacts = []
     for number in range(3):
@@ -45,7 +45,7 @@ def drawn_contacts(arm, q, seed):
 
 
 def wave(point, turn):
-    """A wavy surface through a point, its normal there at an angle."""
+    """Return a wavy surface through a point with the given angle of its normal there."""
     x = np.linspace(-0.5, 0.5, 21)
     curve = np.stack([x, 0.02 * np.sin(9.0 * x) ** 2], axis=1)
     c, s = np.sin(turn), -np.cos(turn)  # the tangent
@@ -53,7 +53,7 @@ def wave(point, turn):
 
 
 def point_of(arm, q, link, station):
-    """World position of a point of the axis, by ``Arm.shape``, which knows of no contact."""
+    """Return the world position of a point of the axis by ``Arm.shape``, which has no contacts."""
     if station is None:
         return arm.shape(q, stations=2)[link - 1, 1]
     stations = 2001
@@ -64,8 +64,8 @@ def point_of(arm, q, link, station):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_contacts_are_the_loads_that_they_put_on(seed):
-    """Accelerations with contacts and with their forces given as loads agree to rounding."""
+def test_contacts_equal_the_loads_of_their_forces(seed):
+    """Accelerations with contacts and with their forces as loads agree to rounding."""
     b = busy(seed)
     contacts = drawn_contacts(b.arm, b.q, seed)
     placed = place_contacts(b.arm, "test", contacts)
@@ -81,20 +81,20 @@ def test_contacts_are_the_loads_that_they_put_on(seed):
     found = b.arm.forward_dynamics(*acting, b.loads, b.base_acceleration, contacts)
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * abs(wanted).max())
     free = b.arm.forward_dynamics(*acting, b.loads, b.base_acceleration)
-    # They do act, however stiff the modes beside them: the rounding above is far less.
+    # The contacts have an effect, even beside stiff modes: far more than the rounding above.
     assert abs(found - free).max() > 1e-7 * abs(found).max()
     back = b.arm.inverse_dynamics(
         b.q, b.qd, found, b.tip_force, b.loads, b.base_acceleration, contacts
     )
     # The torque is a small difference of large terms, each with its rounding: up to 1e-13 of their
-    # sum was seen, hundreds of times less for most arms.
+    # sum was measured, hundreds of times less for most arms.
     terms = abs(b.arm.mass_matrix(b.q)) @ abs(found)
     error = abs(back[b.arm.joint_index] - b.torque)
     assert np.all(error <= 1e-11 * terms[b.arm.joint_index])
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_law_at_points_that_arm_shape_gives(seed):
+def test_force_law_at_points_of_arm_shape(seed):
     """Position and velocity of the points without the contact's kernel; the law in NumPy."""
     b = busy(seed)
     contacts = [
@@ -129,7 +129,7 @@ def test_the_law_at_points_that_arm_shape_gives(seed):
 
 
 @pytest.mark.parametrize("seed", range(2100, 2106))
-def test_derivatives_are_those_of_differences(seed):
+def test_derivatives_equal_differences(seed):
     d = drawn(seed)
     contacts = drawn_contacts(d.arm, d.q, seed)
     exact = d.arm.derivatives(d.q, d.qd, d.torque, contacts=contacts)
@@ -147,7 +147,7 @@ def test_derivatives_are_those_of_differences(seed):
             np.testing.assert_allclose(by[:, k], slope, rtol=1e-5, atol=1e-6 * abs(by).max())
 
 
-def test_mirror():
+def test_mirrored_contacts_have_mirrored_forces():
     d = drawn(5, gravity=False)
     if d.arm.spec.payload.offset[1]:
         pytest.skip("a payload beside the axis has a mirror image of its own")
@@ -166,7 +166,7 @@ def test_mirror():
         np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11 * abs(wanted).max())
 
 
-def test_a_contact_that_is_not_touched_does_nothing():
+def test_inactive_contact_has_no_effect():
     d = drawn(8)
     far = fa.Contact(fa.Wall((0.0, -1e3), (0.0, 1.0)), 1e4, damping=1.0, friction=0.5)
     wanted = d.arm.forward_dynamics(d.q, d.qd, d.torque)
@@ -178,7 +178,7 @@ WALL = fa.Wall((0.0, 0.0), (0.0, 1.0))
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "stated"),
     [
         ({"stiffness": 0.0}, "stiffness must be greater than 0, got 0"),
         ({"stiffness": 1.0, "exponent": 0.5}, "exponent must be at least 1, got 0.5"),
@@ -193,13 +193,13 @@ WALL = fa.Wall((0.0, 0.0), (0.0, 1.0))
         ({"stiffness": "x", "surface": 3}, "surface .* A surface is a Wall, a RoundWall or a"),
     ],
 )
-def test_numbers_that_no_contact_has(fields, said):
-    with pytest.raises(fa.InputError, match=f"Contact: {said}"):
+def test_impossible_numbers_are_rejected(fields, stated):
+    with pytest.raises(fa.InputError, match=f"Contact: {stated}"):
         fa.Contact(**{"surface": WALL, **fields})
 
 
 @pytest.mark.parametrize(
-    ("contacts", "said"),
+    ("contacts", "stated"),
     [
         (WALL, "contacts must be a list of Contact objects"),
         ([WALL], "contacts must be a list of Contact objects"),
@@ -207,7 +207,7 @@ def test_numbers_that_no_contact_has(fields, said):
         ([fa.Contact(WALL, 1.0, link=1, station=99.0)], "Contact.station must be at most"),
     ],
 )
-def test_contacts_that_are_not_on_the_arm(contacts, said):
+def test_contacts_off_the_arm_are_rejected(contacts, stated):
     d = drawn(3)
-    with pytest.raises(fa.InputError, match=said):
+    with pytest.raises(fa.InputError, match=stated):
         d.arm.forward_dynamics(d.q, d.qd, d.torque, contacts=contacts)

@@ -1,4 +1,4 @@
-"""Distances from walls, circles and tabulated surfaces, measured by brute force or by hand."""
+"""Distances from walls, circles and tabulated surfaces, by dense sampling or by hand."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ from flexarm.observe import contact_forces, contact_values
 ARM = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 2)
 
 
-def seen_from(surface, points, **law):
-    """Columns of ``look_many`` (points, 9) with the tip at each of the points (k, 2)."""
+def views_from(surface, points, **law):
+    """Return columns of ``look_many`` (points, 9) with the tip at each of the points (k, 2)."""
     law = {"stiffness": 1e3, **law}
     x, y = np.transpose(points)
     far = np.hypot(x, y)
@@ -40,7 +40,7 @@ def some_points(count=40, seed=3):
 
 def test_wall():
     points = some_points()
-    found = seen_from(fa.Wall((0.3, -0.2), (3.0, 4.0)), points)
+    found = views_from(fa.Wall((0.3, -0.2), (3.0, 4.0)), points)
     np.testing.assert_allclose(
         found[:, GAP], (points - [0.3, -0.2]) @ [0.6, 0.8], rtol=0, atol=1e-15
     )
@@ -55,7 +55,7 @@ def test_wall():
 @pytest.mark.parametrize("inside", [False, True])
 def test_circle(inside):
     points, center = some_points(), np.array([0.4, 0.3])
-    found = seen_from(fa.RoundWall(center, 0.7, inside), points)
+    found = views_from(fa.RoundWall(center, 0.7, inside), points)
     away = points - center
     distance = np.linalg.norm(away, axis=1)
     sign = -1.0 if inside else 1.0
@@ -72,35 +72,36 @@ def test_circle(inside):
 
 
 @pytest.mark.parametrize("inside", [False, True])
-def test_a_huge_circle_is_a_wall(inside):
+def test_large_circle_equals_a_wall(inside):
     points = some_points()
     normal, sign = np.array([0.0, 1.0]), -1.0 if inside else 1.0
-    wall = seen_from(fa.Wall((0.1, 0.2), normal), points)
+    wall = views_from(fa.Wall((0.1, 0.2), normal), points)
     radius = 1e7
     circle = fa.RoundWall(np.array([0.1, 0.2]) - sign * radius * normal, radius, inside)
-    found = seen_from(circle, points)
+    found = views_from(circle, points)
     # The sagitta over 2 m is 2e-7 m; rounding at 1e7 m 2e-9 m.
     np.testing.assert_allclose(found[:, GAP], wall[:, GAP], atol=5e-7)
 
 
-def test_a_table_of_a_line_is_a_wall_beyond_its_ends_too():
+def test_table_of_a_line_equals_a_wall_also_beyond_its_ends():
     points = some_points()
-    wall = seen_from(fa.Wall((0.0, -0.1), (-0.6, 0.8)), points, damping=1.0)
+    wall = views_from(fa.Wall((0.0, -0.1), (-0.6, 0.8)), points, damping=1.0)
     x = np.array([-0.4, 0.0, 0.1, 0.4])
-    found = seen_from(fa.SurfaceTable(x, -0.1 + 0.75 * x), points, damping=1.0)
+    found = views_from(fa.SurfaceTable(x, -0.1 + 0.75 * x), points, damping=1.0)
     np.testing.assert_allclose(found[:, GAP:], wall[:, GAP:], rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(found[:, FORCE : FORCE + 2], wall[:, FORCE : FORCE + 2], atol=1e-10)
 
 
 @pytest.mark.parametrize("inside", [False, True])
-def test_a_closed_table_of_a_circle_is_a_circle(inside):
+def test_closed_table_of_a_circle_equals_a_circle(inside):
     points = some_points(200)
     turn = np.linspace(0.0, 2.0 * np.pi, 49) * (1.0 if inside else -1.0)
     table = fa.SurfaceTable(0.3 + 0.8 * np.cos(turn), 0.8 * np.sin(turn), closed=True)
-    found = seen_from(table, points)
-    exact = seen_from(fa.RoundWall((0.3, 0.0), 0.8, inside), points)
-    # A cubic spline with knots at every 0.13 rad: 0.8 (0.13)^4 / 384, and what its parameter adds.
-    away = abs(exact[:, GAP]) < 0.7  # near the centre every place is as near
+    found = views_from(table, points)
+    exact = views_from(fa.RoundWall((0.3, 0.0), 0.8, inside), points)
+    # A cubic spline with knots at every 0.13 rad: 0.8 (0.13)^4 / 384, plus the error of its
+    # parameter.
+    away = abs(exact[:, GAP]) < 0.7  # near the centre all points have the same distance
     np.testing.assert_allclose(found[away, GAP], exact[away, GAP], rtol=0, atol=1e-6)
     np.testing.assert_allclose(found[away, BEND], exact[away, BEND], rtol=3e-3)
 
@@ -110,7 +111,7 @@ def test_distance_from_a_wavy_table():
     knots = np.linspace(-2.0, 2.0, 81)
     table = fa.SurfaceTable(knots, 0.2 * np.sin(3.0 * knots))
     points = some_points(60)
-    found = seen_from(table, points)
+    found = views_from(table, points)
     rows = pieces_of(table)
     s = np.linspace(rows[1, 0], rows[-1, 0], 200_000, endpoint=False)
     row = np.searchsorted(rows[1:, 0], s, side="right")
@@ -120,28 +121,28 @@ def test_distance_from_a_wavy_table():
     inner = abs(curve[:, 0]) < 1.8  # at its ends the spline is straight, the sine is not
     np.testing.assert_allclose(curve[inner, 1], 0.2 * np.sin(3.0 * curve[inner, 0]), atol=1e-5)
     points = points[abs(points[:, 0]) < 1.7]
-    found = seen_from(table, points)
+    found = views_from(table, points)
     distance = [np.linalg.norm(curve - point, axis=1).min() for point in points]
     side = np.sign(points[:, 1] - 0.2 * np.sin(3.0 * points[:, 0]))
     near = np.array(distance) < 0.25  # within the smallest radius of curvature, 1 / 1.8
     assert near.sum() > 5
     np.testing.assert_allclose(found[near, GAP], (side * distance)[near], rtol=0, atol=1e-8)
-    # Far away another place may be as near; the sign, which decides on a touch, is right.
+    # Far away another point may be as near; the sign, which decides about contact, is correct.
     np.testing.assert_array_equal(np.sign(found[:, GAP]), side)
 
 
-def test_the_force_of_a_table_does_not_jump_at_a_knot():
+def test_force_of_a_table_is_continuous_at_knots():
     x = np.linspace(0.2, 1.8, 9)
     table = fa.SurfaceTable(x, 0.3 + 0.1 * np.cos(4.0 * x))
     knot = pieces_of(table)[4, [1, 5]]
     near = knot - [0.0, 0.02] + np.linspace(-1e-7, 1e-7, 5)[:, None] * [1.0, 0.0]
-    force = seen_from(table, near)[:, FORCE : FORCE + 2]
+    force = views_from(table, near)[:, FORCE : FORCE + 2]
     np.testing.assert_allclose(np.diff(force, 2, axis=0), 0.0, atol=1e-9)
     assert abs(np.diff(force, axis=0)).max() > 1e-8
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "stated"),
     [
         (lambda: fa.Wall((0, 0), (0, 0)), "Wall: normal must have a length greater than 0"),
         (lambda: fa.Wall((0, np.nan), (0, 1)), r"Wall: point\[1\] must be a finite number"),
@@ -160,13 +161,13 @@ def test_the_force_of_a_table_does_not_jump_at_a_knot():
         ),
     ],
 )
-def test_nonsense_is_refused(make, said):
-    with pytest.raises(fa.InputError, match=said):
+def test_wrong_surfaces_are_rejected(make, stated):
+    with pytest.raises(fa.InputError, match=stated):
         make()
 
 
 def sharp_bodies():
-    """Closed bodies (k, 2), clockwise, whose ends turn by a quarter circle from knot to knot."""
+    """Return closed bodies (k, 2), clockwise, with quarter circles between knots at their ends."""
     for count, width in ((8, 0.05), (24, 0.05), (24, 0.01), (48, 0.01)):
         angle = -np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
         yield f"ellipse of {count}, {width}", 0.5 * np.cos(angle), width * np.sin(angle)
@@ -176,31 +177,32 @@ def sharp_bodies():
 
 
 def points_outside(x, y):
-    """Points (400, 2) beyond an end of a body where its line starts: two pieces are as near."""
+    """Return points (400, 2) beyond an end of a body where its line starts, with two pieces as
+    near."""
     rng = np.random.default_rng(1)
     away, angle = rng.uniform(0.0, 0.6, 400), rng.uniform(-0.9, 0.9, 400)
     return np.stack([x + np.sign(x) * away * np.cos(angle), y + away * np.sin(angle)], axis=1)
 
 
 @pytest.mark.parametrize(("x", "y"), [pytest.param(*b[1:], id=b[0]) for b in sharp_bodies()])
-def test_round_a_sharp_end_no_place_is_missed(x, y):
+def test_nearest_point_is_found_around_sharp_ends(x, y):
     points = np.concatenate([some_points(1000, 5), points_outside(x[0], y[0])])
-    found = seen_from(fa.SurfaceTable(x, y, closed=True), points)[:, GAP]
+    found = views_from(fa.SurfaceTable(x, y, closed=True), points)[:, GAP]
     knots = np.stack([np.append(x, x[0]), np.append(y, y[0])], axis=1)
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1)))
     curve = CubicSpline(s, knots, bc_type="periodic")(np.linspace(0.0, s[-1], 60_001))
     expected = cKDTree(curve).query(points)[0]
     expected[Path(curve).contains_points(points)] *= -1.0
-    # The curve's points stand 3e-5 apart: near it the nearest one is half of that away.
+    # The curve's points are 3e-5 apart: near it the nearest one is half of that away.
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5)
 
 
-def test_a_closed_line_encloses_nothing():
+def test_closed_line_without_area_is_rejected():
     with pytest.raises(fa.InputError, match=r"^SurfaceTable: x must enclose an area with y"):
         fa.SurfaceTable([0.0, 0.5, 1.0], [0.2, 0.3, 0.4], closed=True)
 
 
-def test_a_closed_line_does_not_cross_itself():
+def test_closed_line_that_crosses_itself_is_rejected():
     """A lemniscate, one loop larger than the other; and a star of five points."""
     turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False) + 0.05
     size = np.where(np.cos(turn) > 0.0, 1.0, 0.5)
@@ -214,7 +216,7 @@ def test_a_closed_line_does_not_cross_itself():
 
 
 def first_crossing(points):
-    """The first two sides of a closed polygon (k, 2) that cross, from all pairs; or None."""
+    """Return the first two sides of a closed polygon (k, 2) that cross, from all pairs; or None."""
     sides = np.roll(points, -1, axis=0) - points
     for k in range(len(points)):
         for other in range(k + 2, len(points) - (k == 0)):
@@ -225,7 +227,7 @@ def first_crossing(points):
     return None
 
 
-def test_a_crossing_is_found_among_all_sides():
+def test_crossing_is_the_first_of_all_pairs():
     rng = np.random.default_rng(11)
     counts = [0, 0]
     for count in (4, 4, 4, 5, 5, 6, 9, 14) * 8:

@@ -1,4 +1,4 @@
-"""The arm and the weights that tests of the linear controllers share."""
+"""Arm and weights for tests of linear controllers."""
 
 import flexarm as fa
 

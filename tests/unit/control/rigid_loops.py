@@ -1,4 +1,4 @@
-"""Rigid arms for tests of controllers: what the theory speaks of, without bending."""
+"""Rigid arms for tests of controllers whose theory has no bending."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ import flexarm as fa
 
 
 def rigid_arm(payload=0.0, **options):
-    """Two rigid links that hang in gravity unless told otherwise."""
+    """Return two rigid links, which hang under gravity by default."""
     links = [
         fa.Link(length=0.8, mass_per_length=1.0, flexible=False),
         fa.Link(length=0.6, mass_per_length=0.8, flexible=False),
@@ -17,7 +17,7 @@ def rigid_arm(payload=0.0, **options):
 
 
 class Swing:
-    """A reference that goes on for ever: each joint swings at two frequencies."""
+    """A reference without an end, in which each joint swings at two frequencies."""
 
     amplitude = np.array([[0.5, 0.3], [0.4, 0.5]])
     frequency = np.array([[1.7, 4.1], [2.9, 5.3]])  # rad/s, joints by terms
@@ -37,7 +37,7 @@ class Swing:
 
 
 def errors(result, reference):
-    """Angle and rate errors (ticks, joints) of a run, at its recorded times."""
+    """Return angle and rate errors (samples, joints) of a run, at its recorded times."""
     times = result.time.values
     angle = np.array([reference.joint_angle(t) for t in times])
     rate = np.array([reference.joint_rate(t) for t in times])

@@ -1,4 +1,4 @@
-"""Adaptive control on rigid arms, where its theory is exact: page "control under uncertainty"."""
+"""Adaptive control on rigid arms, where its theory is exact: page "Control under uncertainty"."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ WANTED_RATE, WANTED_ACCELERATION = np.array([0.7, 0.2]), np.array([3.0, 5.0])
 NAMES = ("joint_2.coulomb", "payload.mass", "link_1.inertia", "link_2.first_moment")
 
 
-def test_columns_add_up_to_the_inverse_dynamics():
+def test_regressor_columns_add_up_to_the_inverse_dynamics():
     friction = fa.Friction(coulomb=0.3, static=0.5, viscous=0.1)
     joints = [
         fa.Joint(hub_inertia=0.1, friction=friction, damping=0.2),
@@ -33,11 +33,11 @@ def test_columns_add_up_to_the_inverse_dynamics():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_column_is_what_one_unit_of_its_parameter_adds(name):
+def test_regressor_column_is_the_effect_of_a_unit_of_its_parameter(name):
     arm = rigid_arm(payload=0.5)
     model = RigidParameters("test", arm, NAMES)
     column = model.regressor(ANGLE, RATE, RATE, WANTED_ACCELERATION)[2 + NAMES.index(name)]
-    if name == "link_2.first_moment":  # nothing that a user says changes it alone: closed form
+    if name == "link_2.first_moment":  # no input of users changes it alone: closed form
         np.testing.assert_allclose(column, _by_first_moment_2(), rtol=1e-12)
         return
     changed = {
@@ -53,7 +53,7 @@ def test_a_column_is_what_one_unit_of_its_parameter_adds(name):
 
 
 def _by_first_moment_2():
-    """Of Lagrange's equations in absolute angles (``oracles.rigid_double_pendulum``), by m2 x2."""
+    """Return the column of m2 x2 from Lagrange's equations (``oracles.rigid_double_pendulum``)."""
     a1, a2 = ABSOLUTE @ ANGLE
     w1, w2 = ABSOLUTE @ RATE
     v1, v2 = ABSOLUTE @ WANTED_ACCELERATION
@@ -63,7 +63,7 @@ def _by_first_moment_2():
     return ABSOLUTE.T @ [first, second]
 
 
-def test_centrifugal_matrix_is_christoffels():
+def test_centrifugal_matrix_has_christoffel_symbols():
     """dM/dt - 2 C is skew, without which Lyapunov's function would not decrease."""
     arm = rigid_arm(payload=0.5, gravity=(0.0, 0.0))
     model, still = RigidParameters("test", arm), np.zeros(2)
@@ -77,7 +77,7 @@ def test_centrifugal_matrix_is_christoffels():
 
 
 class Kept(fa.Adaptive):
-    """Keeps what Lyapunov's function consists of."""
+    """Records the terms of Lyapunov's function."""
 
     def reset(self):
         super().reset()
@@ -114,17 +114,18 @@ def learning(duration, sample_time, **options):
     return plant, controller, run, swing
 
 
-def test_lyapunovs_function_falls_by_what_the_damping_takes():
+def test_lyapunovs_function_decreases_by_the_power_of_the_damping():
     sample_time = 2e-4
     plant, controller, run, _ = learning(2.0, sample_time)
     s, a = np.array(controller.s), np.array(controller.a)
     M = np.array([plant.mass_matrix(q) for q in run.joint_angle.values[:-1]])
     V = 0.5 * np.einsum("ti,tij,tj->t", s, M, s)
     V += 0.5 * np.sum((a - TRUE) ** 2 / controller.adaptation, axis=1)
-    # Friction is learned at the reference rate: what it takes of s damps besides.
+    # Friction is learned at the reference rate: its part proportional to s adds damping.
     damping = controller.damping + TRUE[1:]
     taken = np.concatenate([[0.0], np.cumsum(np.sum(damping * s**2, axis=1))])[:-1]
-    # Torques held for 0.2 ms: V leaves its law by terms of the first order in the sample time.
+    # Torques are constant for 0.2 ms: V differs from its law by terms of first order in the sample
+    # time.
     np.testing.assert_allclose(V + sample_time * taken, V[0], rtol=5e-3)
     assert np.all(np.diff(V) < 1e-5 * V[0])
     assert V[-1] < 0.5 * V[0]
@@ -132,14 +133,14 @@ def test_lyapunovs_function_falls_by_what_the_damping_takes():
 
 def test_parameters_and_motion_converge_under_excitation():
     _, controller, run, swing = learning(20.0, 1e-3)
-    # What sampling leaves: the torque is late by half a millisecond on the average.
+    # The error of sampling: the torque is late by half a millisecond on the average.
     np.testing.assert_allclose(list(controller.estimate.values()), TRUE, rtol=0.02)
     angle, _ = errors(run, swing)
     assert abs(angle[-2000:]).max() < 1e-3
     assert abs(angle[:500]).max() > 0.2
 
 
-def test_estimates_stay_within_bounds_and_leak_back():
+def test_estimates_are_bounded_and_leak_back():
     _, bounded, _, _ = learning(3.0, 1e-3, bounds={"payload.mass": (0.2, 0.5)})
     mass = np.array(bounded.a)[:, 0]
     assert mass.max() == 0.5
@@ -148,14 +149,17 @@ def test_estimates_stay_within_bounds_and_leak_back():
     assert abs(np.array(leaking.a) - [0.3, 0.0, 0.0]).max() < 0.01
 
 
-def test_nothing_is_learned_within_the_dead_zone():
+def test_errors_within_the_dead_zone_do_not_change_estimates():
     _, controller, _, _ = learning(1.0, 1e-3, dead_zone=100.0)
     np.testing.assert_array_equal(np.array(controller.a), [[0.3, 0.0, 0.0]] * 1000)
 
 
 def strained_poles(arm, bandwidth, damping, gain):
-    """Poles (1/s) of the linear arm around which the law acts at rest, its filters in continuous
-    time: washout at 0.5 Hz, noise at 100 Hz; the model is the rigid bar's inertia."""
+    """Return poles (1/s) of the linear arm with the control law at rest.
+
+    Filters are in continuous time: washout at 0.5 Hz, noise at 100 Hz; the model is the rigid
+    bar's inertia.
+    """
     model = fa.linearize(arm, outputs=["joint_angle", "joint_rate", "strain"])
     n = len(model.A)
     angle, rate, strain = (np.append(row, [0.0, 0.0]) for row in model.C)
@@ -172,8 +176,8 @@ def strained_poles(arm, bandwidth, damping, gain):
     return np.linalg.eigvals(A)
 
 
-def test_strain_feedback_damps_as_the_poles_of_the_linear_loop_say():
-    """After the motion a held joint lets the first vibration ring; and strain takes it down."""
+def test_strain_feedback_gives_the_damping_of_the_linear_poles():
+    """After the motion the first mode vibrates on a constant joint; strain feedback damps it."""
     rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 2}
     gauges = [fa.Gauge(station=0.02, distance=0.005)]
     arm = fa.Arm(
@@ -192,7 +196,8 @@ def test_strain_feedback_damps_as_the_poles_of_the_linear_loop_say():
         slow = poles[(abs(poles.imag) < 1e-9) & (poles.real < -1.0) & (poles.real > -30.0)].real
 
         def missed(pole, t=t, bent=bent, slow=slow):
-            """What one vibration and the slow parts do not explain: fitted, but for the pole."""
+            """Return the part that one vibration and slow terms do not explain; all are fitted
+            except the pole."""
             swing = np.exp(-pole[0] * t)[:, None] * np.stack(
                 [np.cos(pole[1] * t), np.sin(pole[1] * t)], axis=1
             )
@@ -225,14 +230,14 @@ def test_strain_feedback_damps_as_the_poles_of_the_linear_loop_say():
         ({"sample_time": -1.0}, "sample_time"),
     ],
 )
-def test_wrong_arguments_are_told(change, words):
+def test_wrong_arguments_are_rejected(change, words):
     right = {"bandwidth": 5.0, "damping": 1.0, "adaptation": 0.1}
     with pytest.raises(fa.InputError, match="Adaptive: ") as caught:
         fa.Adaptive(rigid_arm(), **{**right, **change})
     assert words in str(caught.value)
 
 
-def test_all_problems_are_told_at_once():
+def test_all_problems_are_reported_together():
     with pytest.raises(fa.InputError) as caught:
         fa.Adaptive(rigid_arm(), bandwidth=-1.0, damping=-1.0, adaptation=-1.0)
     assert len(caught.value.problems) == 3

@@ -1,4 +1,4 @@
-"""The momentum observer against the first-order filter that its theory promises."""
+"""The momentum observer against the first-order filter of its theory."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import flexarm as fa
 from flexarm.control_design.rigid_parameters import RigidParameters
 
 
-def test_momentum_and_its_flow():
+def test_momentum_and_its_flow_equal_derivatives_of_energy():
     arm = rigid_arm(payload=0.5, joints=[fa.Joint(damping=0.3), fa.Joint(stiffness=2.0)])
     angle, rate = np.array([0.4, -0.9]), np.array([1.3, -2.1])
     momentum, flow = RigidParameters("test", arm).momentum(angle, rate)
@@ -35,7 +35,7 @@ class Kept(fa.DisturbanceObserver):
 
 
 def test_estimate_follows_a_constant_torque_as_a_first_order_filter():
-    """While the arm swings: what the model explains is no disturbance."""
+    """The arm swings, and the model's torques are not part of the disturbance."""
     arm, pushed = rigid_arm(payload=0.4), np.array([-1.5, 0.8])
     sample_time, hertz = 1e-3, np.array([2.0, 4.0])
     inner = fa.JointPD([80.0, 30.0], [20.0, 6.0], sample_time=sample_time)
@@ -46,11 +46,11 @@ def test_estimate_follows_a_constant_torque_as_a_first_order_filter():
     found = np.array(observer.kept)
     t = sample_time * np.arange(len(found))[:, None]
     law = pushed * (1.0 - np.exp(-2 * np.pi * hertz * t))
-    # The flow of momentum over a sample is taken for linear: second order in 1 ms.
+    # The flow of momentum is taken as linear over a sample: second order in 1 ms.
     np.testing.assert_allclose(found, law, rtol=0, atol=2e-3)
 
 
-def test_compensation_takes_off_what_pushes():
+def test_compensation_removes_a_disturbance():
     arm = rigid_arm(payload=0.3)
     plant = fa.varied(arm, payload_factor=3.0, friction=fa.Friction(coulomb=0.5, viscous=0.2))
     motion = fa.joint_motion(arm, [0.0, 0.0], [0.8, -0.6], 1.5)
@@ -64,8 +64,8 @@ def test_compensation_takes_off_what_pushes():
     assert ends[1] < 0.02 * ends[0]
 
 
-def test_a_measured_torque_is_taken_for_what_acted():
-    """Motors that give less than was asked for do not look like a disturbance."""
+def test_measured_torque_is_used_instead_of_the_command():
+    """Motors with less than the requested torque do not cause a disturbance estimate."""
     arm = rigid_arm(gravity=(0.0, 0.0))
     motion = fa.joint_motion(arm, [0.0, 0.0], [1.5, -1.0], 0.5)
     largest = []
@@ -80,7 +80,7 @@ def test_a_measured_torque_is_taken_for_what_acted():
     assert largest[1] < 1e-2
 
 
-def test_wrong_arguments_are_told_at_once():
+def test_wrong_arguments_are_reported_together():
     with pytest.raises(fa.InputError) as caught:
         fa.DisturbanceObserver(rigid_arm(), "PD", 0.0, 1.5)
     assert [p.name for p in caught.value.problems] == ["inner", "cutoff", "compensation"]

@@ -47,7 +47,7 @@ ACCELEROMETER = fa.Instrument(
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.05, 0.02)])
-def test_a_single_step_is_the_exact_one(offset):
+def test_single_step_is_exact(offset):
     arm = two_links(offset=offset)
     random = np.random.default_rng(2)
     x, torque = 0.1 * random.standard_normal(2 * arm.dof), np.array([0.4, -0.2])
@@ -70,7 +70,7 @@ def test_a_single_step_is_the_exact_one(offset):
     np.testing.assert_allclose(step.take(x, torque, 0.3).after, other.after, rtol=1e-12)
 
 
-def test_steps_are_as_many_as_the_fastest_mode_asks_for():
+def test_number_of_steps_follows_from_the_fastest_mode():
     arm = two_links()
     run = fa.simulate(
         arm, 0.01, torque=lambda t: [2.0, -1.0], initial=arm.rest([0.3, -0.4]), rtol=1e-11
@@ -83,9 +83,9 @@ def test_steps_are_as_many_as_the_fastest_mode_asks_for():
     np.testing.assert_allclose(x.after[: arm.dof], run.q.values[-1], rtol=0, atol=1e-4 * scale)
 
 
-# Numbers are compared, not judged: the random state bends the links far.
+# The random state bends the links far, which does not affect the comparison.
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
-def test_predicted_readings_are_those_of_the_linear_model():
+def test_predicted_readings_equal_those_of_the_linear_model():
     arm = two_links()
     random = np.random.default_rng(4)
     x, torque = 0.1 * random.standard_normal(2 * arm.dof), np.array([0.4, -0.2])
@@ -111,7 +111,7 @@ def test_predicted_readings_are_those_of_the_linear_model():
 
 
 def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN), initial=None):
-    """Torques asked for and readings, of a plant that PD holds and random torques shake."""
+    """Return torques and readings of a plant under PD control and random torques."""
     random = np.random.default_rng(seed)
     joints = arm.joints
 
@@ -141,12 +141,12 @@ def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN),
     return run, np.array(controller.asked), {n: run[f"measured_{n}"].values for n in names}
 
 
-def test_equals_the_kalman_filter_of_the_linear_arm():
-    """A single link with one mode hardly turns: nothing is left that is not linear."""
+def test_filter_of_a_linear_arm_equals_the_kalman_filter():
+    """A single link with one mode hardly turns, so it is almost linear."""
     arm = one_link()
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], torque_noise=0.2)
     _, torque, readings = record(arm, arm, 0.3, seed=5, noise=0.2)
-    scale = 1e-4  # of everything: what is quadratic falls by as much again
+    scale = 1e-4  # a factor on all values: quadratic terms are smaller by another such factor
     readings = {name: scale * values for name, values in readings.items()}
     found = filters.run(scale * torque, readings)
 
@@ -165,13 +165,13 @@ def test_equals_the_kalman_filter_of_the_linear_arm():
         y = np.concatenate([readings["joint_angle"][k], readings["strain"][k]])
         K = P @ model.C.T @ np.linalg.inv(model.C @ P @ model.C.T + R)
         x, P = x + K @ (y - model.C @ x), (np.eye(n) - K @ model.C) @ P
-        # Four-stage steps of less than 0.1 rad of the mode: 1e-7 of what changes.
+        # Four-stage steps of less than 0.1 rad of the mode: 1e-7 of the change.
         got = np.concatenate([found.q[k], found.qd[k]])
         np.testing.assert_allclose(got, x, rtol=1e-5, atol=1e-6 * abs(x).max())
         np.testing.assert_allclose(found.covariance[k][:n, :n], P, rtol=1e-4, atol=1e-6 * P.max())
 
 
-def test_errors_are_as_large_as_the_filter_says():
+def test_errors_have_the_covariance_of_the_filter():
     """Normalised errors squared of 25 runs against the chi-squared distribution."""
     arm, runs = one_link(), 25
     random = np.random.default_rng(11)
@@ -203,24 +203,25 @@ def test_errors_are_as_large_as_the_filter_says():
         truth = np.concatenate([run.q.values[at], run.qd.values[at], [0.2 + drawn[4]]])
         error = np.concatenate([filters.q, filters.qd, [filters.payload_mass]]) - truth
         total += error @ np.linalg.solve(filters.covariance, error)
-    # Seeds are fixed; another choice would fail once in a hundred times.
+    # Seeds are fixed; with others the test would fail once in a hundred times.
     assert chi2.ppf(0.005, 5 * runs) < total < chi2.ppf(0.995, 5 * runs)
 
 
 @pytest.mark.parametrize("factor", [0.0, 1.0, 2.0, 3.0])
-def test_finds_the_payload(factor):
+def test_payload_is_estimated(factor):
     arm = two_links()
     plant = fa.varied(arm, payload_factor=factor)
     run, torque, readings = record(arm, plant, 0.8, seed=1)
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], 0.02, payload_deviation=0.3)
     found = filters.run(torque, readings)
-    # Links stiff enough that the linear theory holds: they bend by less than a twentieth.
+    # Links so stiff that the linear theory holds: they bend by less than a twentieth.
     assert abs(run.link_tip_deflection.values).max() < 0.05 * 0.8
     missed = found.payload_mass[-1] - 0.2 * factor
-    if factor == 1.0:  # then it errs as it says: by four of its deviations once in 16000 times
+    # then its error is consistent: four of its deviations are exceeded once in 16000 times
+    if factor == 1.0:
         assert abs(missed) < 4.0 * np.sqrt(found.covariance[-1][-1, -1])
-    # Begun with another mass, it has weighed first readings by slopes of that one: what is learned
-    # early is not unlearned, a hundredth of the mass believed in.
+    # The first readings are weighted with the slopes of the initial mass, which later readings do
+    # not correct: a hundredth of the believed mass.
     assert abs(missed) < 2e-3
     truth = run.q.values[np.arange(0, 800)]
     late = slice(400, None)
@@ -229,8 +230,9 @@ def test_finds_the_payload(factor):
 
 
 @pytest.mark.parametrize("start", [0.0, 0.1])
-def test_a_wide_prior_is_not_narrowed_by_vibration_that_is_not_there(start):
-    """Seeds of which one Gaussian over the mass ended at 0.2 to 0.4 kg, certain to 0.1 g."""
+def test_wide_prior_of_the_mass_is_not_narrowed_by_wrong_estimates_of_vibration(start):
+    """With these seeds one Gaussian over the mass ended at 0.2 to 0.4 kg, with a deviation of 0.1
+    g."""
     rod = {"elements": 1, "gauges": [fa.Gauge(station=0.02, distance=0.005)]}
     rod["damping"] = fa.ModalDamping(ratio=0.005)
     arm = fa.Arm(
@@ -263,37 +265,37 @@ def test_a_wide_prior_is_not_narrowed_by_vibration_that_is_not_there(start):
         readings = {item.label: run[f"measured_{item.label}"].values for item in instruments}
         found = filters.run(run.torque_command.values[: len(readings["strain"])], readings)
         deviation = np.sqrt(found.covariance[:, -1, -1])
-        # Before there is motion the distribution is wide and skew; deviations say little there.
+        # Before the motion the distribution is wide and skew; deviations have little meaning there.
         assert np.all(np.abs(found.payload_mass - 1.0)[-100:] < 4.0 * deviation[-100:])
         assert deviation[-1] < 0.02
         assert found.consistent
         total += ((found.payload_mass[-1] - 1.0) / deviation[-1]) ** 2
-    # Seeds are fixed; another choice would fail once in a thousand times.
+    # Seeds are fixed; with others the test would fail once in a thousand times.
     assert total < chi2.ppf(0.999, 3)
 
 
-def test_the_first_reading_counts_once():
+def test_first_reading_is_used_once():
     arm = one_link()
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER])
     filters.correct(Measurement(joint_angle=np.array([0.3])))
     assert filters.q[0] == pytest.approx(0.3, abs=1e-12)
-    # Certain to 100 times the noise before.
+    # The initial deviation is 100 times the noise.
     assert filters.covariance[0, 0] == pytest.approx(ENCODER.noise**2, rel=2e-4)
 
 
 @pytest.mark.parametrize(("mass", "deviation"), [(0.2, 0.1), (0.2, 0.05), (0.2, 0.02)])
-def test_the_sum_of_gaussians_has_the_moments_given(mass, deviation):
+def test_sum_of_gaussians_has_the_given_mean_and_covariance(mass, deviation):
     arm = two_links(payload=mass)
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER], payload_deviation=deviation)
     filters._begin(Measurement(joint_angle=np.array([0.3, -0.4])))
-    # Discrete weights and range; a hundredth of the deviation.
+    # Discrete weights and a finite range: a hundredth of the deviation.
     assert filters.payload_mass == pytest.approx(mass, abs=0.02 * deviation)
     assert np.sqrt(filters.covariance[-1, -1]) == pytest.approx(deviation, rel=0.05)
-    # Links sag in proportion to the mass: fully correlated but for vibration.
+    # Links sag in proportion to the mass: fully correlated except for vibration.
     assert np.min(np.linalg.eigvalsh(filters.covariance)) >= 0.0
 
 
-def test_no_payload_is_less_than_nothing():
+def test_estimated_payload_is_not_negative():
     arm = two_links(payload=0.0)
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER], payload_deviation=0.3, payload_drift=0.01)
     filters._begin(Measurement(joint_angle=np.array([0.3, -0.4])))
@@ -302,7 +304,7 @@ def test_no_payload_is_less_than_nothing():
     assert np.all(np.isfinite(filters.covariance))
 
 
-def test_an_inconsistent_filter_reports_it():
+def test_inconsistent_filter_is_reported():
     arm = two_links()
     plant = fa.varied(arm, flexural_rigidity_factor=0.5)
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], 0.02)
@@ -320,7 +322,7 @@ def test_an_inconsistent_filter_reports_it():
     assert 0.5 < right.estimator_innovation < 1.5
 
 
-def test_an_inner_controller_sees_the_estimates():
+def test_inner_controller_receives_the_estimates():
     arm = two_links()
     plant = fa.varied(arm, payload_factor=2.0)
 
@@ -337,14 +339,14 @@ def test_an_inner_controller_sees_the_estimates():
     run = fa.simulate(
         arm, 0.8, controller=controller, reference=motion, plant=plant, hardware=hardware
     )
-    last = run.q.values[-2]  # of the last tick
+    last = run.q.values[-2]  # of the last sample
     np.testing.assert_allclose(inner.seen.q, last, rtol=0, atol=3e-3)
     np.testing.assert_allclose(inner.seen.joint_angle, last[arm.joint_index], rtol=0, atol=1e-3)
     assert inner.seen.payload_mass[0] == pytest.approx(0.4, abs=0.03)
     assert "strain" in inner.seen
 
 
-def test_wrong_arguments_are_told():
+def test_wrong_arguments_are_rejected():
     arm = one_link()
     with pytest.raises(fa.InputError) as caught:
         fa.ExtendedKalmanFilter(arm, [ENCODER], torque_noise=-1.0, sample_time=0.0)

@@ -1,4 +1,4 @@
-"""Torques looked up at sample times are those of the function."""
+"""Torques tabulated at sample times equal those of the function."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ class Waves:
 
 
 @pytest.mark.parametrize("vectorized", [True, False])
-def test_same_values_at_and_between_sample_times(vectorized):
+def test_tabulated_torques_equal_the_function_at_and_between_sample_times(vectorized):
     wave = Waves(vectorized)
     sampled = SampledFeedforward(wave, 0.003)
     times = [*(k * 0.003 for k in range(1200)), 0.0005, 0.003, -1.0]

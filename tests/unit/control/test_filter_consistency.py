@@ -1,42 +1,32 @@
-"""Errors of the extended Kalman filter against its own covariance, over a few random runs."""
+"""Errors of the extended Kalman filter against its covariance, over a few random runs."""
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-SCRIPT = Path(__file__).parents[3] / "docs" / "how-to" / "measure_consistency.py"
+from page_scripts import script
+
 #: Runs of each arm; the page "Control under uncertainty" has the table of 100.
 SEEDS = 8
 
 
-def _script():
-    spec = importlib.util.spec_from_file_location("measure_consistency", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-STUDY = _script()
+STUDY = script("measure_consistency")
 
 
 @pytest.mark.parametrize(("name", "moving"), [*itertools.product(STUDY.ARMS, [False, True])])
-def test_errors_are_as_large_as_the_covariance_says(name, moving):
+def test_errors_have_the_stated_covariance(name, moving):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of links that bend far where a heavy payload is drawn
+        warnings.simplefilter("ignore")  # of links that bend far under a heavy random payload
         squared, consistent = zip(
             *(STUDY.errors(name, moving, seed) for seed in range(SEEDS)), strict=True
         )
     arm, _ = STUDY.ARMS[name]
-    # Twelve sums are tested: one of other seeds would leave its band in 1 % of cases.
+    # Twelve sums are tested: with other seeds one would be outside its band in 1 % of cases.
     low, high = chi2.ppf([0.0005, 0.9995], SEEDS * (2 * arm.dof + 1))
     assert np.all((low < np.sum(squared, axis=0)) & (np.sum(squared, axis=0) < high))
     assert all(consistent)

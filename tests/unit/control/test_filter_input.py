@@ -1,4 +1,4 @@
-"""Readings, masses and torques that make no sense to the extended Kalman filter."""
+"""Readings, masses and torques that are impossible for the extended Kalman filter."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ ENCODER = fa.Instrument("joint_angle", noise=2e-4)
 
 
 @pytest.mark.parametrize("reading", [np.nan, np.inf, 1e200])
-def test_readings_that_no_instrument_gives_are_refused(reading):
+def test_impossible_readings_are_rejected(reading):
     arm = two_links()
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER], payload_deviation=0.1)
     for _ in range(2):  # the first reading and a later one
@@ -26,7 +26,7 @@ def test_readings_that_no_instrument_gives_are_refused(reading):
         filters.run(np.zeros((3, 2)), {"joint_angle": record})
 
 
-def test_huge_beginnings_are_refused():
+def test_huge_initial_values_are_rejected():
     arm = two_links()
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER], payload_deviation=0.1)
     still, P = np.zeros(arm.dof), np.eye(2 * arm.dof + 1)
@@ -35,7 +35,7 @@ def test_huge_beginnings_are_refused():
             filters.begin(still, still, mass, covariance)
 
 
-def test_an_estimate_that_diverges_is_reported():
+def test_diverging_estimate_is_reported():
     arm = two_links()
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER])
     filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))

@@ -1,4 +1,5 @@
-"""Force controllers asked directly: bounds, the air, the reference looked up ahead, bad gains."""
+"""Force controllers called directly: bounds, motion without contact, previewed references, wrong
+gains."""
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def reading(force, angle=None, rate=STILL):
 
 
 class AtRest:
-    """The pressed motion, stopped at its start."""
+    """The pressing motion, stopped at its start."""
 
     def joint_angle(self, t):
         return PRESSED.joint_angle(0.0)
@@ -46,7 +47,7 @@ class AtRest:
 
 
 @every
-def test_at_its_reference_it_holds_the_bent_arm(kind):
+def test_at_its_reference_the_controller_holds_the_bent_arm(kind):
     controller = kind(ARM)
     controller.reset()
     torque = controller.update(0.0, reading(4.0), AtRest())
@@ -54,7 +55,7 @@ def test_at_its_reference_it_holds_the_bent_arm(kind):
 
 
 @every
-def test_an_arm_that_is_its_own_reference_needs_no_force(kind):
+def test_arm_may_be_its_own_reference_without_a_force(kind):
     controller = kind(ARM)
     controller.reset()
     measurement = Measurement(joint_angle=np.array([0.4, 0.3]), joint_rate=STILL)
@@ -67,7 +68,7 @@ def jacobian_row():
 
 
 def pushes(controller, forces):
-    """Force along x beyond the reference's, for one measured force after another."""
+    """Return the force along x beyond the reference's, for a sequence of measured forces."""
     controller.reset()
     row, found = jacobian_row(), []
     for k, force in enumerate(forces):
@@ -76,15 +77,15 @@ def pushes(controller, forces):
     return np.array(found)
 
 
-def test_hybrid_pushes_with_the_integral_of_the_error():
+def test_hybrid_adds_the_integral_of_the_error():
     controller = fa.HybridForce(ARM, force_integral=10.0, force_proportional=0.5)
     found = pushes(controller, [3.0, 3.0, 3.5])
     np.testing.assert_allclose(found, [0.5, 0.51, 0.27], atol=1e-12)
 
 
-def test_in_the_air_it_pushes_no_more_than_its_speed_takes():
+def test_force_without_contact_is_limited_by_the_approach_speed():
     controller = fa.HybridForce(ARM, normal_damping=20.0, approach_speed=0.1)
-    # 4 N less 2 N, however long; the integral waits for the first touch.
+    # 4 N less 2 N for any time; the integral starts at the first contact.
     np.testing.assert_allclose(pushes(controller, [0.0] * 50), -2.0, atol=1e-12)
     found = pushes(controller, [0.0] * 50 + [4.0, 4.0])
     np.testing.assert_allclose(found[-2:], 0.0, atol=1e-12)
@@ -96,10 +97,11 @@ def test_integral_is_bounded_by_half_of_the_force():
     assert pushes(controller, [9.0] * 20)[-1] == pytest.approx(-2.0)
 
 
-def test_admittance_moves_its_reference_no_faster_than_told():
+def test_admittance_moves_its_reference_at_a_bounded_speed():
     slow = fa.Admittance(ARM, damping=1.0, most_speed=0.05)
     fast = fa.Admittance(ARM, damping=1.0, most_speed=1e9)
-    # Error 2 N over 1 N s/m: 2 m/s asked for, 0.05 m/s given; the first sample feels the damper.
+    # Error 2 N over 1 N s/m: 2 m/s requested, 0.05 m/s allowed; the first sample has the damper's
+    # force.
     ratio = pushes(slow, [6.0])[0] / pushes(fast, [6.0])[0]
     assert ratio == pytest.approx(0.05 / 2.0)
 
@@ -139,14 +141,14 @@ def test_three_joints_keep_their_posture():
     M = rigid.mass_matrix(rigid.rest(angles))
     free = np.linalg.svd(J)[2][2]
     pulled = np.linalg.solve(M, J.T @ [1.0, 0.0]), np.linalg.solve(M, J.T @ [0.0, 1.0])
-    # What is left once the springs of the tip are taken away lies along the posture's way.
+    # Without the springs of the tip, the remaining torque is along the self-motion of the posture.
     K = -60.0 * J @ (angles - goal)
     rest = found - K[0] * pulled[0] - K[1] * pulled[1]
-    # The tip's own path is curved: second order of the offset of 0.04 rad.
+    # The tip's path is curved: second order of the offset of 0.04 rad.
     assert free @ rest == pytest.approx(free @ back, rel=0.1)
 
 
-def test_the_reference_ahead_is_the_reference():
+def test_previewed_reference_equals_the_reference():
     seen = sampled_reference(PRESSED, 1e-3, 1.0)
     for name in ("joint_angle", "joint_acceleration", "contact_force", "pressing_torque", "tip"):
         ask, wanted = getattr(seen, name), getattr(PRESSED, name)
@@ -161,7 +163,7 @@ def test_the_reference_ahead_is_the_reference():
 
 
 @every
-def test_bad_gains_are_told_all_at_once(kind):
+def test_wrong_gains_are_reported_together(kind):
     with pytest.raises(fa.InputError) as caught:
         kind(
             ARM,

@@ -1,4 +1,4 @@
-"""Margins of sampled loops against closed forms, and loops against the controllers they are of."""
+"""Margins of sampled loops against closed forms, and linear loops against their controllers."""
 
 import sys
 from pathlib import Path
@@ -10,6 +10,7 @@ import flexarm as fa
 from flexarm.loop_analysis.linear_controller import linear_controller
 from flexarm.loop_analysis.margins import loop_at
 from flexarm.loop_analysis.plant_model import instruments_of, model_at, signals_of
+from paper_arms import laboratory_arm
 
 sys.path.append(str(Path(__file__).parents[2] / "conformance"))
 from controller_examples import EXAMPLES, SAMPLE_TIME, two_links
@@ -18,14 +19,15 @@ STEP, K, D = 2e-3, 30.0, 3.0
 
 
 def turntable():
-    """One rigid link on a hub: a double integrator, and its inertia."""
+    """Return one rigid link on a hub, a double integrator, and its inertia."""
     link = fa.Link(length=0.8, flexural_rigidity=40.0, mass_per_length=0.5, elements=1)
     arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)]).rigid()
     return arm, float(arm.mass_matrix([0.0])[0, 0])
 
 
 def returned(frequency, inertia, late=0):
-    """Loop gain of a PD controller around J theta'' = torque with a hold, by z-transforms."""
+    """Return the loop gain of a PD controller around J theta'' = torque with a hold, by
+    z-transforms."""
     z = np.exp(1j * frequency * STEP)
     angle = STEP**2 / (2.0 * inertia) * (z + 1.0) / (z - 1.0) ** 2
     rate = STEP / inertia / (z - 1.0)
@@ -56,7 +58,7 @@ def test_margins_of_a_double_integrator_have_closed_forms(late):
         assert float(found.gain_margin) == pytest.approx(-1.0 / L.real[turned], rel=1e-3)
 
 
-def test_the_gain_margin_is_where_the_loop_turns_unstable():
+def test_loop_becomes_unstable_at_the_gain_margin():
     arm = two_links()
     own = fa.JointPD([3.0, 1.0], [0.05, 0.02], sample_time=SAMPLE_TIME)
     damped = fa.Arm(
@@ -74,7 +76,7 @@ def test_the_gain_margin_is_where_the_loop_turns_unstable():
         assert growth[0] < 0.0 < growth[1]
 
 
-def test_disk_margins_are_those_of_python_control():
+def test_disk_margins_equal_those_of_python_control():
     control = pytest.importorskip("control")
     if not hasattr(control, "disk_margins"):
         pytest.skip("python-control has no disk margins before 0.10.2")
@@ -88,8 +90,8 @@ def test_disk_margins_are_those_of_python_control():
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_the_memory_that_a_controller_declares_is_complete(name):
-    """Its linear system answers small readings of many samples as the controller does."""
+def test_declared_memory_of_controllers_is_complete(name):
+    """The linear system of a controller has the same response to small readings of many samples."""
     controller = EXAMPLES[name]()
     if controller.memory is None:
         assert name in ("estimator", "rbf_adaptive")
@@ -102,7 +104,7 @@ def test_the_memory_that_a_controller_declares_is_complete(name):
     readings = np.concatenate(list(about.values()))
     rng = np.random.default_rng(3)
     small = 1e-6 * rng.normal(size=(25, readings.size))
-    small[0] = 0.0  # angles that are held without a reference
+    small[0] = 0.0  # constant angles without a reference
     ends = np.cumsum([value.size for value in about.values()])[:-1]
 
     def answer(deviations):
@@ -123,26 +125,15 @@ def test_the_memory_that_a_controller_declares_is_complete(name):
     for y in small:
         wanted.append(linear.C @ state + linear.D @ y)
         state = linear.A @ state + linear.B @ y
-    # Second order in 1e-6, amplified by how fast gains change with the readings.
+    # Second order in 1e-6, amplified by the change of gains with the readings.
     np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-4 * np.abs(wanted).max())
 
 
 def robust_arm(rigidity=1.0, payload=0.1, gravity=(0.0, -9.81)):
-    """The arm of docs/how-to/control-linear.md with a payload, in a vertical plane."""
-    rod = {"mass_per_length": 0.61732, "damping": fa.ModalDamping(ratio=0.01)}
-    rod |= {
-        "flexural_rigidity": 105.0 * rigidity,
-        "gauges": [fa.Gauge(station=0.05, distance=0.005)],
-    }
-    return fa.Arm(
-        links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],
-        joints=[
-            fa.Joint(hub_inertia=0.1),
-            fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-        ],
-        payload=fa.Payload(mass=payload),
-        gravity=gravity,
-    )
+    """Return the arm of docs/how-to/control-linear.md with a payload, in a vertical plane."""
+    gauges, damping = [fa.Gauge(station=0.05, distance=0.005)], fa.ModalDamping(ratio=0.01)
+    rod = {"gauges": gauges, "damping": damping}
+    return laboratory_arm(rigidity, payload, rod, gravity=gravity)
 
 
 PLANTS = {"soft": (0.7, 0.1), "stiff": (1.3, 0.1), "heavy": (1.0, 0.2), "both": (0.7, 0.2)}
@@ -154,20 +145,20 @@ def growth(controller):
     return max(controller.loop_poles(plant, POSTURE)[0].real for plant in plants)
 
 
-# The soft and heavy arm sags by a tenth of its length: beyond the theory, and no matter here.
+# The soft and heavy arm sags by a tenth of its length: beyond the theory, without effect here.
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("kind", [fa.LQG, fa.Composite, fa.MPC])
 def test_designs_for_an_uncertain_rigidity_are_stable_on_other_arms(kind):
     options = {"torque_limit": 200.0, "sample_time": 2e-3} if kind is fa.MPC else {}
     plain = kind(robust_arm(), POSTURE, **options)
-    # Composite leaves the bend to the fast part alone, and needs more.
+    # Composite control damps bending by its fast part alone, and needs more.
     unsure = {"rigidity_uncertainty": 1.0, "recovery": 1.0} if kind is fa.Composite else {}
     unsure = unsure or {"rigidity_uncertainty": 0.3}
     assert growth(plain) > 1.0
     assert growth(kind(robust_arm(), POSTURE, **unsure, **options)) < -0.5
 
 
-def test_recovery_brings_the_margins_of_state_feedback():
+def test_recovery_restores_the_margins_of_state_feedback():
     margins = [
         float(fa.loop_margins(fa.LQG(robust_arm(), POSTURE, recovery=recovery)).disk_margin.min())
         for recovery in (0.0, 1.0, 10.0)
@@ -175,18 +166,18 @@ def test_recovery_brings_the_margins_of_state_feedback():
     assert margins[0] < margins[1] < margins[2]
 
 
-def test_composite_has_its_bandwidth_against_gravity():
+def test_composite_has_its_bandwidth_under_gravity():
     """State feedback at the design's posture: the joints' poles are near the bandwidth."""
     slow = fa.Composite(robust_arm(), POSTURE, bandwidth=2.0, rigidity_uncertainty=0.3)
     item = slow.designs[0]
     z = np.linalg.eigvals(item.A - item.B @ item.gain)
     decay = np.sort(-np.log(np.abs(z)) / slow.sample_time)
-    # The bend that goes with the joints is slow, not at rest: the small parameter is 0.05.
+    # The bend that moves with the joints is slow, not zero: the small parameter is 0.05.
     np.testing.assert_allclose(decay[:4], 2.0, atol=1.0)
 
 
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
-def test_a_design_for_a_margin_keeps_it_or_says_what_it_reaches():
+def test_design_for_a_margin_reaches_it_or_reports_the_best():
     plants = {name: robust_arm(*change) for name, change in list(PLANTS.items())[-1:]}
     made = fa.LQG.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=0.2)
     assert float(fa.loop_margins(made, plants).worst_disk_margin.min()) >= 0.2
@@ -194,7 +185,7 @@ def test_a_design_for_a_margin_keeps_it_or_says_what_it_reaches():
         fa.Composite.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=1.9)
 
 
-def test_margins_refuse_what_they_cannot_analyse():
+def test_unsupported_loops_are_rejected():
     class Own:
         sample_time = 1e-3
 
@@ -214,7 +205,7 @@ def test_margins_refuse_what_they_cannot_analyse():
         fa.loop_margins(fa.JointPD(1.0, 1.0), arm, hardware=slow)
 
 
-def test_plants_need_the_gauges_that_the_controller_reads():
+def test_plants_need_the_gauges_of_the_controller():
     bare = fa.Arm(
         links=[fa.Link(length=1.0, flexural_rigidity=105.0, mass_per_length=0.6) for _ in range(2)]
     )
@@ -269,12 +260,12 @@ def test_one_call_warns_once_of_bending(call):
         ({"postures": "x"}, "postures must be numbers of shape"),
     ],
 )
-def test_arguments_of_the_wrong_kind_are_refused(given, message):
+def test_arguments_of_the_wrong_kind_are_rejected(given, message):
     with pytest.raises(fa.InputError, match=message):
         fa.loop_margins(fa.JointPD(3.0, 0.3), **{"plants": two_links(), **given})
 
 
-def test_times_and_plants_of_the_wrong_kind_are_refused():
+def test_times_and_plants_of_the_wrong_kind_are_rejected():
     arm = two_links()
     motion = fa.joint_motion(arm, [0.1, 0.2], [0.2, 0.3], 1.0)
     for postures, message in (([], "are empty"), ("x", "postures"), ([[0.1], [0.1, 0.2]], "post")):
@@ -284,8 +275,8 @@ def test_times_and_plants_of_the_wrong_kind_are_refused():
         fa.LQG.for_margin(arm, plants=3)
 
 
-def test_limits_of_torque_rates_are_no_part_of_the_linear_loop():
-    """A change of one reading from one update to the next would meet them."""
+def test_torque_rate_limits_are_not_part_of_the_linear_loop():
+    """A change of one reading from one update to the next would exceed them."""
     found = [
         fa.loop_margins(fa.MPC(robust_arm(), POSTURE, torque_limit=200.0, torque_rate=rate))
         for rate in (None, 20.0)

@@ -9,7 +9,7 @@ from flexarm.control_design.linear_design import preview_gain
 from flexarm.control_design.posture_grid import Interpolated, PostureGrid
 
 SAMPLE_TIME = 0.002
-#: Outputs that tell the whole state of links of one element each.
+#: Outputs that determine the whole state of links of one element each.
 ALL = (
     "joint_angle",
     "link_tip_deflection",
@@ -21,7 +21,7 @@ ALL = (
 
 
 class StateFeedback(fa.Controller):
-    """The regulator alone, fed by instruments that tell the whole state; adds up the cost."""
+    """The regulator alone, with instruments for the whole state; it adds up the cost."""
 
     sample_time = SAMPLE_TIME
 
@@ -41,7 +41,7 @@ class StateFeedback(fa.Controller):
         return u
 
 
-def test_cost_is_the_riccati_value_and_the_nonlinear_run_goes_to_it():
+def test_cost_of_a_nonlinear_run_approaches_the_riccati_value():
     arm = arm_with_gauges()
     design = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME).designs[0]
     away = arm.from_nodal([0.6, 0.5], [np.array([[0.02, 0.05]]), np.array([[-0.01, 0.02]])])
@@ -70,7 +70,7 @@ def test_cost_is_the_riccati_value_and_the_nonlinear_run_goes_to_it():
             atol=1e-12,
         )
         missing.append(controller.cost / size**2 / value - 1.0)
-    # Costs of size**2 (1 + a size + b size**2): b still shows at the largest size.
+    # Costs of size**2 (1 + a size + b size**2): b is visible at the largest size.
     assert abs(missing[2]) < 0.6 * abs(missing[1]) < 0.6 * abs(missing[0])
     assert abs(missing[2]) < 1e-3
 
@@ -82,7 +82,7 @@ def test_gains_agree_with_python_control():
     design = controller.designs[0]
     model = fa.linearize(arm, fa.equilibrium(arm, POSTURE), outputs=["joint_angle", "strain"])
     plant = model.to_control().sample(SAMPLE_TIME)
-    # Two ways to the exponential of a matrix with entries up to 1e5.
+    # Two algorithms for the exponential of a matrix with entries up to 1e5.
     np.testing.assert_allclose(design.A, plant.A, rtol=0, atol=1e-9 * np.abs(plant.A).max())
     np.testing.assert_allclose(design.B, plant.B, rtol=0, atol=1e-9 * np.abs(plant.B).max())
     gain = control.dlqr(plant.A, plant.B, design.weight, design.torque_weight)[0]
@@ -90,7 +90,7 @@ def test_gains_agree_with_python_control():
 
 
 class Shaken(fa.Controller):
-    """An LQG whose torque reaches the arm with a random error, and what it did not foresee."""
+    """An LQG with a random error on its torque, which records the innovations."""
 
     def __init__(self, controller, size):
         self.controller, self.size = controller, size
@@ -109,7 +109,7 @@ class Shaken(fa.Controller):
         return torque + self.generator.normal(0.0, self.size, 2)
 
 
-def test_innovations_have_the_covariance_of_the_filter_and_no_memory():
+def test_innovations_are_white_with_the_covariance_of_the_filter():
     arm = arm_with_gauges()
     noise = {"joint_angle": 2e-5, "strain": 1e-5}
     controller = fa.LQG(
@@ -134,7 +134,7 @@ def test_innovations_have_the_covariance_of_the_filter_and_no_memory():
     wanted = controller.designs[0].innovation_covariance
     spread = np.sqrt(np.diag(wanted))
     found = seen.T @ seen / len(seen)
-    # An estimated correlation of n samples is off by 1 / sqrt(n): five times that.
+    # An estimated correlation of n samples has an error of 1 / sqrt(n): five times that.
     bound = 5.0 * np.sqrt(2.0 / len(seen))
     np.testing.assert_allclose(
         found / np.outer(spread, spread), wanted / np.outer(spread, spread), rtol=0, atol=bound
@@ -144,7 +144,7 @@ def test_innovations_have_the_covariance_of_the_filter_and_no_memory():
         np.testing.assert_allclose(memory / np.outer(spread, spread), 0.0, atol=bound)
 
 
-def test_poles_are_those_that_the_nonlinear_loop_shows():
+def test_nonlinear_loop_has_the_linear_poles():
     """A sum of decays z**k obeys the recurrence of the polynomial with those roots."""
     arm = arm_with_gauges()
     controller = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME)
@@ -175,7 +175,7 @@ def test_poles_are_those_that_the_nonlinear_loop_shows():
         assert missed(slow) < 0.2 * missed(wrong)
 
 
-def test_integral_removes_what_a_wrong_payload_leaves():
+def test_integral_removes_the_error_of_a_wrong_payload():
     arm = arm_with_gauges(gravity=(0.0, -9.81))
     plant = arm_with_gauges(gravity=(0.0, -9.81), payload=fa.Payload(mass=0.1))
     hold = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
@@ -196,7 +196,7 @@ def test_integral_removes_what_a_wrong_payload_leaves():
     assert errors["joint_angle"] < 1e-3 * errors[None]
 
 
-def test_integral_of_the_tip_puts_the_sagging_tip_where_it_is_wanted():
+def test_integral_of_the_tip_removes_its_sag():
     arm = arm_with_gauges(gravity=(0.0, -9.81))
     wanted = arm.rigid().tip(POSTURE)[:2]
     controller = fa.LQG(
@@ -225,7 +225,7 @@ def test_integral_of_the_tip_puts_the_sagging_tip_where_it_is_wanted():
     assert away[-1] < 1e-3 * away[0]
 
 
-def test_preview_is_the_least_cost_of_forces_known_ahead():
+def test_preview_minimizes_the_cost_under_known_forces():
     """Against the stacked least-squares problem, solved at once."""
     arm = arm_with_gauges()
     design = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME).designs[0]
@@ -240,7 +240,7 @@ def test_preview_is_the_least_cost_of_forces_known_ahead():
         return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 
     def residuals(torques):
-        """Square roots of what the cost adds up, forces known included."""
+        """Return square roots of the terms of the cost, with the known forces."""
         x, parts = x0, []
         for i in range(steps):
             parts += [half(design.weight) @ x, half(design.torque_weight) @ torques[i]]
@@ -254,7 +254,7 @@ def test_preview_is_the_least_cost_of_forces_known_ahead():
     np.testing.assert_allclose(law, best[0], rtol=1e-5, atol=1e-5 * np.abs(best).max())
 
 
-def test_tip_follows_a_motion_twenty_times_better_than_joint_control():
+def test_tip_error_is_twenty_times_smaller_than_with_joint_control():
     arm = arm_with_gauges()
     motion = fa.line_motion(arm, (1.2, 0.3), (0.9, 0.6), 0.6, start_time=0.4)
     lqg = fa.LQG(
@@ -271,17 +271,17 @@ def test_tip_follows_a_motion_twenty_times_better_than_joint_control():
     assert errors[1] < errors[0] / 20.0
 
 
-def test_recorded_run_is_followed_exactly_and_held():
+def test_recorded_run_is_followed_exactly_and_its_end_is_held():
     arm = arm_with_gauges()
     motion = fa.joint_motion(arm, POSTURE, [0.6, 0.6], 0.5)
     planned = fa.simulate(arm, 0.8, torque=fa.rigid_torque(arm, motion), initial=arm.rest(POSTURE))
     controller = fa.LQG(arm, [0.5, 0.75], nominal=planned)
     run = fa.simulate(arm, 0.8, controller=controller, reference=motion)
-    # Torques held over a millisecond instead of smooth ones.
+    # Torques are constant over a millisecond instead of smooth.
     np.testing.assert_allclose(run.tip.values, planned.tip.values, rtol=0, atol=2e-5)
 
 
-def test_grid_interpolates_linear_functions_exactly_and_holds_outside():
+def test_grid_interpolates_linear_functions_exactly_and_is_constant_outside():
     grid = PostureGrid("LQG", np.zeros(3), [[-1.0, 0.5, 2.0], None, [0.0, 1.0]])
     assert grid.postures.shape == (6, 3)
     values = Interpolated(grid, [[p, np.array([[p[0] - 3.0 * p[2]]])] for p in grid.postures])
@@ -294,7 +294,7 @@ def test_grid_interpolates_linear_functions_exactly_and_holds_outside():
     np.testing.assert_allclose(values.arrays[0], [-1.0, 0.0, 1.0], atol=1e-15)
 
 
-def test_scheduled_gains_at_a_node_are_those_of_that_posture():
+def test_scheduled_gains_at_a_node_equal_those_of_its_posture():
     arm = arm_with_gauges()
     same = {"acceptable_torque": [8.0, 1.0], "sample_time": SAMPLE_TIME}
     scheduled = fa.LQG(arm, schedule=[None, [0.5, 0.9]], **same)
@@ -348,7 +348,7 @@ def test_saturated_integral_does_not_wind_up():
     ],
     ids=lambda value: str(value)[:30],
 )
-def test_what_is_refused(options, word):
+def test_wrong_arguments_are_rejected(options, word):
     with pytest.raises(fa.InputError, match=word):
         fa.LQG(arm_with_gauges(), **options)
 
@@ -365,14 +365,14 @@ def test_what_is_refused(options, word):
     ],
     ids=lambda value: str(value)[:40],
 )
-def test_what_the_arm_does_not_have_is_told_by_the_controller(design, options, message):
+def test_missing_parts_of_the_arm_are_reported_by_the_controller(design, options, message):
     bare = [link.model_copy(update={"gauges": ()}) for link in arm_with_gauges().spec.links]
     arm = fa.Arm(arm_with_gauges().spec.replace(links=tuple(bare)))
     with pytest.raises(fa.InputError, match=message):
         design(arm, **options)
 
 
-def test_a_missing_reading_is_named():
+def test_missing_reading_is_reported():
     arm = arm_with_gauges()
     hardware = fa.Hardware(instruments=[fa.Instrument("joint_angle")])
     with pytest.raises(fa.InputError, match="no instrument for strain, which LQG reads"):

@@ -1,4 +1,4 @@
-"""MPC against a quadratic programme solved otherwise; composite control against its two limits."""
+"""MPC against a quadratic programme by another solver; composite control in its two limits."""
 
 import warnings
 from importlib import import_module
@@ -19,7 +19,7 @@ def arm():
     return arm_with_gauges()
 
 
-def test_within_the_limits_it_is_the_regulator(arm):
+def test_within_its_limits_mpc_equals_the_regulator(arm):
     motion = fa.joint_motion(arm, [0.2, 0.6], POSTURE, 0.5, start_time=0.2)
     wide = fa.MPC(arm, POSTURE, torque_limit=[500.0, 100.0], **WISHES)
     runs = [
@@ -27,12 +27,12 @@ def test_within_the_limits_it_is_the_regulator(arm):
         for controller in (wide, fa.LQG(arm, POSTURE, **WISHES))
     ]
     assert wide.limited == 0
-    # Sums of products in another order, of torques of some 10 N m.
+    # Sums of products in another order, of torques of about 10 N m.
     np.testing.assert_allclose(runs[0].torque.values, runs[1].torque.values, rtol=0, atol=1e-9)
 
 
-def test_beyond_them_it_solves_the_quadratic_programme(arm):
-    """SciPy's bounded least squares over the torques themselves, the model rolled out."""
+def test_beyond_its_limits_mpc_solves_the_quadratic_programme(arm):
+    """SciPy's bounded least squares over the torques, with all steps of the model written out."""
     limit, horizon = np.array([1.5, 0.5]), 25
     controller = fa.MPC(arm, POSTURE, torque_limit=limit, horizon=horizon, **WISHES)
     controller.reset()
@@ -64,13 +64,13 @@ def test_beyond_them_it_solves_the_quadratic_programme(arm):
     most = np.tile(limit, horizon)
     best = lsq_linear(np.array(columns).T, -nothing, (-most, most), method="bvls", tol=1e-14)
     assert np.any(np.abs(best.x) > 0.999 * most)
-    # Both are exact up to rounding, which the square roots of the weights magnify.
+    # Both are exact up to rounding, which the square roots of the weights amplify.
     np.testing.assert_allclose(torque, best.x[:2], rtol=0, atol=1e-6 * limit.max())
     unlimited = -design.gain @ x0
     assert np.abs(torque - np.clip(unlimited, -limit, limit)).max() > 0.01
 
 
-def test_limits_are_kept_exactly(arm):
+def test_limits_are_never_exceeded(arm):
     far = fa.joint_motion(arm, [1.0, 1.2], [1.0, 1.2], 1.0)
     limit, rate = np.array([2.0, 0.7]), np.array([100.0, 50.0])
     controller = fa.MPC(arm, POSTURE, torque_limit=limit, torque_rate=rate, **WISHES)
@@ -90,8 +90,8 @@ def test_limits_are_kept_exactly(arm):
     np.testing.assert_array_equal(again.torque.values[:-1], torque[:60])
 
 
-def test_every_sample_has_a_plan_within_slow_torque_rates(capfd):
-    """A torque that is held is always allowed, so no limit may end a run."""
+def test_every_sample_has_a_plan_within_low_torque_rates(capfd):
+    """A constant torque is always allowed, so no limit may end a run."""
     rod = {"mass_per_length": 0.61732, "flexural_rigidity": 105.0, "elements": 1}
     gauges, damping = [fa.Gauge(station=0.05, distance=0.005)], fa.ModalDamping(ratio=0.01)
     arm = fa.Arm(
@@ -113,7 +113,7 @@ def test_every_sample_has_a_plan_within_slow_torque_rates(capfd):
             arm, [0.0, -0.9], torque_limit=limit, torque_rate=rate, acceptable=tight
         )
         with warnings.catch_warnings():
-            # At the slower rate the arm cannot follow and swings. The design is for another
+            # At the slower rate the arm cannot follow and vibrates. The design is for another
             # posture than the start, and tight.
             warnings.simplefilter("ignore", fa.FlexarmWarning)
             run = fa.simulate(arm, 1.5, controller=controller, reference=motion, rate=200.0)
@@ -125,11 +125,11 @@ def test_every_sample_has_a_plan_within_slow_torque_rates(capfd):
     assert capfd.readouterr().out == ""
 
 
-def test_without_a_solution_the_plan_before_goes_on(arm, monkeypatch):
+def test_without_a_solution_the_previous_plan_continues(arm, monkeypatch):
     limit = np.array([2.0, 0.7])
     controller = fa.MPC(arm, POSTURE, torque_limit=limit, **WISHES)
     far = fa.joint_motion(arm, [1.0, 1.2], [1.0, 1.2], 1.0)
-    # The analysis of the loop before a run would make calls of its own.
+    # The stability analysis before a run would make additional calls.
     monkeypatch.setattr(import_module("flexarm.simulation.run"), "instability", lambda *_: "")
     solve, calls = mpc_module.least_distance, []
 
@@ -145,7 +145,7 @@ def test_without_a_solution_the_plan_before_goes_on(arm, monkeypatch):
     assert run.mpc_fallback == 2
     assert run.mpc_limited == controller.limited == len(calls)
     assert np.all(np.abs(run.torque.values) <= limit)
-    # Two plans of the same model differ by what was measured since: little in two samples.
+    # Two plans of the same model differ by the readings between them: little in two samples.
     calls[:] = [None] * 10
     again = fa.simulate(
         arm, 0.3, controller=controller, reference=far, initial=arm.rest(POSTURE), rate=200.0
@@ -161,7 +161,7 @@ def test_plans_beyond_a_limit_are_counted(arm, monkeypatch, factor, count):
     far = fa.joint_motion(arm, [1.0, 1.2], [1.0, 1.2], 1.0)
     monkeypatch.setattr(import_module("flexarm.simulation.run"), "instability", lambda *_: "")
     solve = mpc_module.least_distance
-    # Less than the changes that the limits take: a plan that exceeds them.
+    # Smaller than the changes that the limits allow: a plan that exceeds them.
     monkeypatch.setattr(mpc_module, "least_distance", lambda *given: solve(*given) / factor)
     run = fa.simulate(
         arm, 0.1, controller=controller, reference=far, initial=arm.rest(POSTURE), rate=200.0
@@ -170,7 +170,7 @@ def test_plans_beyond_a_limit_are_counted(arm, monkeypatch, factor, count):
     assert np.all(np.abs(run.torque.values) <= [2.0, 0.7])
 
 
-def test_least_distance_is_that_of_a_general_solver():
+def test_least_distance_equals_that_of_a_general_solver():
     random = np.random.default_rng(3)
     for _ in range(5):
         matrix, inside = random.standard_normal((30, 6)), 3.0 * random.standard_normal(6)
@@ -202,13 +202,14 @@ def test_least_distance_is_that_of_a_general_solver():
     ],
     ids=lambda value: str(value),
 )
-def test_mpc_refuses(arm, options, word):
+def test_wrong_arguments_of_mpc_are_rejected(arm, options, word):
     with pytest.raises(fa.InputError, match=word):
         fa.MPC(arm, POSTURE, **{"torque_limit": 1.0, **options})
 
 
-def test_slower_and_slower_joints_leave_the_two_parts_alone(arm):
-    """As epsilon goes to zero the poles are those of the two designs: errors fall with it."""
+def test_poles_of_slow_joints_approach_the_two_designs(arm):
+    """As epsilon approaches zero the poles are those of the two designs, with proportional
+    errors."""
     errors = []
     for bandwidth in (2.0, 1.0, 0.5):
         controller = fa.Composite(arm, POSTURE, bandwidth=bandwidth, damping_ratio=0.6)
@@ -243,6 +244,6 @@ def test_composite_follows_and_damps(arm):
     ],
     ids=lambda value: str(value),
 )
-def test_composite_refuses(arm, options, word):
+def test_wrong_arguments_of_composite_are_rejected(arm, options, word):
     with pytest.raises(fa.InputError, match=word):
         fa.Composite(arm, **options)

@@ -12,7 +12,7 @@ import flexarm as fa
 from flexarm.model.drives import CONTROLLED
 
 
-def test_arguments_by_position_and_by_name_are_the_same():
+def test_arguments_by_position_and_by_name_are_equal():
     by_position = fa.JointPD([8.0, 3.0], 0.8, 0.004, np.sin)
     by_name = fa.JointPD(
         feedforward=np.sin, sample_time=0.004, derivative=0.8, proportional=[8.0, 3.0]
@@ -48,17 +48,17 @@ def test_wrong_calls_name_the_class(make, words):
     [3.0, 3, np.float32(3.0), np.array(3.0), [3.0, 3.0], (3, 3.0), xr.DataArray([3.0, 3.0])],
     ids=str,
 )
-def test_numbers_for_each_joint_become_an_array(value):
+def test_values_for_each_joint_become_an_array(value):
     made = fa.Adaptive(rigid_arm(), 2.0, value, 0.1)
     assert made.damping.dtype == np.float64
     np.testing.assert_array_equal(made.damping, [3.0, 3.0])
 
 
-def test_defaults_for_each_joint_become_an_array_too():
+def test_defaults_for_each_joint_become_an_array():
     np.testing.assert_array_equal(fa.SlidingMode(rigid_arm(), 1.0, 0.1).reaching, [0.1, 0.1])
 
 
-def test_an_object_does_not_share_the_array_of_its_caller():
+def test_object_does_not_share_the_array_of_its_caller():
     gains = np.array([8.0, 3.0])
     made = fa.JointPD(gains, gains)
     gains[:] = 0.0
@@ -75,7 +75,7 @@ def test_problems_of_values_lists_and_objects_are_reported_together():
     assert [problem.name for problem in caught.value.problems] == ["damping", "bandwidth"]
 
 
-def test_a_file_and_the_constructor_report_the_same_rule():
+def test_file_and_constructor_report_the_same_rule():
     kind = CONTROLLED["hybrid_force"]
     with pytest.raises(fa.InputError) as of_file:
         kind(frequency=-1.0, touch_force="much")
@@ -97,7 +97,7 @@ class Own(fa.JointPD):
         self.seen = 0
 
 
-def test_a_subclass_of_a_user_has_its_own_constructor():
+def test_subclass_of_a_user_has_its_own_constructor():
     made = Own(10.0)
     assert made.proportional == 10.0
     assert made.derivative == 1.0
@@ -105,7 +105,7 @@ def test_a_subclass_of_a_user_has_its_own_constructor():
     assert Own.__doc__ == "A controller of a user, whose annotations declare attributes."
 
 
-def test_the_docstring_has_every_argument_with_its_unit():
+def test_docstring_has_every_argument_with_its_unit():
     text = inspect.getdoc(fa.HybridForce)
     assert text.index("Position control") < text.index("Args:") < text.index("Raises:")
     for name in inspect.signature(fa.HybridForce).parameters:

@@ -1,4 +1,4 @@
-"""What each position controller computes, against its law written out in scalars."""
+"""Each position controller against its control law written out for single numbers."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def arm(**options):
 
 
 def readings(count=40, gauges=0, seed=3):
-    """Random measurements; what they are does not matter to the laws."""
+    """Return random measurements, which need not be consistent."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         yield Measurement(
@@ -31,7 +31,8 @@ def readings(count=40, gauges=0, seed=3):
 
 
 class Steady:
-    """A reference that stands and moves at once: any numbers will do."""
+    """A reference that is constant and moves at the same time, because its numbers need not be
+    consistent."""
 
     def joint_angle(self, t):
         return np.array([0.3, -0.2])
@@ -46,32 +47,32 @@ class Steady:
 def answers(controller, **options):
     controller.reset()
     return [
-        (said, np.array(controller.update(k * controller.sample_time, said, Steady())))
-        for k, said in enumerate(readings(**options))
+        (stated, np.array(controller.update(k * controller.sample_time, stated, Steady())))
+        for k, stated in enumerate(readings(**options))
     ]
 
 
 def test_pid_with_a_limit():
-    """The integral takes up an error unless the limit is reached and the error asks for more."""
+    """The integral adds an error unless the limit is reached and the error has the same sign."""
     P, integral, D, limit = (8.0, 5.0), (30.0, 20.0), (0.5, 0.2), (10.0, 7.0)
     controller = fa.JointPID(P, D, integral, torque_limit=limit, sample_time=TICK)
     held = [0.0, 0.0]
     saturated = 0
-    for said, found in answers(controller):
+    for stated, found in answers(controller):
         for j in range(2):
-            error = [0.3, -0.2][j] - said.joint_angle[j]
-            rate_error = [1.0, 2.0][j] - said.joint_rate[j]
+            error = [0.3, -0.2][j] - stated.joint_angle[j]
+            rate_error = [1.0, 2.0][j] - stated.joint_rate[j]
             torque = P[j] * error + held[j] + D[j] * rate_error
             given = max(-limit[j], min(limit[j], torque))
             if given == torque or error * torque < 0:
                 held[j] += integral[j] * TICK * error
             saturated += given != torque
             assert found[j] == pytest.approx(given, rel=1e-13)
-    assert 10 < saturated < 70  # both happen
+    assert 10 < saturated < 70  # both cases occur
 
 
 def test_integral_does_not_wind_up():
-    """A motor that is too weak at first: with the limit known, no overshoot is stored."""
+    """The motor is too weak at first: if the limit is known, there is no overshoot."""
     plant = arm(gravity=(0.0, 0.0)).rigid()
     motion = fa.joint_motion(plant, [0.0, 0.0], [1.2, 0.0], 0.2)
     hardware = fa.Hardware(motors=fa.Motors(torque_limit=1.0))
@@ -85,7 +86,7 @@ def test_integral_does_not_wind_up():
     assert over[1] < 0.5 * over[0]
 
 
-def test_integral_removes_what_an_unknown_payload_leaves():
+def test_integral_removes_the_error_of_an_unknown_payload():
     weight = (0.0, -9.81)
     believed = arm(gravity=weight).rigid()
     plant = arm(gravity=weight, payload=fa.Payload(mass=0.2)).rigid()
@@ -102,29 +103,29 @@ def test_integral_removes_what_an_unknown_payload_leaves():
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_weight_of_an_arm_that_sags(theory):
-    """What holds the arm is what `equilibrium` finds, by another way."""
+def test_gravity_torque_of_an_arm_that_sags(theory):
+    """The torque equals that of `equilibrium`, which uses another method."""
     flexible = arm(gravity=(0.0, -9.81), theory=theory, payload=fa.Payload(mass=0.1))
     controller = fa.JointPID(0.0, 0.0, arm=flexible, sag=True)
     straight = fa.JointPID(0.0, 0.0, arm=flexible)
     for angles in ([0.2, -0.4], [1.0, 0.9]):
         controller.reset()
-        said = Measurement(joint_angle=np.array(angles), joint_rate=np.zeros(2))
+        stated = Measurement(joint_angle=np.array(angles), joint_rate=np.zeros(2))
         wanted = fa.equilibrium(flexible, angles).torque
-        found = controller.update(0.0, said, None)
+        found = controller.update(0.0, stated, None)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
         rigid = flexible.rigid().bias_force(np.array(angles), np.zeros(2))
-        np.testing.assert_allclose(straight.update(0.0, said, None), rigid, rtol=1e-12)
-        assert abs(rigid - wanted).max() > 1e-3  # the sag counts
-    # Another posture at the next sample times: the sag is corrected from call to call.
-    said = Measurement(joint_angle=np.array([0.9, 0.9]), joint_rate=np.zeros(2))
+        np.testing.assert_allclose(straight.update(0.0, stated, None), rigid, rtol=1e-12)
+        assert abs(rigid - wanted).max() > 1e-3  # the sag matters
+    # Another posture at the next sample times: each call corrects the sag.
+    stated = Measurement(joint_angle=np.array([0.9, 0.9]), joint_rate=np.zeros(2))
     for k in range(12):
-        found = controller.update(k * 1e-3, said, None)
+        found = controller.update(k * 1e-3, stated, None)
     wanted = fa.equilibrium(flexible, [0.9, 0.9]).torque
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
 
 
-def test_an_arm_that_sags_is_held_where_it_is():
+def test_sagging_arm_is_held_at_its_posture():
     flexible = arm(gravity=(0.0, -9.81))
     hung = fa.equilibrium(flexible, [0.4, 0.3])
     controller = fa.JointPID([5.0, 3.0], [0.5, 0.2], arm=flexible, sag=True)
@@ -132,30 +133,30 @@ def test_an_arm_that_sags_is_held_where_it_is():
     np.testing.assert_allclose(run.joint_angle.values, [[0.4, 0.3]] * 51, rtol=0, atol=1e-7)
 
 
-def test_computed_torque_asks_for_the_accelerations_that_it_wants():
-    """Forward dynamics of the rigid arm give them back."""
+def test_computed_torque_gives_the_wanted_accelerations():
+    """By forward dynamics of the rigid arm."""
     rigid = arm(gravity=(0.0, -9.81)).rigid()
     controller = fa.ComputedTorque(rigid, [2.0, 3.0], [0.7, 1.0])
     w = 2.0 * np.pi * np.array([2.0, 3.0])
-    for said, torque in answers(controller):
+    for stated, torque in answers(controller):
         angle, rate = np.array([0.3, -0.2]), np.array([1.0, 2.0])
-        wanted = np.array([-4.0, 3.0]) + 2.0 * np.array([0.7, 1.0]) * w * (rate - said.joint_rate)
-        wanted = wanted + w**2 * (angle - said.joint_angle)
-        found = rigid.forward_dynamics(said.joint_angle, said.joint_rate, torque)
+        wanted = np.array([-4.0, 3.0]) + 2.0 * np.array([0.7, 1.0]) * w * (rate - stated.joint_rate)
+        wanted = wanted + w**2 * (angle - stated.joint_angle)
+        found = rigid.forward_dynamics(stated.joint_angle, stated.joint_rate, torque)
         np.testing.assert_allclose(found, wanted, rtol=1e-10)
 
 
 def test_computed_torque_with_feedforward():
-    """The torque given, at the middle of the sample time, and M times the correction."""
+    """The given torque, at the middle of the sample time, and M times the correction."""
     model = arm()
     controller = fa.ComputedTorque(
         model, 2.0, 0.7, feedforward=lambda t: [t, 2.0 * t], sample_time=TICK
     )
     w = 4.0 * np.pi
-    for k, (said, torque) in enumerate(answers(controller)):
-        error = np.array([0.3, -0.2]) - said.joint_angle
-        rate_error = np.array([1.0, 2.0]) - said.joint_rate
-        M = model.rigid().mass_matrix(said.joint_angle)
+    for k, (stated, torque) in enumerate(answers(controller)):
+        error = np.array([0.3, -0.2]) - stated.joint_angle
+        rate_error = np.array([1.0, 2.0]) - stated.joint_rate
+        M = model.rigid().mass_matrix(stated.joint_angle)
         middle = (k + 0.5) * TICK
         wanted = [middle, 2.0 * middle] + M @ (w**2 * error + 1.4 * w * rate_error)
         np.testing.assert_allclose(torque, wanted, rtol=1e-12)
@@ -169,34 +170,34 @@ def test_strain_feedback():
     )
     before, rate = None, np.zeros(3)
     T = 1.0 / (2.0 * np.pi * cutoff)
-    for said, torque in answers(controller, gauges=3):
+    for stated, torque in answers(controller, gauges=3):
         if before is not None:
-            rate = ((2 * T - TICK) * rate + 2 * (said.strain - before)) / (2 * T + TICK)
-        before = said.strain
-        wanted = np.array([8.0, 5.0]) * ([0.3, -0.2] - said.joint_angle)
-        wanted = wanted + np.array([0.5, 0.2]) * ([1.0, 2.0] - said.joint_rate)
-        wanted = wanted - K @ said.strain - 3.0 * R @ rate
+            rate = ((2 * T - TICK) * rate + 2 * (stated.strain - before)) / (2 * T + TICK)
+        before = stated.strain
+        wanted = np.array([8.0, 5.0]) * ([0.3, -0.2] - stated.joint_angle)
+        wanted = wanted + np.array([0.5, 0.2]) * ([1.0, 2.0] - stated.joint_rate)
+        wanted = wanted - K @ stated.strain - 3.0 * R @ rate
         np.testing.assert_allclose(torque, wanted, rtol=1e-12)
 
 
-def test_strain_gains_for_one_gauge_a_joint():
-    said = Measurement(
+def test_strain_gains_for_one_gauge_per_joint():
+    stated = Measurement(
         joint_angle=np.zeros(2), joint_rate=np.zeros(2), strain=np.array([1e-3, -2e-3])
     )
     for gains, wanted in (([100.0, 50.0], [-0.1, 0.1]), (100.0, [-0.1, 0.2])):
         controller = fa.StrainFeedback(0.0, 0.0, gains)
-        np.testing.assert_allclose(controller.update(0.0, said, None), wanted, rtol=1e-14)
+        np.testing.assert_allclose(controller.update(0.0, stated, None), wanted, rtol=1e-14)
 
 
 @pytest.mark.parametrize(("gains", "gauges"), [([1.0, 2.0], 3), (1.0, 1), (np.ones((2, 2)), 3)])
-def test_strain_gains_that_do_not_fit_are_told(gains, gauges):
-    said = Measurement(joint_angle=np.zeros(2), joint_rate=np.zeros(2), strain=np.zeros(gauges))
+def test_strain_gains_of_another_shape_are_rejected(gains, gauges):
+    stated = Measurement(joint_angle=np.zeros(2), joint_rate=np.zeros(2), strain=np.zeros(gauges))
     with pytest.raises(fa.InputError, match=rf"strain must be a matrix \(2, {gauges}\)"):
-        fa.StrainFeedback(1.0, 1.0, gains).update(0.0, said, None)
+        fa.StrainFeedback(1.0, 1.0, gains).update(0.0, stated, None)
 
 
-def test_feedforward_is_looked_up_for_many_samples_at_once():
-    """A function that takes many times is called once in a while, and gives the same."""
+def test_feedforward_is_evaluated_for_many_samples_in_one_call():
+    """A function of many times is called only once for many samples, and gives the same values."""
 
     class Torque:
         vectorized = True
@@ -206,11 +207,11 @@ def test_feedforward_is_looked_up_for_many_samples_at_once():
             Torque.calls += 1
             return np.stack([np.sin(t), np.cos(t)], axis=-1)
 
-    said = Measurement(joint_angle=np.zeros(2), joint_rate=np.zeros(2))
+    stated = Measurement(joint_angle=np.zeros(2), joint_rate=np.zeros(2))
     controller = fa.JointPD(0.0, 0.0, sample_time=TICK, feedforward=Torque())
     for k in [*range(1030), 5]:
         middle = (k + 0.5) * TICK
-        found = controller.update(k * TICK, said, None)
+        found = controller.update(k * TICK, stated, None)
         np.testing.assert_allclose(found, [np.sin(middle), np.cos(middle)], rtol=1e-12)
     assert Torque.calls <= 4
 
@@ -239,6 +240,6 @@ def test_feedforward_is_looked_up_for_many_samples_at_once():
         (lambda: fa.StrainFeedback(1.0, 1.0, 1.0, rate_cutoff=0.0), "rate_cutoff"),
     ],
 )
-def test_wrong_input_is_told(make, words):
+def test_wrong_arguments_are_rejected(make, words):
     with pytest.raises(fa.InputError, match=words):
         make()

@@ -40,7 +40,7 @@ def state_of(arm):
 
 
 def predicted(arm, x, torque=TORQUE, change=0.0):
-    """Readings of the four points and the joints, their derivatives included."""
+    """Return readings of the four points and the joints, with their derivatives."""
     instruments = [*(fa.Instrument(point, noise=1e-3) for point in POINTS), ANGLE]
     readings = PredictedReadings("test", arm, instruments)
     return readings.predict(x, torque, SampledStep(arm, 0.01).constants(change))
@@ -56,7 +56,7 @@ def x(arm):
     return state_of(arm)
 
 
-def test_values_are_the_motion_of_the_tip(arm, x):
+def test_values_equal_the_motion_of_the_tip(arm, x):
     """The tip along q + t qd + t^2 qdd / 2, by central differences of fourth order."""
     q, qd = x.reshape(2, -1)
     qdd = arm.forward_dynamics(q, qd, TORQUE)
@@ -67,7 +67,7 @@ def test_values_are_the_motion_of_the_tip(arm, x):
     acceleration = np.array([-1, 16, -30, 16, -1]) @ path / (12 * step**2)
     found = predicted(arm, x).values
     np.testing.assert_allclose(found[0:2], path[2], rtol=0, atol=1e-13)
-    # Truncation: step^4 times the fifth and sixth derivatives of a motion of some rad/s.
+    # Truncation: step^4 times the fifth and sixth derivatives of a motion of a few rad/s.
     np.testing.assert_allclose(found[2:4], velocity, rtol=0, atol=1e-8)
     np.testing.assert_allclose(found[4:6], acceleration, rtol=0, atol=1e-5)
     np.testing.assert_array_equal(found[8:], arm.joint_angles(q))
@@ -83,8 +83,8 @@ def test_derivatives_by_the_state_are_limits_of_differences(arm, x):
         np.testing.assert_allclose(by[:, k], slope, rtol=1e-5, atol=1e-5 * abs(slope).max())
 
 
-def test_derivatives_by_the_torque_are_differences(arm, x):
-    """Accelerations are linear in it, so a difference of any size will do."""
+def test_derivatives_by_the_torque_equal_differences(arm, x):
+    """Accelerations are linear in it, so the size of the difference does not matter."""
     by = predicted(arm, x).torque
     for joint in range(2):
         more = predicted(arm, x, TORQUE + 2.0 * np.eye(2)[joint]).values
@@ -94,7 +94,7 @@ def test_derivatives_by_the_torque_are_differences(arm, x):
         assert not by[:4, joint].any()
 
 
-def test_derivative_by_the_payload_is_the_limit_of_other_arms(arm, x):
+def test_derivative_by_the_payload_equals_differences_of_arms(arm, x):
     by = predicted(arm, x).parameter
     step = 1e-4
     heavy, light = (predicted(arm_with(0.3 + s), x).values for s in (step, -step))

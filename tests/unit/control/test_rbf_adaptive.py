@@ -30,20 +30,21 @@ def followed(controller, arm, duration, **options):
     )[0]
 
 
-def test_it_learns_an_arm_that_it_knows_nothing_of():
+def test_network_learns_an_arm_without_a_model():
     arm = rigid_arm(payload=0.4)
-    # Torques held for h let weights swing where adaptation nears damping / (h |signals|^2), some
-    # 40 here; well below, the integral of s^2 is bounded by V, so that errors fall all the time.
+    # Torques constant for h let weights oscillate if adaptation approaches damping / (h
+    # |signals|^2), about 40 here; well below, the integral of s^2 is bounded by V, so that errors
+    # fall all the time.
     error = followed(made(arm, adaptation=5.0), arm, 20.0)
     still = followed(made(arm, adaptation=1e-9), arm, 20.0)
     quarters = np.sqrt(np.mean(error[:20000].reshape(4, 5000, -1) ** 2, axis=(1, 2)))
     assert np.all(np.diff(quarters) < 0.0)
-    # What five Gaussians a joint cannot represent is less than a tenth of the whole torque.
+    # Five Gaussians per joint leave less than a tenth of the whole torque.
     assert abs(error[-5000:]).max() < 0.1 * abs(still[-5000:]).max()
 
 
-def test_what_the_network_can_represent_it_cancels():
-    """A single Gaussian without width is a constant: a pendulum of constant inertia fits exactly.
+def test_representable_torques_are_cancelled_exactly():
+    """A single Gaussian of infinite width is a constant, which fits a pendulum of constant inertia.
 
     Then V = 1/2 M s^2 + 1/2 |W - W*|^2 / adaptation falls by damping s^2, (C.50).
     """
@@ -84,12 +85,12 @@ def test_what_the_network_can_represent_it_cancels():
     best[1], best[2] = inertia, viscous
     V = 0.5 * inertia * s**2 + 0.5 * np.sum((w - best) ** 2, axis=1) / 0.5
     taken = np.concatenate([[0.0], np.cumsum((1.0 + viscous) * s**2)])[:-1] * sample_time
-    # Torques held for 0.2 ms: terms of the first order in the sample time.
+    # Torques constant for 0.2 ms: terms of first order in the sample time.
     np.testing.assert_allclose(V + taken, V[0], rtol=5e-3)
     assert V[-1] < 0.5 * V[0]
 
 
-def test_a_prior_model_leaves_less_to_learn():
+def test_prior_model_reduces_the_learned_torque():
     arm = rigid_arm(payload=0.4)
     plant = fa.varied(arm, payload_factor=1.5)
     without = followed(made(arm, adaptation=2.0), arm, 2.0, plant=plant)
@@ -97,8 +98,8 @@ def test_a_prior_model_leaves_less_to_learn():
     assert abs(knowing).max() < 0.5 * abs(without).max()
 
 
-def test_modification_keeps_weights_bounded_under_what_it_cannot_learn():
-    """A wall of noise on the readings would let weights wander for ever."""
+def test_modification_bounds_weights_under_noise():
+    """Without it, noise of the readings would let weights drift without bound."""
     arm = rigid_arm()
     hardware = fa.Hardware(
         [fa.Instrument("joint_angle", noise=2e-3), fa.Instrument("joint_rate", noise=0.3)], seed=3
@@ -123,7 +124,7 @@ def test_modification_keeps_weights_bounded_under_what_it_cannot_learn():
         ({"lower": [0.0, np.inf]}, "lower[1] must be a finite number"),
     ],
 )
-def test_wrong_arguments_are_told(change, words):
+def test_wrong_arguments_are_rejected(change, words):
     right = {"bandwidth": 1.0, "damping": 1.0, "adaptation": 1.0, "lower": -1.0, "upper": 1.0}
     with pytest.raises(fa.InputError) as caught:
         fa.RBFAdaptive(rigid_arm(), **{**right, **change})

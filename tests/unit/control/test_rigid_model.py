@@ -1,4 +1,4 @@
-"""The rigid twin as controllers ask it, against the arm's own checked methods."""
+"""The rigid model of controllers against the methods of the arm."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def links(**options):
 
 
 @pytest.mark.parametrize("joint", [{}, {"stiffness": 4.0, "rotor_inertia": 0.02}])
-def test_same_as_the_rigid_arm(joint):
+def test_rigid_model_equals_the_rigid_arm(joint):
     arm = fa.Arm(
         links=links(flexural_rigidity=20.0, elements=3),
         joints=[fa.Joint(hub_inertia=0.05, **joint), fa.Joint(mass=0.3)],
@@ -26,7 +26,7 @@ def test_same_as_the_rigid_arm(joint):
         gravity=(0.0, -9.81),
     )
     model, rigid = RigidModel(arm), arm.rigid()
-    for _ in range(2):  # nothing is left over from the first time
+    for _ in range(2):  # a second evaluation does not depend on the first one
         found = model.torque(ANGLE, RATE, ACCELERATION)
         wanted = rigid.inverse_dynamics(ANGLE, RATE, ACCELERATION)
         np.testing.assert_allclose(found, wanted, rtol=1e-13)
@@ -36,7 +36,7 @@ def test_same_as_the_rigid_arm(joint):
         np.testing.assert_allclose(still, rigid.bias_force(ANGLE, 0 * RATE), rtol=1e-13)
 
 
-def test_against_the_double_pendulum_written_out():
+def test_rigid_model_equals_the_double_pendulum_in_closed_form():
     arm = fa.Arm(links=links(flexible=False), gravity=(0.0, -9.81))
     pendulum = RigidDoublePendulum(length=(0.8, 0.6), mass=(0.4, 0.24), gravity=(0.0, -9.81))
     torque = RigidModel(arm).torque(ANGLE, RATE, ACCELERATION)

@@ -1,4 +1,4 @@
-"""Sliding mode against its theory: time to the boundary layer, and that it is never left."""
+"""Sliding mode against its theory: time to the boundary layer, and motion within it."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ class Kept(fa.SlidingMode):
         return torque
 
 
-def test_one_joint_reaches_the_layer_when_a_constant_torque_would():
-    """M s' = -reaching outside the layer, then s dies at the rate reaching / (layer M)."""
+def test_one_joint_reaches_the_layer_at_the_time_of_a_constant_torque():
+    """M s' = -reaching outside the layer, then s decays at the rate reaching / (layer M)."""
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=0.6, flexible=False)])
     inertia = 0.6 / 3
     controller = Kept(arm, 4.0, 0.1, reaching=0.8, sample_time=1e-4)
@@ -28,7 +28,7 @@ def test_one_joint_reaches_the_layer_when_a_constant_torque_would():
     assert s[0] == pytest.approx(4.0 * 0.25)
     arrival = (s[0] - 0.1) * inertia / 0.8
     outside = t < arrival - 1e-3
-    # Held torques of the model lag by half a sample: the first order in 0.1 ms.
+    # The zero-order hold delays the model's torques by half a sample: first order in 0.1 ms.
     np.testing.assert_allclose(s[outside], s[0] - 0.8 / inertia * t[outside], rtol=0, atol=1e-3)
     late = t - arrival
     inside = (late > 0.0) & (late < 0.1)
@@ -43,7 +43,7 @@ class Still:
     joint_rate = joint_acceleration = joint_angle
 
 
-def test_two_joints_with_errors_within_bounds_arrive_in_time_and_stay():
+def test_two_joints_with_bounded_errors_reach_the_layer_in_time_and_stay():
     arm = rigid_arm(payload=0.3)
     plant = fa.varied(arm, payload_mass=0.6, friction=fa.Friction(coulomb=0.4))
     layer, reaching = 0.15, 4.0
@@ -74,8 +74,8 @@ def test_two_joints_with_errors_within_bounds_arrive_in_time_and_stay():
     assert abs(s[arrived]).max() <= layer
 
 
-def test_without_a_switching_gain_the_same_errors_carry_s_out_of_the_layer():
-    """The test above would be worth nothing if any controller passed it."""
+def test_without_a_switching_gain_the_same_errors_leave_the_layer():
+    """The test above would be useless if any controller passed it."""
     arm = rigid_arm(payload=0.3)
     plant = fa.varied(arm, payload_mass=0.6, friction=fa.Friction(coulomb=0.4))
     controller = Kept(arm, 5.0, 0.15, reaching=4.0, sample_time=1e-3)
@@ -83,7 +83,7 @@ def test_without_a_switching_gain_the_same_errors_carry_s_out_of_the_layer():
     assert abs(np.array(controller.s)[2000:]).max() > 0.3
 
 
-def test_wrong_arguments_are_told_at_once():
+def test_wrong_arguments_are_reported_together():
     with pytest.raises(fa.InputError) as caught:
         fa.SlidingMode(rigid_arm(), 1.0, 0.0, {"payload.mass": -1.0}, reaching=0.0)
     text = str(caught.value)

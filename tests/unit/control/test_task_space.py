@@ -1,4 +1,4 @@
-"""The rigid twin at its tip, against formulas of a chain and the arm's own checked methods."""
+"""The rigid model at its tip, against formulas of a chain and the methods of the arm."""
 
 import numpy as np
 import pytest
@@ -38,10 +38,10 @@ def state_of(arm):
 
 
 @every
-def test_kinematics_are_those_of_the_chain(arm):
+def test_kinematics_equal_those_of_a_chain(arm):
     angle, rate = state_of(arm)
     chain = rigid_chain("test", arm)
-    for _ in range(2):  # nothing is left over from the first time
+    for _ in range(2):  # a second evaluation does not depend on the first one
         position, velocity, bias = TaskSpace(arm).at(angle, rate).motion
         J = tip_jacobian(chain.lengths, angle + chain.offset)
         J_rate = tip_jacobian_rate(chain.lengths, angle + chain.offset, rate)
@@ -54,7 +54,7 @@ def test_kinematics_are_those_of_the_chain(arm):
 
 
 @every
-def test_dynamics_are_those_of_the_rigid_arm(arm):
+def test_dynamics_equal_those_of_the_rigid_arm(arm):
     angle, rate = state_of(arm)
     rigid = arm.rigid()
     found = TaskSpace(arm).at(angle, rate)
@@ -66,8 +66,8 @@ def test_dynamics_are_those_of_the_rigid_arm(arm):
 
 
 @pytest.mark.parametrize("name", ["two, hanging", "three", "bent"])
-def test_torque_accelerates_the_tip_as_wanted(name):
-    """(F.1), by the forward dynamics of the rigid arm with the force that the tip is given."""
+def test_torque_gives_the_wanted_tip_acceleration(name):
+    """(F.1), by the forward dynamics of the rigid arm with the given force on the tip."""
     arm = ARMS[name]
     angle, rate = state_of(arm)
     task, rigid = TaskSpace(arm), arm.rigid()
@@ -76,21 +76,21 @@ def test_torque_accelerates_the_tip_as_wanted(name):
     state = task.at(angle, rate)
     torque = task.torque(state, wanted, push, posture, added) - added
     q, qd = rigid.rest(angle), rigid.rest(rate) - rigid.rest(0.0 * rate)
-    # What it touches pushes back with as much.
+    # The surface reacts with the same force.
     found = rigid.forward_dynamics(q, qd, torque, tip_force=(-push[0], -push[1]))
     found = found[rigid.joint_index]
-    # Right to the damping of the pseudo-inverse: a millionth of the trace of J J' beside it.
+    # Accurate to the damping of the pseudo-inverse: a millionth of the trace of J J'.
     J = state.jacobian
     missing = np.array(wanted) - state.motion[2] - J @ posture
     damped = 1e-6 * np.trace(J @ J.T) / np.linalg.eigvalsh(J @ J.T)[0]
     off = J @ found + state.motion[2] - wanted
     assert np.linalg.norm(off) < 1.01 * damped * np.linalg.norm(missing)
-    # What the tip leaves open is the posture's.
+    # The posture determines the motion that the tip leaves free.
     free = np.eye(arm.joints) - np.linalg.pinv(state.jacobian) @ state.jacobian
     np.testing.assert_allclose(free @ found, free @ posture, atol=1e-4)
 
 
-def test_straight_arm_asks_for_bounded_torques():
+def test_straight_arm_gives_bounded_torques():
     arm = arm_of([0.8, 0.6])
     task = TaskSpace(arm)
     still = np.zeros(2)

@@ -1,4 +1,4 @@
-"""A clamped beam of one mode: a linear vibration, to judge integrators by closed forms."""
+"""A clamped beam of one mode: a linear vibration with closed forms, for tests of integrators."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import flexarm as fa
 
 
 def clamped_beam(damping: float = 0.0) -> tuple[fa.Arm, float]:
-    """The arm, with a ratio of modal damping, and its frequency (rad/s)."""
+    """Return the arm, with a ratio of modal damping, and its frequency (rad/s)."""
     link = fa.Link(
         length=1.0,
         flexural_rigidity=2.0,
@@ -24,7 +24,7 @@ def clamped_beam(damping: float = 0.0) -> tuple[fa.Arm, float]:
 
 
 def vibrate(arm: fa.Arm, integrator: Any, step: float, count: int) -> np.ndarray:
-    """Mode and h times its rate after each step, (count + 1, 2), from 1e-3 and 2e-4."""
+    """Return the mode and h times its rate after each step, (count + 1, 2), from 1e-3 and 2e-4."""
     result = fa.simulate(
         arm,
         count * step,

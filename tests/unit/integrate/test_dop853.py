@@ -1,4 +1,4 @@
-"""The stored coefficients are SciPy's, to the last bit."""
+"""The stored coefficients equal SciPy's to the last bit."""
 
 import numpy as np
 import pytest

@@ -12,7 +12,7 @@ from flexarm.integrate import Gauss6
 
 @pytest.mark.parametrize("turn", [0.3, 2.0, 40.0])
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_a_vibration_follows_the_pade_approximant(turn, damping) -> None:
+def test_vibration_follows_the_pade_approximant(turn, damping) -> None:
     """With three stages a step is the approximant (3, 3) of the exponential."""
     arm, frequency = clamped_beam(damping)
     step = turn / frequency
@@ -22,7 +22,7 @@ def test_a_vibration_follows_the_pade_approximant(turn, damping) -> None:
     matrix = np.linalg.solve(even - odd, even + odd)
     point = seen[0]
     wanted = [point := matrix @ point for _ in range(50)]
-    # Rounding of 50 steps, which the stiffness multiplies: a stage is known to eps times turn^2.
+    # Rounding of 50 steps, amplified by the stiffness: a stage has an error of eps times turn^2.
     size = np.array([1.0, turn]) * np.abs(seen[:, 0]).max() + np.abs(seen).max(axis=0)
     allowed = 50 * 4 * np.finfo(float).eps * max(1.0, turn**2)
     assert np.all(np.abs(seen[1:] - wanted) < allowed * size)
@@ -41,19 +41,19 @@ def energy_error(result) -> np.ndarray:
 
 @pytest.mark.compiled
 def test_energy_of_a_large_swing_does_not_drift() -> None:
-    """Some forty swings of half a radian to each side, 60000 steps."""
+    """About forty swings of half a radian to each side, 60000 steps."""
     arm = swinging_arm()
     start = arm.rest([-1.0, 0.3])
     run = fa.simulate(arm, 60.0, initial=start, integrator="gauss_6", step=1e-3, rate=200.0)
     error = energy_error(run)
-    # Of order 6 in the step times the frequencies that vibrate; it swings about nothing.
+    # Order 6 in the step times the frequencies that vibrate; the error oscillates about zero.
     assert np.abs(error).max() < 1e-10
     trend = np.polyfit(run.time.values, error, 1)[0] * 60.0
     assert abs(trend) < 0.1 * np.abs(error).max()
 
 
 @pytest.mark.compiled
-def test_a_motion_run_backwards_returns_to_its_start() -> None:
+def test_reversed_motion_returns_to_its_start() -> None:
     arm = swinging_arm()
     start, rates = arm.rest([-0.6, 0.3]), arm.rest([0.5, -1.0])
     settings = {"integrator": "gauss_6", "step": 2e-3}
@@ -61,7 +61,7 @@ def test_a_motion_run_backwards_returns_to_its_start() -> None:
     back = fa.simulate(
         arm, 5.0, initial=there.q.values[-1], initial_rate=-there.qd.values[-1], **settings
     )
-    # Rounding times what the motion makes of it in 10 s; the motion itself is not as exact.
+    # Rounding times the amplification by the motion in 10 s; the motion itself is less accurate.
     np.testing.assert_allclose(back.q.values[-1], start, rtol=0, atol=1e-11)
     exact = fa.simulate(
         arm, 5.0, initial=start, initial_rate=rates, rtol=1e-12, atol=1e-14
@@ -70,18 +70,18 @@ def test_a_motion_run_backwards_returns_to_its_start() -> None:
 
 
 @pytest.mark.compiled
-def test_stiff_bending_costs_few_sweeps() -> None:
+def test_stiff_bending_needs_few_sweeps() -> None:
     """A full mesh whose fastest mode turns by hundreds of radians in a step."""
     rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 10}
     arm = fa.Arm(links=[fa.Link(length=1.4142, **rod), fa.Link(length=1.0, **rod)])
     torque = lambda t: [4.0 * np.sin(6.0 * t), 1.5 * np.sin(6.0 * t)]  # noqa: E731
     run = fa.simulate(arm, 0.2, torque=torque, integrator="gauss_6", step=1e-3)
-    # A linear vibration needs at most 0.57 of the error per sweep: 60 for all digits.
+    # A sweep reduces the error of a linear vibration at least to 0.57 of it: 60 for all digits.
     assert run.attrs["evaluations"] < 3 * 60 * run.attrs["steps"]
 
 
 @pytest.mark.parametrize("integrator", ["gauss_6", "generalized_alpha"])
-def test_a_step_too_long_for_the_motion_ends_with_its_reason(integrator: str) -> None:
+def test_step_too_long_for_the_motion_ends_the_run_with_its_reason(integrator: str) -> None:
     rigid = {"mass_per_length": 1.0, "flexible": False}
     links = [fa.Link(length=0.8, **rigid), fa.Link(length=0.5, **rigid)]
     arm = fa.Arm(links=links, gravity=(0.0, -9.81))

@@ -13,10 +13,10 @@ each_radius = pytest.mark.parametrize("radius", [0.0, 0.3, 0.8, 1.0])
 
 
 def amplification(radius: float, turn: float, decay: float) -> np.ndarray:
-    """What a step of h makes of (q, h v, h^2 averaged acceleration).
+    """Return the matrix of a step of h for (q, h v, h^2 averaged acceleration).
 
     ``turn``: h times the frequency; ``decay``: h times damping. From the paper's equations, solved
-    as they stand: unknown are the new three and the new true acceleration.
+    directly: unknown are the new three values and the new true acceleration.
     """
     alpha_m = (2 * radius - 1) / (radius + 1)
     alpha_f = radius / (radius + 1)
@@ -35,7 +35,7 @@ def amplification(radius: float, turn: float, decay: float) -> np.ndarray:
 @each_radius
 @pytest.mark.parametrize("turn", [0.01, 0.5, 3.0, 50.0])
 @pytest.mark.parametrize("damping", [0.0, 0.2])
-def test_a_vibration_follows_the_closed_form(radius, turn, damping) -> None:
+def test_vibration_follows_the_closed_form(radius, turn, damping) -> None:
     arm, frequency = clamped_beam(damping)
     step = turn / frequency
     seen = vibrate(arm, GeneralizedAlpha(step, radius), step, 30)
@@ -49,13 +49,14 @@ def test_a_vibration_follows_the_closed_form(radius, turn, damping) -> None:
 
 
 @each_radius
-def test_a_vibration_too_fast_to_follow_is_damped_by_the_chosen_factor(radius) -> None:
-    """At infinity all three eigenvalues are -radius: three terms back determine each step."""
+def test_too_fast_vibration_is_damped_by_the_chosen_factor(radius) -> None:
+    """At infinity all three eigenvalues are -radius, so three earlier values determine each
+    step."""
     arm, frequency = clamped_beam()
     step = 1e4 / frequency
     q = vibrate(arm, GeneralizedAlpha(step, radius), step, 40)[:, 0]
     left = q[3:] + 3 * radius * q[2:-1] + 3 * radius**2 * q[1:-2] + radius**3 * q[:-3]
-    # What is left is of the order of the inverse square of the turn, and of rounding times it.
+    # The rest is of the order of the inverse square of the turn, plus rounding times it.
     assert np.abs(left).max() < 1e-6 * np.abs(q).max()
     if radius == 0.0:
         assert np.abs(q[3:]).max() < 1e-6 * q[0]
@@ -64,7 +65,7 @@ def test_a_vibration_too_fast_to_follow_is_damped_by_the_chosen_factor(radius) -
         assert np.abs(q[-1]) < 40**2 * radius**37 * np.abs(q[:4]).max()
 
 
-def test_at_radius_one_a_vibration_keeps_its_energy_at_any_step() -> None:
+def test_vibration_keeps_its_energy_at_radius_one_for_any_step() -> None:
     arm, frequency = clamped_beam()
     for turn in (0.1, 1.0, 20.0):
         step = turn / frequency
@@ -74,7 +75,7 @@ def test_at_radius_one_a_vibration_keeps_its_energy_at_any_step() -> None:
 
 
 class Wave:
-    """A torque that is smooth, with places where it might not be: one a step, unevenly."""
+    """A smooth torque with unevenly spaced breaks, one per step."""
 
     def __init__(self, count: int) -> None:
         shift = np.random.default_rng(3).uniform(-0.3, 0.3, count)
@@ -98,11 +99,11 @@ def test_steps_of_changing_length_keep_order_two() -> None:
         assert run.attrs["steps"] == count
         errors.append(float(np.hypot(*(run.tip[-1] - exact).values)))
     order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert 1.8 < order < 2.2  # steps differ by chance
+    assert 1.8 < order < 2.2  # steps differ randomly
 
 
 @pytest.mark.compiled
-def test_a_full_mesh_is_followed_at_steps_of_the_slow_motion() -> None:
+def test_full_mesh_is_accurate_at_steps_of_the_slow_motion() -> None:
     rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 12}
     arm = fa.Arm(links=[fa.Link(length=1.4142, **rod), fa.Link(length=1.0, **rod)])
     drive = {"torque": lambda t: [4.0 * np.sin(6.0 * t), 1.5 * np.sin(6.0 * t)], "rate": 100.0}
@@ -112,13 +113,13 @@ def test_a_full_mesh_is_followed_at_steps_of_the_slow_motion() -> None:
         # The fastest mode turns by a hundred radians and more in such a step.
         run = fa.simulate(arm, 0.5, integrator="generalized_alpha", step=step, **drive)
         errors.append(float(np.abs(run.tip - exact.tip).max()))
-    # m. The torque sets in with a jump of its slope, which excites modes that no such step
-    # resolves: of these the error falls more slowly than with the square of the step.
+    # m. The torque starts with a jump of its slope, which excites modes that no such step resolves:
+    # their error falls more slowly than with the square of the step.
     assert errors[0] < 2e-5
     assert errors[1] < 0.7 * errors[0]
 
 
 @pytest.mark.parametrize("radius", [-0.1, 1.5, float("nan"), "high"])
-def test_an_impossible_radius_is_refused(radius) -> None:
+def test_impossible_radius_is_rejected(radius) -> None:
     with pytest.raises(fa.InputError, match="GeneralizedAlpha: spectral_radius must"):
         GeneralizedAlpha(spectral_radius=radius)

@@ -18,13 +18,13 @@ ROD = {"length": 5.0, "flexural_rigidity": 900.0, "mass_per_length": 0.6, "eleme
 
 
 @pytest.mark.parametrize(("until", "expected"), [(0.3, 0.3), (1.0, 0.5), (9.0, 0.5)])
-def test_the_next_stop_comes_after_the_time(until, expected):
+def test_next_stop_is_after_the_time(until, expected):
     stops = np.array([0.0, 0.25, 0.5, 2.0])
     assert undecorated(next_stop)(stops, 0.25, until) == expected
     assert undecorated(next_stop)(stops[:0], 0.25, until) == until
 
 
-def test_a_span_has_equal_steps_no_longer_than_allowed():
+def test_span_has_equal_steps_no_longer_than_allowed():
     clock = np.zeros(32)
     for step, count in ((0.1, 5), (0.09, 6), (0.5, 1), (3.0, 1), (0.1 * (1.0 - 1e-12), 5)):
         undecorated(begin_span)(np.array([0.7]), 0.2, 1.0, step, clock)
@@ -34,7 +34,7 @@ def test_a_span_has_equal_steps_no_longer_than_allowed():
 
 
 @pytest.mark.parametrize("length", [5.0, 0.2])
-def test_a_fixed_step_ends_at_a_plausible_state(length):
+def test_fixed_step_ends_at_a_plausible_state(length):
     """Deflections of up to a hundred times the reach, half a turn of a joint in a step."""
     arm = fa.Arm(links=[fa.Link(**{**ROD, "length": length})])
     unit = tolerance_of(arm, np.zeros((2, 1, 3)), 1e-6, 1e-6)
@@ -56,7 +56,10 @@ def test_a_fixed_step_ends_at_a_plausible_state(length):
 
 
 def test_stable_steps_follow_from_frequency_and_damping():
-    """A rod of 1 kg m^2 on a spring: Numerov's formula bears h^2 k = 5, with a margin; (I.8)."""
+    """A rod of 1 kg m^2 on a spring:
+
+    Numerov's formula is stable up to h^2 k = 5, with a margin; (I.8).
+    """
     rod = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
     arm = fa.Arm(links=[rod], joints=[fa.Joint(stiffness=20.0, damping=4.0)])
     constants = arm.assembly.constants
@@ -73,7 +76,7 @@ def test_stable_steps_follow_from_frequency_and_damping():
     system = System(run_time_sizes(constants), constants, drive, new_workspace(constants))
     state = np.array([[[0.3]], [[2.0]]])
     record, memory = Cowell4().record(constants, state), new_memory(state, 1.0)
-    many = 1e4  # s: so many steps that restarts do not count
+    many = 1e4  # s: so many steps that restarts do not matter
     found = undecorated(longest_step)(
         system, state, memory.new, record.start.known, memory.torque, record.stiff,
         record.bounds, 1.0, many,

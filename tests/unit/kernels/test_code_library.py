@@ -1,4 +1,4 @@
-"""Machine code of a kernel exists once, and callers that are loaded from disk find it."""
+"""Machine code of a kernel exists once, and callers loaded from disk find it."""
 
 import json
 import os
@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-# Kernels of a user. The code of the callers, in another file, is kept when this file changes.
+# Kernels of a user. The code of the callers, in another file, is kept if this file changes.
 HALF = """
 from flexarm.kernels.compilation.cache import compiled
 
@@ -59,7 +59,8 @@ print(json.dumps(answer))
 
 @pytest.fixture
 def call(tmp_path):
-    """Return a function that runs the kernels in a process of its own; the cache is kept."""
+    """Return a function that runs the kernels in a separate process, with one cache for all
+    calls."""
     (tmp_path / "half.py").write_text(HALF, encoding="utf-8")
     (tmp_path / "callers.py").write_text(CALLERS, encoding="utf-8")
     environment = {
@@ -93,12 +94,12 @@ def test_machine_code_exists_once_and_callers_refer_to_it(call):
     assert fresh["referred"]["fourth"] == ["half", "double"]
 
 
-def test_a_caller_from_disk_finds_code_of_another_process(call, tmp_path):
+def test_caller_from_disk_finds_code_of_another_process(call, tmp_path):
     assert call()["value"] == 3.0
     assert call()["misses"] == []
     (code,) = code_files(tmp_path, "half")
     code.unlink()
-    # Compiled on its own, the kernel has another symbol than the one to which its callers refer.
+    # If the kernel is compiled separately, its symbol differs from that to which its callers refer.
     again = call("half first")
     assert again["value"] == 3.0
     assert again["misses"] == ["half"]
@@ -107,7 +108,7 @@ def test_a_caller_from_disk_finds_code_of_another_process(call, tmp_path):
     assert last["misses"] == []
 
 
-def test_a_caller_is_compiled_again_if_the_result_has_another_type(call, tmp_path):
+def test_caller_is_compiled_again_if_the_result_has_another_type(call, tmp_path):
     assert call()["value"] == 3.0
     changed = HALF.replace("0.5 * x", "int(x) // 2")
     (tmp_path / "half.py").write_text(changed, encoding="utf-8")
@@ -128,7 +129,7 @@ print(more(4.0))
 """
 
 
-def test_a_users_cached_function_finds_the_kernel_in_a_later_process(tmp_path):
+def test_cached_function_of_a_user_finds_the_kernel_in_a_later_process(tmp_path):
     """Numba's own cache does not keep it, because it would not load the kernel before it."""
     (tmp_path / "half.py").write_text(HALF)
     (tmp_path / "user.py").write_text(USER)
@@ -162,8 +163,8 @@ for decorate in (compiled, numba.njit):
 """
 
 
-def test_kernels_have_no_vector_loops_and_functions_of_users_keep_theirs(tmp_path):
-    """A vector loop over three or four modes costs more than it saves."""
+def test_kernels_have_no_vector_loops_and_functions_of_users_have(tmp_path):
+    """A vector loop over three or four modes takes more time than it saves."""
     (tmp_path / "vectors.py").write_text(VECTORS)
     ended = subprocess.run(
         [sys.executable, "vectors.py"],
@@ -226,7 +227,8 @@ print("after", *state(), half(4.0))
 
 
 def states_of_a_compilation(tmp_path, *arguments):
-    """Return the lines of a process that compiles: garbage collection, and Numba's function."""
+    """Return the output lines of a process that compiles: garbage collection, and Numba's
+    function."""
     program = tmp_path / "program.py"
     program.write_text(IN_A_COMPILATION, encoding="utf-8")
     settings = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONWARNINGS": "ignore"}
@@ -243,11 +245,11 @@ def states_of_a_compilation(tmp_path, *arguments):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
-def test_a_fork_in_the_middle_of_a_compilation_leaves_the_child_as_it_was(tmp_path):
+def test_fork_during_a_compilation_does_not_change_the_child(tmp_path):
     expected = ["during False False", "child True True", "after True True 2.0"]
     assert states_of_a_compilation(tmp_path) == expected
 
 
-def test_an_interrupted_compilation_leaves_the_process_as_it_was(tmp_path):
+def test_interrupted_compilation_does_not_change_the_process(tmp_path):
     lines = states_of_a_compilation(tmp_path, "interrupt")
     assert lines == ["during False False", "after True True"]

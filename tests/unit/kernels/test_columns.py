@@ -1,4 +1,4 @@
-"""Every number that a kernel reads or writes is a column of that array, not of another one."""
+"""Every number that a kernel reads or writes is a column of the correct array."""
 
 import ast
 from pathlib import Path
@@ -12,7 +12,7 @@ from flexarm.kernels.layout import ArmConstants, Columns, empty_constants
 
 PACKAGE = Path(flexarm.__file__).parent
 SOURCES = sorted([*PACKAGE.glob("kernels/**/*.py"), *PACKAGE.glob("integrate/**/*.py")])
-#: Arrays with named columns: the axis of the columns, and the name of their number.
+#: Arrays with named columns: the axis of the columns, and the constant with their number.
 CONSTANTS = {
     "arm": (0, "ARM_COLUMNS"),
     "body": (1, "BODY_COLUMNS"),
@@ -20,12 +20,12 @@ CONSTANTS = {
     "shortening": (3, "SHORTENING_COLUMNS"),
 }
 WORK = {"body": (1, "WORK_BODY_COLUMNS"), "mode": (2, "WORK_MODE_COLUMNS")}
-#: Names that kernels give to records.
+#: Names of records in kernels.
 RECORDS = dict.fromkeys(("c", "k", "constants", "softened", "part"), CONSTANTS) | {"work": WORK}
 
 
 def names_by_array():
-    """Column names of each array, from the one file that declares them."""
+    """Return the column names of each array, from the file that declares them."""
     found = {}
     for node in ast.parse(Path(columns.__file__).read_text()).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple):
@@ -35,7 +35,8 @@ def names_by_array():
 
 
 def columns_read(source):
-    """Pairs of a column and the name of the array's number of columns, of a file's kernels."""
+    """Return pairs of a column and the constant with the array's number of columns, for a file's
+    kernels."""
     for node in ast.walk(ast.parse(source)):
         if not (isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute)):
             continue
@@ -52,17 +53,17 @@ def columns_read(source):
 
 
 def misplaced(source):
-    """What a file reads of an array that does not have it."""
+    """Return the columns that a file reads from an array that does not have them."""
     names = names_by_array()
     return [found for found in columns_read(source) if found[0] not in names[found[1]]]
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)
-def test_every_column_is_read_of_its_array(path):
+def test_every_column_is_read_from_its_array(path):
     assert not misplaced(path.read_text())
 
 
-def test_a_column_of_another_array_is_found():
+def test_column_of_another_array_is_found():
     assert misplaced("x = c.body[i, TIP_X]") == [("TIP_X", "BODY_COLUMNS")]
     assert misplaced("x = system.work.body[i, MASS]") == [("MASS", "WORK_BODY_COLUMNS")]
     assert not misplaced("x = work.body[i, TIP_X] * c.mode[i, j, S]")
@@ -72,13 +73,13 @@ def test_a_column_of_another_array_is_found():
     }
 
 
-def test_no_name_stands_for_two_columns():
+def test_column_names_are_unique():
     names = [name for group in names_by_array().values() for name in group]
     assert len(names) == len(set(names))
 
 
 def test_every_constant_has_one_view():
-    """Python code reads constants by name; each name is a place of its own."""
+    """Python code reads constants by name; each name is a separate column."""
     views = {name: v for name, v in vars(ArmConstants).items() if isinstance(v, Columns)}
     constants = empty_constants(2, 3, 3, 3)
     for name in views:

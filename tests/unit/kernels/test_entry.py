@@ -1,4 +1,4 @@
-"""The way into a kernel that knows its types: same numbers, and new types where they change."""
+"""Cached entry points of kernels: equal results, and compilation for new types."""
 
 import copy
 import pickle
@@ -15,7 +15,7 @@ from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 
 def arguments(arm):
-    """Everything that the inverse dynamics of an arm in motion take."""
+    """Return all arguments of the inverse dynamics of an arm in motion."""
     constants = arm.assembly.constants
     n, m = constants.S.shape
     state = np.random.default_rng(1).normal(size=(2, n, 1 + m))
@@ -29,12 +29,12 @@ def arm_of(links):
 
 
 @pytest.mark.compiled
-def test_gives_what_the_kernel_gives():
+def test_entry_returns_the_result_of_the_kernel():
     given = arguments(arm_of(2))
     inverse_dynamics(*given)
     expected = given[-1].force.copy()
     entry = Entry(inverse_dynamics)
-    for _ in range(_OFTEN + 2):  # the last ones by the shorter way
+    for _ in range(_OFTEN + 2):  # the last calls use the cached entry point
         given[-1].force[:] = 0.0
         entry(*given)
         np.testing.assert_array_equal(given[-1].force, expected)
@@ -43,13 +43,13 @@ def test_gives_what_the_kernel_gives():
 
 @compiled
 def doubled(given, out):
-    """Double the numbers of an array: compiled in a moment, for each type."""
+    """Double the numbers of an array; it compiles fast, for each type."""
     for i in range(given.size):
         out[i] = 2.0 * given[i]
 
 
 @pytest.mark.compiled
-def test_looks_again_where_the_first_argument_is_another():
+def test_another_type_of_the_first_argument_is_compiled():
     entry = Entry(doubled)
     line, other, turned = np.array([1.0, 2.0]), np.array([3.0]), np.array([1.0 + 2.0j])
     for given in (line, other, turned, line):
@@ -61,19 +61,19 @@ def test_looks_again_where_the_first_argument_is_another():
         assert entry._code is not doubled
 
 
-def test_copies_and_pickles_find_their_own_way():
+def test_copies_and_pickles_have_their_own_entry_points():
     entry = Entry(inverse_dynamics)
     given = arguments(arm_of(2))
     for _ in range(_OFTEN + 2):
         entry(*given)
     expected = given[-1].force.copy()
-    for rigid_counterpart in (copy.deepcopy(entry), pickle.loads(pickle.dumps(entry))):
+    for copied in (copy.deepcopy(entry), pickle.loads(pickle.dumps(entry))):
         given[-1].force[:] = 0.0
-        rigid_counterpart(*given)
+        copied(*given)
         np.testing.assert_array_equal(given[-1].force, expected)
 
 
-def test_without_a_compiler_it_is_the_function_itself():
+def test_without_a_compiler_the_entry_is_the_function():
     program = (
         "from flexarm.kernels.compilation.cache import Entry, compiled\n"
         "@compiled\n"

@@ -1,4 +1,4 @@
-"""Kernels that only kernels call have no machine code for Python: a call says so, and ends well."""
+"""Kernels without machine code for Python: a call from Python gives an error and no crash."""
 
 import pytest
 
@@ -22,7 +22,7 @@ def sixfold(x):
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("kernel", [double, triple])
-def test_python_is_refused_before_and_after_compiling(kernel):
+def test_call_from_python_is_rejected_before_and_after_compilation(kernel):
     name = undecorated(kernel).__name__
     with pytest.raises(TypeError, match=f"{name} is compiled for other kernels alone"):
         kernel(1.0)
@@ -31,6 +31,6 @@ def test_python_is_refused_before_and_after_compiling(kernel):
         kernel(1.5)
 
 
-def test_the_plain_function_runs():
+def test_plain_function_runs():
     assert undecorated(triple)(1.5) == 4.5
     assert undecorated(double)(1.5) == 3.0

@@ -1,4 +1,4 @@
-"""What a joint gives by itself: spring, dry friction, stops. Both ways that it is asked."""
+"""Passive torques of joints: spring, dry friction and stops, in forward and inverse dynamics."""
 
 import numpy as np
 import pytest
@@ -19,15 +19,15 @@ def arm(**joint):
 
 
 def torque(of, angle, rate):
-    """What the joint gives by itself: it accelerates a unit inertia."""
+    """Return the passive torque of the joint, which is the acceleration of a unit inertia."""
     return float(of.forward_dynamics([angle], [rate], [0.0])[0])
 
 
-def test_a_bare_joint_gives_nothing():
+def test_joint_without_springs_has_no_passive_torque():
     assert torque(arm(), 0.7, -3.0) == 0.0
 
 
-def test_inverse_dynamics_knows_the_same_torque():
+def test_inverse_dynamics_has_the_same_torque():
     of = arm(damping=0.4, stiffness=5.0, rest_angle=0.2, friction=FRICTION, limits=STOPS)
     for angle in (-0.9, 0.1, 1.2):
         for rate in (-2.0, 0.0, 0.5):
@@ -44,7 +44,7 @@ def test_spring_and_damper():
 
 
 @pytest.mark.parametrize("rate", [0.003, 0.02, 0.1, 0.2, 0.5, 2.0, 40.0])
-def test_friction_of_the_formula(rate):
+def test_friction_equals_its_formula(rate):
     level = 2.0 + 1.5 * np.exp(-((rate / 0.2) ** 2))
     of = arm(friction=FRICTION)
     expected = level * np.tanh(rate / 0.01)
@@ -54,7 +54,8 @@ def test_friction_of_the_formula(rate):
 
 
 def test_friction_falls_from_its_peak_to_coulombs_level():
-    """Stribeck: most just above the smoothing rate, then less, at last the level of motion."""
+    """Stribeck: the maximum is slightly above the smoothing rate, then friction falls to its level
+    in motion."""
     of = arm(friction=FRICTION)
     sweep = np.linspace(0.0, 1.0, 1001)
     friction = np.array([-torque(of, 0.0, rate) for rate in sweep])
@@ -66,21 +67,21 @@ def test_friction_falls_from_its_peak_to_coulombs_level():
     assert friction[-1] == pytest.approx(2.0, rel=1e-9)
 
 
-def test_static_friction_left_out_is_that_of_motion():
+def test_default_static_friction_is_coulombs():
     sweep = np.linspace(0.0, 1.0, 101)
     of = arm(friction=fa.Friction(coulomb=2.0))
     assert all(np.diff([-torque(of, 0.0, rate) for rate in sweep]) >= 0.0)
 
 
 @given(rates)
-def test_friction_never_drives(rate):
+def test_friction_never_accelerates(rate):
     power = torque(arm(friction=FRICTION), 0.0, rate) * rate
     assert power <= 0.0
     assert power >= -3.5 * abs(rate)
 
 
 @given(between(-3.0, 3.0), rates)
-def test_stops_push_back_and_never_pull(angle, rate):
+def test_stop_torques_have_one_sign(angle, rate):
     of = arm(limits=STOPS)
     given_torque = torque(of, angle, rate)
     # The corner is rounded over 1e-9 rad: half of that, times the stiffness and the rise.
@@ -97,7 +98,7 @@ def test_stops_push_back_and_never_pull(angle, rate):
     ("angle", "rate", "expected"),
     [
         (1.25, 0.0, -100.0),
-        (1.25, 2.0, -160.0),  # on the way in it pushes harder
+        (1.25, 2.0, -160.0),  # on the way in the torque is larger
         (1.25, -2.0, -40.0),
         (1.25, -4.0, 0.0),  # the joint leaves faster than the stop follows
         (-0.75, 0.0, 100.0),
@@ -107,7 +108,7 @@ def test_stops_push_back_and_never_pull(angle, rate):
         (-0.49, -5.0, 0.0),
     ],
 )
-def test_stops_of_the_formula(angle, rate, expected):
+def test_stops_equal_their_formula(angle, rate, expected):
     # The roundings of both corners, 1e-9 rad and 1e-6 of the rise, at this stiffness.
     assert torque(arm(limits=STOPS), angle, rate) == pytest.approx(expected, abs=1e-4)
 
@@ -122,8 +123,8 @@ def test_stops_store_the_energy_of_their_springs():
 
 
 @pytest.mark.parametrize("rate", [0.0, 1e-4, 0.05, 3.0, 10.0, 1e3, 1e6])
-def test_derivatives_at_every_rate(rate):
-    """The complex numbers that carry them must not overflow far from rest."""
+def test_derivatives_are_finite_and_correct_at_every_rate(rate):
+    """The complex numbers for derivatives must not overflow far from rest."""
     of = arm(friction=FRICTION)
     slope = of.derivatives([0.0], [rate], [0.0]).qd[0, 0]
     step = max(1e-7, 1e-7 * rate)
@@ -132,7 +133,7 @@ def test_derivatives_at_every_rate(rate):
     assert slope == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
-def test_two_joints_keep_their_own_laws():
+def test_two_joints_have_separate_laws():
     link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
     joints = [fa.Joint(stiffness=5.0, friction=FRICTION), fa.Joint(limits=STOPS, rest_angle=9.0)]
     of = fa.Arm(links=[link, link], joints=joints)

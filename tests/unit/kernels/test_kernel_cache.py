@@ -1,4 +1,4 @@
-"""Machine code on disk: kept between processes, never stale, and nobody else's business."""
+"""Machine code on disk: kept between processes, never outdated, and private."""
 
 import hashlib
 import json
@@ -20,7 +20,7 @@ import flexarm as fa
 
 NOTICE = "flexarm: compiling for this machine"
 
-# A kernel of the package that calls others, put into the copy: the real ones compile for seconds.
+# A kernel of the package that calls others, added to the copy; the real ones compile for seconds.
 SWING = """
 from flexarm.kernels.compilation.cache import compiled, inner
 from flexarm.kernels.compilation.numbers import cos, sin
@@ -58,7 +58,7 @@ print(json.dumps({
 
 @pytest.fixture
 def sandbox(tmp_path):
-    """A copy of the package's sources, with caches of its own."""
+    """Return a copy of the package's sources, with a separate cache."""
     source = Path(flexarm.__file__).parent
     shutil.copytree(
         source, tmp_path / "src" / "flexarm", ignore=shutil.ignore_patterns("__pycache__")
@@ -69,7 +69,8 @@ def sandbox(tmp_path):
 
 
 def run(sandbox, program, **more):
-    """Run a program on the copy, in a process and a home of its own: its answer and its stderr."""
+    """Run a program on the copy in a separate process and home; return its output and its
+    stderr."""
     environment = {
         **os.environ,
         "PYTHONPATH": str(sandbox / "src"),
@@ -90,18 +91,18 @@ def run(sandbox, program, **more):
     return json.loads(done.stdout), done.stderr
 
 
-def test_edited_callee_gives_new_physics_and_everything_else_comes_from_disk(sandbox):
+def test_edited_callee_is_compiled_again_and_the_rest_is_loaded(sandbox):
     callee = sandbox / "src" / "flexarm" / "kernels" / "compilation" / "numbers.py"
     source = callee.read_text(encoding="utf-8")
 
     fresh, words = run(sandbox, CALL_SWING)
     assert fresh["value"] == pytest.approx(2.5, rel=1e-14)
     assert (fresh["hits"], fresh["misses"]) == (0, 1)
-    assert words.count(NOTICE) == 1  # for however many functions
+    assert words.count(NOTICE) == 1  # for any number of functions
     assert fresh["seconds"] > 0.0
     assert "compiling took" in words
     assert Path(fresh["directory"]).is_relative_to(sandbox / "cache")
-    # Numba's own setting is as its user left it, and nothing of ours went there.
+    # Numba's own setting is unchanged, and its folder is empty.
     assert fresh["config"] == [str(sandbox / "theirs")] * 2
     assert not list((sandbox / "theirs").rglob("*flexarm*"))
 
@@ -112,7 +113,7 @@ def test_edited_callee_gives_new_physics_and_everything_else_comes_from_disk(san
     assert again["seconds"] == 0.0
     assert again["directory"] == fresh["directory"]
 
-    # The kernel's own file stays: what it calls turns its sign around.
+    # The kernel's own file is unchanged; an edit of its callee changes the sign of its result.
     assert "return _sine(x)" in source
     edited = source.replace("return _sine(x)", "return -_sine(x)")
     callee.write_text(edited, encoding="utf-8")
@@ -131,7 +132,7 @@ def test_edited_callee_gives_new_physics_and_everything_else_comes_from_disk(san
 
 @pytest.fixture
 def folder_of(sandbox, monkeypatch):
-    """Return the folder that the copy's sources name; read anew, without another process."""
+    """Return the folder for the copy's sources, which are read again in this process."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(sandbox / "cache"))
 
     def found():
@@ -144,7 +145,7 @@ def folder_of(sandbox, monkeypatch):
     return found
 
 
-def test_every_source_that_decides_takes_part_in_the_key(sandbox, folder_of):
+def test_every_relevant_source_is_part_of_the_key(sandbox, folder_of):
     seen = {folder_of()}
     assert folder_of() in seen
     for name in ("kernels/kinematics.py", "integrate/torque.py", "kernels/forces/another.py"):
@@ -156,7 +157,7 @@ def test_every_source_that_decides_takes_part_in_the_key(sandbox, folder_of):
     assert all(folder.is_relative_to(sandbox / "cache") for folder in seen)
 
 
-def test_unused_machine_code_is_forgotten_and_the_rest_kept(sandbox, folder_of):
+def test_unused_machine_code_is_removed_and_the_rest_kept(sandbox, folder_of):
     root = sandbox / "cache" / "flexarm"
     long_ago = time.time() - 100 * 24 * 3600
     for name in ("kernels-old", "kernels-young", "kernels-unmarked", "other"):
@@ -171,7 +172,7 @@ def test_unused_machine_code_is_forgotten_and_the_rest_kept(sandbox, folder_of):
     assert all((root / name).exists() for name in ("kernels-young", "kernels-unmarked", "other"))
 
 
-# One small kernel outside the package: it compiles in a second.
+# One small kernel outside the package, which compiles in a second.
 DOUBLE = """
 from flexarm.kernels.compilation.cache import compiled
 @compiled
@@ -193,7 +194,8 @@ posix_only = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users on 
 
 @pytest.fixture
 def doubled(sandbox):
-    """Call one small kernel in a process of its own, with a home and a temporary directory."""
+    """Return a function that calls one small kernel in a process with a separate home and temporary
+    folder."""
     (sandbox / "temporary").mkdir()
 
     def call(factor="2.0", **more):
@@ -206,7 +208,7 @@ def doubled(sandbox):
     return call
 
 
-def test_a_kernel_outside_the_package_is_fresh_after_an_edit_of_its_file(doubled):
+def test_kernel_outside_the_package_is_compiled_again_after_an_edit(doubled):
     assert doubled("2.0")[0]["hits"] == 0
     assert doubled("2.0")[0]["hits"] == 1
     assert doubled("3.0")[0]["hits"] == 0
@@ -214,13 +216,13 @@ def test_a_kernel_outside_the_package_is_fresh_after_an_edit_of_its_file(doubled
 
 @pytest.fixture
 def blocked(sandbox):
-    """A path at which no folder can be made: fails for every user, root too."""
+    """Return a path at which no folder can be made by any user, including root."""
     (sandbox / "blocked").touch()
     return {"XDG_CACHE_HOME": str(sandbox / "blocked")}
 
 
 @posix_only
-def test_a_home_that_cannot_be_written_is_replaced_by_a_private_folder(doubled, blocked, sandbox):
+def test_unwritable_home_is_replaced_by_a_private_folder(doubled, blocked, sandbox):
     first, _ = doubled(**blocked)
     folder = Path(first["directory"])
     assert folder.is_relative_to(sandbox / "temporary")
@@ -230,10 +232,10 @@ def test_a_home_that_cannot_be_written_is_replaced_by_a_private_folder(doubled, 
 
 @posix_only
 @pytest.mark.parametrize("planted", ["open to others", "a link", "of somebody else"])
-def test_code_in_a_folder_of_others_is_never_loaded(planted, doubled, blocked, sandbox):
+def test_code_in_a_shared_folder_is_never_loaded(planted, doubled, blocked, sandbox):
     first, _ = doubled(**blocked)
     shared = Path(first["directory"]).parent
-    # Every file would tell if it were unpickled.
+    # Every file would raise if it were unpickled.
     code = next(Path(first["directory"]).glob("double.double-*.code"))
     body = pickle.dumps(Bomb())
     code.write_bytes(hashlib.sha256(body).digest() + body)
@@ -252,14 +254,14 @@ def test_code_in_a_folder_of_others_is_never_loaded(planted, doubled, blocked, s
 
 
 class Bomb:
-    """Runs code when it is unpickled."""
+    """An object that runs code when it is unpickled."""
 
     def __reduce__(self):
         return exec, ("import sys; print('BOMB', file=sys.stderr)",)
 
 
 @posix_only
-def test_a_file_of_somebody_else_is_not_loaded(doubled):
+def test_file_of_another_user_is_not_loaded(doubled):
     first, _ = doubled()
     if os.geteuid() != 0:
         pytest.skip("only root can give a file to somebody else")
@@ -272,7 +274,7 @@ def test_a_file_of_somebody_else_is_not_loaded(doubled):
     assert "BOMB" not in words
 
 
-# One process for all kinds of damage: a new dispatcher looks into the cache as a new process does.
+# One process for all kinds of damage: a new dispatcher reads the cache as a new process does.
 DAMAGED = """
 import hashlib, json, pickle, sys
 from pathlib import Path
@@ -305,7 +307,7 @@ print(json.dumps(found))
 """
 
 
-def test_a_damaged_file_is_compiled_again(sandbox, doubled):
+def test_damaged_file_is_compiled_again(sandbox, doubled):
     doubled()
     found, _ = run(sandbox, DAMAGED)
     assert all(value == 3.0 for value, _ in found.values())
@@ -314,7 +316,7 @@ def test_a_damaged_file_is_compiled_again(sandbox, doubled):
     assert len(found) == 7
 
 
-def test_a_full_disk_costs_the_cache_and_nothing_else(sandbox):
+def test_full_disk_disables_the_cache_only(sandbox):
     full = (
         "import errno, os\n"
         "from flexarm.kernels.compilation import code_cache\n"
@@ -352,7 +354,7 @@ except KeyboardInterrupt:
 """
 
 
-def test_an_interrupt_while_compiling_leaves_a_cache_that_works(sandbox):
+def test_interrupted_compilation_leaves_a_valid_cache(sandbox):
     assert run(sandbox, INTERRUPTED)[0] == "interrupted"
     assert not list((sandbox / "cache").rglob("*.tmp"))
     assert run(sandbox, CALL_SWING)[0]["value"] == pytest.approx(2.5, rel=1e-14)
@@ -375,5 +377,5 @@ def test_kernels_run_as_plain_python(sandbox):
     link = fa.Link(length=1.0, flexural_rigidity=3.0, mass_per_length=0.5, elements=1)
     arm = fa.Arm(links=[link, link], gravity=(0.0, -9.81), theory="second_order")
     q = [0.3, 0.001, -0.002, -0.5, 0.003, 0.001]
-    # Fused multiply-adds apart.
+    # Except for fused multiply-adds.
     np.testing.assert_allclose(found, arm.forward_dynamics(q, q, [1.0, -0.5]), rtol=1e-10)

@@ -1,6 +1,6 @@
-"""Sizes known to the compiler and sizes known at run time: one source, the same numbers.
+"""Compile-time and run-time sizes give the same numbers from one source.
 
-Each size is compiled anew, so all tests here and the benchmark of forward dynamics share one.
+Each size is compiled again, so all tests here and the benchmark of forward dynamics share one.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from flexarm.kernels.recursion.articulated_body import forward_dynamics
 
 
 def two_link_arm(theory="second_order"):
-    """Links of two and four modes, so that padding takes part."""
+    """Return links of two and four modes, so that padding matters."""
     return fa.Arm(
         links=[
             fa.Link(length=0.8, flexural_rigidity=20.0, mass_per_length=0.5, elements=1),
@@ -37,9 +37,9 @@ def test_sizes_count_bodies_and_modes():
 
 
 def test_compile_time_sizes_give_the_same_numbers():
-    """Of the forward dynamics, the kernel that runs with them, in the second-order theory.
+    """For the forward dynamics, the kernel that runs with them, in the second-order theory.
 
-    The linear theory leaves loops empty that are tested here.
+    In the linear theory loops that are tested here are empty.
     """
     arm = two_link_arm()
     sizes, constants, work = parts(arm)
@@ -50,7 +50,7 @@ def test_compile_time_sizes_give_the_same_numbers():
     torque, loads = rng.normal(size=2), tip_loads(arm, rng.normal(size=3))
     forward_dynamics(sizes, constants, state, torque, loads, work)
     forward_dynamics(fixed, constants, state, torque, loads, other)
-    # Unrolled sums may be added in another order and fused: rounding of a few dozen terms.
+    # Unrolled sums may have another order and be fused: rounding of a few dozen terms.
     np.testing.assert_allclose(other.acceleration, work.acceleration, rtol=1e-11)
 
 
@@ -58,5 +58,5 @@ def test_compile_time_sizes_give_the_same_motion():
     arm = two_link_arm()
     free, fixed = (fa.simulate(arm, 0.3, specialized=given) for given in (False, True))
     assert abs(free.tip - free.tip[0]).max() > 0.1
-    # The same formulas, added in another order: rounding grows over the run.
+    # The same formulas, with sums in another order: rounding grows over the run.
     np.testing.assert_allclose(fixed.tip, free.tip, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Exact Jacobians: complex perturbation of the kernels against differences and other routes."""
+"""Exact Jacobians by complex perturbation of the kernels, against differences and other methods."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -11,7 +11,7 @@ seeds = st.integers(0, 10**6)
 
 
 def complex_accelerations(arm, state, torque, tip_force=(0.0, 0.0, 0.0)):
-    """Accelerations (dof,) at a complex state (2, dof)."""
+    """Return accelerations (dof,) at a complex state (2, dof)."""
     sizes, constants, work = parts(arm, complex)
     tau = arm.padded_torque(np.asarray(torque)).astype(complex)
     loads = tip_loads(arm, np.asarray(tip_force, dtype=float))
@@ -20,13 +20,13 @@ def complex_accelerations(arm, state, torque, tip_force=(0.0, 0.0, 0.0)):
 
 
 def moderate(seed):
-    """An arm whose accelerations answer mildly, so that differences have digits to show."""
+    """Return an arm with moderate accelerations, so that differences have enough digits."""
     return drawn(seed, links=2, elements=2)
 
 
 @settings(max_examples=40)
 @given(seeds)
-def test_jacobians_are_the_directional_derivatives(seed):
+def test_jacobians_equal_directional_derivatives(seed):
     """Column by column inside the kernel, along one direction here: exact to rounding."""
     d = drawn(seed)
     rng = np.random.default_rng(seed)
@@ -39,7 +39,7 @@ def test_jacobians_are_the_directional_derivatives(seed):
     along = exact_derivative(lambda s: complex_accelerations(d.arm, s, d.torque), state, direction)
     wanted = by.q @ dq + by.qd @ dqd
     terms = abs(by.q) @ abs(dq) + abs(by.qd) @ abs(dqd) + 1e-6
-    # The same perturbed kernel: what differs is rounding, magnified by a nearly singular M.
+    # Both use the same perturbed kernel: rounding, amplified by a nearly singular M.
     assert np.all(abs(along - wanted) <= 1e-10 * terms.max())
     lever = exact_derivative(lambda tau: complex_accelerations(d.arm, state, tau), d.torque, dtau)
     terms = abs(by.torque) @ abs(dtau)
@@ -52,7 +52,7 @@ def test_jacobians_are_the_limits_of_differences(seed):
     d = moderate(seed)
     by = d.arm.derivatives(d.q, d.qd, d.torque)
     rng = np.random.default_rng(seed)
-    # Changes in proportion to the values: a stiff mode is bent as little as it is.
+    # Changes in proportion to the values, so that stiff modes are changed very little.
     dq, dqd = np.stack([d.q, d.qd]) * rng.normal(size=(2, d.arm.dof))
     dtau = rng.normal(size=d.arm.joints)
 
@@ -69,7 +69,7 @@ def test_jacobians_are_the_limits_of_differences(seed):
 
 @settings(max_examples=40)
 @given(seeds)
-def test_at_rest_they_are_mass_stiffness_and_damping(seed):
+def test_jacobians_at_rest_are_mass_stiffness_and_damping(seed):
     """A straight arm at rest without gravity: M qdd = -K dq - D dqd + torque."""
     d = drawn(seed, gravity=False)
     q, zero = d.arm.rest(d.state.angles), np.zeros(d.arm.dof)
@@ -85,11 +85,11 @@ def test_at_rest_they_are_mass_stiffness_and_damping(seed):
     for jacobian, force, size in pairs:
         missed = (M @ jacobian - force) / scale[:, None]
         inertia = np.linalg.norm(scale[:, None] * jacobian)
-        # Rounding of accelerations, times the inertia they meet.
+        # Rounding of accelerations, times their inertia.
         assert np.linalg.norm(missed) <= 1e-10 * (inertia + size / scale.min())
 
 
-def test_gravity_makes_the_stiffness_depend_on_the_posture():
+def test_stiffness_by_gravity_depends_on_the_posture():
     d = changed(drawn(11, theory="second_order", rigid=False).arm, gravity=(0.0, -9.81))
     up, down = (d.rest([angle, *np.zeros(d.joints - 1)]) for angle in (np.pi / 2, -np.pi / 2))
     standing, hanging = d.stiffness_matrix(up), d.stiffness_matrix(down)

@@ -1,4 +1,4 @@
-"""The estimated error of bent states against the elastica, and who warns of it."""
+"""The estimated error of bent states against the elastica, and the functions that warn of it."""
 
 import warnings
 
@@ -22,7 +22,8 @@ def bent(arm, load):
 
 
 def off(arm, load):
-    """Estimated and true error of the tip: against 32 segments, within 1e-5 of the elastica."""
+    """Return estimated and true error of the tip: against 32 segments, within 1e-5 of the
+    elastica."""
     fine = strip("second_order", arm.links, elements=32, segments=32)
     q = bent(arm, load)
     true = np.hypot(*(arm.tip(q) - fine.tip(bent(fine, load)))[:2])
@@ -33,8 +34,8 @@ def off(arm, load):
 @pytest.mark.parametrize("segments", [1, 4])
 @pytest.mark.parametrize("load", [FORCE, MOMENT], ids=["force", "moment"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_the_estimate_is_within_a_factor_of_three_of_the_elastica(theory, load, segments):
-    """Between the two shapes that a load at the tip gives; beyond half a radian."""
+def test_estimate_is_within_a_factor_of_three_of_the_elastica(theory, load, segments):
+    """For both shapes of a load at the tip, up to more than half a radian."""
     for size in (0.3, 0.6, 1.0, 1.5):
         estimate, true = off(strip(theory, elements=4, segments=segments), size * load)
         assert true / 3.0 < estimate < 3.0 * true
@@ -45,19 +46,19 @@ def test_the_estimate_is_within_a_factor_of_three_of_the_elastica(theory, load, 
     [
         # A force to which the linear theory responds with a deflection of two lengths.
         pytest.param(1, 1, 1, 6.0 * FORCE, 3.0, id="absurd"),
-        # A bent link displaces the one that it carries; its slope under a moment is exact.
+        # A bent link displaces the next one; the slope under a moment is exact.
         pytest.param(2, 2, 2, 0.3 * FORCE, 3.5, id="two links, force"),
         pytest.param(2, 2, 2, 0.6 * MOMENT, 3.5, id="two links, moment"),
     ],
 )
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_the_estimate_of_other_arms(theory, links, elements, segments, load, high):
+def test_estimate_of_arms_with_several_links(theory, links, elements, segments, load, high):
     estimate, true = off(strip(theory, links, elements=elements, segments=segments), load)
     assert true / 3.0 < estimate < high * true
 
 
 def analyses(arm):
-    """Analyses that make or take a bent state, by their names."""
+    """Return the analyses that compute or take a bent state, by their names."""
     force, state = {"tip_force": (0.0, 1.0)}, bent(arm, FORCE)
     # Clamped, because a free joint feels no inertia in the second-order theory this far bent.
     clamped = fa.Arm(arm.spec.replace(joints=[fa.Joint(fixed=True)]))
@@ -79,7 +80,7 @@ def test_every_analysis_warns_once(theory, name):
     assert caught[0].filename == __file__
 
 
-def test_an_equilibrium_carries_its_warning_into_what_uses_it():
+def test_equilibrium_passes_its_warning_to_later_analyses():
     arm = strip("second_order", elements=2)
     with one_warning():
         rest = fa.equilibrium(arm, [0.0], tip_force=(0.0, 1.0))
@@ -105,7 +106,7 @@ def test_analyses_that_find_sagging_equilibria_warn_once(use):
     ("theory", "segments", "force"),
     [("linear", 1, 0.27), ("linear", 4, 1.2), ("second_order", 1, 0.5), ("second_order", 4, 3.0)],
 )
-def test_states_within_the_theory_stay_silent(theory, segments, force):
+def test_states_within_the_theory_give_no_warning(theory, segments, force):
     arm = strip(theory, elements=4, segments=segments)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -114,16 +115,16 @@ def test_states_within_the_theory_stay_silent(theory, segments, force):
     assert bending_warning(arm, rest.q) == ""
 
 
-def test_the_message_names_the_estimate_and_the_way_out():
+def test_message_has_the_estimate_and_a_remedy():
     linear, second = (strip(theory, elements=4) for theory in ("linear", "second_order"))
-    said = bending_warning(linear, bent(linear, FORCE))
-    assert "33% of its length of 1 m: the linear theory misplaces the tip by about 65 mm" in said
-    assert "(6.5% of the reach). Use theory='second_order' and segments=2 to 4" in said
-    said = bending_warning(second, bent(second, FORCE))
-    assert "the second-order theory misplaces the tip by about 20 mm" in said
-    assert "Use segments=2 to 4 on that link" in said
+    stated = bending_warning(linear, bent(linear, FORCE))
+    assert "33% of its length of 1 m: the linear theory misplaces the tip by about 65 mm" in stated
+    assert "(6.5% of the reach). Use theory='second_order' and segments=2 to 4" in stated
+    stated = bending_warning(second, bent(second, FORCE))
+    assert "the second-order theory misplaces the tip by about 20 mm" in stated
+    assert "Use segments=2 to 4 on that link" in stated
 
 
-def test_a_rigid_arm_has_no_error():
+def test_rigid_arm_has_no_error():
     arm = strip(flexible=False)
     assert bending_warning(arm, arm.rest([0.3])) == ""

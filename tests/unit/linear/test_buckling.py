@@ -1,4 +1,4 @@
-"""Axial loads: what they do to stiffness, when they buckle a link, and dead against follower."""
+"""Axial loads: their effect on stiffness, buckling of a link, and dead against follower loads."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ EULER = np.pi**2 / 4
 
 
 def column(segments=1, elements=8, theory="second_order", gravity=(0.0, 0.0)):
-    """A link of unit length, stiffness and mass."""
+    """Return a link of unit length, stiffness and mass."""
     link = fa.Link(
         length=1.0,
         flexural_rigidity=1.0,
@@ -23,14 +23,15 @@ def column(segments=1, elements=8, theory="second_order", gravity=(0.0, 0.0)):
 
 
 def buckling_load(stiffness):
-    """Least factor p > 0 at which K(p), linear in p, is singular; K(0) is positive definite."""
+    """Return the least factor p > 0 at which K(p), linear in p, is singular; K(0) is positive
+    definite."""
     plain = stiffness(0.0)[1:, 1:]
     change = plain - stiffness(1.0)[1:, 1:]
     return 1.0 / scipy.linalg.eigh(change, plain, eigvals_only=True)[-1]
 
 
 def standing_weight(**fields):
-    """Buckling weight rho A g L^3 / EI of a column that stands on a clamp."""
+    """Return the buckling weight rho A g L^3 / EI of a clamped standing column."""
     up = [np.pi / 2]
 
     def stiffness(g):
@@ -41,7 +42,7 @@ def standing_weight(**fields):
 
 
 def pushed(frame, **fields):
-    """Buckling force P L^2 / EI along a link from its tip towards its root."""
+    """Return the buckling force P L^2 / EI along a link from its tip towards its root."""
     arm = column(**fields)
     straight = arm.rest([0.0])
 
@@ -52,13 +53,13 @@ def pushed(frame, **fields):
 
 
 @pytest.mark.parametrize("segments", [1, 2, 4])
-def test_greenhill(segments):
+def test_greenhills_buckling_weight(segments):
     # Eight elements; the error falls with the fourth power of their length (test below).
     assert standing_weight(segments=segments) == pytest.approx(GREENHILL, rel=1.5e-5)
 
 
 @pytest.mark.parametrize("segments", [1, 4])
-def test_euler(segments):
+def test_eulers_buckling_load(segments):
     assert pushed("world", segments=segments) == pytest.approx(EULER, rel=3e-6)
 
 
@@ -70,8 +71,8 @@ def test_buckling_loads_converge_with_fourth_order(load, exact):
     np.testing.assert_allclose(np.diff(np.log2(errors)), -4.0, atol=0.1)
 
 
-def test_linear_segments_buckle_as_a_chain_does():
-    """Rigid between their springs as far as axial loads go: from above, second order."""
+def test_linear_segments_buckle_as_a_chain_of_springs():
+    """For axial loads segments are rigid: the load converges from above with second order."""
     errors = [pushed("world", theory="linear", elements=n, segments=n) - EULER for n in (8, 16, 32)]
     assert all(error > 0.0 for error in errors)
     np.testing.assert_allclose(np.diff(np.log2(errors)), -2.0, atol=0.1)
@@ -81,7 +82,7 @@ def test_one_linear_link_cannot_buckle():
     arm = column(theory="linear")
     straight = arm.rest([0.0])
     pushed_hard = arm.stiffness_matrix(straight, (-100.0, 0.0))
-    assert pushed_hard[0, 0] == pytest.approx(-100.0)  # the joint would fold, were it free
+    assert pushed_hard[0, 0] == pytest.approx(-100.0)  # a free joint would fold
     bending = arm.stiffness_matrix(straight)[1:, 1:]
     np.testing.assert_allclose(pushed_hard[1:, 1:], bending, rtol=1e-14, atol=1e-9)
 
@@ -92,22 +93,22 @@ def test_stability_changes_at_the_buckling_load():
     above = fa.equilibrium(arm, tip_force=(-1.01 * EULER, 0.0))
     assert below.stable
     assert not above.stable
-    np.testing.assert_allclose(above.q, 0.0, atol=1e-12)  # straight, but not for long
+    np.testing.assert_allclose(above.q, 0.0, atol=1e-12)  # straight, but unstable
 
 
-def test_a_tensioned_link_is_stiffer():
+def test_tension_stiffens_a_link():
     """The lowest squared frequency grows by the tension times the mode's int Phi'^2, 4.6478."""
     arm = column()
     slack = fa.equilibrium(arm).lowest_eigenvalue
     assert slack == pytest.approx(3.5160152685**2, rel=1e-5)
     tension = 0.01
     pulled = fa.equilibrium(arm, tip_force=(tension, 0.0)).lowest_eigenvalue
-    # To first order in the tension; the next term is as much smaller as that is beside EI / L^2.
+    # To first order in the tension; the next term is smaller by the tension over EI / L^2.
     assert (pulled - slack) / tension == pytest.approx(4.6478, rel=1e-3)
 
 
 def test_dead_and_follower_loads():
-    """Beck's column does not buckle where Euler's does: a follower load has no potential."""
+    """Beck's column does not buckle as Euler's does, because a follower load has no potential."""
     arm = column(segments=8)
     beyond = 1.05 * EULER
     dead = fa.equilibrium(arm, tip_force=(-beyond, 0.0))
@@ -120,15 +121,15 @@ def test_dead_and_follower_loads():
     np.testing.assert_allclose(conservative, conservative.T, atol=1e-12 * abs(K).max())
 
 
-def test_a_follower_load_bends_a_link_further_round():
-    """The end of a bent link points elsewhere, and the load with it: it never runs out of arm."""
+def test_follower_load_bends_a_link_further():
+    """It turns with the end of the link, so its lever does not vanish."""
     arm = column(segments=8)
     dead = fa.equilibrium(arm, loads=[fa.Load(1, (0.0, 2.0))])
     follower = fa.equilibrium(arm, loads=[fa.Load(1, (0.0, 2.0), frame="link")])
     assert arm.tip(follower.q)[2] > arm.tip(dead.q)[2] + 0.05
 
 
-def test_stiffness_under_loads_is_the_slope_of_the_force():
+def test_stiffness_under_loads_is_the_derivative_of_the_force():
     arm = fa.Arm(
         links=[
             fa.Link(length=1.0, flexural_rigidity=3.0, mass_per_length=1.0, segments=2),

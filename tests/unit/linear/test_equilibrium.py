@@ -1,4 +1,4 @@
-"""Where arms rest: handbook deflections, holding torques, free joints, and no rest at all."""
+"""Equilibria: handbook deflections, holding torques, free joints, and arms without one."""
 
 import numpy as np
 import pytest
@@ -16,12 +16,12 @@ def cantilever(theory="linear", gravity=(0.0, 0.0), **link):
 
 
 def at_tip(arm, result):
-    """Deflection and slope of a single link's tip."""
+    """Return deflection and slope of a single link's tip."""
     return arm.nodal(result.q)[0][-1]
 
 
 class TestClosedForms:
-    """One linear link, the joint locked: exact at the nodes, whatever the mesh."""
+    """One linear link with a locked joint: exact at the nodes of any mesh."""
 
     @pytest.mark.parametrize("elements", [1, 4, 7])
     def test_force_and_moment_at_the_tip(self, elements):
@@ -41,8 +41,8 @@ class TestClosedForms:
         np.testing.assert_allclose(bent, [3 * a * (2 * L - a) / (2 * EI), 3 * a / EI], rtol=EXACT)
 
     @pytest.mark.parametrize("station", [0.1, 0.52, 1.39])
-    def test_force_anywhere(self, station):
-        """At every node, also where the load is between two: Hermite elements are that good."""
+    def test_force_at_any_station(self, station):
+        """Exact at every node, also if the load is between two: a property of Hermite elements."""
         arm, a = cantilever(elements=3), station
         bent = arm.nodal(fa.equilibrium(arm, loads=[fa.Load(1, (0.0, 3.0), station=a)]).q)[0]
         x = np.arange(1, 4) * L / 3
@@ -59,7 +59,7 @@ class TestClosedForms:
         tip = arm.tip(fa.equilibrium(arm, loads=[load]).q)[1:] / w
         np.testing.assert_allclose(tip, [L**4 / (8 * EI), L**3 / (6 * EI)], rtol=1e-9)
 
-    def test_load_on_the_outer_half(self):
+    def test_distributed_load_on_the_outer_half(self):
         arm = cantilever()
         bent = at_tip(arm, fa.equilibrium(arm, loads=[fa.Load(1, (0, 3.0), spread=(L / 2, L))]))
         # The whole less the inner half: w L^4 / 8 EI less (w a^4 / 8 + w a^3 / 6 (L - a)) / EI.
@@ -67,7 +67,7 @@ class TestClosedForms:
         deflection = 3 * (L**4 / 8 - a**4 / 8 - a**3 / 6 * (L - a)) / EI
         np.testing.assert_allclose(bent, [deflection, 3 * (L**3 - a**3) / (6 * EI)], rtol=EXACT)
 
-    def test_gravity_is_a_uniform_load(self):
+    def test_gravity_equals_a_uniform_load(self):
         heavy = cantilever(gravity=(0.0, -9.81))
         result = fa.equilibrium(heavy)
         w = -MU * 9.81
@@ -103,14 +103,15 @@ class TestTableOneArm:
         return fa.Arm(links=links, gravity=(0.0, -9.81 * part))
 
     def exact(self):
-        """Sag and slope of the elbow, sag of the tip, by the handbook's superposition."""
+        """Return sag and slope of the elbow and sag of the tip, by superposition of handbook
+        formulas."""
         w, (a, b) = 0.61732 * 9.81, self.LENGTHS
         force, moment = w * b, w * b * b / 2
         sag = (w * a**4 / 8 + force * a**3 / 3 + moment * a**2 / 2) / 105.0
         slope = (w * a**3 / 6 + force * a**2 / 2 + moment * a) / 105.0
         return np.array([sag, slope, sag + slope * b + w * b**4 / (8 * 105.0)])
 
-    def test_handbook(self):
+    def test_sag_of_the_handbook(self):
         np.testing.assert_allclose(
             self.exact(), [0.1120489206, 0.1256440694, 0.2449024057], rtol=0, atol=6e-11
         )
@@ -125,8 +126,8 @@ class TestTableOneArm:
         found = [*first[-1], first[-1, 0] + first[-1, 1] * self.LENGTHS[1] + second[-1, 0]]
         np.testing.assert_allclose(found, -self.exact(), rtol=EXACT)
 
-    def test_equilibrium_tends_to_it_with_the_load(self):
-        """The second link hangs from a tip that has turned: exact only for small loads."""
+    def test_equilibrium_approaches_it_for_small_loads(self):
+        """The second link is at a tip that turns, so the formula is exact only for small loads."""
         missed = []
         for part in (1e-2, 1e-3):
             arm = self.arm(part)
@@ -134,7 +135,7 @@ class TestTableOneArm:
             tip = -arm.tip(result.q)[1] / part
             missed.append(abs(tip - self.exact()[2]))
         assert missed[0] < 1e-5
-        # What is missing grows with the square of the load.
+        # The error grows with the square of the load.
         assert missed[0] / missed[1] == pytest.approx(100.0, rel=0.1)
 
     def test_full_load(self):
@@ -144,7 +145,7 @@ class TestTableOneArm:
         assert arm.tip(result.q)[1] == pytest.approx(-self.exact()[2], rel=0.01)
         at_rest = np.zeros(arm.dof)
         qdd = arm.forward_dynamics(result.q, at_rest, result.torque)
-        # Against accelerations of 1e4 while still straight.
+        # Relative to accelerations of 1e4 while straight.
         assert abs(qdd).max() < 1e-6
 
 
@@ -154,10 +155,10 @@ class TestFreeJoints:
         result = fa.equilibrium(arm, [-1.2], torque=[0.0])
         assert arm.joint_angles(result.q)[0] == pytest.approx(-np.pi / 2, abs=1e-9)
         assert result.stable
-        # m g L / 2 over m L^2 / 3, a little less for bending.
+        # m g L / 2 over m L^2 / 3, slightly less because of bending.
         assert result.lowest_eigenvalue == pytest.approx(1.5 * 9.81 / L, rel=0.01)
 
-    def test_a_pendulum_stands_but_not_stably(self):
+    def test_upright_pendulum_is_an_unstable_equilibrium(self):
         arm = cantilever(gravity=(0.0, -9.81))
         result = fa.equilibrium(arm, torque=[0.0], start=arm.rest([1.5]))
         assert arm.joint_angles(result.q)[0] == pytest.approx(np.pi / 2, abs=1e-9)
@@ -165,15 +166,15 @@ class TestFreeJoints:
         assert result.lowest_eigenvalue == pytest.approx(-1.5 * 9.81 / L, rel=0.01)
 
     @pytest.mark.parametrize("begin", [3.0, 1.5, 0.2, 0.0, -1.0])
-    def test_a_pendulum_falls_to_where_it_hangs(self, begin):
+    def test_unbalanced_pendulum_moves_to_the_hanging_equilibrium(self, begin):
         arm = cantilever(gravity=(0.0, -9.81))
         result = fa.equilibrium(arm, [begin], torque=[0.0])
         assert result.stable
         assert np.sin(arm.joint_angles(result.q)[0]) == pytest.approx(-1.0, abs=1e-9)
-        assert abs(arm.joint_angles(result.q)[0] - begin) < np.pi + 1.6  # no turns on the way
+        assert abs(arm.joint_angles(result.q)[0] - begin) < np.pi + 1.6  # without additional turns
 
     @pytest.mark.parametrize("begin", [0.0, 0.3, 3.0])
-    def test_a_joint_falls_onto_its_stop(self, begin):
+    def test_falling_joint_comes_to_rest_at_its_stop(self, begin):
         stops = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=1e4)
         link = fa.Link(length=L, mass_per_length=MU, flexible=False)
         arm = fa.Arm(links=[link], joints=[fa.Joint(limits=stops)], gravity=(0.0, -9.81))
@@ -181,7 +182,7 @@ class TestFreeJoints:
         weight = MU * L * 9.81 * L / 2
         assert 1e4 * (-0.5 - angle) == pytest.approx(weight * np.cos(angle), rel=1e-6)
 
-    def test_a_torque_holds_a_rigid_pendulum_out(self):
+    def test_torque_holds_a_rigid_pendulum_at_an_angle(self):
         arm = cantilever(gravity=(0.0, -9.81)).rigid()
         weight = MU * L * 9.81 * L / 2
         result = fa.equilibrium(arm, [-1.5], torque=[0.5 * weight])
@@ -197,9 +198,9 @@ class TestFreeJoints:
         held = fa.equilibrium(arm, [0.5, -0.25])
         np.testing.assert_allclose(held.torque, [2.0, -1.0], rtol=1e-12)
         assert held.stable
-        assert held.lowest_eigenvalue == np.inf  # nothing is left that could move
+        assert held.lowest_eigenvalue == np.inf  # no coordinates remain free
 
-    def test_a_stop_carries_what_leans_on_it(self):
+    def test_stop_carries_an_arm_that_leans_on_it(self):
         stop = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=2e3, damping=0.2)
         link = fa.Link(length=1.0, mass_per_length=2.0, flexible=False)
         arm = fa.Arm(links=[link], joints=[fa.Joint(limits=stop)], gravity=(0.0, -9.81))
@@ -207,8 +208,8 @@ class TestFreeJoints:
         beyond = -0.5 - result.q[0]
         assert 2e3 * beyond == pytest.approx(9.81 * np.cos(result.q[0]), rel=1e-9)
 
-    def test_dry_friction_carries_nothing(self):
-        """Regularised friction creeps: at rest it gives no torque, so the arm hangs down."""
+    def test_dry_friction_holds_nothing(self):
+        """Regularised friction has no torque at rest, so the arm hangs down."""
         link = fa.Link(length=1.0, mass_per_length=2.0, flexible=False)
         sticky = fa.Joint(friction=fa.Friction(coulomb=5.0))
         arm = fa.Arm(links=[link], joints=[sticky], gravity=(0.0, -9.81))
@@ -216,34 +217,34 @@ class TestFreeJoints:
 
 
 class TestStart:
-    def test_from_a_state_nearby(self):
+    def test_start_from_a_state_nearby(self):
         arm = cantilever("second_order", gravity=(0.0, -9.81), segments=4)
         found = fa.equilibrium(arm, [0.3])
         again = fa.equilibrium(arm, start=found.q + 1e-3 * (np.arange(arm.dof) > 0))
         np.testing.assert_allclose(again.q, found.q, rtol=0, atol=1e-10)
         np.testing.assert_allclose(again.torque, found.torque, rtol=1e-9)
 
-    def test_from_far_away_it_may_not_be_found(self):
+    def test_search_from_far_away_may_fail(self):
         link = fa.Link(length=1.0, mass_per_length=2.0, flexible=False)
         arm = fa.Arm(links=[link], gravity=(0.0, -9.81))
         start = arm.rest([0.3])
-        with pytest.raises(fa.EquilibriumError) as told:
+        with pytest.raises(fa.EquilibriumError) as reported:
             fa.equilibrium(arm, start=start, torque=[30.0])
-        np.testing.assert_array_equal(told.value.q, start)
+        np.testing.assert_array_equal(reported.value.q, start)
 
 
 class TestNone:
-    def test_torque_on_a_joint_that_nothing_holds(self):
+    def test_torque_on_a_free_joint_has_no_equilibrium(self):
         arm = cantilever()
-        with pytest.raises(fa.EquilibriumError) as told:
+        with pytest.raises(fa.EquilibriumError) as reported:
             fa.equilibrium(arm, [0.4], torque=[1.0])
-        error = told.value
+        error = reported.value
         assert error.load_fraction == 0.0
         np.testing.assert_array_equal(error.q, arm.rest([0.4]))
         assert str(error).startswith("no equilibrium found: ")
         assert isinstance(error, fa.FlexarmError)
 
-    def test_loads_change_in_time(self):
+    def test_loads_over_time_are_rejected(self):
         load = fa.Load(1, (0.0, 1.0), factor=np.sin)
         with pytest.raises(fa.InputError, match="factor must be constant in time"):
             fa.equilibrium(cantilever(), loads=[load])
@@ -257,18 +258,18 @@ class TestNone:
             ({"tip_force": (1.0, 2.0, 3.0, 4.0)}, "equilibrium: tip_force must be numbers"),
         ],
     )
-    def test_wrong_input(self, fields, message):
+    def test_wrong_input_is_rejected(self, fields, message):
         with pytest.raises(fa.InputError, match=message):
             fa.equilibrium(cantilever(), **fields)
 
 
 @pytest.mark.parametrize(("force", "side"), [(2.7, 1e-4), (2.7, 0.01), (3.5, 0.1), (6.0, -0.1)])
-def test_a_column_bends_to_the_side_that_it_is_pushed_to(force, side):
-    """Beyond Euler's load of 2.467 the straight branch is unstable: the bent one is found."""
+def test_column_bends_to_the_side_of_a_small_load(force, side):
+    """Beyond Euler's load of 2.467 the straight branch is unstable, and the bent one is found."""
     link = fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0, elements=8, segments=8)
     arm = fa.Arm(links=[link], joints=[fa.Joint(fixed=True)], theory="second_order")
     result = fa.equilibrium(arm, tip_force=(-force, side))
     assert result.stable
     assert np.sign(side) * arm.tip(result.q)[1] > 0.4
-    # Without a push the straight column is all that downhill steps can find.
+    # Without a side load the search finds only the straight column.
     assert not fa.equilibrium(arm, tip_force=(-force, 0.0)).stable

@@ -1,4 +1,4 @@
-"""Equilibria and linear models of arms that lean on surfaces."""
+"""Equilibria and linear models of arms in contact with surfaces."""
 
 import numpy as np
 import pytest
@@ -12,13 +12,13 @@ def arm(**more):
     return fa.Arm(links=[fa.Link(**ROD), fa.Link(**ROD)], **more)
 
 
-def test_a_motor_presses_a_bar_on_a_wall():
+def test_motor_presses_a_bar_on_a_wall():
     """Torque = force x lever, depth = force / stiffness: a rigid bar in closed form."""
     bar = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     contact = fa.Contact(fa.Wall((1.0, 0.0), (0.0, -1.0)), 1e5, friction=0.3)
     rest = fa.equilibrium(bar, torque=[8.0], contacts=[contact])
     assert rest.stable
-    # The lever is cos q, q = 8e-5: short of one by 3e-9.
+    # The lever is cos q, q = 8e-5: shorter than one by 3e-9.
     assert rest.q[0] == pytest.approx(8.0 / 1e5, rel=1e-8)
     # M = 1/3: the frequency of the bar on the spring.
     assert rest.lowest_eigenvalue == pytest.approx(1e5 / (1.0 / 3.0), rel=1e-6)
@@ -26,14 +26,14 @@ def test_a_motor_presses_a_bar_on_a_wall():
     assert modes.frequency_hz[0] == pytest.approx(np.sqrt(3e5) / (2 * np.pi), rel=1e-6)
 
 
-def test_an_arm_that_leans_on_a_post_rests_there():
+def test_arm_that_leans_on_a_post_is_in_equilibrium():
     heavy = arm(gravity=(0.0, -9.81), joints=[fa.Joint(damping=0.5)] * 2)
     post = fa.Contact(fa.RoundWall((1.38, -0.42), 0.3), 1e4, link=2, station=0.6)
     rest = fa.equilibrium(heavy, [0.0, -0.2], contacts=[post])
     zero = np.zeros(heavy.dof)
     left = heavy.forward_dynamics(rest.q, zero, rest.torque, contacts=[post])
     free = heavy.forward_dynamics(rest.q, zero, rest.torque)
-    # Rounding of the stiffest mode's force against what the post gives.
+    # Rounding of the stiffest mode's force relative to the contact force.
     assert abs(left).max() < 1e-8 * abs(free).max()
     assert rest.contacts == (post,)
 
@@ -71,7 +71,7 @@ def test_linear_model_of_a_pressed_arm():
 
 
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # bent by more than 10 %
-def test_what_linear_models_refuse():
+def test_unsupported_linear_models_with_contacts_are_rejected():
     flat = arm()
     with pytest.raises(fa.InputError, match="outputs contain contact_force"):
         fa.linearize(flat, flat.rest([0.0, 0.0]), outputs=["contact_force"])

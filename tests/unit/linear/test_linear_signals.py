@@ -1,4 +1,4 @@
-"""Outputs of linear models are channels of results: same names, same units, same order."""
+"""Outputs of linear models are channels of results, with the same names, units and order."""
 
 import numpy as np
 import pytest
@@ -17,10 +17,10 @@ LINK = fa.Link(
 ARM = fa.Arm(links=[LINK, LINK], gravity=(0.0, -9.81))
 
 
-# Numbers are compared, not judged: the soft links hang down far.
+# The soft links hang down far, which does not affect the comparison.
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("name", CHANNEL_OUTPUTS)
-def test_an_output_is_the_channel_of_that_name(name):
+def test_output_equals_the_channel_of_its_name(name):
     by, unit = CHANNEL_OUTPUTS[name]
     assert CHANNELS[name].unit == unit
     assert CHANNELS[name].dims[:1] == ((by,) if by else ())
@@ -54,7 +54,7 @@ def test_citation_names_the_methods():
         ({"station": np.nan}, "Sensor: station must be a finite number"),
     ],
 )
-def test_a_sensor_that_cannot_be(fields, message):
+def test_impossible_sensors_are_rejected(fields, message):
     with pytest.raises(fa.InputError, match=message):
         fa.Sensor(**{"kind": "position", "link": 1, **fields})
 
@@ -69,12 +69,12 @@ def test_a_sensor_that_cannot_be(fields, message):
         ),
     ],
 )
-def test_a_sensor_beside_the_arm_is_told_as_the_sensor(sensor, message):
+def test_sensor_off_the_arm_is_reported_by_its_name(sensor, message):
     with pytest.raises(fa.InputError, match=message):
         fa.linearize(ARM, outputs=sensor)
 
 
 @pytest.mark.parametrize("name", ["inputs", "outputs"])
-def test_what_is_no_list_is_refused(name):
+def test_arguments_that_are_not_lists_are_rejected(name):
     with pytest.raises(fa.InputError, match="inputs and outputs must be names, Loads or Sensors"):
         fa.linearize(ARM, **{name: 5})

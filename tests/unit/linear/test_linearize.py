@@ -48,7 +48,7 @@ def two_links(theory="second_order", gravity=GRAVITY, coulomb=0.2):
 
 
 def moving(arm):
-    """A state with everything in it: bent, turning, out of balance."""
+    """Return a general state: bent, in motion, not in equilibrium."""
     rng = np.random.default_rng(5)
     q, qd = arm.rest([0.4, 0.3]), rng.normal(size=arm.dof)
     for piece in arm.assembly.pieces:
@@ -59,12 +59,15 @@ def moving(arm):
 
 
 class TestFiniteDifferences:
-    """About a moving, bent state under torques, loads and a shaken base."""
+    """About a moving, bent state under torques, loads and a base acceleration."""
 
     TORQUE, FORCE, BASE = np.array([1.0, -0.5]), np.array([0.3, -0.2]), np.array([0.5, 0.7])
 
     def model(self, arm, q, qd, change=None, **inputs):
-        """Linearise; ``change`` moves what acts: (torque, tip force, base acceleration, push)."""
+        """Linearise; ``change`` is added to the loads:
+
+        (torque, tip force, base acceleration, push).
+        """
         torque, force, base, push = (0.0, 0.0, 0.0, 0.0) if change is None else change
         scaled = fa.Load(1, push * np.array([1.0, -2.0]), push * 0.3, station=0.6, frame="link")
         return fa.linearize(
@@ -80,14 +83,15 @@ class TestFiniteDifferences:
         )
 
     def steps(self, arm):
-        """Change of each state and input; truncation falls by the square, rounding rises."""
+        """Return the step of each state and input; truncation falls by the square, rounding
+        rises."""
         stiffness = np.ones(arm.dof)
         for piece in arm.assembly.pieces:
             stiffness[piece.modal] = np.sqrt(piece.shapes.w2)
         return 3e-6 * np.concatenate([1.0 / stiffness, np.ones(arm.dof)])
 
     @pytest.mark.parametrize("theory", ["linear", "second_order"])
-    def test_by_states(self, theory):
+    def test_state_matrices_equal_differences(self, theory):
         arm = two_links(theory)
         q, qd = moving(arm)
         model = self.model(arm, q, qd)
@@ -103,8 +107,8 @@ class TestFiniteDifferences:
             scale = np.abs(model.C[:, k]).max()
             np.testing.assert_allclose(model.C[:, k], slope, rtol=0, atol=3e-6 * (1.0 + scale))
 
-    def test_by_inputs(self):
-        """Everything is affine in the inputs: differences are exact but for rounding."""
+    def test_input_matrices_equal_differences(self):
+        """Everything is affine in the inputs, so differences are exact except for rounding."""
         arm = two_links()
         q, qd = moving(arm)
         model = self.model(arm, q, qd)
@@ -123,7 +127,7 @@ class TestFiniteDifferences:
             slope = moved.output - model.output
             np.testing.assert_allclose(model.D[:, k], slope, rtol=0, atol=atol)
 
-    def test_derivatives_know_the_same_loads(self):
+    def test_derivatives_include_the_same_loads(self):
         arm = two_links()
         q, qd = moving(arm)
         model = self.model(arm, q, qd)
@@ -136,7 +140,7 @@ class TestFiniteDifferences:
         assert np.abs(bare.q - found.q).max() > 1e-3
 
     def test_second_order_form(self):
-        """M, D and K say the same as A, about a motion too."""
+        """M, D and K agree with A, also about a motion."""
         arm = two_links()
         model = self.model(arm, *moving(arm))
         n = arm.dof
@@ -145,8 +149,8 @@ class TestFiniteDifferences:
             assert error < 1e-12 * np.abs(model.mass).max() * np.abs(block).max() * n
 
 
-def test_sensors_show_the_motion_of_their_points():
-    """Against differences in time of the drawn shape, along the motion that the state begins."""
+def test_sensors_equal_the_motion_of_their_points():
+    """Against differences in time of the drawn shape, along the motion that starts at the state."""
     arm = two_links()
     q, qd = moving(arm)
     model = fa.linearize(arm, q, qd, [1.0, -0.5], outputs=[*SENSORS, "tip"])
@@ -170,13 +174,13 @@ def test_sensors_show_the_motion_of_their_points():
     np.testing.assert_allclose(model.output[8:], arm.tip(q)[:2], rtol=1e-12)
 
 
-def test_error_against_a_nonlinear_run_falls_as_the_square_of_the_perturbation():
-    # Without dry friction, which is linear for rates far below its smoothing rate only.
+def test_error_against_a_nonlinear_run_is_quadratic_in_the_perturbation():
+    # Without dry friction, which is linear only for rates far below its smoothing rate.
     arm = two_links(gravity=(0.0, -9.81), coulomb=0.0)
     rest = fa.equilibrium(arm, [-1.2, 0.3])
     model = fa.linearize(arm, rest, outputs=["tip", "strain"])
     assert np.abs(model.drift).max() < 1e-7
-    # Along the slow motions: the fast modes would hide in the run's own tolerance.
+    # Along the slow motions, because fast modes would be below the run's tolerance.
     direction = np.zeros(2 * arm.dof)
     direction[arm.joint_index] = 1.0, -0.7
     missed = []
@@ -198,8 +202,8 @@ def test_error_against_a_nonlinear_run_falls_as_the_square_of_the_perturbation()
 
 
 class TestPythonControl:
-    def test_its_response_is_our_simulation(self):
-        """A torque small enough that what is not linear lies beyond the digits compared."""
+    def test_response_equals_a_nonlinear_simulation(self):
+        """The torque is so small that nonlinear terms are below the compared digits."""
         arm = two_links("linear", gravity=(0.0, 0.0))
         rest = arm.rest([0.3, -0.5])
         model = fa.linearize(
@@ -226,7 +230,7 @@ class TestPythonControl:
         error = np.abs(seen.T - answer.outputs).max(axis=1) / scale
         assert error.max() < 1e-6
 
-    def test_names_go_along(self):
+    def test_names_are_exported(self):
         arm = two_links()
         model = fa.linearize(arm, inputs=["torque", "tip_moment"], outputs=["tip", *SENSORS])
         system = model.to_control()
@@ -238,7 +242,7 @@ class TestPythonControl:
         assert model.states[arm.dof] == "joint_rate[1]"
         np.testing.assert_array_equal(system.A, model.A)
 
-    def test_without_it_the_way_to_get_it_is_told(self, monkeypatch):
+    def test_without_python_control_the_error_names_the_package(self, monkeypatch):
         model = fa.linearize(two_links())
         monkeypatch.setitem(sys.modules, "control", None)
         with pytest.raises(fa.InputError, match="pip install 'flexarm\\[control\\]'"):
@@ -255,16 +259,16 @@ class TestPythonControl:
 
 
 class TestOperatingPoint:
-    def test_an_equilibrium_brings_its_torque_and_loads(self):
+    def test_equilibrium_gives_its_torque_and_loads(self):
         arm = two_links()
         rest = fa.equilibrium(arm, [0.4, -0.2], tip_force=(0.0, -1.0), loads=ACTING)
         model = fa.linearize(arm, rest)
         np.testing.assert_array_equal(model.torque, rest.torque)
-        assert np.abs(model.drift).max() < 1e-7  # beside accelerations of 1e3
+        assert np.abs(model.drift).max() < 1e-7  # relative to accelerations of 1e3
         given = fa.linearize(arm, rest.q, torque=rest.torque, tip_force=(0, -1.0), loads=ACTING)
         np.testing.assert_allclose(given.A, model.A, rtol=1e-12)
 
-    def test_found_where_none_is_given(self):
+    def test_equilibrium_is_found_by_default(self):
         arm = two_links(gravity=(0.0, -9.81))
         held = fa.linearize(arm)
         np.testing.assert_allclose(held.q, fa.equilibrium(arm).q)
@@ -304,12 +308,12 @@ class TestOperatingPoint:
         ({"base_acceleration": (1.0, 0.0)}, "base_acceleration is not supported"),
     ],
 )
-def test_wrong_input(fields, message):
+def test_wrong_input_is_rejected(fields, message):
     with pytest.raises(fa.InputError, match=message):
         fa.linearize(two_links(), **fields)
 
 
-def test_wrong_sensors_and_doubled_loads():
+def test_wrong_sensors_and_duplicate_loads_are_rejected():
     with pytest.raises(fa.InputError, match="kind must be one of"):
         fa.Sensor("speed", 1)
     with pytest.raises(fa.InputError, match="frame must be world, except for accelerations"):

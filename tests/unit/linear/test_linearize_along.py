@@ -54,7 +54,7 @@ def test_state_space_form():
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 
-def test_reference_is_the_rigid_arms():
+def test_reference_is_that_of_the_rigid_arm():
     arm = an_arm()
     motion = a_motion(arm)
     model = fa.linearize_along(arm, motion, rate=50.0)
@@ -67,8 +67,8 @@ def test_reference_is_the_rigid_arms():
 
 
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # bent by more than 10 %
-def test_quasi_static_deflection_is_the_sag_at_rest():
-    """At rest under gravity it is the equilibrium, but for what is quadratic in it."""
+def test_quasi_static_deflection_at_rest_is_the_sag():
+    """At rest under gravity it equals the equilibrium except for quadratic terms."""
     arm = an_arm()
     motion = a_motion(arm, start_time=1.0)
     model = fa.linearize_along(arm, motion, times=[0.0])
@@ -78,7 +78,7 @@ def test_quasi_static_deflection_is_the_sag_at_rest():
     np.testing.assert_allclose(found, bent, rtol=0, atol=0.02 * np.abs(bent).max())
 
 
-def test_any_time_and_export(tmp_path):
+def test_evaluation_at_any_time_and_export(tmp_path):
     arm = an_arm()
     model = fa.linearize_along(arm, a_motion(arm), joints="locked", rate=100.0)
     assert model.kept.size == arm.dof - 2
@@ -98,7 +98,7 @@ def test_any_time_and_export(tmp_path):
     np.testing.assert_allclose(middle, exact, rtol=0, atol=0.01 * np.abs(exact).max())
 
 
-def test_refused():
+def test_wrong_arguments_are_rejected():
     arm = an_arm()
     with pytest.raises(fa.InputError, match="joints"):
         fa.linearize_along(arm, a_motion(arm), joints="held")

@@ -1,4 +1,4 @@
-"""Modes: held joints, complex modes, bent equilibria, spin, curves."""
+"""Modes: joint gains, complex modes, bent equilibria, spin, curves."""
 
 import json
 from pathlib import Path
@@ -8,17 +8,12 @@ import pytest
 from scipy.linalg import eigvals
 
 import flexarm as fa
+from paper_arms import ROD, table_one_arm
 
 DATA = Path(__file__).parents[2] / "data"
 ROTATING = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))["rotating"]
-ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 ANGLES = [0.3, -0.5]
 PROPORTIONAL, DERIVATIVE = [40.0, 10.0], [20.0, 3.0]
-
-
-def two_links(**more):
-    links = [fa.Link(length=1.4142, elements=2, **ROD), fa.Link(length=1.0, elements=1, **ROD)]
-    return fa.Arm(links=links, **more)
 
 
 def beam(theory="second_order", **more):
@@ -27,7 +22,7 @@ def beam(theory="second_order", **more):
 
 
 def closed_loop(model, joint_index, proportional, derivative):
-    """State matrix of a linear model with gains at its torque inputs."""
+    """Return the state matrix of a linear model with feedback at its torque inputs."""
     n = len(model.states) // 2
     feedback = np.zeros((len(model.inputs), 2 * n))
     for row, place in enumerate(joint_index):
@@ -36,13 +31,13 @@ def closed_loop(model, joint_index, proportional, derivative):
 
 
 def each_pair(found):
-    """Eigenvalues with the conjugates of those that oscillate."""
+    """Return eigenvalues, with the conjugates of oscillating ones."""
     return np.concatenate([found.eigenvalues, found.eigenvalues[found.eigenvalues.imag > 0].conj()])
 
 
 class TestHeldByGains:
-    def test_eigenvalues_are_those_of_the_state_matrix(self):
-        arm = two_links()
+    def test_eigenvalues_equal_those_of_the_state_matrix(self):
+        arm = table_one_arm()
         found = fa.modes(arm, ANGLES, list(zip(PROPORTIONAL, DERIVATIVE, strict=True)))
         model = fa.linearize(arm, arm.rest(ANGLES))
         all_of_them = eigvals(closed_loop(model, arm.joint_index, PROPORTIONAL, DERIVATIVE))
@@ -50,13 +45,13 @@ class TestHeldByGains:
             # Rounding of A, whose norm is 1e6, beside eigenvalues of 4 and more.
             assert np.abs(all_of_them - value).min() < 1e-8 * max(abs(value), 1e2)
         oscillating = found.eigenvalues.imag > 0
-        assert oscillating.sum() == 6  # of eight modes two are over-damped
+        assert oscillating.sum() == 6  # two of eight modes are over-damped
         ratio = -found.eigenvalues.real / np.abs(found.eigenvalues)
         np.testing.assert_allclose(found.damping_ratio[oscillating], ratio[oscillating], rtol=1e-12)
         assert np.all(found.damping_ratio[~oscillating] > 1.0)
 
     def test_shapes_solve_the_quadratic_problem(self):
-        arm = two_links()
+        arm = table_one_arm()
         found = fa.modes(arm, ANGLES, fa.JointPD(PROPORTIONAL, DERIVATIVE))
         q = arm.rest(ANGLES)
         M, K, D = arm.mass_matrix(q), arm.stiffness_matrix(q), arm.damping_matrix()
@@ -67,10 +62,10 @@ class TestHeldByGains:
             left = (value**2 * M + value * D + K) @ shape
             assert np.abs(left).max() < 1e-9 * np.abs(K @ shape).max()
 
-    def test_tight_gains_lock_and_no_gains_free(self):
-        arm = two_links()
+    def test_large_gains_lock_joints_and_zero_gains_free_them(self):
+        arm = table_one_arm()
         tight = fa.modes(arm, ANGLES, [(1e9, 0.0), (1e9, 0.0)]).frequency_hz[:4]
-        # 105 N m^2 / 1 m over 1e9 N m/rad is left to turn, in the square.
+        # The stiffness 105 N m^2 / 1 m over 1e9 N m/rad, in the square.
         np.testing.assert_allclose(tight, fa.modes(arm, ANGLES).frequency_hz[:4], rtol=1e-6)
         none = fa.modes(arm, ANGLES, [(0.0, 0.0), "free"])
         np.testing.assert_array_equal(none.frequency_hz, fa.modes(arm, ANGLES, "free").frequency_hz)
@@ -86,7 +81,7 @@ class TestHeldByGains:
         np.testing.assert_allclose(np.abs(found.complex_shapes), np.abs(found.shapes), atol=1e-9)
 
     @pytest.mark.parametrize("theory", ["linear", "second_order"])
-    def test_rigid_modes_are_exactly_zero_beside_damping_that_couples(self, theory):
+    def test_rigid_modes_are_exactly_zero_beside_coupled_damping(self, theory):
         damping = {"kind": "modal", "ratio": 0.02}
         link = fa.Link(length=1.0, elements=3, damping=damping, **ROD)
         arm = fa.Arm(links=[link] * 3, payload=fa.Payload(mass=0.4), theory=theory)
@@ -96,8 +91,8 @@ class TestHeldByGains:
         assert np.all(np.isnan(found.damping_ratio[:3]))
         assert np.all(found.damping_ratio[3:] > 0.001)
 
-    def test_a_damped_joint_decays_as_it_says(self):
-        """Nothing proportional here: against a free vibration of the nonlinear arm."""
+    def test_damped_joint_decays_as_its_mode(self):
+        """With damping that is not proportional, against a free vibration of the nonlinear arm."""
         damper = fa.Joint(hub_inertia=0.05, damping=0.4, stiffness=5.0)
         arm = fa.Arm(links=[fa.Link(length=1.0, elements=1, **ROD)], joints=[damper])
         found = fa.modes(arm, joints="free")
@@ -106,7 +101,7 @@ class TestHeldByGains:
         start = 1e-4 * np.stack([shape.real, (value * shape).real])
         run = fa.simulate(arm, 1.0, initial=start[0], initial_rate=start[1], rtol=1e-10, atol=1e-14)
         promised = 1e-4 * np.real(np.exp(value * run.time.values[:, None]) * shape)
-        # What is not linear is smaller by the amplitude squared.
+        # Nonlinear terms are smaller by the amplitude squared.
         np.testing.assert_allclose(run.q.values, promised, atol=1e-6 * np.abs(promised).max())
 
 
@@ -120,8 +115,8 @@ class TestBentAndSpinning:
         np.testing.assert_array_equal(again.frequency_hz, found.frequency_hz)
         assert found.frequency_hz[0] > 1.05 * fa.modes(arm).frequency_hz[0]
 
-    def test_a_follower_load_flutters(self):
-        """Beck's column: frequencies meet at 20.05 EI/L^2, and damping turns negative beyond."""
+    def test_follower_load_causes_flutter(self):
+        """Beck's column: frequencies meet at 20.05 EI/L^2, and damping is negative beyond."""
         arm = beam(segments=16, elements=16)
         for force, stable in ((19.9, True), (20.2, False)):
             load = fa.Load(1, (-force, 0.0), frame="link", station=1.0)
@@ -134,7 +129,7 @@ class TestBentAndSpinning:
         lag = 2 * np.pi * found.frequency_hz[:3]
         np.testing.assert_allclose(lag, case["lag"][:3], rtol=1e-5)  # (beta h)^4 / 1440 of mode 3
 
-    def test_spin_softens_without_second_order(self):
+    def test_spin_softens_in_the_linear_theory(self):
         found = fa.modes(beam("linear"), spin=3.0).squared_frequency[0]
         assert found == pytest.approx(3.5160152685**2 - 9.0, rel=1e-4)  # of the element mesh
         beyond = fa.modes(beam("linear"), spin=4.0)
@@ -142,8 +137,8 @@ class TestBentAndSpinning:
         assert beyond.eigenvalues[0].real == pytest.approx(np.sqrt(16 - 3.5160152685**2), rel=1e-4)
 
     def test_about_a_bent_spinning_arm(self):
-        """Eigenvalues of the exact state matrix there; Coriolis forces make the shapes complex."""
-        arm = two_links(theory="second_order")
+        """Eigenvalues of the exact state matrix; Coriolis forces make the shapes complex."""
+        arm = table_one_arm(theory="second_order")
         found = fa.modes(arm, [0.0, 1.0], spin=5.0)
         rates = np.zeros(arm.dof)
         rates[0] = 5.0
@@ -165,14 +160,14 @@ class TestBentAndSpinning:
         np.testing.assert_allclose(np.sort(found.eigenvalues.imag), expected, rtol=1e-7)
         assert np.abs(found.complex_shapes[:3].imag).max() > 1e-3
 
-    def test_free_joints_stay_free_at_a_spin(self):
+    def test_free_joints_remain_free_at_a_spin(self):
         found = fa.modes(beam(), joints="free", spin=2.0)
         assert found.frequency_hz[0] == 0.0
         assert found.frequency_hz[1] > 15.4 / (2 * np.pi)
 
 
 class TestCurves:
-    def test_a_rigid_turn_moves_every_point_about_the_base(self):
+    def test_rigid_mode_turns_every_point_about_the_base(self):
         arm = beam()
         found = fa.modes(arm, joints="free")
         moved = found.displacements(stations=11)[0, 0]
@@ -180,8 +175,8 @@ class TestCurves:
         np.testing.assert_allclose(moved[:, 1], turn * np.linspace(0, 1, 11), rtol=1e-9)
         np.testing.assert_allclose(moved[:, 0], 0.0, atol=1e-12)
 
-    def test_displacements_are_the_slope_of_the_drawn_shape(self):
-        arm = two_links(theory="second_order", gravity=(0.0, -9.81))
+    def test_displacements_are_derivatives_of_the_drawn_shape(self):
+        arm = table_one_arm(theory="second_order", gravity=(0.0, -9.81))
         found = fa.modes(arm, fa.equilibrium(arm, ANGLES))
         step = 1e-7
         for shape, moved in zip(found.shapes, found.displacements(20), strict=True):
@@ -190,8 +185,8 @@ class TestCurves:
             # Rounding of positions near one over the step.
             np.testing.assert_allclose(moved, slope, atol=1e-8)
 
-    def test_curves_have_the_amplitude_asked_for(self):
-        arm = two_links()
+    def test_curves_have_the_requested_amplitude(self):
+        arm = table_one_arm()
         found = fa.modes(arm, ANGLES)
         away = found.curves(amplitude=0.05) - arm.shape(found.q)
         largest = np.linalg.norm(away, axis=-1).max(axis=(1, 2))
@@ -212,21 +207,21 @@ class TestCurves:
         ({"spin": 1.0, "tip_force": (1.0, 0.0)}, "loads cannot be combined with spin"),
     ],
 )
-def test_wrong_input(fields, message):
+def test_wrong_input_is_rejected(fields, message):
     with pytest.raises(fa.InputError, match=message):
-        fa.modes(two_links(), **fields)
+        fa.modes(table_one_arm(), **fields)
 
 
-def test_no_steady_spin():
+def test_impossible_spins_are_rejected():
     with pytest.raises(fa.InputError, match="zero for an arm with gravity"):
-        fa.modes(two_links(gravity=(0.0, -1.0)), spin=1.0)
+        fa.modes(table_one_arm(gravity=(0.0, -1.0)), spin=1.0)
     link = fa.Link(length=1.0, elements=1, **ROD)
     fixed = fa.Arm(links=[link] * 2, joints=[fa.Joint(fixed=True), fa.Joint()])
     with pytest.raises(fa.InputError, match="first joint is fixed"):
         fa.modes(fixed, spin=1.0)
 
 
-def test_a_load_that_is_not_on_the_arm_is_told_by_the_call():
+def test_load_off_the_arm_is_rejected():
     link = {"length": 1.0, "flexural_rigidity": 20.0, "mass_per_length": 0.5}
     arm = fa.Arm(links=[fa.Link(**link)])
     with pytest.raises(fa.InputError, match=r"^modes: Load\.link must be the number of a link"):

@@ -1,4 +1,4 @@
-"""What a user sees who types a name at the prompt: one short line."""
+"""Representations at the prompt: one short line."""
 
 import numpy as np
 import pytest
@@ -50,12 +50,12 @@ SHOWN = {
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_a_line_that_says_what_it_is(name):
+def test_repr_has_one_line_with_the_main_values(name):
     value, expected = SHOWN[name]
     assert repr(value) == expected
 
 
-def test_an_inversion_says_how_good_it_is():
+def test_repr_of_an_inversion_states_its_error():
     text = repr(INVERSE)
     assert text.startswith("<flexarm.TipInversion: 2 torques from ")
     assert f"tip within {INVERSE.tip_error:.2g} m of its path" in text
@@ -63,5 +63,5 @@ def test_an_inversion_says_how_good_it_is():
     assert len(repr(INVERSE.torque)) < 120
 
 
-def test_undamped_is_zero_without_a_sign():
+def test_zero_damping_has_no_sign():
     assert not np.signbit(fa.modes(ARM).damping_ratio).any()

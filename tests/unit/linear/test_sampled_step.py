@@ -27,7 +27,7 @@ def step():
 X = np.array([0.4, 0.003, -0.8, 0.001, 1.2, 0.02, -0.7, -0.01])
 
 
-def test_it_is_the_motion_over_a_sample_time(step):
+def test_step_equals_the_motion_over_a_sample_time(step):
     after = step.take(X, TORQUE).after
     q, qd = X.reshape(2, -1)
     run = fa.simulate(
@@ -45,7 +45,7 @@ def test_it_is_the_motion_over_a_sample_time(step):
     assert step.steps > 1
 
 
-def test_derivatives_by_state_and_torque(step):
+def test_derivatives_by_state_and_torque_equal_differences(step):
     found = step.take(X, TORQUE)
     for k in range(8):
         small = 1e-5 * np.eye(8)[k]
@@ -57,11 +57,11 @@ def test_derivatives_by_state_and_torque(step):
         np.testing.assert_allclose(found.torque[:, k], slope, rtol=0, atol=1e-6 * abs(slope).max())
 
 
-def test_derivative_by_the_payload_is_the_limit_of_other_arms(step):
+def test_derivative_by_the_payload_equals_differences_of_arms(step):
     found, size = step.take(X, TORQUE).parameter, 1e-4
     heavy, light = (step.take(X, TORQUE, change=s).after for s in (size, -size))
     np.testing.assert_allclose(found, (heavy - light) / (2 * size), rtol=0, atol=1e-6)
     assert abs(found).max() > 1e-3
     other = SampledStep(arm_with(0.3 + size), SAMPLE_TIME)
-    other.steps, other._h = step.steps, step._h  # its fastest mode differs a little
+    other.steps, other._h = step.steps, step._h  # its fastest mode differs slightly
     np.testing.assert_allclose(heavy, other.take(X, TORQUE).after, rtol=0, atol=1e-9)

@@ -6,16 +6,16 @@ import pytest
 import flexarm as fa
 
 STEP = 2e-3
-#: Truncation of a difference of order 8, steps chosen for it.
+#: Truncation of a difference of order 8, with steps chosen for it.
 CLOSE = 1e-9
-#: Rounding of one step, which stiff modes and the weights of the method of order 8 (up to 40) raise
-#: ten-thousandfold, over the difference's step.
+#: Rounding of one step, which stiff modes and the weights of the method of order 8 (up to 40)
+#: increase ten-thousandfold, over the difference's step.
 ROUNDING = 1e-12 / STEP
 _WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 
 
 def difference(function, step=STEP):
-    """Central difference of order 8 at zero."""
+    """Return a central difference of order 8 at zero."""
     return sum(w * (function(k * step) - function(-k * step)) for k, w in _WEIGHTS.items()) / step
 
 
@@ -41,7 +41,7 @@ def an_arm(theory="linear", length=1.0, mass=1.0, rigidity=1.0, payload=0.4, ine
 
 def a_state(arm):
     rng = np.random.default_rng(5)
-    # The second-order mass matrix is near to singular where links bend far (theory page "link").
+    # The second-order mass matrix is nearly singular if links bend far (theory page "link").
     size = 0.05 if arm.spec.theory == "linear" else 0.005
     return size * rng.standard_normal((2, arm.dof)), np.array([3.0, -1.0])
 
@@ -59,12 +59,12 @@ def assert_close(exact, wanted, after, size=1.0):
     rounding = ROUNDING / size * np.max(np.abs([after.q, after.qd]))
     allowed = CLOSE * np.max(np.abs(wanted)) + rounding
     np.testing.assert_allclose(exact, wanted, rtol=0, atol=allowed)
-    assert allowed < 1e-4 * np.max(np.abs(wanted))  # the check means something
+    assert allowed < 1e-4 * np.max(np.abs(wanted))  # the check is not trivial
 
 
 @pytest.mark.parametrize("method", ["rk4", "dormand_prince_8", "kennedy_carpenter_5"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
-def test_by_state_and_torque(method, theory):
+def test_derivatives_by_state_and_torque(method, theory):
     arm = an_arm(theory)
     x, torque = a_state(arm)
     found = fa.step_jacobian(arm, *x, torque, H, method=method)
@@ -93,7 +93,7 @@ def test_by_state_and_torque(method, theory):
         ("payload.inertia", "inertia"),
     ],
 )
-def test_by_parameters(method, theory, more, parameter, field):
+def test_derivatives_by_parameters(method, theory, more, parameter, field):
     arm = an_arm(theory, **more)
     x, torque = a_state(arm)
     base = {"payload": 0.4, "inertia": 0.02}.get(field, 1.0)
@@ -108,9 +108,9 @@ def test_by_parameters(method, theory, more, parameter, field):
 
 @pytest.mark.filterwarnings(
     "ignore::flexarm.LargeDeflectionWarning"
-)  # bent far, so that every term counts
+)  # bent far, so that every term matters
 @pytest.mark.parametrize("method", ["rk4", "dormand_prince_8", "kennedy_carpenter_5"])
-def test_it_is_the_step_that_simulate_takes(method):
+def test_step_equals_that_of_simulate(method):
     arm = an_arm()
     (q, qd), torque = a_state(arm)
     after = fa.step_jacobian(arm, q, qd, torque, H, method=method)
@@ -123,7 +123,7 @@ def test_it_is_the_step_that_simulate_takes(method):
         integrator=method,
         step=H,
         rate=1 / H,
-        rtol=1.0,  # whatever the error: one step
+        rtol=1.0,  # for any error: one step
         atol=1.0,
     )
     assert run.attrs["steps"] == 1
@@ -131,10 +131,10 @@ def test_it_is_the_step_that_simulate_takes(method):
     np.testing.assert_allclose(run.qd.values[-1], after.qd, rtol=1e-12, atol=1e-12)
 
 
-# Numbers are compared, not judged: the soft links hang down far.
+# The soft links hang down far, which does not affect the comparison.
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
-def test_a_step_longer_than_its_fast_modes():
-    """What implicit steps are for: 40 radians of the fastest mode at once, with its derivative."""
+def test_step_longer_than_its_fast_modes():
+    """Implicit steps may be so long: 40 radians of the fastest mode at once, with derivatives."""
     arm = an_arm()
     rest = fa.equilibrium(arm, [0.3, -0.5])
     x, torque = np.stack([rest.q, np.zeros(arm.dof)]), rest.torque + np.array([1.0, -0.5])
@@ -153,13 +153,13 @@ def test_a_step_longer_than_its_fast_modes():
     np.testing.assert_allclose(
         found.state @ along.ravel(), wanted, rtol=0, atol=1e-8 * np.abs(wanted).max()
     )
-    # L-stable: of the fastest modes next to nothing is left, where an explicit method explodes.
+    # L-stable: the fastest modes almost vanish, while an explicit method diverges.
     assert np.abs(np.linalg.eigvals(found.state)).max() < 1.2
     explicit = fa.step_jacobian(arm, *x, torque, h, method="rk4")
     assert np.abs(np.linalg.eigvals(explicit.state)).max() > 1e3
 
 
-def test_refused():
+def test_wrong_arguments_are_rejected():
     arm = an_arm(rotary_inertia_per_length=1e-3)
     (q, qd), torque = a_state(arm)
     fa.step_jacobian(arm, q, qd, torque, H, parameters=["link_2.mass", "link_1.length"])

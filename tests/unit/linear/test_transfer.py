@@ -18,7 +18,7 @@ FELT = fa.Sensor("acceleration", 2, 0.01, name="felt")
 MODEL = fa.linearize(fa.Arm(links=[LINK, LINK]), outputs=["joint_angle", "joint_rate", "tip", FELT])
 
 
-def test_responses_are_those_of_python_control():
+def test_responses_equal_those_of_python_control():
     omega = np.geomspace(0.1, 1e3, 7)
     expected = MODEL.to_control()(1j * omega).transpose(2, 0, 1)
     found = MODEL.frequency_response(omega)
@@ -29,8 +29,8 @@ def test_responses_are_those_of_python_control():
     ("output", "integrations"),
     [("joint_angle[1]", 2), ("joint_rate[2]", 1), ("tip[y]", 2), ("felt[y]", 0)],
 )
-def test_no_response_at_a_zero(output, integrations):
-    """The transfer function vanishes at every zero, of places, rates and accelerations."""
+def test_response_vanishes_at_every_zero(output, integrations):
+    """For places, rates and accelerations."""
     zeros = MODEL.zeros("torque[1]", output)
     assert zeros.size == len(MODEL.A) - integrations
 
@@ -39,14 +39,14 @@ def test_no_response_at_a_zero(output, integrations):
         k = MODEL.outputs.index(output)
         return abs(MODEL.C[k] @ states + MODEL.D[k, 0])
 
-    # Those at the origin, of rates and accelerations, meet the poles of the free joints there.
+    # Zeros at the origin, of rates and accelerations, cancel the poles of the free joints there.
     away = zeros[np.abs(zeros) > 1e-3]
     assert away.size >= 6
     for zero in away:
         assert response(zero) < 1e-6 * response(1.05 * zero)
 
 
-def test_a_rigid_pendulum():
+def test_response_of_a_rigid_pendulum():
     """angle / torque = 1 / (J s^2 + m g c): no zeros, gain 1 / |m g c - J omega^2|."""
     arm = fa.Arm(links=[RIGID], gravity=(0.0, -9.81))
     rest = fa.equilibrium(arm, [-np.pi / 2])
@@ -66,8 +66,8 @@ def test_names_are_checked():
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_the_order_of_poles_does_not_depend_on_their_last_digit(first):
-    """Either of a conjugate pair may come out larger by rounding."""
+def test_order_of_poles_does_not_depend_on_rounding(first):
+    """Rounding may make either of a conjugate pair larger."""
     pair = np.array([-0.05 - 10.0j, -0.05 + 10.0j])
     pair[first] *= 1.0 + 4e-15
     still = np.array([1e-16 + 3.0j, -1e-15 - 3.0j])

@@ -1,4 +1,4 @@
-"""Where loads act, what they are refused for, and how they add up."""
+"""Places of loads, wrong loads, and sums of loads."""
 
 from itertools import pairwise
 
@@ -21,7 +21,7 @@ def arm(segments=1, theory="second_order"):
 
 
 def bent(of):
-    """The arm at some angles, its links bent a little; at rest."""
+    """Return coordinates of the arm at some angles, with slightly bent links; at rest."""
     rng = np.random.default_rng(5)
     q = of.rest([0.4, -0.9, 1.3])
     for piece in of.assembly.pieces:
@@ -30,18 +30,18 @@ def bent(of):
 
 
 def force_of(of, *loads):
-    """Generalised force of loads, at a bent posture."""
+    """Return the generalised force of loads at a bent posture."""
     q, zero = bent(of), np.zeros(of.dof)
     without = of.inverse_dynamics(q, zero, zero)
     return without - of.inverse_dynamics(q, zero, zero, loads=loads)
 
 
-# Two forces of about 10 N and N m subtracted, beside stiffness forces of 1e3: a dozen digits.
+# Two forces of about 10 N and N m are subtracted, beside stiffness forces of 1e3: a dozen digits.
 ROUNDING = 1e-11
 
 
 @pytest.mark.parametrize("segments", [1, 2, 4])
-def test_a_tip_force_is_a_load_at_the_end_of_the_last_link(segments):
+def test_tip_force_equals_a_load_at_the_end_of_the_last_link(segments):
     of = arm(segments)
     q, zero = bent(of), np.zeros(of.dof)
     by_tip = of.inverse_dynamics(q, zero, zero, (1.0, -2.0, 0.5))
@@ -53,7 +53,7 @@ def test_a_tip_force_is_a_load_at_the_end_of_the_last_link(segments):
 
 
 @pytest.mark.parametrize("link", [1, 2])
-def test_a_load_on_an_inner_tip_does_not_reach_beyond(link):
+def test_load_on_an_inner_tip_has_no_effect_beyond(link):
     of = arm()
     force = force_of(of, fa.Load(link, (1.0, -2.0), 0.5))
     beyond = of.joint_index[link]
@@ -63,7 +63,7 @@ def test_a_load_on_an_inner_tip_does_not_reach_beyond(link):
 
 @pytest.mark.parametrize("frame", ["world", "link"])
 @pytest.mark.parametrize("segments", [1, 2, 4])
-def test_a_spread_load_is_the_sum_of_its_parts(segments, frame):
+def test_distributed_load_equals_the_sum_of_its_parts(segments, frame):
     of, force = arm(segments), np.array([2.0, -3.0])
     whole = force_of(of, fa.Load(1, force, spread=(0.1, 1.1), frame=frame))
     parts = [fa.Load(1, force, spread=ends, frame=frame) for ends in ((0.1, 0.5), (0.5, 1.1))]
@@ -79,7 +79,7 @@ def test_a_spread_load_is_the_sum_of_its_parts(segments, frame):
     np.testing.assert_allclose(whole, force_of(of, *points), rtol=0, atol=ROUNDING)
 
 
-def test_loads_add_up():
+def test_loads_are_added():
     of = arm(2)
     loads = [
         fa.Load(1, (1.0, 2.0), 0.3, station=0.45),
@@ -93,8 +93,8 @@ def test_loads_add_up():
     np.testing.assert_allclose(force_of(of, *three), 3 * force_of(of, *one), atol=ROUNDING)
 
 
-def test_a_follower_load_turns_with_its_link():
-    """Turning the base joint turns a follower load with the arm; a dead load stays behind."""
+def test_follower_load_turns_with_its_link():
+    """A rotation of the base joint turns a follower load; a dead load keeps its direction."""
     of = arm(theory="linear")
     q, zero = of.rest([0.0, 0.2, 0.3]), np.zeros(of.dof)
     turned = q.copy()
@@ -117,7 +117,7 @@ def test_a_follower_load_turns_with_its_link():
     )
 
 
-def test_a_station_between_two_segments_belongs_to_either():
+def test_station_between_two_segments_belongs_to_either():
     of = arm(2)
     at = [force_of(of, fa.Load(1, (1.0, 2.0), 0.5, station=0.6 + d)) for d in (-1e-9, 0.0, 1e-9)]
     # A nanometre to either side changes the shapes there by a part in 1e8.
@@ -126,17 +126,17 @@ def test_a_station_between_two_segments_belongs_to_either():
 
 
 @pytest.mark.parametrize("elements", [2, 4])
-def test_a_moment_turns_the_section_of_a_link_that_shears(elements):
-    """It makes no shear force: beam theory's M a^2 / 2 EI + M a (L - a) / EI at the tip."""
+def test_moment_turns_the_section_of_a_link_that_shears(elements):
+    """It causes no shear force: beam theory's M a^2 / 2 EI + M a (L - a) / EI at the tip."""
     link = fa.Link(length=1.0, element="timoshenko", shear_rigidity=50.0, elements=elements, **ROD)
     moment, a = 1e-6, 0.5
     held = fa.equilibrium(fa.Arm(links=[link]), [0.0], loads=[fa.Load(1, moment=moment, station=a)])
     tip = fa.Arm(links=[link]).nodal(held.q)[0][-1]
     exact = moment / 20.0 * np.array([a**2 / 2 + a * (1.0 - a), a])
-    np.testing.assert_allclose(tip, exact, rtol=1e-9)  # Newton's method stops at 1e-11
+    np.testing.assert_allclose(tip, exact, rtol=1e-9)  # Newton's method ends at 1e-11
 
 
-def test_base_acceleration_is_a_gravity_the_other_way():
+def test_base_acceleration_equals_opposite_gravity():
     of = arm()
     falling = fa.Arm(of.spec.replace(gravity=(1.0, -9.0)))
     rng = np.random.default_rng(2)
@@ -151,7 +151,7 @@ def test_base_acceleration_is_a_gravity_the_other_way():
     )
 
 
-def test_nothing_acts_where_nothing_is_given():
+def test_zero_loads_have_no_effect():
     of = arm()
     placed = place_loads(of, "test", [])
     assert placed.body.size == 0
@@ -184,10 +184,10 @@ def test_nothing_acts_where_nothing_is_given():
         ),
     ],
 )
-def test_wrong_loads_are_refused(fields, message):
-    with pytest.raises(fa.InputError) as told:
+def test_wrong_loads_are_rejected(fields, message):
+    with pytest.raises(fa.InputError) as reported:
         fa.Load(**{"link": 1, "force": (0.0, 1.0), **fields})
-    assert str(told.value) == message
+    assert str(reported.value) == message
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,7 @@ def test_wrong_loads_are_refused(fields, message):
         ),
     ],
 )
-def test_loads_that_are_not_on_the_arm_are_refused(load, message):
+def test_loads_off_the_arm_are_rejected(load, message):
     of = arm()
     zero = np.zeros(of.dof)
     calls = {
@@ -213,13 +213,13 @@ def test_loads_that_are_not_on_the_arm_are_refused(load, message):
         "simulate": lambda: fa.simulate(of, 0.1, loads=[load]),
     }
     for where, call in calls.items():
-        with pytest.raises(fa.InputError) as told:
+        with pytest.raises(fa.InputError) as reported:
             call()
-        assert str(told.value) == f"{where}: {message}"
+        assert str(reported.value) == f"{where}: {message}"
 
 
 @pytest.mark.parametrize("tip_force", [(1.0,), (1.0, 2.0, 3.0, 4.0), (1.0, np.nan)])
-def test_wrong_tip_forces_are_refused(tip_force):
+def test_wrong_tip_forces_are_rejected(tip_force):
     of = arm()
     zero = np.zeros(of.dof)
     with pytest.raises(fa.InputError, match=r"Arm.forward_dynamics: tip_force"):

@@ -1,4 +1,4 @@
-"""Files that must be refused: name -> (text, every problem as "line: message")."""
+"""Files that must be rejected: name -> (text, every problem as "line: message")."""
 
 WAYS = (
     "A link is described by flexural_rigidity and mass_per_length, by material and section, "
@@ -260,7 +260,7 @@ arm:
     ),
     "too many links": (
         f"flexarm: 1\narm:\n  links: [{', '.join(['{}'] * 300)}]\n",
-        None,  # each link has its own problems; the test below looks for the number
+        None,  # each link has its own problems; the test checks their number
     ),
     "links are no list": (
         "flexarm: 1\narm:\n  links: {length: 1}\n",
@@ -319,7 +319,7 @@ BROKEN_FILES = {
     "deep blocks": (b"- " * 5000, ": the file is nested too"),
     "alias chain": (
         b"a0: &a0 []\n" + b"".join(b"a%d: &a%d [*a%d]\n" % (i, i, i - 1) for i in range(1, 3000)),
-        None,  # deep through aliases, but wrong only for its unknown keys
+        None,  # deep through aliases, but wrong only because of its unknown keys
     ),
     "billion laughs": (
         b"a0: &a0 [1]\n"
@@ -331,7 +331,7 @@ BROKEN_FILES = {
         + b"".join(
             b"a%d: &a%d {<<: [%s]}\n" % (i, i, b"*a%d, " % (i - 1) * 10) for i in range(1, 50)
         ),
-        None,  # wrong only for its unknown keys
+        None,  # wrong only because of its unknown keys
     ),
     "merge of itself": (b"arm: &a {<<: {<<: *a}}\n", ": the file is nested too deeply"),
 }

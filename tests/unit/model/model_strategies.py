@@ -1,4 +1,4 @@
-"""Random arms and scenarios, right in every respect, for property tests."""
+"""Random valid arms and scenarios for property tests."""
 
 from hypothesis import strategies as st
 
@@ -54,7 +54,7 @@ not_negative = st.just(0.0) | positive
 sizes = st.floats(1e-3, 10.0)
 ratios = st.floats(0.0, 1.0)
 pairs = st.tuples(numbers, numbers)
-walls = st.floats(0.01, 0.49)  # thickness as a part of the outer size; from 0.5 on there is no room
+walls = st.floats(0.01, 0.49)  # thickness relative to the outer size; from 0.5 on no hole remains
 
 materials = st.sampled_from(["steel", "aluminium"]) | st.builds(
     Material, density=positive, youngs_modulus=positive, poissons_ratio=st.floats(-0.9, 0.5)
@@ -86,7 +86,7 @@ def tables(draw, length, shears):
 
 @st.composite
 def links(draw):
-    """Draw a link, described in any of the three ways."""
+    """Draw a link, described in one of the three ways."""
     length = draw(sizes)
     elements = draw(st.integers(1, 256))
     modes = draw(st.none() | st.integers(1, 2 * elements))
@@ -156,7 +156,7 @@ def arm_specs(draw):
 
 @st.composite
 def time_tables(draw, kind, values):
-    """Draw a table over time, jumps among its times."""
+    """Draw a table over time, with jumps among its times."""
     times = sorted(draw(st.lists(st.integers(-3, 9), min_size=1, max_size=5)))
     kept = [t for k, t in enumerate(times) if times[:k].count(t) < 2]
     return kind(times=kept, values=draw(st.lists(values, min_size=len(kept), max_size=len(kept))))
@@ -164,7 +164,7 @@ def time_tables(draw, kind, values):
 
 @st.composite
 def loads(draw, arm):
-    """Draw a load that is on the arm, at a point or spread."""
+    """Draw a load on the arm, at a point or distributed."""
     link = draw(st.integers(1, len(arm.links)))
     length = arm.links[link - 1].length
     common = {
@@ -181,7 +181,7 @@ def loads(draw, arm):
 
 @st.composite
 def prescribed_joints(draw, count, has_motion):
-    """Draw joints whose motion is given, each at most once."""
+    """Draw prescribed joints, each at most once."""
     kinds = ["hold", "table", "motion"] if has_motion else ["hold", "table"]
     found = []
     for joint in draw(st.lists(st.integers(1, count), unique=True, max_size=count)):
@@ -199,7 +199,7 @@ def prescribed_joints(draw, count, has_motion):
 
 @st.composite
 def events(draw, count):
-    """Draw events of both kinds, each with a name of its own or none."""
+    """Draw events of both kinds, with unique names or none."""
     found = []
     for name in draw(st.lists(st.sampled_from(["yes", "1e5", "floor"]), unique=True)):
         common = {
@@ -218,7 +218,7 @@ def events(draw, count):
 
 @st.composite
 def initial_states(draw, each):
-    """Draw where an arm starts: in motion, or in equilibrium."""
+    """Draw the start of an arm: in motion, or in equilibrium."""
     angles = draw(st.none() | each)
     if draw(st.booleans()):
         return InitialState(joint_angle=angles, joint_rate=draw(st.none() | each))
@@ -243,7 +243,7 @@ forces = st.integers(1, 4).flatmap(
 
 @st.composite
 def scenarios(draw):
-    """Draw a scenario with any motion and any drive that fits it."""
+    """Draw a scenario with any motion and any drive that matches it."""
     arm = draw(arm_specs())
     each = st.lists(numbers, min_size=len(arm.links), max_size=len(arm.links))
     timing = {

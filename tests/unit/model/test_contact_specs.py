@@ -1,4 +1,4 @@
-"""Contacts in scenario files: what is refused, with its place, and what they become."""
+"""Contacts in scenario files: errors with their place, and the created objects."""
 
 import pytest
 
@@ -43,7 +43,7 @@ def test_every_kind_becomes_a_contact(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("  - {surface: {kind: wal, point: [0, 0], normal: [0, 1]}, stiffness: 1}", "surface.kind"),
         ("  - {surface: {kind: wall, point: [0, 0], normal: [0, 0]}, stiffness: 1}",
@@ -63,14 +63,14 @@ def test_every_kind_becomes_a_contact(tmp_path):
         ("  - {surface: {kind: round, center: [0, 0], radius: 1}, stifness: 1}", "stiffness"),
     ],
 )  # fmt: skip
-def test_what_is_refused_with_its_line(tmp_path, text, said):
+def test_wrong_contacts_are_rejected_with_their_line(tmp_path, text, stated):
     path = written(tmp_path, text)
-    with pytest.raises(fa.ModelError, match=said) as told:
+    with pytest.raises(fa.ModelError, match=stated) as reported:
         load_scenario(path)
-    assert str(told.value).startswith(f"{path}:5")
+    assert str(reported.value).startswith(f"{path}:5")
 
 
-def test_a_method_that_looks_back_is_refused_at_its_line(tmp_path):
+def test_multistep_method_is_rejected_at_its_line(tmp_path):
     text = "  - {surface: {kind: wall, point: [0, 0], normal: [0, 1]}, stiffness: 1}\n"
     path = written(tmp_path, text)
     path.write_text(path.read_text().replace("rate: 100}", "rate: 100, integrator: cowell_4}"))

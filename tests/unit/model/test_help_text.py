@@ -25,7 +25,7 @@ def test_help_of_a_record_has_plain_types_and_every_field(name: str) -> None:
         assert f"    {field}: " in text
 
 
-def test_the_signature_of_a_link_is_what_a_user_types() -> None:
+def test_signature_of_a_link_lists_its_arguments() -> None:
     parameters = inspect.signature(fa.Link).parameters
     assert str(parameters["length"]) == "length: float"
     assert str(parameters["flexural_rigidity"]) == "flexural_rigidity: float | None = None"
@@ -34,18 +34,18 @@ def test_the_signature_of_a_link_is_what_a_user_types() -> None:
     assert "(N m^2)" in (inspect.getdoc(fa.Link) or "")
 
 
-def test_an_arm_names_its_arguments() -> None:
+def test_signature_of_an_arm_lists_its_arguments() -> None:
     assert list(inspect.signature(fa.Arm).parameters) == [
         "links", "joints", "payload", "gravity", "theory",
     ]  # fmt: skip
 
 
-def test_the_schema_describes_a_record_without_the_list_of_its_fields() -> None:
+def test_schema_describes_a_record_without_the_list_of_its_fields() -> None:
     description = json_schema()["$defs"]["Gauge"]["description"]
     assert description.startswith("A strain gauge")
     assert "Args:" not in description
 
 
-def test_a_record_hides_pydantic_but_not_its_own_attributes() -> None:
+def test_record_hides_attributes_of_pydantic_but_not_its_own() -> None:
     assert {"length", "beam", "replace"} & set(dir(fa.Link)) >= {"beam", "replace"}
     assert "model_dump_json" not in dir(fa.Link)

@@ -1,4 +1,4 @@
-"""Drives that are controllers, and motions that press: what a file may say, and what it may not."""
+"""Drives with controllers, and pressing motions: valid and invalid values in files."""
 
 import pytest
 
@@ -29,7 +29,7 @@ ONE_EACH = "must have length 2, one value for each joint, got 3."
 
 
 @pytest.mark.parametrize(
-    ("drive", "told"),
+    ("drive", "reported"),
     [
         ({"kind": "lqg", "posture": [0, 0, 0]}, [f"drive.posture {ONE_EACH}"]),
         ({"kind": "lqg", "schedule": [None, None, [0]]}, [f"drive.schedule {ONE_EACH}"]),
@@ -75,16 +75,16 @@ ONE_EACH = "must have length 2, one value for each joint, got 3."
             {"kind": "estimator", "inner": PD, "estimator": {"torque_noice": 1}},
             [("drive.estimator.torque_noice is not a known key. Did you mean 'torque_noise'?")],
         ),
-        (  # one observer is enough
+        (  # one observer is the maximum
             {"kind": "disturbance_observer", "inner": {"kind": "disturbance_observer"}},
             ["drive.inner.kind must be one of"],
         ),
     ],
 )
-def test_wrong_controllers_are_refused_with_every_reason(drive, told):
+def test_wrong_controllers_are_rejected_with_every_reason(drive, reported):
     found = problems(drive=drive)
-    assert len(found) == len(told)
-    for text, start in zip(found, told, strict=True):
+    assert len(found) == len(reported)
+    for text, start in zip(found, reported, strict=True):
         assert text.startswith(start)
 
 
@@ -99,7 +99,7 @@ def test_wrong_controllers_are_refused_with_every_reason(drive, told):
         ({**PD, "kind": "joint_pid"}, False),
     ],
 )
-def test_who_balances_the_weight(drive, expected):
+def test_drives_state_whether_they_balance_the_weight(drive, expected):
     assert balances(scenario(drive=drive).drive) == expected
     start = {"equilibrium": True, "balance": True}
     if expected:
@@ -110,7 +110,7 @@ def test_who_balances_the_weight(drive, expected):
 
 
 @pytest.mark.parametrize(
-    ("parts", "told"),
+    ("parts", "reported"),
     [
         (
             {"motion": PRESSED},
@@ -200,17 +200,17 @@ def test_who_balances_the_weight(drive, expected):
         ),
     ],
 )
-def test_wrong_motions_are_refused(parts, told):
-    assert any(text.startswith(told) for text in problems(**parts))
+def test_wrong_motions_are_rejected(parts, reported):
+    assert any(text.startswith(reported) for text in problems(**parts))
 
 
-def test_a_motion_that_presses_needs_nothing_more_than_a_wall():
+def test_pressing_motion_requires_only_a_wall():
     made = scenario(motion=PRESSED, contacts=[WALL], drive={"kind": "hybrid_force"})
     assert made.motion.friction == 0.0
     assert made.drive.frequency == 8.0
 
 
-def test_values_by_name_stay_as_they_are():
+def test_mappings_of_numbers_cannot_be_changed():
     made = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
     same = scenario(drive={"kind": "lqg", "measured": {"tip": 1.0}})
     assert hash(made) == hash(same)

@@ -1,4 +1,4 @@
-"""Reading files: every problem with its place, scenarios that name arm files, hostile content."""
+"""Reading files: every problem with its place, scenarios with arm files, hostile content."""
 
 import pytest
 import yaml
@@ -22,16 +22,16 @@ def problems_of(load, path):
 
 
 @pytest.mark.parametrize("name", BAD_ARMS)
-def test_every_problem_of_a_bad_arm_is_told_with_its_line(name, tmp_path):
+def test_every_problem_of_a_bad_arm_has_its_line(name, tmp_path):
     text, problems = BAD_ARMS[name]
     (tmp_path / "arm.yaml").write_text(text)
-    told = problems_of(load_arm_spec, tmp_path / "arm.yaml")
+    reported = problems_of(load_arm_spec, tmp_path / "arm.yaml")
     if problems is not None:
-        assert told == problems
-    assert len(set(told)) == len(told)
+        assert reported == problems
+    assert len(set(reported)) == len(reported)
 
 
-def test_hundreds_of_problems_are_all_kept_but_not_all_printed(tmp_path):
+def test_hundreds_of_problems_are_kept_and_some_are_printed(tmp_path):
     (tmp_path / "arm.yaml").write_text(BAD_ARMS["too many links"][0])
     with pytest.raises(ModelError) as caught:
         load_arm_spec(tmp_path / "arm.yaml")
@@ -44,7 +44,7 @@ def test_hundreds_of_problems_are_all_kept_but_not_all_printed(tmp_path):
 
 @pytest.mark.parametrize("load", [load_arm_spec, load_scenario])
 @pytest.mark.parametrize("name", BROKEN_FILES)
-def test_unreadable_files_make_one_clear_error(name, load, tmp_path):
+def test_unreadable_files_give_one_clear_error(name, load, tmp_path):
     content, message = BROKEN_FILES[name]
     path = tmp_path / "arm.yaml"
     path.write_bytes(content)
@@ -57,7 +57,7 @@ def test_unreadable_files_make_one_clear_error(name, load, tmp_path):
     assert caught.value.__suppress_context__ or caught.value.__context__ is None
 
 
-def test_a_list_that_contains_itself(tmp_path):
+def test_list_that_contains_itself_is_rejected(tmp_path):
     (tmp_path / "arm.yaml").write_text("flexarm: 1\narm: &a\n  links: [*a]\n")
     assert problems_of(load_arm_spec, tmp_path / "arm.yaml")[0] == (
         "2: arm.links[0] is an alias of a value that contains it."
@@ -70,7 +70,7 @@ def test_tabs_are_explained(tmp_path):
         load_arm_spec(tmp_path / "arm.yaml")
 
 
-def test_missing_files_and_directories(tmp_path):
+def test_missing_files_and_folders_are_rejected(tmp_path):
     (tmp_path / "robot.yaml").write_text(ARM)
     for load in (load_arm_spec, load_scenario):
         with pytest.raises(ModelError) as caught:
@@ -87,7 +87,7 @@ def test_missing_files_and_directories(tmp_path):
             load("arm\0.yaml")
 
 
-def test_byte_order_marks_windows_lines_and_text_paths_are_fine(tmp_path):
+def test_byte_order_marks_windows_lines_and_text_paths_are_accepted(tmp_path):
     path = tmp_path / "arm.yaml"
     path.write_bytes(b"\xef\xbb\xbf" + ARM.replace("\n", "\r\n").encode())
     assert load_arm_spec(str(path)) == SPEC
@@ -112,7 +112,7 @@ def test_numbers_are_those_of_yaml_1_2(text, value, tmp_path):
     assert load_arm_spec(tmp_path / "arm.yaml").links[0].length == value
 
 
-def test_numbers_of_thousands_of_digits_are_not_finite(tmp_path):
+def test_numbers_with_thousands_of_digits_are_not_finite(tmp_path):
     (tmp_path / "arm.yaml").write_text(ARM.replace("length: 2", f"length: {'9' * 5000}"))
     assert problems_of(load_arm_spec, tmp_path / "arm.yaml") == [
         "4: arm.links[0].length must be a finite number, got inf."
@@ -128,15 +128,15 @@ def test_scenario_may_name_an_arm_file_beside_it(tmp_path):
     assert load_arm_spec(tmp_path / "run.yaml") == SPEC
 
 
-def test_problems_are_told_in_the_file_they_stand_in(tmp_path):
+def test_problems_are_reported_in_their_file(tmp_path):
     (tmp_path / "arm.yaml").write_text(ARM.replace("length: 2", "length: -2") + "runs: 3\n")
     (tmp_path / "run.yaml").write_text(
         "flexarm: 1\nrun: {duration: 0}\narm: arm.yaml\ninitial: {joint_rate: [0, 0]}\n"
     )
     with pytest.raises(ModelError) as caught:
         load_scenario(tmp_path / "run.yaml")
-    told = [str(problem).removeprefix(f"{tmp_path}/") for problem in caught.value.problems]
-    assert sorted(told) == [
+    reported = [str(problem).removeprefix(f"{tmp_path}/") for problem in caught.value.problems]
+    assert sorted(reported) == [
         "arm.yaml:4: arm.links[0].length must be greater than 0, got -2.",
         "arm.yaml:5: runs is not a known key. Did you mean 'run'?",
         "run.yaml:2: run.duration must be greater than 0, got 0.",
@@ -144,7 +144,7 @@ def test_problems_are_told_in_the_file_they_stand_in(tmp_path):
     ]
 
 
-def test_named_arm_files_that_cannot_be_read(tmp_path):
+def test_named_arm_files_that_cannot_be_read_are_rejected(tmp_path):
     (tmp_path / "run.yaml").write_text("flexarm: 1\nrun: {duration: 0}\narm: arm.yaml\n")
     with pytest.raises(ModelError) as caught:
         load_scenario(tmp_path / "run.yaml")
@@ -158,8 +158,8 @@ def test_named_arm_files_that_cannot_be_read(tmp_path):
     ]
 
 
-def test_a_circle_of_files_through_folders(tmp_path, monkeypatch):
-    """Paths are relative to the file that names them, not to the working directory."""
+def test_circular_references_of_files_are_rejected(tmp_path, monkeypatch):
+    """Paths are relative to the file that contains them, not to the working directory."""
     (tmp_path / "arms").mkdir()
     (tmp_path / "run.yaml").write_text("flexarm: 1\nrun: {duration: 1}\narm: arms/arm.yaml\n")
     (tmp_path / "arms" / "arm.yaml").write_text("flexarm: 1\narm: ../arms/../run.yaml\n")
@@ -172,7 +172,7 @@ def test_a_circle_of_files_through_folders(tmp_path, monkeypatch):
         assert "refers to itself through a circle of files." in str(problem)
 
 
-def test_scenario_file_as_in_the_manual(tmp_path):
+def test_scenario_file_of_the_manual(tmp_path):
     (tmp_path / "run.yaml").write_text(
         ARM.replace(
             "  links:\n", "  gravity: [0, 0]\n  payload: {mass: 2, offset: 0.1}\n  links:\n"
@@ -195,7 +195,7 @@ def test_arm_file_is_not_a_scenario(tmp_path):
     ]
 
 
-def test_other_parts_of_a_scenario_do_not_keep_its_arm_from_being_read(tmp_path):
+def test_arm_can_be_read_if_other_parts_of_its_scenario_are_wrong(tmp_path):
     (tmp_path / "run.yaml").write_text(ARM + "run: {duration: -1}\n")
     assert load_arm_spec(tmp_path / "run.yaml") == SPEC
 
@@ -254,7 +254,7 @@ def leaves(content, path=()):
         items = content.items() if isinstance(content, dict) else enumerate(content)
         for key, value in items:
             yield from leaves(value, (*path, key))
-    elif path[-1] != "kind":  # where the kind is wrong, nobody can tell what else is
+    elif path[-1] != "kind":  # a wrong kind hides all other problems
         yield path
 
 
@@ -276,7 +276,7 @@ def key_path(path):
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data(), value=st.sampled_from([".nan", "{}", "[[]]", "wrong"]))
-def test_every_one_of_many_problems_is_told_at_its_line(sound, data, value, tmp_path):
+def test_each_of_many_problems_is_reported_at_its_line(sound, data, value, tmp_path):
     places = data.draw(
         st.lists(st.sampled_from(sorted(leaves(sound), key=str)), unique=True, min_size=1)
     )
@@ -290,27 +290,29 @@ def test_every_one_of_many_problems_is_told_at_its_line(sound, data, value, tmp_
         lines[places[i]] = before.count("\n") + 1
         text = before + value + after
     (tmp_path / "run.yaml").write_text(text)
-    told = set(problems_of(load_scenario, tmp_path / "run.yaml"))
+    reported = set(problems_of(load_scenario, tmp_path / "run.yaml"))
     for place in places:
         where = f"{lines[place]}: {key_path(place)}"
-        inside = [problem for problem in told if problem.startswith((f"{where} must", f"{where}."))]
-        # A pair of numbers is one value to the reader: it is refused as a whole.
+        inside = [
+            problem for problem in reported if problem.startswith((f"{where} must", f"{where}."))
+        ]
+        # A pair of numbers is one value to the reader, which rejects it as a whole.
         whole = f": {key_path(place[:-1])} must be a list of two numbers"
-        assert inside or any(whole in problem for problem in told), (where, told)
+        assert inside or any(whole in problem for problem in reported), (where, reported)
 
 
 @pytest.mark.parametrize("sound", [SOUND, PUSHED], ids=["moved", "pushed"])
-def test_the_sound_file_is_sound(sound, tmp_path):
+def test_undamaged_file_is_valid(sound, tmp_path):
     (tmp_path / "run.yaml").write_text("flexarm: 1\n" + yaml.safe_dump(sound))
     assert load_scenario(tmp_path / "run.yaml").drive.kind == sound["drive"]["kind"]
 
 
 @pytest.mark.parametrize("path", sorted({*leaves(SOUND), *leaves(PUSHED)}, key=str), ids=path_text)
-def test_key_paths_are_read_as_they_are_written(path):
+def test_key_paths_are_parsed(path):
     assert path_of(path_text(path)) == path
 
 
-def test_a_scenario_knows_its_lines(tmp_path):
+def test_scenario_keeps_the_lines_of_its_keys(tmp_path):
     (tmp_path / "arm.yaml").write_text(ARM)
     (tmp_path / "run.yaml").write_text(
         "flexarm: 1\narm: arm.yaml\nrun:\n  duration: 1\n  rate: 10\n"
@@ -319,7 +321,7 @@ def test_a_scenario_knows_its_lines(tmp_path):
     assert scenario == load_scenario(tmp_path / "run.yaml")
     assert where(("run", "rate")) == f"{tmp_path / 'run.yaml'}:5"
     assert where(("arm", "links", 0, "length")) == f"{tmp_path / 'arm.yaml'}:4"
-    assert where(("run", "step")) == f"{tmp_path / 'run.yaml'}:3"  # what should contain it
+    assert where(("run", "step")) == f"{tmp_path / 'run.yaml'}:3"  # the nearest existing parent
 
 
 FLOW = "{flexarm: 1, arm: {links: [{length: 2, flexural_rigidity: 100, mass_per_length: 5}]}}"
@@ -332,7 +334,7 @@ LONG = {
 
 
 @pytest.mark.parametrize("name", LONG)
-def test_an_arm_file_with_much_blank_space(name, tmp_path):
+def test_arm_file_with_much_blank_space_is_read(name, tmp_path):
     # The search for the key `flexarm` must be linear in the number of blank characters.
     (tmp_path / "arm.yaml").write_text(LONG[name])
     (tmp_path / "run.yaml").write_text("flexarm: 1\nrun: {duration: 1}\narm: arm.yaml\n")

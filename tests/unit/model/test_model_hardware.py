@@ -17,11 +17,11 @@ from flexarm.model import Instrument
         (Instrument("strain", rate_cutoff=9.0, rate_name="speed"), ("strain", "speed")),
     ],
 )
-def test_a_rate_has_a_name_of_its_own(instrument, labels):
+def test_rate_has_a_separate_name(instrument, labels):
     assert instrument.labels == labels
 
 
-def test_names_are_words():
+def test_names_are_identifiers():
     """They become variables of results, and attributes of measurements."""
     assert Instrument("tip", name="camera_2").label == "camera_2"
     for name in ("my camera", "tip/2", "2nd", "a-b"):

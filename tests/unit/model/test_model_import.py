@@ -1,10 +1,10 @@
-"""The layer stays light: commands that only check a file must not wait for the numerics."""
+"""The model layer imports no numerics, so that commands that only check a file are fast."""
 
 import subprocess
 import sys
 
 
-def test_model_imports_neither_numpy_nor_anything_above_it():
+def test_model_imports_neither_numpy_nor_higher_layers():
     code = (
         "import importlib.util, sys, types\n"
         "package = types.ModuleType('flexarm')  # the layer alone, not what the package offers\n"
@@ -15,8 +15,10 @@ def test_model_imports_neither_numpy_nor_anything_above_it():
         "ours = {m.split('.')[1] for m in sys.modules if m.startswith('flexarm.')}\n"
         "print(sorted(heavy), sorted(ours))"
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.split() == [
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert reported.stdout.split() == [
         "[]",
         "['arguments',",
         "'errors',",

@@ -1,4 +1,4 @@
-"""Joints: springs, dry friction and stops as they are described."""
+"""Descriptions of joints: springs, dry friction and stops."""
 
 import pytest
 
@@ -6,7 +6,7 @@ import flexarm as fa
 from flexarm.model import ArmSpec, Friction, Joint, JointLimits
 
 
-def told(model, **fields):
+def messages_of(model, **fields):
     with pytest.raises(fa.ModelError) as error:
         model(**fields)
     return str(error.value)
@@ -23,7 +23,7 @@ def test_defaults_are_an_ideal_joint():
     assert JointLimits(lower=-1.0, upper=1.0, stiffness=10.0).damping == 0.0
 
 
-def test_mappings_are_read_as_what_they_describe():
+def test_mappings_become_records():
     joint = Joint(
         friction={"coulomb": 1.0, "static": 1.5},
         limits={"lower": -1, "upper": 2, "stiffness": 100, "damping": 0.1},
@@ -65,12 +65,12 @@ def test_mappings_are_read_as_what_they_describe():
         (Joint, {"friction": 3.0}, "friction must be a mapping of keys to values, got 3."),
     ],
 )
-def test_wrong_joints_are_refused(model, fields, message):
-    assert message in told(model, **fields)
+def test_wrong_joints_are_rejected(model, fields, message):
+    assert message in messages_of(model, **fields)
 
 
-def test_all_problems_of_a_joint_at_once():
-    text = told(
+def test_all_problems_of_a_joint_are_reported():
+    text = messages_of(
         Joint,
         stiffness=-1.0,
         friction={"coulomb": -1.0},
@@ -79,7 +79,7 @@ def test_all_problems_of_a_joint_at_once():
     assert len(text.splitlines()) == 3
 
 
-def test_joints_travel_through_a_file(tmp_path):
+def test_joints_are_written_to_a_file_and_read(tmp_path):
     joint = Joint(
         stiffness=3.0,
         rest_angle=-0.4,

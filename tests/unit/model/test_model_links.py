@@ -1,4 +1,4 @@
-"""Links: three ways to describe one, the beam it makes, and what is refused."""
+"""Links: three ways to describe one, its beam, and wrong values."""
 
 import numpy as np
 import pytest
@@ -189,11 +189,11 @@ def test_coordinates():
         ),
     ],
 )
-def test_wrong_links_are_refused_with_every_reason(values, problems):
+def test_wrong_links_are_rejected_with_every_reason(values, problems):
     assert problems_of(Link, **values) == problems
 
 
-def test_problems_between_values_are_told_with_those_of_single_values():
+def test_problems_between_values_are_reported_with_those_of_single_values():
     values = {
         "length": -1,
         "EI": 3,
@@ -217,7 +217,7 @@ def test_problems_between_values_are_told_with_those_of_single_values():
 
 
 @pytest.mark.parametrize("value", [True, "1", None, [1.0], 1j, float("nan"), -np.inf, 10**400])
-def test_only_finite_real_numbers_are_numbers(value):
+def test_only_finite_real_numbers_are_accepted(value):
     (problem,) = problems_of(Link, **{**CONSTANTS, "length": value})
     assert problem.startswith(("length must be a number", "length must be a finite number"))
 
@@ -229,7 +229,7 @@ def test_numpy_scalars_are_stored_as_plain_numbers(value):
     assert (type(link.length), type(link.elements), type(link.flexible)) == (float, int, bool)
 
 
-def test_links_take_names_only_and_do_not_change():
+def test_links_take_keyword_arguments_and_are_frozen():
     with pytest.raises(TypeError, match=r"Link takes its values by name: Link\(name=value\)"):
         Link(1.0)
     with pytest.raises(ValidationError, match="frozen"):
@@ -244,7 +244,7 @@ def test_errors_are_model_errors_and_value_errors():
     (problem,) = caught.value.problems
     assert (problem.where, problem.name) == ("Link", "length")
     assert (problem.rule, problem.value) == ("be greater than 0", "-1")
-    assert caught.value.__suppress_context__  # pydantic's own report would only repeat it
+    assert caught.value.__suppress_context__  # pydantic's own error would only repeat it
 
 
 def test_replace_checks_again():
@@ -254,20 +254,20 @@ def test_replace_checks_again():
     assert problems_of(link.replace, length=0) == ["Link: length must be greater than 0, got 0."]
 
 
-def test_lists_and_tuples_are_the_same():
+def test_lists_and_tuples_are_equal():
     one = Link(**CONSTANTS, gauges=[Gauge(station=1, distance=1)])
     other = Link(**CONSTANTS, gauges=({"station": 1, "distance": 1},))
     assert one == other
     assert one.gauges == (Gauge(station=1, distance=1),)
 
 
-def test_repr_shows_what_was_given():
+def test_repr_shows_the_given_values():
     assert repr(Link(**CONSTANTS)) == (
         "Link(length=2.0, flexural_rigidity=3.0, mass_per_length=0.5)"
     )
 
 
-def test_ratios_repeat_the_last_one_upwards():
+def test_last_ratio_is_repeated_for_higher_modes():
     assert ModalDamping(ratio=0.1).ratios(3) == (0.1, 0.1, 0.1)
     assert ModalDamping(ratio=[0.1, 0.2]).ratios(4) == (0.1, 0.2, 0.2, 0.2)
     assert ModalDamping(ratio=np.array([0.1, 0.2])).ratios(1) == (0.1,)
@@ -277,5 +277,5 @@ def test_ratios_repeat_the_last_one_upwards():
     assert RayleighDamping(stiffness_coefficient=1).mass_coefficient == 0.0
 
 
-def test_a_link_can_be_written_inside_an_arm():
+def test_link_may_be_a_mapping_inside_an_arm():
     assert ArmSpec(links=[CONSTANTS]).links == (Link(**CONSTANTS),)

@@ -1,4 +1,4 @@
-"""What acts on the arm of a scenario, joints whose motion is given, and how it starts."""
+"""Loads on the arm of a scenario, prescribed joints, and the start."""
 
 import inspect
 
@@ -40,7 +40,7 @@ def test_defaults():
     assert load == Load(link=1, moment=2.0, frame="world")
 
 
-def test_arrays_are_taken():
+def test_arrays_are_accepted():
     found = scenario(
         loads=[
             Load(link=2, force=np.ones(2), factor={"times": np.arange(3), "values": np.zeros(3)})
@@ -54,11 +54,12 @@ def test_arrays_are_taken():
     assert scenario(base_acceleration=table).base_acceleration is table
 
 
-def test_a_station_at_the_tip_may_be_rounded():
-    scenario(loads=[{"link": 2, "moment": 1, "station": 2.0 * (1 + 1e-12)}])
+def test_station_at_the_tip_may_be_rounded():
+    (load,) = scenario(loads=[{"link": 2, "moment": 1, "station": 2.0 * (1 + 1e-12)}]).loads
+    assert load.station == pytest.approx(2.0, rel=1e-11)
 
 
-def test_a_pair_of_numbers_is_not_a_table():
+def test_pair_of_numbers_is_not_a_table():
     """A table is a pair of lists; NumPy's arrays count as lists."""
     table = Load(link=1, moment=1.0, factor=(np.arange(2.0), np.ones(2))).factor
     assert (table.times, table.values) == ((0.0, 1.0), (1.0, 1.0))
@@ -68,14 +69,16 @@ def test_a_pair_of_numbers_is_not_a_table():
         Load(link=1, moment=1.0, factor=(1.0, 2.0))
 
 
-def test_times_may_jump_and_stay():
-    scenario(
+def test_tables_may_have_jumps_and_constant_parts():
+    found = scenario(
         loads=[{"link": 1, "moment": 1, "factor": {"times": [0, 1, 1], "values": [0, 1, 2]}}],
         base_acceleration={"times": [3], "values": [[0, 1]]},
     )
+    assert found.loads[0].factor.times == (0.0, 1.0, 1.0)
+    assert found.base_acceleration.times == (3.0,)
 
 
-def test_joints_that_are_fixed_have_no_values():
+def test_fixed_joints_have_no_values():
     third = ArmSpec(links=[LINK] * 3, joints=[{}, {"fixed": True}, {}])
     found = Scenario(
         arm=third,
@@ -88,8 +91,8 @@ def test_joints_that_are_fixed_have_no_values():
     assert found.prescribed[0].joint == 3
     with pytest.raises(ModelError) as caught:
         found.replace(prescribed=[HeldJoint(joint=2)], initial={"joint_angle": [0, 1, 2]})
-    told = [problem.removeprefix("Scenario: ") for problem in str(caught.value).splitlines()]
-    assert told == [
+    reported = [problem.removeprefix("Scenario: ") for problem in str(caught.value).splitlines()]
+    assert reported == [
         "initial.joint_angle must have length 2, one value for each joint, got 3.",
         ("prescribed[0].joint must be the number of a joint that is not fixed: 1, 3, got 2."),
     ]
@@ -171,7 +174,7 @@ def test_joints_that_are_fixed_have_no_values():
         ),
     ],
 )
-def test_wrong_loads_are_refused_with_every_reason(load, problems):
+def test_wrong_loads_are_rejected_with_every_reason(load, problems):
     with pytest.raises(ModelError) as caught:
         scenario(loads=[{"link": 2, "moment": 1}, load])
     assert str(caught.value).splitlines() == [f"Scenario: loads[1].{text}" for text in problems]
@@ -308,16 +311,16 @@ def test_wrong_loads_are_refused_with_every_reason(load, problems):
         ),
     ],
 )
-def test_wrong_scenarios_are_refused_with_every_reason(values, problems):
+def test_wrong_scenarios_are_rejected_with_every_reason(values, problems):
     with pytest.raises(ModelError) as caught:
         scenario(**values)
-    told = str(caught.value).splitlines()
-    assert len(told) == len(problems), told
-    for line, text in zip(told, problems, strict=True):
+    reported = str(caught.value).splitlines()
+    assert len(reported) == len(problems), reported
+    for line, text in zip(reported, problems, strict=True):
         assert line.startswith(f"Scenario: {text}")
 
 
-def test_a_factor_that_a_file_cannot_express_is_refused_in_a_scenario():
+def test_factor_that_a_file_cannot_express_is_rejected_in_a_scenario():
     """Python accepts a function or a pair of lists as a factor; files have a table only."""
     load = Load(1, (0.0, 1.0), factor=([0.0, 1.0], [0.0, 2.0]))
     assert load.factor == FactorTable(times=[0.0, 1.0], values=[0.0, 2.0])
@@ -329,7 +332,7 @@ def test_a_factor_that_a_file_cannot_express_is_refused_in_a_scenario():
     assert "callable" not in str(schema).lower()
 
 
-def test_a_load_without_a_force_or_moment_is_refused_but_one_of_zero_is_kept(tmp_path):
+def test_load_without_a_force_or_moment_is_rejected_but_zero_is_kept(tmp_path):
     with pytest.raises(ModelError, match="Load: force is required without a moment"):
         Load(1)
     still = scenario(loads=[Load(1, (0.0, 0.0)), Load(1, moment=0.0)])
@@ -337,7 +340,7 @@ def test_a_load_without_a_force_or_moment_is_refused_but_one_of_zero_is_kept(tmp
     assert load_scenario(tmp_path / "still.yaml") == still
 
 
-def test_records_that_users_build_take_their_first_values_by_position():
+def test_records_of_users_accept_their_first_values_by_position():
     wall = fa.Wall((0.0, 1.0), (0.0, -1.0))
     assert fa.Contact(wall, 1e3, 1) == fa.Contact(surface=wall, stiffness=1e3, link=1)
     with pytest.raises(TypeError, match="at most 2 values by position"):

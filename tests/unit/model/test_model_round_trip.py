@@ -1,4 +1,4 @@
-"""What is written is read back equal, by file, by JSON, and by pickle."""
+"""Written records are read back equal, from files, JSON and pickles."""
 
 import pickle
 
@@ -20,7 +20,7 @@ from flexarm.model import (
 
 relaxed = settings(
     max_examples=40,
-    deadline=None,  # drawing and reading an arm takes as long as the machine happens to be busy
+    deadline=None,  # the time to draw and read an arm depends on the load of the machine
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
@@ -51,7 +51,7 @@ def test_json_and_pickle_are_read_back_equal(scenario):
 LINK = Link(length=1.5, flexural_rigidity=70e9, mass_per_length=1e-5)
 
 
-def test_file_says_only_what_differs_from_the_defaults(tmp_path):
+def test_file_omits_defaults(tmp_path):
     save_arm_spec(
         ArmSpec(links=[LINK], joints=[Joint(mass=0.0)], gravity=[0, -9.81]), tmp_path / "a"
     )
@@ -73,7 +73,7 @@ def test_preset_materials_keep_their_name(tmp_path):
     )
     text = (tmp_path / "arm.yaml").read_text()
     assert "material: steel" in text
-    assert "kind: circle" in text  # a default, but without it the section cannot be read
+    assert "kind: circle" in text  # a default, but the section cannot be read without it
 
 
 def test_saving_replaces_a_file_in_one_step(tmp_path):
@@ -88,7 +88,7 @@ def test_saving_replaces_a_file_in_one_step(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"arm.yaml", "link.yaml"}
 
 
-def test_failed_saving_leaves_nothing_behind(tmp_path):
+def test_failed_saving_leaves_no_files(tmp_path):
     (tmp_path / "arm.yaml").mkdir()
     with pytest.raises(InputError, match=r"arm\.yaml: the file could not be written: "):
         save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "arm.yaml")
@@ -98,6 +98,6 @@ def test_failed_saving_leaves_nothing_behind(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"arm.yaml", "file"}
 
 
-def test_missing_folders_are_made(tmp_path):
+def test_missing_folders_are_created(tmp_path):
     save_arm_spec(ArmSpec(links=[LINK]), tmp_path / "a" / "b" / "arm.yaml")
     assert load_arm_spec(tmp_path / "a" / "b" / "arm.yaml").links == (LINK,)

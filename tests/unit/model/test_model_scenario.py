@@ -1,4 +1,4 @@
-"""Scenarios: values that must fit the arm, and settings that must fit each other."""
+"""Scenarios: values that must match the arm, and settings that must match each other."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_defaults():
     assert (motion.profile, motion.elbow, motion.start_time) == ("quintic", "up", 0.0)
 
 
-def test_torque_takes_an_array():
+def test_torque_accepts_an_array():
     drive = TorqueDrive(rate=100, values=np.arange(6).reshape(3, 2))
     assert drive.values == ((0.0, 1.0), (2.0, 3.0), (4.0, 5.0))
     assert Scenario(arm=ARM, run=RUN, drive=drive).drive is drive
@@ -71,7 +71,7 @@ def test_torque_takes_an_array():
                 "drive.derivative must be a number, got True.",
             ],
         ),
-        (  # rows of the same wrong length are one mistake, told once
+        (  # rows of the same wrong length are reported once
             {"drive": {"kind": "torque", "rate": 1, "values": [[1, 2], [1], [1], [1, 2, 3]]}},
             [
                 "drive.values[1] must have length 2, one value for each joint, got 1.",
@@ -159,13 +159,13 @@ def test_torque_takes_an_array():
         ),
     ],
 )
-def test_wrong_scenarios_are_refused_with_every_reason(values, problems):
+def test_wrong_scenarios_are_rejected_with_every_reason(values, problems):
     with pytest.raises(ModelError) as caught:
         Scenario(**{"arm": ARM, "run": RUN, **values})
     assert str(caught.value).splitlines() == [f"Scenario: {text}" for text in problems]
 
 
-def test_joints_are_counted_in_an_arm_with_other_faults():
+def test_joints_are_counted_in_an_arm_with_other_problems():
     arm = {"links": [{"length": 0, "flexural_rigidity": 1, "mass_per_length": 1}]}
     with pytest.raises(ModelError) as caught:
         Scenario(arm=arm, run=RUN, initial={"joint_angle": [0, 0]})

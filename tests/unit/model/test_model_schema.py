@@ -1,4 +1,4 @@
-"""The JSON schema agrees with what is accepted."""
+"""The JSON schema agrees with the accepted values."""
 
 import json
 import re
@@ -9,10 +9,10 @@ from flexarm.errors import ModelError
 from flexarm.model import ArmSpec, Link, Scenario, json_schema
 
 
-def test_schema_has_every_key_and_a_description_of_each():
+def test_schema_has_every_key_with_a_description():
     schema = json_schema("scenario")
     assert list(schema["properties"]) == ["flexarm", *Scenario.model_fields]
-    assert schema["required"] == ["flexarm", "arm"]  # so that it fits arm files too
+    assert schema["required"] == ["flexarm", "arm"]  # so that it matches arm files too
     definitions = schema["$defs"]
     assert list(definitions["Link"]["properties"]) == list(Link.model_fields)
     assert list(definitions["ArmSpec"]["properties"]) == list(ArmSpec.model_fields)
@@ -22,14 +22,14 @@ def test_schema_has_every_key_and_a_description_of_each():
             assert key == "kind" or "description" in entry, (name, key)
 
 
-def test_schema_knows_the_limits_editors_can_check():
+def test_schema_has_the_limits_that_editors_can_check():
     link = json_schema("arm")["$defs"]["Link"]["properties"]
     assert (link["elements"]["minimum"], link["elements"]["maximum"]) == (1, 256)
     assert link["length"]["exclusiveMinimum"] == 0
     arm = json_schema("arm")["$defs"]["ArmSpec"]["properties"]
     assert (arm["links"]["minItems"], arm["links"]["maxItems"]) == (1, 256)
     assert arm["theory"]["enum"] == ["linear", "second_order"]
-    # Pydantic writes its own words where it cannot express a limit; editors do not know them.
+    # Pydantic writes keys of its own if it cannot express a limit; editors do not know them.
     assert not re.search(r'"(gt|ge|lt|le|min_length|max_length)":', json.dumps(json_schema()))
 
 
@@ -61,7 +61,7 @@ def test_material_may_be_a_name():
     assert {"$ref": "#/$defs/Material"} in options
 
 
-def test_unknown_kind_of_file():
+def test_unknown_kind_of_file_is_rejected():
     with pytest.raises(
         ModelError, match=r"kind must be one of 'arm', 'scenario', 'study', got 'arms'"
     ):

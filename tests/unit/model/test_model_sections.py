@@ -20,7 +20,7 @@ from flexarm.model import (
 
 
 def strips(half_width, depth):
-    """Integrate area and y^2 over a section given by its half width at the height y."""
+    """Integrate area and y^2 over a section with the given half width at the height y."""
     edges = np.linspace(-depth / 2, depth / 2, 100_001)
     y, weights = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
     width = 2 * half_width(y)
@@ -45,22 +45,22 @@ def strips(half_width, depth):
 )
 def test_area_and_second_moment_are_those_of_the_shape(section, half_width):
     area, second_moment = strips(half_width, section.depth)
-    # The strips resolve the corners of the box to 1e-5 of its depth; round ones are closer.
+    # The strips resolve the corners of the box to 1e-5 of its depth; round sections are closer.
     assert section.area == pytest.approx(area, rel=1e-4)
     assert section.second_moment == pytest.approx(second_moment, rel=1e-4)
 
 
-def test_thin_walls_keep_their_digits():
+def test_thin_walls_are_accurate():
     thickness = 1e-9
     fourth_powers = float(1 - (1 - 2 * Fraction(thickness)) ** 4)  # of outer and inner size
     box = Box(width=1.0, height=1.0, thickness=thickness)
     tube = Tube(outer_diameter=1.0, thickness=thickness)
-    # A few roundings; subtracting the fourth powers as floats would lose 8 of the 16 digits.
+    # A few roundings; a difference of fourth powers as floats would lose 8 of the 16 digits.
     assert box.second_moment == pytest.approx(fourth_powers / 12, rel=1e-15)
     assert tube.second_moment == pytest.approx(math.pi * fourth_powers / 64, rel=1e-15)
 
 
-def test_a_wall_that_just_leaves_room_is_nearly_solid():
+def test_thickest_wall_is_nearly_solid():
     tube, solid = Tube(outer_diameter=0.1, thickness=0.0499999), Circle(diameter=0.1)
     assert tube.area == pytest.approx(solid.area, rel=1e-11)  # the hole has (2e-6)^2 of the area
     box, full = Box(width=0.1, height=0.2, thickness=0.0499999), Rectangle(width=0.1, height=0.2)
@@ -109,23 +109,24 @@ def test_a_wall_that_just_leaves_room_is_nearly_solid():
         ),
     ],
 )
-def test_impossible_sections_are_refused_with_the_reason(make, message):
+def test_impossible_sections_are_rejected_with_the_reason(make, message):
     with pytest.raises(ModelError) as caught:
         make()
     assert str(caught.value) == message
 
 
-def test_presets_are_materials_by_name():
+def test_preset_materials_are_found_by_name():
     section = Circle(diameter=0.01)
     for name, material in MATERIALS.items():
         assert Link(length=1, material=name, section=section).material == material
-    # Textbook orders of magnitude: a steel rod sinks and is three times as stiff as aluminium.
+    # Textbook orders of magnitude: steel is denser than water and three times as stiff as
+    # aluminium.
     assert MATERIALS["steel"].youngs_modulus == 3 * MATERIALS["aluminium"].youngs_modulus
     with pytest.raises(ModelError, match=r"got 'aluminum'\. Did you mean 'aluminium'\?"):
         Link(length=1, material="aluminum", section=section)
 
 
-def test_table_takes_arrays_and_stores_plain_tuples():
+def test_table_accepts_arrays_and_stores_tuples():
     table = SectionTable(
         x=np.linspace(0, 1, 3),
         flexural_rigidity=np.float32([3, 2, 1]),
@@ -174,15 +175,15 @@ def test_table_takes_arrays_and_stores_plain_tuples():
         ({"x": {0, 1, 2}}, ["x must be a list, got {0, 1, 2}."]),
     ],
 )
-def test_wrong_tables_are_refused_with_every_reason(columns, messages):
+def test_wrong_tables_are_rejected_with_every_reason(columns, messages):
     right = {"x": [0, 1, 2], "flexural_rigidity": [1, 1, 1], "mass_per_length": [1, 1, 1]}
     with pytest.raises(ModelError) as caught:
         SectionTable(**{**right, **columns})
     assert str(caught.value).splitlines() == [f"SectionTable: {text}" for text in messages]
 
 
-def test_a_key_that_is_not_text_beside_missing_dimensions():
-    # Such a key stops the validation before missing fields are reported.
+def test_key_that_is_not_text_is_rejected_with_missing_dimensions():
+    # Such a key ends the validation before missing fields are reported.
     with pytest.raises(ModelError) as caught:
         Box(**{"width": 0.01, "thickness": 0.001, "\ud800": 1})
     assert len(caught.value.problems) == 1

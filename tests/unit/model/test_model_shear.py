@@ -1,4 +1,4 @@
-"""Links that shear: shear coefficients of sections, the beam a link makes, what is refused."""
+"""Links with shear: shear coefficients of sections, the beam of a link, and wrong values."""
 
 import numpy as np
 import pytest
@@ -35,10 +35,10 @@ def problems_of(**values):
 
 
 def annulus(inner, outer=1.0):
-    """Shear coefficient of a ring: Saint-Venant's stresses at a Poisson's ratio of zero.
+    """Return the shear coefficient of a ring: Saint-Venant's stresses at a Poisson's ratio of zero.
 
     Stresses are V/I times the gradient of cos(t) (a r + b/r - r^3/8): its divergence -r cos(t)
-    balances the bending stress, and a and b free both edges of radial stress.
+    balances the bending stress, and a and b make both edges free of radial stress.
     """
     edges = np.array([[1.0, -1 / r**2] for r in (inner, outer)])
     a, b = np.linalg.solve(edges, [3 * inner**2 / 8, 3 * outer**2 / 8])
@@ -51,7 +51,7 @@ def annulus(inner, outer=1.0):
 
 
 def thin_box(width, height, thickness):
-    """Shear coefficient of a thin box, width and height between the middles of its walls.
+    """Return the shear coefficient of a thin box with width and height between wall centres.
 
     Shear flow grows from the middle of a flange to the corner and on to the middle of the web.
     """
@@ -113,7 +113,7 @@ class TestBeam:
         )
 
     def test_of_material_and_section(self):
-        """A solid rectangle of Poisson's ratio 0.3: kGA = E A/3.12; its rotary inertia counts."""
+        """A solid rectangle of Poisson's ratio 0.3: kGA = E A/3.12, with rotary inertia."""
         section = Rectangle(width=0.02, height=0.05)
         link = Link(length=1, material="steel", section=section, element="timoshenko")
         beam = link.beam()
@@ -125,11 +125,11 @@ class TestBeam:
         link = Link(length=2, table=SHEARED, element="timoshenko")
         assert link.beam().shear_rigidity == (40.0, 20.0)
 
-    def test_bending_alone_is_the_default(self):
+    def test_euler_bernoulli_is_the_default(self):
         assert Link(**CONSTANTS).element == "euler_bernoulli"
         assert Link(**CONSTANTS).beam().shear_rigidity is None
 
-    def test_a_rigid_link_needs_no_shear_rigidity(self):
+    def test_rigid_link_needs_no_shear_rigidity(self):
         rigid = Link(**CONSTANTS, element="timoshenko", flexible=False)
         assert rigid.beam().shear_rigidity is None
         table = Link(length=2, table=TABLE, element="timoshenko", flexible=False)
@@ -177,7 +177,7 @@ class TestBeam:
             [
                 (
                     "element must be one of 'euler_bernoulli', 'timoshenko', got 3. "
-                    "How many there are is said by elements."
+                    "`elements` is their number."
                 )
             ],
         ),
@@ -187,22 +187,22 @@ class TestBeam:
         ),
     ],
 )
-def test_wrong_links_are_refused_with_every_reason(values, problems):
+def test_wrong_links_are_rejected_with_every_reason(values, problems):
     assert problems_of(**values) == problems
 
 
-def test_a_link_of_nothing_is_told_what_it_lacks_first():
+def test_empty_link_lists_its_missing_keys_first():
     (problem,) = problems_of(length=1, element="timoshenko")
     assert problem.startswith("mass_per_length is missing")
 
 
 @pytest.mark.parametrize("ratio", [-1, 0.51])
-def test_impossible_poissons_ratios(ratio):
+def test_impossible_poissons_ratios_are_rejected(ratio):
     with pytest.raises(ModelError, match=r"Material: poissons_ratio must be "):
         Material(density=1, youngs_modulus=1, poissons_ratio=ratio)
 
 
-def test_schema_knows_the_choice_and_the_limits():
+def test_schema_has_the_choice_and_the_limits():
     definitions = json_schema("arm")["$defs"]
     link = definitions["Link"]["properties"]
     assert link["element"]["enum"] == ["euler_bernoulli", "timoshenko"]

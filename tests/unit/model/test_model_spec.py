@@ -19,7 +19,7 @@ def test_defaults_are_ideal_joints_and_no_payload():
         assert ArmSpec(links=[LINK], joints=nothing).joints == (Joint(),)
 
 
-def test_replacing_links_brings_their_own_ideal_joints():
+def test_replaced_links_have_ideal_joints():
     spec = ArmSpec(links=[LINK, LINK], gravity=np.array([0, -9.81]))
     assert spec.replace(links=[LINK] * 3).joints == (Joint(),) * 3
     assert spec.replace(links=[LINK]).gravity == (0.0, -9.81)
@@ -48,7 +48,7 @@ def test_offset_of_one_number_is_along_the_tangent():
             {"links": [LINK, LINK], "joints": [Joint()]},
             ["joints must have length 2, one joint for each link, got 1."],
         ),
-        (  # the number is wrong whatever else is wrong with links and joints
+        (  # the number is wrong for any links and joints
             {"links": [LINK, {}], "joints": [{"mass": -1}]},
             [
                 "links[1].length is missing.",
@@ -85,7 +85,7 @@ def test_offset_of_one_number_is_along_the_tangent():
                 )
             ],
         ),
-        (  # the hub of joint 2 turns freely: it does not resist joint 1
+        (  # the hub of joint 2 turns freely, so it has no inertia about joint 1
             {"links": [MASSLESS, MASSLESS], "joints": [Joint(), Joint(hub_inertia=1)]},
             [
                 (
@@ -94,7 +94,7 @@ def test_offset_of_one_number_is_along_the_tangent():
                 )
             ],
         ),
-        (  # links that are fixed to each other turn as one
+        (  # links with a fixed connection turn as one
             {"links": [MASSLESS, MASSLESS], "joints": [Joint(), Joint(fixed=True)]},
             [
                 (
@@ -116,33 +116,36 @@ def test_offset_of_one_number_is_along_the_tangent():
         ),
     ],
 )
-def test_wrong_arms_are_refused_with_every_reason(values, problems):
+def test_wrong_arms_are_rejected_with_every_reason(values, problems):
     with pytest.raises(ModelError) as caught:
         ArmSpec(**values)
-    told = [line for line in str(caught.value).splitlines() if "mass_per_length" not in line]
-    assert told == [f"ArmSpec: {text}" for text in problems]
+    reported = [line for line in str(caught.value).splitlines() if "mass_per_length" not in line]
+    assert reported == [f"ArmSpec: {text}" for text in problems]
 
 
-def test_massless_links_are_right_where_something_has_inertia():
-    ArmSpec(links=[MASSLESS, LINK])
-    ArmSpec(links=[MASSLESS], payload=Payload(mass=1))
-    ArmSpec(links=[MASSLESS], payload=Payload(inertia=1))
-    ArmSpec(links=[MASSLESS], joints=[Joint(hub_inertia=1)])
-    hubs = [Joint(hub_inertia=1), Joint(hub_inertia=1)]
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=hubs)
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(mass=1, hub_inertia=1)])
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), Joint(housing_inertia=1, hub_inertia=1)])
-    ArmSpec(links=[MASSLESS, MASSLESS], payload=Payload(mass=1))
-    fixed = Joint(fixed=True)
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[fixed, fixed])
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), fixed.replace(hub_inertia=1)])
-    ArmSpec(links=[MASSLESS, MASSLESS], joints=[Joint(), fixed], payload=Payload(inertia=1))
-    ArmSpec(links=[MASSLESS], joints=[Joint(rotor_inertia=1, gear_ratio=5)])
+def test_massless_links_are_accepted_where_inertia_remains():
+    hub, fixed = Joint(hub_inertia=1), Joint(fixed=True)
     turning = MASSLESS.replace(rotary_inertia_per_length=1)
-    ArmSpec(links=[turning])
+    one, two = [MASSLESS], [MASSLESS, MASSLESS]
+    for fields in (
+        {"links": [MASSLESS, LINK]},
+        {"links": one, "payload": Payload(mass=1)},
+        {"links": one, "payload": Payload(inertia=1)},
+        {"links": one, "joints": [hub]},
+        {"links": two, "joints": [hub, hub]},
+        {"links": two, "joints": [Joint(), Joint(mass=1, hub_inertia=1)]},
+        {"links": two, "joints": [Joint(), Joint(housing_inertia=1, hub_inertia=1)]},
+        {"links": two, "payload": Payload(mass=1)},
+        {"links": two, "joints": [fixed, fixed]},
+        {"links": two, "joints": [Joint(), fixed.replace(hub_inertia=1)]},
+        {"links": two, "joints": [Joint(), fixed], "payload": Payload(inertia=1)},
+        {"links": one, "joints": [Joint(rotor_inertia=1, gear_ratio=5)]},
+        {"links": [turning]},
+    ):
+        assert ArmSpec(**fields).links == tuple(fields["links"])
 
 
-def test_the_longest_arm_is_accepted():
+def test_longest_arm_is_accepted():
     assert len(ArmSpec(links=[LINK] * 256).joints) == 256
 
 

@@ -1,4 +1,4 @@
-"""Studies: their scenarios, and every fault once and at its place."""
+"""Studies: their scenarios, and every problem once and at its place."""
 
 import pytest
 
@@ -29,7 +29,7 @@ def problems_of(**changes):
     return [str(problem).removeprefix("Study: ") for problem in caught.value.problems]
 
 
-def test_each_scenario_has_its_drive_and_motion_and_what_all_share():
+def test_each_scenario_has_its_drive_its_motion_and_the_common_parts():
     load = {"link": 1, "force": [0.0, -1.0]}
     found = study(loads=[load], hardware={"instruments": [{"signal": "joint_angle"}]})
     scenario = found.scenario("PD", "slow line")
@@ -47,7 +47,7 @@ def test_each_scenario_has_its_drive_and_motion_and_what_all_share():
     assert found.scenario("torque alone", "line").hardware is None
 
 
-def test_a_fault_of_many_scenarios_is_reported_once():
+def test_problem_of_many_scenarios_is_reported_once():
     found = problems_of(
         drives={"one": PD, "two": PD, "three gains": {**PD, "proportional": [1.0, 2.0, 3.0]}},
         loads=[{"link": 3, "force": [0.0, -1.0]}],
@@ -58,14 +58,14 @@ def test_a_fault_of_many_scenarios_is_reported_once():
     ]
 
 
-def test_settling_ends_before_the_run():
+def test_settling_must_be_shorter_than_the_run():
     assert StudyRun(duration=2.0, settling=1.9).settling == 1.9
     for settling in (2.0, 3.0):
         with pytest.raises(ModelError, match=r"settling must be less than the duration of 2 s"):
             StudyRun(duration=2.0, settling=settling)
 
 
-def test_plants_differ_in_all_their_factors_and_keep_the_rest():
+def test_plants_differ_in_all_their_factors_only():
     arm = ArmSpec.model_validate(CONTENT["arm"])
     plant = PlantSpec(payload_factor=2.0, flexural_rigidity_factor=[0.5, 1.0], mass_factor=3.0)
     found = plant_spec(arm, plant)
@@ -76,7 +76,7 @@ def test_plants_differ_in_all_their_factors_and_keep_the_rest():
     assert plant_spec(arm, PlantSpec()) == arm
 
 
-def test_plants_that_do_not_fit_the_arm():
+def test_plants_that_do_not_match_the_arm_are_rejected():
     found = problems_of(
         plants={
             "three": {"mass_factor": [1.0, 2.0, 3.0]},

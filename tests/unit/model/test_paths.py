@@ -30,7 +30,7 @@ def test_every_path_reads_and_writes_its_number(spec):
             assert number_at("test", "path", changed, other) == before
 
 
-def test_a_checked_copy_keeps_the_rules(spec):
+def test_checked_copy_validates_values(spec):
     assert with_number(spec, "payload.mass", 2.0).payload.mass == 2.0
     with pytest.raises(fa.ModelError, match="length"):
         with_number(spec, "links[0].length", -1.0)
@@ -50,7 +50,7 @@ def test_a_checked_copy_keeps_the_rules(spec):
         (3, "A path is text"),
     ],
 )
-def test_other_paths_are_refused(spec, path, hint):
+def test_unknown_paths_are_rejected(spec, path, hint):
     with pytest.raises(fa.InputError) as error:
         number_at("test", "path", spec, path)
     assert hint in str(error.value)

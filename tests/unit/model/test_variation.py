@@ -1,4 +1,4 @@
-"""Arms that differ from their description by factors."""
+"""Plants that differ from their arm by factors."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def arm(**options):
     return fa.Arm(links=links, **options)
 
 
-def test_nothing_changes_by_itself():
+def test_default_factors_change_nothing():
     assert fa.varied(arm()).spec == arm().spec
 
 
@@ -34,7 +34,7 @@ def test_payload():
 
 @pytest.mark.parametrize("elements", [1, 4])
 def test_rigidity_of_any_kind_of_link(elements):
-    """A clamped link's frequencies rise with the root of its rigidity, whatever describes it."""
+    """A clamped link's frequencies rise with the root of its rigidity, for every description."""
     first = arm()
     table = fa.SectionTable(x=[0.0, 0.5], flexural_rigidity=[4.0, 2.0], mass_per_length=[0.5, 0.3])
     links = [link.replace(elements=elements) for link in first.spec.links]
@@ -65,7 +65,7 @@ def test_friction():
     assert fixed.spec.joints[1].friction is None
 
 
-def test_everything_wrong_is_told_at_once():
+def test_all_problems_are_reported():
     with pytest.raises(fa.InputError) as caught:
         fa.varied(
             arm(),
@@ -84,7 +84,7 @@ def test_everything_wrong_is_told_at_once():
         fa.varied(arm(), flexural_rigidity_factor=float("nan"))
 
 
-def test_masses_whose_square_overflows_are_no_crash():
+def test_overflowing_squares_of_masses_are_accepted():
     heavy = fa.varied(
         fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)]), mass_factor=1e200
     )

@@ -1,4 +1,4 @@
-"""YAML read with libyaml and without: the same values, lines and messages, however deep or long."""
+"""YAML read with and without libyaml: equal values, lines and messages, for any depth or length."""
 
 from pathlib import Path
 
@@ -34,8 +34,8 @@ WRONG = [
 ]
 
 
-def told(text):
-    """Value, problems and lines of a text, or the message that refuses it."""
+def result_of(text):
+    """Return value, problems and lines of a text, or the message of its error."""
     try:
         found = parse(FILE, text)
     except fa.InputError as error:
@@ -46,22 +46,22 @@ def told(text):
 
 
 @pytest.mark.parametrize("text", [*RIGHT, *WRONG])
-def test_the_parser_makes_no_difference(text, monkeypatch):
-    fast = told(text)
+def test_both_parsers_give_the_same_result(text, monkeypatch):
+    fast = result_of(text)
     monkeypatch.setattr(yaml_text, "CParser", None)
-    assert told(text) == fast
+    assert result_of(text) == fast
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_what_is_no_yaml_is_refused_with_its_line(text):
-    assert told(text).startswith("file.yaml:")
+def test_text_that_is_not_yaml_is_rejected_with_its_line(text):
+    assert result_of(text).startswith("file.yaml:")
 
 
 @pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ("{a: ", "}"), ("- ", "")])
-def test_deep_nesting_is_refused_and_does_not_crash(opening, closing):
+def test_deep_nesting_is_rejected_without_a_crash(opening, closing):
     """The composer of libyaml overflows the stack here, which ends the process."""
     text = opening * 300_000 + closing * 300_000
-    assert "nested too deeply" in told(text)
+    assert "nested too deeply" in result_of(text)
 
 
 def test_values_are_counted_with_their_aliases(monkeypatch):
@@ -70,7 +70,7 @@ def test_values_are_counted_with_their_aliases(monkeypatch):
     monkeypatch.setattr(yaml_text, "_MOST_VALUES", 7)
     assert parse(FILE, text).value == {"a": [1, 2], "b": [1, 2]}
     monkeypatch.setattr(yaml_text, "_MOST_VALUES", 6)
-    assert "has more than 6 values with its aliases expanded" in told(text)
+    assert "has more than 6 values with its aliases expanded" in result_of(text)
 
 
 def test_lines_in_a_long_table(tmp_path):
@@ -95,7 +95,7 @@ def test_lines_in_a_long_table(tmp_path):
     assert len(head) + 1 + 2345 in lines
 
 
-def test_a_table_is_written_and_read_back():
+def test_table_is_written_and_read_back():
     content = {
         "values": [[k / 7.0, -1e-9 * k] for k in range(500)],
         "name": "\u00e4: b",

@@ -1,4 +1,4 @@
-"""Inverse kinematics inverts the forward one, on both branches, or says why it cannot."""
+"""Inverse kinematics inverts the forward one on both branches, or reports why it cannot."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from flexarm.motion.geometry.kinematics import tip_jacobian, tip_position
 from flexarm.motion.geometry.nearest_posture import damped_least_squares
 from strategies import between
 
-# Rounding of a tip position, of the angles that made it and of their sum, per metre of reach.
+# Rounding of a tip position, of its angles and of their sum, per metre of reach.
 ROUNDING = 1e-13
 
 length = between(0.05, 3.0)
@@ -49,7 +49,7 @@ def test_two_links_reach_every_point_on_both_branches(lengths, ratio, angle, elb
 
 @settings(deadline=None)
 @given(chains(2, 6), share, direction)
-def test_the_branches_are_mirror_images(lengths, ratio, angle):
+def test_branches_are_mirror_images(lengths, ratio, angle):
     point = point_within(lengths, ratio, angle)
     up = inverse_kinematics(lengths, point, "up")
     down = inverse_kinematics(lengths, point * [1.0, -1.0], "down")
@@ -59,7 +59,7 @@ def test_the_branches_are_mirror_images(lengths, ratio, angle):
 
 @settings(deadline=None)
 @given(chains(3, 6), share, direction, st.sampled_from(["up", "down"]))
-def test_longer_arms_reach_every_point_without_a_posture(lengths, ratio, angle, elbow):
+def test_longer_arms_reach_every_point_without_a_given_posture(lengths, ratio, angle, elbow):
     point = point_within(lengths, ratio, angle)
     angles = inverse_kinematics(lengths, point, elbow)
     assert miss(lengths, angles, point) < ROUNDING
@@ -68,23 +68,23 @@ def test_longer_arms_reach_every_point_without_a_posture(lengths, ratio, angle, 
 
 @settings(deadline=None)
 @given(chains(3, 6), between(0.05, 0.95), direction)
-def test_the_built_posture_is_not_singular(lengths, ratio, angle):
+def test_constructed_posture_is_not_singular(lengths, ratio, angle):
     angles = inverse_kinematics(lengths, point_within(lengths, ratio, angle))
     inner, outer = reach_limits(lengths)
     stretch = np.linalg.svd(tip_jacobian(lengths, angles), compute_uv=False)[-1]
-    # Links in one line would give zero. What is left at worst is the shortest link across.
+    # Links in one line would give zero. The lowest value is that of the shortest link across.
     assert stretch > 1e-3 * min(outer, 20.0 * (outer - inner))
 
 
-def test_the_built_posture_keeps_off_the_limits_of_its_triangles():
+def test_constructed_posture_is_inside_the_limits_of_its_triangles():
     angles = inverse_kinematics([1.0, 1.0, 1.0, 1.0], [0.01, 0.0])
-    assert abs(angles[0]) > 0.5  # at the limit the first link would point at the point
+    assert abs(angles[0]) > 0.5  # at the limit the first link would have the direction of the point
 
 
 @settings(deadline=None, max_examples=50)
 @given(chains(3, 6), between(0.3, 0.9), direction, st.integers(0, 10**6))
-def test_damped_least_squares_reaches_from_a_posture(lengths, ratio, angle, seed):
-    # No hole: at its rim lie folded postures that hold the search fast.
+def test_damped_least_squares_converges_from_a_posture(lengths, ratio, angle, seed):
+    # Without a hole: near its edge are folded postures at which the search stops.
     lengths = np.minimum(lengths, 0.99 * (np.sum(lengths) - np.max(lengths)))
     point = point_within(lengths, ratio, angle)
     posture = np.random.default_rng(seed).uniform(-2.0, 2.0, len(lengths))
@@ -92,17 +92,17 @@ def test_damped_least_squares_reaches_from_a_posture(lengths, ratio, angle, seed
     assert miss(lengths, angles, point) < 2e-13  # the tolerance of the search and rounding
 
 
-def test_damped_least_squares_ends_quadratically(monkeypatch):
+def test_damped_least_squares_converges_quadratically(monkeypatch):
     lengths = np.array([1.0, 0.8, 0.6, 0.4])
     posture = np.array([0.4, 0.5, -0.7, 0.9])
     monkeypatch.setattr("flexarm.motion.geometry.nearest_posture.MAX_ITERATIONS", 10)
     angles, missed = damped_least_squares(lengths, np.array([-1.0, 0.9]), posture)
-    # Constant damping would gain about one digit a step.
+    # Constant damping would gain about one digit per step.
     assert missed < 1e-12
     np.testing.assert_allclose(tip_position(lengths, angles), [-1.0, 0.9], rtol=0, atol=1e-12)
 
 
-def test_damped_least_squares_stays_near_its_posture():
+def test_damped_least_squares_changes_its_posture_little():
     lengths = np.array([1.0, 0.8, 0.6, 0.4])
     posture = np.array([0.4 + 2 * np.pi, 0.5, -0.7, 0.9])
     near = tip_position(lengths, posture) + np.array([1e-3, -2e-3])
@@ -136,8 +136,9 @@ def test_no_small_change_is_nearer_to_the_posture(lengths, ratio, angle, seed):
         assert distance(near, posture) > least - 1e-9
 
 
-def test_the_nearest_to_a_straight_arm():
-    """A straight arm, from which damped least squares cannot start: they cannot shorten it."""
+def test_nearest_posture_to_a_straight_arm():
+    """Damped least squares cannot start from a straight arm, because joint rates cannot shorten
+    it."""
     nearest = inverse_kinematics([1.0, 1.0, 1.0], [2.0, 0.0], posture=[0.0, 0.0, 0.0])
     turned = np.cumsum(nearest)
     np.testing.assert_allclose(np.cos(turned).sum(), 2.0, rtol=0, atol=1e-12)
@@ -155,14 +156,14 @@ def test_the_nearest_to_a_straight_arm():
     assert distance(nearest, np.zeros(3)) == pytest.approx(best, abs=1e-8)
 
 
-def test_a_posture_keeps_its_full_turns_on_the_boundary_too():
+def test_posture_keeps_its_full_turns_on_the_boundary():
     posture = np.array([0.1 + 4.0 * np.pi, 0.4, 0.2 - 2.0 * np.pi])
     straight = inverse_kinematics([2.0, 0.5, 0.25], [0.0, 2.75], posture=posture)
     expected = [4.5 * np.pi, 0.0, -2.0 * np.pi]
     np.testing.assert_allclose(straight, expected, rtol=0, atol=1e-7)
 
 
-def test_both_boundaries_leave_one_posture():
+def test_each_boundary_has_one_posture():
     lengths = [2.0, 0.5, 0.25]
     straight = inverse_kinematics(lengths, [0.0, 2.75], posture=[0.1, 0.4, 0.2])
     folded = inverse_kinematics(lengths, [1.25, 0.0], posture=[0.1, 0.4, 0.2])
@@ -170,13 +171,13 @@ def test_both_boundaries_leave_one_posture():
     np.testing.assert_allclose(np.abs(folded), [0.0, np.pi, 0.0], rtol=0, atol=1e-7)
 
 
-def test_one_link_points_at_its_circle():
+def test_one_link_reaches_points_on_its_circle():
     np.testing.assert_allclose(inverse_kinematics([2.0], [0.0, -2.0]), [-np.pi / 2])
 
 
-def test_published_posture():
+def test_published_posture_is_reproduced():
     angles = inverse_kinematics([1.4142, 1.0], [2.0, 1.0])
-    # Printed to the last digit shown.
+    # Accurate to the last printed digit.
     assert angles[0] == pytest.approx(0.785388573, abs=5e-10)
     assert np.sum(angles) == pytest.approx(0.0000191804, abs=5e-11)
 
@@ -197,12 +198,12 @@ def test_published_posture():
         ([1.0, 1.0], [1.0, 0.0, 0.0], "point must be numbers of shape"),
     ],
 )
-def test_refuses_with_the_reason(lengths, point, message):
+def test_impossible_points_are_rejected_with_the_reason(lengths, point, message):
     with pytest.raises(InputError, match=message):
         inverse_kinematics(lengths, point)
 
 
-def test_refuses_wrong_branches_and_postures():
+def test_wrong_branches_and_postures_are_rejected():
     with pytest.raises(InputError, match="elbow must be 'up' or 'down', got 'left'"):
         inverse_kinematics([1.0, 1.0], [1.0, 1.0], "left")
     with pytest.raises(InputError, match="posture is not supported for an arm of one or two"):

@@ -7,17 +7,17 @@ from motion_checks import Links
 from flexarm.errors import InputError
 from flexarm.motion import joint_motion
 
-# In floating point -3 + (-0.9 - -3) is not -0.9: hitting the end takes care.
+# In floating point -3 + (-0.9 - -3) differs from -0.9, so an exact end needs care.
 START, END = np.array([-3.0, -0.7]), np.array([-0.9, 2.2])
 
 
-def test_ends_are_hit_to_the_bit():
+def test_ends_are_exact_to_the_bit():
     motion = joint_motion(Links(), START, END, 0.3)
     assert motion.joint_angle(0.0).tolist() == START.tolist()
     assert motion.joint_angle(0.3).tolist() == END.tolist()
 
 
-def test_joints_move_in_step():
+def test_joints_have_equal_path_fractions():
     motion = joint_motion(Links(), START, END, 2.0)
     np.testing.assert_allclose(motion.joint_angle(1.0), (START + END) / 2, rtol=0, atol=1e-15)
     # The quintic's largest rate is 15/8 of the mean, its largest acceleration 10/sqrt(3).
@@ -27,12 +27,12 @@ def test_joints_move_in_step():
     np.testing.assert_allclose(motion.joint_acceleration(at), peak, rtol=1e-13)
 
 
-def test_the_tip_is_that_of_the_rigid_arm():
+def test_tip_is_that_of_the_rigid_arm():
     motion = joint_motion(Links((2.0, 1.0)), [0.0, 0.0], [0.0, np.pi / 2], 1.0)
     np.testing.assert_allclose(motion.tip([0.0, 1.0]), [[3.0, 0.0], [2.0, 1.0]], rtol=0, atol=1e-15)
 
 
-def test_may_hold_still():
+def test_start_and_end_may_be_equal():
     motion = joint_motion(Links(), START, START, 1.0)
     assert np.all(motion.joint_rate(np.linspace(0, 1, 9)) == 0.0)
 
@@ -45,12 +45,12 @@ def test_may_hold_still():
         ([0.1, np.nan], [0.2, 0.3], r"joint_motion: start\[1\] must be finite"),
     ],
 )
-def test_refuses_wrong_postures(start, end, message):
+def test_wrong_postures_are_rejected(start, end, message):
     with pytest.raises(InputError, match=message):
         joint_motion(Links(), start, end, 1.0)
 
 
-def test_a_motion_that_takes_nearly_for_ever_stands_still():
+def test_motion_of_extreme_duration_is_at_rest():
     # The square of its duration is beyond the largest float.
     angle, rate, acceleration = joint_motion(Links([1.0]), [0.0], [1.0], 1e300).state([0.0, 1.0])
     np.testing.assert_array_equal(angle, [[0.0], [0.0]])

@@ -1,4 +1,4 @@
-"""Line motions keep the tip on the line, with the joint rates that belong to it, or are refused."""
+"""Line motions have the tip on the line, with consistent joint rates, or are rejected."""
 
 import numpy as np
 import pytest
@@ -31,14 +31,14 @@ def motion(arm, request):
 T = np.linspace(0.0, 1.6, 201)
 
 
-def test_the_tip_is_on_the_line_at_its_time(motion):
+def test_tip_is_on_the_line_at_its_time(motion):
     s = motion.law(T / 1.6).s[:, None]
     line = motion.start + s * (motion.end - motion.start)
     # Rounding of a tip position of at most 4 m.
     np.testing.assert_allclose(motion.tip(T), line, rtol=0, atol=1e-13)
 
 
-def test_the_tip_has_the_velocity_and_acceleration_of_the_line(motion):
+def test_tip_has_the_velocity_and_acceleration_of_the_line(motion):
     state = motion.state(T)
     _, ds, dds = motion.law(T / 1.6)
     way = motion.end - motion.start
@@ -52,7 +52,7 @@ def test_the_tip_has_the_velocity_and_acceleration_of_the_line(motion):
     np.testing.assert_allclose(acceleration, np.outer(dds / 1.6**2, way), rtol=0, atol=1e-11)
 
 
-def test_rates_are_the_smallest_that_do_it(motion):
+def test_rates_have_the_least_norm(motion):
     state = motion.state(T)
     for angle, rate in zip(state.angle, state.rate, strict=True):
         jacobian = tip_jacobian(motion.chain.lengths, angle)
@@ -60,8 +60,8 @@ def test_rates_are_the_smallest_that_do_it(motion):
         np.testing.assert_allclose(idle @ rate, 0.0, rtol=0, atol=1e-12)
 
 
-def test_almost_straight_arms_are_as_exact():
-    # 0.0025 m short of full stretch rates are ten times those of mid-reach.
+def test_almost_straight_arms_are_as_accurate():
+    # 0.0025 m before full extension rates are ten times those in the middle of the reach.
     motion = line_motion(Links((1.0, 0.8, 0.6)), [1.2, 0.3], [2.39, 0.1], 1.0)
     panels = np.linspace(0.0, 1.0, 101)
     nodes, weights = np.polynomial.legendre.leggauss(16)
@@ -82,17 +82,18 @@ def test_mirrored_lines_have_mirrored_angles(arm):
     up = line_motion(arm, start, end, 1.6, elbow="up").state(T)
     down = line_motion(arm, start * mirror, end * mirror, 1.6, elbow="down").state(T)
     for a, b in zip(up, down, strict=True):
-        np.testing.assert_allclose(a, -b, rtol=0, atol=1e-11)  # the least-norm path is one to 1e-12
+        # the least-norm path has an error of 1e-12
+        np.testing.assert_allclose(a, -b, rtol=0, atol=1e-11)
 
 
-def test_the_way_back_is_the_same_path_for_two_links():
+def test_reversed_line_has_the_same_path_for_two_links():
     there = line_motion(Links(), [2.0, 1.0], [1.0, 2.0], 1.0)
     back = line_motion(Links(), [1.0, 2.0], [2.0, 1.0], 1.0)
     t = np.linspace(0.0, 1.0, 33)
     np.testing.assert_allclose(there.joint_angle(t), back.joint_angle(1.0 - t), rtol=0, atol=1e-14)
 
 
-def test_published_line():
+def test_published_line_is_reproduced():
     motion = line_motion(Links(), [2.0, 1.0], [1.0, 2.0], 2.0)
     angles = motion.joint_angle(0.0)
     assert angles[0] == pytest.approx(0.785388573, abs=5e-10)  # printed to the last digit shown
@@ -102,7 +103,7 @@ def test_published_line():
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from(["up", "down"]))
-def test_angles_never_jump(seed, elbow):
+def test_angles_are_continuous(seed, elbow):
     rng = np.random.default_rng(seed)
     start, end = rng.uniform(-1.7, 1.7, (2, 2))
     try:
@@ -117,7 +118,7 @@ def test_angles_never_jump(seed, elbow):
     assert np.all(bend <= 0.0) if elbow == "up" else np.all(bend >= 0.0)
 
 
-def test_a_posture_chooses_among_the_many():
+def test_posture_selects_one_of_many_solutions():
     arm = Links((1.0, 1.0, 1.0))
     zigzag = np.array([0.8, -1.9, 1.5])
     motion = line_motion(arm, [1.6, 0.4], [0.5, 1.5], 1.0, posture=zigzag)
@@ -132,7 +133,7 @@ def test_three_links_may_pass_the_base():
     assert np.min(np.hypot(*motion.tip(np.linspace(0, 1, 2001)).T)) < 1e-3
 
 
-def test_a_line_may_be_a_point():
+def test_line_may_be_a_point():
     motion = line_motion(Links(), [2.0, 1.0], [2.0, 1.0], 1.0)
     assert np.all(motion.joint_rate(T) == 0.0)
 
@@ -152,7 +153,7 @@ FULL = 2.4142
         ((1.4142, 1.0), [1, 0.4142], [-1, 0.4142], r"line .* got a nearest point of"),
         ((1.0, 1.0), [1, 0.5], [-1, -0.5], r"line .* must stay at least 2e-06 m away from the ba"),
         ((3.0, 1.0, 1.0), [1.5, 1.5], [-1.5, -1.5], r"line .* must stay more than 1.000005 m"),
-        # Full stretch at an end, and folded at an end.
+        # Full extension at an end, and folded at an end.
         (
             (1.4142, 1.0),
             [FULL, 0],
@@ -168,32 +169,32 @@ FULL = 2.4142
     ],
 )
 @pytest.mark.parametrize("elbow", ["up", "down"])
-def test_refuses_with_the_reason(lengths, start, end, message, elbow):
+def test_impossible_lines_are_rejected_with_the_reason(lengths, start, end, message, elbow):
     with pytest.raises(InputError, match=f"^line_motion: {message}"):
         line_motion(Links(lengths), start, end, 1.0, elbow=elbow)
 
 
-def test_the_margins_are_no_wider_than_they_say():
+def test_margins_are_as_stated():
     reach = np.sum(Links().lengths)
     for distance in (reach * (1 - 2e-6), 0.4142 + 2e-6 * reach):
         motion = line_motion(Links(), [distance, 0.0], [1.0, 0.2], 1.0)
         assert np.all(np.isfinite(motion.joint_acceleration(T)))
 
 
-def test_refuses_wrong_branches_and_postures():
+def test_wrong_branches_and_postures_are_rejected():
     with pytest.raises(InputError, match="line_motion: elbow must be 'up' or 'down'"):
         line_motion(Links(), [2, 1], [1, 2], 1.0, elbow="sideways")
     with pytest.raises(InputError, match="line_motion: posture is not supported"):
         line_motion(Links(), [2, 1], [1, 2], 1.0, posture=[0.1, 0.2])
 
 
-def test_refuses_a_start_with_all_links_in_one_line():
+def test_start_with_all_links_in_one_line_is_rejected():
     folded = [0.0, np.pi, np.pi]  # the tip at (1, 0), in the middle of the reach
     with pytest.raises(InputError, match=r"has a singular posture at \(1, 0\)"):
         line_motion(Links((1.0, 1.0, 1.0)), [1, 0], [1, 1], 1.0, posture=folded)
 
 
-def test_the_least_norm_path_stops_where_the_arm_is_straight():
+def test_least_norm_path_stops_where_the_arm_is_straight():
     lengths, first = np.ones(3), np.array([0.6, -0.6, -0.6])
     start = np.array([2 * np.cos(0.6) + 1.0, 0.0])
     path = line_path("a test", start, start + np.array([2.0, 0.0]))

@@ -1,8 +1,8 @@
-"""Every kind of motion with every timing law keeps the contract written on `Motion`."""
+"""Every kind of motion with every timing law obeys the contract of `Motion`."""
 
 import numpy as np
 import pytest
-from motion_checks import Links, derivative, smooth_times
+from motion_checks import Links, assert_scalars_and_arrays_agree, derivative, smooth_times
 
 from flexarm.errors import InputError
 from flexarm.motion import (
@@ -102,14 +102,15 @@ def test_breaks_span_the_motion(motion):
     assert list(motion.breaks) == sorted(set(motion.breaks))
 
 
-def test_rests_before_and_after(motion):
+def test_motion_is_at_rest_before_and_after(motion):
     before = motion.state([-np.inf, -3.0, 0.0, np.nextafter(0.7, 0.0)])
     after = motion.state([motion.end_time, 3.3, 100.0, np.inf])
     for rest, there in [(before, 0.7), (after, np.nextafter(motion.end_time, 0.0))]:
         assert np.all(rest.rate == 0.0)
         assert np.all(rest.acceleration == 0.0)
         assert np.ptp(rest.angle, axis=0).max() == 0.0
-        # Rates here are below 10 rad/s: one step of the clock moves less than the rounding.
+        # Rates here are below 10 rad/s, so the next time in floating point moves less than the
+        # rounding.
         np.testing.assert_allclose(motion.joint_angle(there), rest.angle[0], rtol=0, atol=1e-13)
 
 
@@ -118,24 +119,24 @@ def test_rates_and_accelerations_are_the_derivatives(motion):
     t = smooth_times(motion.breaks, away=3.5 * step)
     rate = derivative(motion.joint_angle, t, step)
     acceleration = derivative(motion.joint_rate, t, step)
-    # Sixth order: (step / 2.5)^6 = 1e-18 times the seventh derivative, 1e6 and more where the
-    # line passes near a singular posture; rounding is 1e-16 / step = 4e-14 times the angles.
+    # Sixth order: (step / 2.5)^6 = 1e-18 times the seventh derivative, 1e6 and more where the line
+    # passes near a singular posture; rounding is 1e-16 / step = 4e-14 times the angles.
     np.testing.assert_allclose(rate, motion.joint_rate(t), rtol=0, atol=2e-10)
     np.testing.assert_allclose(acceleration, motion.joint_acceleration(t), rtol=0, atol=1e-9)
 
 
-def test_the_rate_adds_up_to_the_way(motion):
+def test_integral_of_the_rate_is_the_change_of_angle(motion):
     nodes, weights = np.polynomial.legendre.leggauss(200)
     way = np.zeros(motion.joints)
     for a, b in zip(motion.breaks[:-1], motion.breaks[1:], strict=True):
         t = 0.5 * (a + b) + 0.5 * (b - a) * nodes
         way += 0.5 * (b - a) * weights @ motion.joint_rate(t)
     total = motion.joint_angle(motion.end_time) - motion.joint_angle(motion.start_time)
-    # So many points are exact to rounding; the least-norm path is one to 1e-12.
+    # So many points are exact to rounding; the least-norm path has an error of 1e-12.
     np.testing.assert_allclose(way, total, rtol=0, atol=1e-11)
 
 
-def test_both_sides_of_a_break_can_be_asked_for(make):
+def test_values_on_both_sides_of_a_break(make):
     motion = make(duration=1.3, profile="trapezoidal", start_time=0.1)
     for k, time in enumerate(motion.breaks):
         left = motion.state(np.nextafter(time, -np.inf))
@@ -150,28 +151,17 @@ def test_both_sides_of_a_break_can_be_asked_for(make):
 
 
 def test_scalars_and_arrays_agree(motion):
-    t = np.array([0.2, 0.9, 1.7, 3.5])
-    together = motion.state(t)
-    for row, time in enumerate(t):
-        for many, one in zip(together, motion.state(time), strict=True):
-            assert one.shape == (motion.joints,)
-            np.testing.assert_allclose(many[row], one, rtol=0, atol=1e-13)
-    assert motion.tip(t).shape == (4, 2)
-    assert motion.tip(1.0).shape == (2,)
-    for part, ask in zip(
-        together, [motion.joint_angle, motion.joint_rate, motion.joint_acceleration], strict=True
-    ):
-        np.testing.assert_array_equal(part, ask(t))
+    assert_scalars_and_arrays_agree(motion, atol=1e-13)
 
 
-def test_the_start_time_only_shifts(make):
+def test_start_time_shifts_the_motion(make):
     early, late = make(duration=1.0), make(duration=1.0, start_time=2.0)
     t = np.linspace(0.0, 1.0, 17)  # sixteenths: t + 2 is exact
     for a, b in zip(early.state(t), late.state(t + 2.0), strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_slower_motion_is_the_same_path(make):
+def test_slower_motion_has_the_same_path(make):
     fast, slow = make(duration=1.0), make(duration=4.0)
     t = np.linspace(0.0, 1.0, 17)
     a, b = fast.state(t), slow.state(4.0 * t)
@@ -185,7 +175,7 @@ def test_motions_are_frozen(motion):
         motion.duration = 3.0
 
 
-def test_refuses_nan_times(motion):
+def test_nan_times_are_rejected(motion):
     with pytest.raises(InputError, match="t must be a time or an array of times, got"):
         motion.joint_rate([0.0, np.nan])
 
@@ -203,6 +193,6 @@ def test_refuses_nan_times(motion):
         ({"duration": 1.0, "profile": "sudden"}, "profile must be a TimingLaw or one of"),
     ],
 )
-def test_refuses_wrong_timing(make, timing, message):
+def test_wrong_timing_is_rejected(make, timing, message):
     with pytest.raises(InputError, match=message):
         make(**timing)

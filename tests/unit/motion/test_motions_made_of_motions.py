@@ -1,11 +1,12 @@
-"""Shaped, smoothed and flexible references keep the contract of `Motion`, too."""
+"""Shaped, smoothed and flexible references obey the contract of `Motion`, too."""
 
 import numpy as np
 import pytest
-from motion_checks import Links, derivative, smooth_times
+from motion_checks import Links, assert_scalars_and_arrays_agree, derivative, smooth_times
 
 import flexarm as fa
 from flexarm.motion import joint_motion, line_motion
+from paper_arms import table_one_arm
 
 
 def line(profile="quintic", start_time=0.4):
@@ -17,13 +18,11 @@ def way(profile="quintic"):
 
 
 def arm():
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
-    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5)])
+    return table_one_arm(joints=[fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5)])
 
 
 def changing_frequency(method, **options):
-    """Two masses: the frequency changes by a tenth on the way."""
+    """Return the frequencies of two masses, which change by a tenth along the motion."""
     return fa.shaped(fa.line_motion(arm(), (2.0, 1.0), (0.5, 0.6), 1.0), arm(), method, **options)
 
 
@@ -60,14 +59,14 @@ def test_breaks_span_the_motion(motion):
     assert np.all(np.diff(motion.breaks) > 0.0)
 
 
-def test_rests_before_and_after(motion):
+def test_motion_is_at_rest_before_and_after(motion):
     start, end = motion.start_time, motion.end_time
     before = motion.state([-np.inf, start - 3.0, np.nextafter(start, -np.inf)])
     after = motion.state([end, end + 0.1, end + 50.0, np.inf])
     for rest, there in [(before, start), (after, np.nextafter(end, 0.0))]:
         assert np.all(rest.rate == 0.0)
         assert np.all(rest.acceleration == 0.0)
-        # Averages of one and the same angle, to rounding.
+        # Averages of the same angle, to rounding.
         np.testing.assert_allclose(
             rest.angle, rest.angle[:1].repeat(len(rest.angle), 0), atol=3e-15
         )
@@ -100,21 +99,14 @@ def test_angles_and_rates_are_continuous_at_breaks(motion):
 
 
 def test_scalars_and_arrays_agree(motion):
-    t = np.array([0.2, 0.9, 1.7, 3.5])
-    together = motion.state(t)
-    for row, time in enumerate(t):
-        for many, one in zip(together, motion.state(time), strict=True):
-            assert one.shape == (motion.joints,)
-            # Sums of a hundred terms in another order, times 1e4 in accelerations.
-            np.testing.assert_allclose(many[row], one, rtol=0, atol=1e-11)
-    assert motion.tip(t).shape == (4, 2)
-    assert motion.tip(1.0).shape == (2,)
+    # Sums of a hundred terms in another order, times 1e4 in accelerations.
+    assert_scalars_and_arrays_agree(motion, atol=1e-11)
     assert motion.state(np.zeros(0)).angle.shape == (0, motion.joints)
     with pytest.raises(fa.InputError, match="nan"):
         motion.joint_angle(np.nan)
 
 
-def test_both_sides_of_a_break_can_be_asked_for():
+def test_values_on_both_sides_of_a_break():
     """Accelerations of a trapezoid jump in every copy, to the bit."""
     original = way("trapezoidal")
     motion = fa.shaped(original, method="zv", frequency_hz=1.1)
@@ -124,7 +116,7 @@ def test_both_sides_of_a_break_can_be_asked_for():
         assert np.abs(left - right).max() > 0.1
 
 
-def test_an_impulse_is_a_delayed_copy():
+def test_impulse_is_a_delayed_copy():
     """Constant frequency: the sum by hand."""
     original = line()
     motion = fa.shaped(original, method="zvd", frequency_hz=2.0)
@@ -137,7 +129,7 @@ def test_an_impulse_is_a_delayed_copy():
 
 
 @pytest.mark.parametrize("window", ["moving_average", "raised_cosine"])
-def test_a_smoothed_motion_is_the_average(window):
+def test_smoothed_motion_is_the_average(window):
     """Against SciPy's adaptive quadrature."""
     from scipy.integrate import quad
 
@@ -191,6 +183,6 @@ def test_rigid_torque_along_a_shaped_motion():
         (lambda: fa.quasi_static_reference(arm(), None), "motion"),
     ],
 )
-def test_wrong_input_is_told(call, words):
+def test_wrong_input_is_rejected(call, words):
     with pytest.raises(fa.InputError, match=words):
         call()

@@ -10,7 +10,7 @@ ANGLES = np.array([0.3, -1.1, 0.7, 2.0])
 RATES = np.array([1.5, -0.6, 0.4, -2.0])
 
 
-def test_relative_angles_add_up():
+def test_relative_angles_are_added():
     quarter = np.pi / 2
     tip = tip_position(np.array([2.0, 1.0, 0.5]), np.array([quarter, -quarter, -quarter]))
     np.testing.assert_allclose(tip, [1.0, 2.0 - 0.5], rtol=0, atol=1e-15)
@@ -37,7 +37,7 @@ def test_jacobian_rate_by_finite_differences():
     )
 
 
-def test_a_batch_is_its_members():
+def test_batch_equals_its_members():
     batch = np.random.default_rng(1).normal(size=(3, 5, 4))
     rates = batch[::-1]
     for at in np.ndindex(3, 5):

@@ -1,4 +1,4 @@
-"""Rigid torques along a motion: the published peaks, holding, breaks and shapes."""
+"""Rigid torques along a motion: the published peaks, static parts, breaks and shapes."""
 
 from dataclasses import dataclass
 
@@ -50,7 +50,7 @@ def test_published_peaks(motion):
     np.testing.assert_allclose(torque.min(axis=0), [-8.87, -1.90], rtol=0, atol=5e-3)
 
 
-def test_twice_the_time_is_a_quarter_of_the_torque(motion):
+def test_twice_the_duration_needs_a_quarter_of_the_torque(motion):
     slow = line_motion(Links(), [2.0, 1.0], [1.0, 2.0], 2.0)
     t = np.linspace(0.0, 1.0, 101)
     np.testing.assert_allclose(
@@ -66,7 +66,7 @@ def test_zero_outside_the_motion_without_gravity(motion):
     assert np.all(torque([-np.inf, -1.0, 1.0, 1.5, np.inf]) == 0.0)
 
 
-def test_holds_the_arm_against_gravity_outside_the_motion():
+def test_torque_outside_the_motion_balances_gravity():
     motion = joint_motion(Links(), [0.0, 0.0], [np.pi / 2, 0.0], 1.0, start_time=1.0)
     torque = rigid_torque(TwoRods(gravity=9.81), motion)([0.0, 3.0])
     l1, l2 = Links().lengths
@@ -86,7 +86,7 @@ def test_shapes_and_attributes(motion):
     assert torque.breaks == motion.breaks == (0.0, 1.0)
 
 
-def test_jumps_at_breaks_only():
+def test_torque_jumps_at_breaks_only():
     motion = line_motion(Links(), [2.0, 1.0], [1.0, 2.0], 1.0, profile="trapezoidal")
     torque = rigid_torque(TwoRods(), motion)
     for time in torque.breaks:
@@ -96,7 +96,7 @@ def test_jumps_at_breaks_only():
     assert np.max(np.abs(torque(t + 1e-7) - torque(t))) < 1e-5
 
 
-def test_refuses_a_motion_of_another_arm():
+def test_motion_of_another_arm_is_rejected():
     motion = joint_motion(Links((1.0, 1.0, 1.0)), [0, 0, 0], [1, 1, 1], 1.0)
     with pytest.raises(
         InputError, match=r"rigid_torque: motion must have the number of joints of the arm, 2"

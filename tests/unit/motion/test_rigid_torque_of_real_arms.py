@@ -1,4 +1,4 @@
-"""Rigid torques with the package's own arms: published peaks, and the arm follows its motion."""
+"""Rigid torques with the package's arms: published peaks, and arms that follow their motion."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_zero_outside_the_motion_without_gravity(published_arm):
 
 
 @pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
-def test_the_rigid_twin_accelerates_as_the_motion_says(heavy_arm, profile):
+def test_rigid_model_has_the_accelerations_of_the_motion(heavy_arm, profile):
     motion = line_motion(heavy_arm, [1.6, 0.5], [0.4, 1.7], 1.2, profile=profile)
     torque = rigid_torque(heavy_arm, motion)
     rigid_counterpart = heavy_arm.rigid()
@@ -53,7 +53,7 @@ def test_the_rigid_twin_accelerates_as_the_motion_says(heavy_arm, profile):
         np.testing.assert_allclose(acceleration, state.acceleration, rtol=0, atol=1e-10)
 
 
-def test_holds_against_gravity(heavy_arm):
+def test_torque_outside_the_motion_balances_gravity(heavy_arm):
     motion = joint_motion(heavy_arm, [0.2, 0.4, -0.3], [1.0, 0.0, 0.5], 1.0)
     torque = rigid_torque(heavy_arm, motion)
     still = np.zeros(3)
@@ -63,7 +63,7 @@ def test_holds_against_gravity(heavy_arm):
         assert np.min(np.abs(weight)) > 0.1
 
 
-def test_the_tip_is_that_of_the_rigid_twin(heavy_arm):
+def test_tip_is_that_of_the_rigid_model(heavy_arm):
     motion = line_motion(heavy_arm, [1.6, 0.5], [0.4, 1.7], 1.2, elbow="down")
     for t in [0.0, 0.5, 1.2]:
         tip = heavy_arm.rigid().tip(motion.joint_angle(t))

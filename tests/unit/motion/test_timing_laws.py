@@ -1,4 +1,4 @@
-"""Every timing law runs from rest at 0 to rest at 1, and its derivatives are derivatives."""
+"""Every timing law runs from rest at 0 to rest at 1, with consistent derivatives."""
 
 import numpy as np
 import pytest
@@ -16,9 +16,9 @@ def test_runs_from_rest_to_rest(law):
     s, ds, dds = law([-np.inf, -1.0, 0.0, 1.0, 2.0, np.inf])
     assert s.tolist() == [0, 0, 0, 1, 1, 1]
     assert ds.tolist() == [0] * 6
-    assert np.delete(dds, 2).tolist() == [0] * 5  # at u = 0 a ramp already accelerates
+    assert np.delete(dds, 2).tolist() == [0] * 5  # at u = 0 a ramp has an acceleration
     just_before = law(np.nextafter(1.0, 0.0))
-    # Rounding: the quintic's coefficients add up to 31 in size, and s'' is up to 101 (ramp 0.01).
+    # Rounding: the quintic's coefficients have a sum of 31, and s'' is up to 101 (ramp 0.01).
     assert abs(just_before.s - 1.0) < 1e-14
     assert abs(just_before.ds) < 1e-13
 
@@ -35,16 +35,16 @@ def test_derivatives_by_complex_step(law):
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
-def test_covers_the_path_once(law):
+def test_path_fraction_covers_the_path_once(law):
     u = np.linspace(0.0, 1.0, 1001)
     s, ds, _ = law(u)
     assert np.all(np.diff(s) >= 0.0)
-    # Trapezoidal rule on 1000 panels: error at most max|s'''| / 12e6 = 5e-6 for the quintic and,
-    # at a kink between panels, max|s''| / 8e6 = 1.3e-5 for the short ramp.
+    # Trapezoidal rule on 1000 panels: error at most max|s'''| / 12e6 = 5e-6 for the quintic and, at
+    # a kink between panels, max|s''| / 8e6 = 1.3e-5 for the short ramp.
     assert np.trapezoid(ds, u) == pytest.approx(1.0, abs=2e-5)
 
 
-def test_quintic_is_the_printed_one():
+def test_quintic_equals_the_printed_one():
     u = np.linspace(0.0, 1.0, 101)
     s, ds, dds = quintic()(u)
     np.testing.assert_allclose(s, 10 * u**3 - 15 * u**4 + 6 * u**5, rtol=0, atol=1e-14)
@@ -85,29 +85,29 @@ def test_acceleration_at_a_break_is_that_of_the_following_piece():
         ((0.0, 1.0), ((0.0, 0.0, np.nan),), "be finite"),
     ],
 )
-def test_a_law_checks_its_own_algebra(breaks, coefficients, name):
+def test_inconsistent_law_is_rejected(breaks, coefficients, name):
     with pytest.raises(InputError, match=name):
         TimingLaw("typo", breaks, coefficients)
 
 
-def test_a_user_may_bring_a_law():
+def test_law_of_a_user_is_accepted():
     cubic = TimingLaw("cubic", (0.0, 1.0), ((0.0, 0.0, 3.0, -2.0),))
     assert timing_law("here", cubic) is cubic
     assert cubic(0.5).s == 0.5
 
 
 @pytest.mark.parametrize("ramp", [0.0, -0.1, 0.51, np.nan, "half"])
-def test_refuses_impossible_ramps(ramp):
+def test_impossible_ramps_are_rejected(ramp):
     with pytest.raises(InputError, match="ramp must"):
         trapezoidal(ramp)
 
 
 @pytest.mark.parametrize("profile", ["quntic", 3, None, ["quintic"]])
-def test_refuses_unknown_laws(profile):
+def test_unknown_laws_are_rejected(profile):
     with pytest.raises(InputError, match="here: profile must be a TimingLaw or one of 'quintic'"):
         timing_law("here", profile)
 
 
-def test_suggests_the_nearest_law():
+def test_nearest_law_is_suggested():
     with pytest.raises(InputError, match="Did you mean 'trapezoidal'"):
         timing_law("here", "trapezoid")

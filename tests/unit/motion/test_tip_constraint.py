@@ -1,4 +1,4 @@
-"""What holds a flexible tip on its path: values, derivatives, and which joints are led."""
+"""The constraint of a flexible tip to its path: values, derivatives, and dependent joints."""
 
 import numpy as np
 import pytest
@@ -45,8 +45,8 @@ def test_values_and_derivatives(links):
         np.testing.assert_allclose(by[:, j], (up - down) / 2e-5, atol=1e-8)
 
 
-def test_one_joint_of_three_is_led():
-    """The pair of joints over which the tip's Jacobian is least singular holds the tip."""
+def test_one_joint_of_three_follows_the_rigid_motion():
+    """The pair of joints for which the tip's Jacobian is least singular determines the tip."""
     arm = an_arm(3)
     constraint = TipConstraint(arm, a_motion(arm))
     _, by = misses(constraint, 0.0, arm.rest([0.2, 0.6, 0.6]))
@@ -54,7 +54,7 @@ def test_one_joint_of_three_is_led():
     assert led == [1]
 
 
-def test_corrected_torque_leaves_and_enters_smoothly():
+def test_corrected_torque_starts_and_ends_smoothly():
     arm = an_arm(2)
     rigid = fa.rigid_torque(arm, a_motion(arm))
     knots = spline_knots(-0.5, 1.5, 0.1)
@@ -65,7 +65,7 @@ def test_corrected_torque_leaves_and_enters_smoothly():
     np.testing.assert_allclose(torque(9.0), coefficients[-1])
     step = 1e-6
     for end in (-0.5, 1.5):
-        # Value and slope go on: what is left of the difference is of second order in the step.
+        # Value and slope are continuous: the difference has second order in the step.
         assert np.abs(torque(end + step) - torque(end - step)).max() < 1e-8
     t = np.array([0.2, 0.7])
     np.testing.assert_allclose(torque(t) - rigid(t), spline_values(knots, t) @ coefficients)

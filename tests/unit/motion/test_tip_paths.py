@@ -1,4 +1,4 @@
-"""Paths of the tip: circles, splines and via points against closed forms, and their errors."""
+"""Paths of the tip: circles, splines and via points against closed forms, and wrong input."""
 
 from itertools import pairwise
 
@@ -30,7 +30,7 @@ def arm(request):
 
 
 def tip_state(motion, t):
-    """Velocity and acceleration of the tip from the joints, (T, 2) each."""
+    """Return velocity and acceleration of the tip from the joints, (T, 2) each."""
     state = motion.state(t)
     angles = state.angle + motion.chain.offset
     jacobian = tip_jacobian(motion.chain.lengths, angles)
@@ -40,7 +40,7 @@ def tip_state(motion, t):
     return velocity, acceleration + np.einsum("tij,tj->ti", turning, state.rate)
 
 
-def test_a_circle_at_constant_speed_has_the_curvature_acceleration(arm):
+def test_circle_at_constant_speed_has_centripetal_acceleration(arm):
     center, radius, turn, ramp = np.array([1.0, 0.9]), 0.4, 2.0 * np.pi, 0.2
     motion = circle_motion(
         arm, center, center + radius * np.array([0.0, 1.0]), turn, 2.0, profile=trapezoidal(ramp)
@@ -55,13 +55,13 @@ def test_a_circle_at_constant_speed_has_the_curvature_acceleration(arm):
     np.testing.assert_allclose(acceleration, -(rate**2) * radius * out, rtol=0, atol=1e-10)
 
 
-def test_a_full_circle_returns_the_two_link_arm_to_its_posture():
+def test_full_circle_returns_the_two_link_arm_to_its_posture():
     motion = circle_motion(Links(), [1.0, 0.9], [1.4, 0.9], 2.0 * np.pi, 1.0)
     np.testing.assert_allclose(motion.joint_angle(1.0), motion.joint_angle(0.0), rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("turns", [1.0, -1.0, 2.25])
-def test_a_circle_about_the_base_turns_the_first_joint_alone(turns):
+def test_circle_about_the_base_turns_the_first_joint_only(turns):
     motion = circle_motion(Links(), [0.0, 0.0], [1.5, 0.5], 2.0 * np.pi * turns, 1.0)
     way = motion.joint_angle([0.2, 0.5, 1.0]) - motion.joint_angle(0.0)
     s = motion.law(np.array([0.2, 0.5, 1.0])).s
@@ -71,7 +71,7 @@ def test_a_circle_about_the_base_turns_the_first_joint_alone(turns):
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 10**6))
-def test_angles_of_circles_never_jump(seed):
+def test_angles_of_circles_are_continuous(seed):
     rng = np.random.default_rng(seed)
     center, out = rng.uniform(-1.2, 1.2, (2, 2))
     try:
@@ -85,7 +85,7 @@ def test_angles_of_circles_never_jump(seed):
 
 
 @pytest.mark.parametrize("law", TIMING_LAWS)
-def test_a_spline_passes_its_points_exactly(arm, law):
+def test_spline_passes_its_points_exactly(arm, law):
     motion = spline_motion(arm, POINTS, 2.0, profile=law)
     inner = [t for t in motion.breaks if not _of_the_law(motion, t)]
     times = [0.0, *inner, 2.0]
@@ -97,8 +97,8 @@ def _of_the_law(motion, t):
     return min(abs(t - motion.start_time - motion.duration * u) for u in motion.law.breaks) < 1e-9
 
 
-def test_a_spline_reproduces_a_cubic():
-    """Not-a-knot ends: a curve that is a cubic in the chord length is reproduced."""
+def test_spline_reproduces_a_cubic():
+    """Not-a-knot ends reproduce a curve that is a cubic in the chord length."""
     x = np.array([0.0, 0.3, 0.7, 1.2, 1.5])
     path = spline_path("a test", np.column_stack([x, np.zeros(5)]))
     place = path.at(np.linspace(0.0, 1.0, 11))
@@ -106,7 +106,7 @@ def test_a_spline_reproduces_a_cubic():
     np.testing.assert_allclose(place.curve, 0.0, rtol=0, atol=1e-12)
 
 
-def test_a_spline_through_a_circle_converges_to_its_curvature():
+def test_spline_through_a_circle_converges_to_its_curvature():
     def error(count):
         angle = np.linspace(0.0, 2.0 * np.pi, count + 1)
         points = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -115,12 +115,12 @@ def test_a_spline_through_a_circle_converges_to_its_curvature():
         across = place.slope[:, 0] * place.curve[:, 1] - place.slope[:, 1] * place.curve[:, 0]
         return np.abs(across / np.hypot(*place.slope.T) ** 3 - 1.0).max()
 
-    # The second derivative of a cubic spline has the order 2.
+    # The second derivative of a cubic spline has order 2.
     assert error(16) / error(32) == pytest.approx(4.0, rel=0.1)
     assert error(32) < 0.01
 
 
-def test_a_closed_spline_has_no_corner():
+def test_closed_spline_has_no_corner():
     points = [[1.5, 0.2], [1.2, 0.9], [0.7, 0.6], [1.5, 0.2]]
     first, last = (spline_path("a test", points).at(np.array([s])) for s in (0.0, 1.0))
     np.testing.assert_allclose(first.slope, last.slope, rtol=0, atol=1e-12)
@@ -138,7 +138,7 @@ def test_via_points_are_lines_with_rounded_corners(arm):
     assert np.max(from_lines[on_lines]) < 1e-14
     total = np.sum(np.hypot(*np.diff(POINTS, axis=0).T))
     np.testing.assert_allclose(np.hypot(*place.slope[on_lines].T), total, rtol=1e-13)
-    # The documented distance of the corner: 3/8 of the blend times the sine of half of the turn.
+    # The documented distance from the corner: 3/8 of the blend times the sine of half of the turn.
     middle = np.array(path.breaks).reshape(-1, 2).mean(axis=1)
     ways = np.diff(POINTS, axis=0)
     headings = np.unwrap(np.arctan2(ways[:, 1], ways[:, 0]))
@@ -154,7 +154,7 @@ def _from_line(points, a, b):
     return np.hypot(*(off - np.outer(along, way)).T)
 
 
-def test_corners_start_at_a_quarter_of_the_shorter_line():
+def test_default_corners_start_at_a_quarter_of_the_shorter_line():
     path = polygon_path("a test", [[0.0, 0.0], [1.0, 0.0], [1.0, 3.0]], None)
     np.testing.assert_allclose(path.at(np.array(path.breaks)).point, [[0.75, 0.0], [1.0, 0.25]])
 
@@ -167,7 +167,7 @@ def test_corners_may_meet_in_the_middle_of_a_line():
         np.testing.assert_allclose(before, after, rtol=0, atol=1e-13)
 
 
-def test_two_points_are_a_line(arm):
+def test_two_via_points_are_a_line(arm):
     line = line_motion(arm, POINTS[0], POINTS[1], 1.0)
     t = np.linspace(0.0, 1.0, 21)
     for other in (via_point_motion, spline_motion):
@@ -176,7 +176,7 @@ def test_two_points_are_a_line(arm):
             np.testing.assert_allclose(part, want, rtol=0, atol=1e-10)
 
 
-def test_a_break_of_path_and_law_together_is_one_break():
+def test_coinciding_breaks_of_path_and_law_are_one_break():
     triangular = trapezoidal(0.5)
     points = [[1.8, 0.3], [1.4, 0.9], [1.8, 1.5]]  # the second is halfway
     motion = spline_motion(Links(), points, 1.0, profile=triangular)
@@ -246,17 +246,17 @@ NEAR = [1.0, 0.9]
         ),
     ],
 )
-def test_refuses_with_the_reason_and_the_place(make, message):
+def test_wrong_paths_are_rejected_with_reason_and_place(make, message):
     with pytest.raises(InputError, match=f"^(circle|spline|via_point)_motion: {message}"):
         make(Links())
 
 
-def test_one_link_is_refused():
+def test_one_link_is_rejected():
     with pytest.raises(InputError, match="circle_motion: arm has one link"):
         circle_motion(Links((1.0,)), [0, 0], [1, 0], 1.0, 1.0)
 
 
-def test_a_posture_in_one_line_is_reported_with_its_place():
+def test_posture_in_one_line_is_reported_with_its_place():
     arm = Links((1.0, 1.0, 1.0))
     with pytest.raises(InputError, match=r"arc has a singular posture at \(1, 0\): all links"):
         circle_motion(arm, [1.0, 0.5], [1.0, 0.0], 1.0, 1.0, posture=[0.0, np.pi, np.pi])

@@ -1,4 +1,4 @@
-"""Every format of ``FORMATS`` keeps the rules of ``Format``; so will the next one."""
+"""Every format of ``FORMATS`` obeys the rules of ``Format``."""
 
 import csv
 import gc
@@ -26,14 +26,14 @@ def result():
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_a_written_file_appears_alone_and_complete(suffix, result, tmp_path):
+def test_written_file_is_complete_and_without_others(suffix, result, tmp_path):
     write_result(result, tmp_path / f"run{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == [f"run{suffix}"]
     assert (tmp_path / f"run{suffix}").stat().st_size > 1000
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_an_older_file_is_replaced(suffix, result, tmp_path):
+def test_older_file_is_replaced(suffix, result, tmp_path):
     path = tmp_path / f"run{suffix}"
     path.write_text("older")
     write_result(result, path)
@@ -41,19 +41,19 @@ def test_an_older_file_is_replaced(suffix, result, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_the_suffix_may_be_in_capitals(suffix, result, tmp_path):
+def test_suffix_may_be_in_capitals(suffix, result, tmp_path):
     write_result(result, tmp_path / f"run{suffix.upper()}")
     assert (tmp_path / f"run{suffix.upper()}").exists()
 
 
 @pytest.mark.parametrize("suffix", [name for name, form in FORMATS.items() if form.read])
-def test_what_is_read_is_what_was_written(suffix, result, tmp_path):
+def test_read_result_equals_the_written_one(suffix, result, tmp_path):
     path = tmp_path / f"run{suffix}"
     write_result(result, path)
     xr.testing.assert_identical(read_result(path), result)
 
 
-def test_the_table_has_a_row_for_each_time_and_a_unit_for_each_column(result, tmp_path):
+def test_table_has_a_row_for_each_time_and_a_unit_for_each_column(result, tmp_path):
     write_result(result, tmp_path / "run.csv")
     with open(tmp_path / "run.csv", newline="") as stream:
         head, *rows = csv.reader(stream)
@@ -70,7 +70,7 @@ def test_the_table_has_a_row_for_each_time_and_a_unit_for_each_column(result, tm
         assert unit in units[channel]
 
 
-def test_numbers_in_the_table_read_back_to_the_bit(result, tmp_path):
+def test_numbers_of_the_table_are_exact_to_the_bit(result, tmp_path):
     write_result(result, tmp_path / "run.csv")
     with open(tmp_path / "run.csv", newline="") as stream:
         head, *rows = csv.reader(stream)
@@ -84,10 +84,12 @@ def test_numbers_in_the_table_read_back_to_the_bit(result, tmp_path):
     assert np.array_equal(table["q_link_2_mode_3 [m kg^0.5]"], mode)
 
 
-def test_an_unknown_suffix_is_refused_with_those_that_are_known(result, tmp_path):
-    with pytest.raises(InputError, match=r"path must end in \.nc or \.csv, got .*run\.cvs") as told:
+def test_unknown_suffix_is_rejected_with_the_known_ones(result, tmp_path):
+    with pytest.raises(
+        InputError, match=r"path must end in \.nc or \.csv, got .*run\.cvs"
+    ) as reported:
         write_result(result, tmp_path / "run.cvs")
-    assert "run.csv" in told.value.problems[0].hint
+    assert "run.csv" in reported.value.problems[0].hint
     assert not list(tmp_path.iterdir())
 
 
@@ -99,7 +101,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
-def test_a_damaged_file_is_refused_wherever_the_damage_is(damage, result, tmp_path):
+def test_damage_anywhere_in_a_file_is_rejected(damage, result, tmp_path):
     path = tmp_path / "run.nc"
     write_result(result, path)
     content = path.read_bytes()
@@ -112,10 +114,10 @@ def test_a_damaged_file_is_refused_wherever_the_damage_is(damage, result, tmp_pa
 
 
 @pytest.mark.parametrize("error", [KeyError, RuntimeError, UnicodeError, MemoryError, IndexError])
-def test_whatever_damage_raises_in_a_file_without_a_digest_is_worded(
+def test_errors_of_damaged_files_without_a_digest_are_explained(
     error, result, tmp_path, monkeypatch
 ):
-    """Not tried with damaged files: on some of them HDF5 does not return for minutes."""
+    """The error is simulated, because HDF5 does not return for minutes from some damaged files."""
     path = tmp_path / "run.nc"
     path.write_bytes(result.to_netcdf(engine="h5netcdf"))
     xr.testing.assert_identical(read_result(path), result)
@@ -130,7 +132,7 @@ def test_whatever_damage_raises_in_a_file_without_a_digest_is_worded(
         read_result(path)
 
 
-def test_a_damaged_digest_does_not_disable_the_check(result, tmp_path):
+def test_damaged_digest_does_not_disable_the_check(result, tmp_path):
     path = tmp_path / "run.nc"
     write_result(result, path)
     content = path.read_bytes()
@@ -139,7 +141,7 @@ def test_a_damaged_digest_does_not_disable_the_check(result, tmp_path):
         read_result(path)
 
 
-def test_other_programs_read_what_is_written(result, tmp_path):
+def test_other_programs_read_written_files(result, tmp_path):
     write_result(result, tmp_path / "run.nc")
     found = xr.load_dataset(tmp_path / "run.nc", engine="h5netcdf")
     assert found.attrs.pop("digest").startswith("SHA-256")
@@ -147,37 +149,37 @@ def test_other_programs_read_what_is_written(result, tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
-def test_a_pipe_is_not_a_result(tmp_path):
+def test_pipe_is_not_a_result(tmp_path):
     os.mkfifo(tmp_path / "pipe.nc")
     with pytest.raises(InputError, match="not an ordinary file"):
         read_result(tmp_path / "pipe.nc")
 
 
 @pytest.mark.parametrize("text", [b"", b"no such format", b"\x89HDF\r\n\x1a\n broken"])
-def test_what_is_no_result_is_refused(text, tmp_path):
+def test_objects_that_are_not_results_are_rejected(text, tmp_path):
     path = tmp_path / "run.nc"
     path.write_bytes(text)
     with pytest.raises(InputError, match="is not an intact NetCDF file"):
         read_result(path)
 
 
-def test_a_missing_file_is_refused(tmp_path):
+def test_missing_file_is_rejected(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         read_result(tmp_path / "run.nc")
 
 
-def test_a_format_that_loses_something_is_not_read(tmp_path):
+def test_lossy_format_cannot_be_read(tmp_path):
     with pytest.raises(InputError, match=r"must be a \.nc file"):
         read_result(tmp_path / "run.csv")
 
 
-def test_a_file_of_someone_else_is_refused(tmp_path):
+def test_file_of_another_program_is_rejected(tmp_path):
     xr.Dataset({"a": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
     with pytest.raises(InputError, match="was not written by flexarm"):
         read_result(tmp_path / "other.nc")
 
 
-def test_readings_of_instruments_are_kept_in_netcdf_and_left_out_of_tables(tmp_path):
+def test_readings_of_instruments_are_kept_in_netcdf_and_omitted_from_tables(tmp_path):
     arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
     hardware = fa.Hardware([fa.Instrument("joint_angle", noise=1e-3, rate_cutoff=30.0)])
     result = fa.simulate(
@@ -193,8 +195,8 @@ def test_readings_of_instruments_are_kept_in_netcdf_and_left_out_of_tables(tmp_p
     assert not any("measured" in name for name in rows[0])
 
 
-def test_damaged_attributes_give_a_message_alone(result, tmp_path, monkeypatch):
-    """No traceback of h5netcdf, whose half-made file fails again when it is deleted."""
+def test_damaged_attributes_give_a_message_only(result, tmp_path, monkeypatch):
+    """Without a traceback of h5netcdf, whose incomplete file raises again when it is deleted."""
     path = tmp_path / "run.nc"
     path.write_bytes(result.to_netcdf(engine="h5netcdf"))
 

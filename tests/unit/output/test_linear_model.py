@@ -1,4 +1,4 @@
-"""Linear models in files: what MATLAB and other programs read."""
+"""Linear models in files for MATLAB and other programs."""
 
 import json
 
@@ -17,7 +17,7 @@ def model():
     return fa.linearize(arm, inputs=["torque", "tip_moment"], outputs=["tip"])
 
 
-def test_matlab(model, tmp_path):
+def test_matlab_file_has_matrices_and_names(model, tmp_path):
     fa.save_linear(model, tmp_path / "arm.mat")
     read = loadmat(tmp_path / "arm.mat")
     for name in ("A", "B", "C", "D", "mass", "damping", "stiffness"):
@@ -27,7 +27,7 @@ def test_matlab(model, tmp_path):
     assert read["q"].shape == (3, 1)
 
 
-def test_json(model, tmp_path):
+def test_json_file_has_matrices_and_names(model, tmp_path):
     fa.save_linear(model, tmp_path / "arm.json")
     read = json.loads((tmp_path / "arm.json").read_text())
     np.testing.assert_array_equal(read["A"], model.A)
@@ -35,19 +35,19 @@ def test_json(model, tmp_path):
     assert read["state_units"][:2] == ["rad", "m kg^0.5"]
 
 
-def test_other_formats_are_refused(model, tmp_path):
+def test_other_formats_are_rejected(model, tmp_path):
     with pytest.raises(fa.InputError, match=r"end in .mat or .json"):
         fa.save_linear(model, tmp_path / "arm.csv")
 
 
 @pytest.mark.parametrize("wrong", [None, np.eye(2), "arm.mat"])
-def test_something_else_is_refused_before_anything_is_made(wrong, tmp_path):
+def test_wrong_object_is_rejected_before_a_folder_is_created(wrong, tmp_path):
     with pytest.raises(fa.InputError, match="save_linear: model must be a LinearModel"):
         fa.save_linear(wrong, tmp_path / "new" / "arm.mat")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_all_that_saves_makes_missing_folders(model, tmp_path):
+def test_every_saving_function_creates_missing_folders(model, tmp_path):
     arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=2.0, mass_per_length=1.0)])
     fa.save_linear(model, tmp_path / "a" / "arm.mat")
     fa.save_arm(arm, tmp_path / "b" / "arm.yaml")

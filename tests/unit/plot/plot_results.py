@@ -1,4 +1,4 @@
-"""Short results that tests of plots and animations share."""
+"""Short results for tests of plots and animations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Animations are read back: the tip is at its pixel, the page holds the numbers of the result."""
+"""Animations are read back: the tip is at its pixel, and the page has the numbers of the result."""
 
 import html
 import json
@@ -21,7 +21,7 @@ from flexarm.plot.palette import ORANGE, PURPLE
 FPS = 25.0
 #: A result of 0.2 s has frames at 0, 0.04, ..., 0.2 s.
 FRAMES = 6
-#: Of 255: what palettes of GIFs and the encoding of videos change.
+#: Of 255: changes by palettes of GIFs and the encoding of videos.
 TOLERANCE = 40
 
 
@@ -35,13 +35,13 @@ def rgb(color):
 
 
 def pixel_of(stage, point, panel=0):
-    """Column and row of a point of the plane."""
+    """Return column and row of a point of the plane."""
     x, y = stage.arms[panel].transData.transform(point)
     return round(x), stage.size[1] - 1 - round(y)
 
 
 def assert_tip(picture, stage, frame, panel=0):
-    """The payload is drawn at the tip, and not where the tip of another frame is."""
+    """Check that the payload is drawn at the tip, and not at the tip of another frame."""
     tips = result().tip.sel(time=[0.0, 0.04, 0.08, 0.12, 0.16, 0.2], method="nearest").values
     column, row = pixel_of(stage, tips[frame], panel)
     seen = picture[row, column, :3].astype(int)
@@ -51,7 +51,7 @@ def assert_tip(picture, stage, frame, panel=0):
     assert np.abs(picture[row, column, :3].astype(int) - rgb(ORANGE)).max() > TOLERANCE
 
 
-def test_frames_are_those_of_the_time_asked_for(animation):
+def test_frames_are_at_the_requested_times(animation):
     (scene,) = animation.scenes
     np.testing.assert_allclose(scene.times, [0.0, 0.04, 0.08, 0.12, 0.16, 0.2], atol=1e-12)
     slow = fa.animate(result(), fps=FPS, speed=0.1)
@@ -61,7 +61,7 @@ def test_frames_are_those_of_the_time_asked_for(animation):
     np.testing.assert_allclose(scene.links[1, -1, -1], expected, atol=1e-12)
 
 
-def test_the_tip_is_at_its_pixel_in_every_frame(animation):
+def test_tip_is_at_its_pixel_in_every_frame(animation):
     stage = Stage(animation.scenes, animation.width)
     width, height = stage.size
     assert width == 640
@@ -75,7 +75,7 @@ def test_the_tip_is_at_its_pixel_in_every_frame(animation):
 
 
 def test_torques_are_arrows_in_their_direction(animation):
-    """Joint 1 pushes with 0.4 N m, the longest arrow; joint 2 back with a quarter of it."""
+    """Joint 1 has 0.4 N m, the longest arrow; joint 2 a quarter of it in the other direction."""
     arrows = animation.scenes[0].arrows[0]
     arcs = arrows[:, :25] - animation.scenes[0].joints[0][:, None]
     turned = np.unwrap(np.arctan2(arcs[..., 1], arcs[..., 0]))
@@ -107,7 +107,7 @@ def test_peaks_of_long_histories_are_kept():
     assert history.values.max() == 99.0
 
 
-def test_the_rigid_counterpart_is_a_ghost():
+def test_rigid_counterpart_is_a_ghost():
     ghost = fa.animate(result(), rigid=True, fps=FPS).scenes[0].ghost
     rigid_counterpart = arm().rigid()
     expected = rigid_counterpart.tip(rigid_counterpart.rest(result().joint_angle.values[40]))[:2]
@@ -116,7 +116,7 @@ def test_the_rigid_counterpart_is_a_ghost():
     np.testing.assert_allclose(other[-1, -1, -1], rigid_result().tip[-1], atol=1e-12)
 
 
-def test_results_stand_side_by_side():
+def test_results_are_drawn_side_by_side():
     both = fa.animate({"a": result(), "b": result()}, fps=FPS, width=640)
     stage = Stage(both.scenes, both.width)
     picture = next(stage.pictures())
@@ -154,14 +154,14 @@ def test_reference_and_surfaces_are_those_of_the_scenario(tmp_path):
         (fa.SurfaceTable([-3.0, 0.0, 3.0], [-1.5, -1.6, -1.5]), lambda p: p[:, 1] < -1.5),
     ],
 )
-def test_the_band_of_a_surface_lies_in_the_solid(surface, inside):
+def test_band_of_a_surface_is_on_its_solid_side(surface, inside):
     contact = fa.Contact(surface, 1e3)
     (solid,) = fa.animate(result(), contacts=[contact], fps=5.0).scenes[0].solids
     behind = solid.behind[np.abs(solid.behind[:, 0]) < 2.6]
     assert inside(behind).all()
 
 
-def test_a_gif_plays_the_frames(animation, tmp_path):
+def test_gif_contains_the_frames(animation, tmp_path):
     fa.animate(result(), tmp_path / "arm.gif", fps=FPS, width=640)
     stage = Stage(animation.scenes, animation.width)
     with Image.open(tmp_path / "arm.gif") as image:
@@ -173,14 +173,14 @@ def test_a_gif_plays_the_frames(animation, tmp_path):
             assert_tip(np.asarray(image.convert("RGB")), stage, frame)
 
 
-def test_the_frames_of_a_gif_fit_its_clock(tmp_path):
-    """30 frames per second are not among those of a GIF: 33.3 are."""
+def test_frame_rate_of_a_gif_is_rounded_to_its_clock(tmp_path):
+    """GIFs cannot have 30 frames per second, but 33.3."""
     made = fa.animate(result(), tmp_path / "arm.gif", width=320, channels=[])
     assert made.fps == pytest.approx(100.0 / 3.0)
     assert made.scenes[0].times[1] == pytest.approx(0.03)
 
 
-def test_a_video_plays_the_frames(animation, tmp_path):
+def test_video_contains_the_frames(animation, tmp_path):
     ffmpeg = shutil.which("ffmpeg")
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
@@ -205,7 +205,7 @@ def page_data(text):
     return json.loads(data)
 
 
-def test_a_page_needs_no_network_and_holds_the_numbers(animation, tmp_path):
+def test_page_needs_no_network_and_has_the_numbers(animation, tmp_path):
     animation.save(tmp_path / "arm.html")
     text = (tmp_path / "arm.html").read_text(encoding="utf-8")
     assert not re.search(r"(src|href)=|https?:|@import|url\(", text)
@@ -224,15 +224,15 @@ def test_names_cannot_end_the_data_of_a_page():
     assert page_data(named)["scenes"][0]["title"] == "</script><b>&"
 
 
-def test_a_notebook_shows_the_page_in_a_frame(animation):
+def test_notebook_shows_the_page_in_a_frame(animation):
     shown = animation._repr_html_()
     (inside,) = re.findall(r'srcdoc="(.*?)"', shown, flags=re.DOTALL)
     assert html.unescape(inside) == animation.html()
     assert "<flexarm.Animation: 6 frames" in repr(animation)
 
 
-def test_the_script_draws_the_tip_at_its_pixel(animation, tmp_path):
-    """In Node with a canvas that records: tip at first, and after the slider has moved."""
+def test_script_draws_the_tip_at_its_pixel(animation, tmp_path):
+    """In Node with a canvas that records calls: at first, and after the slider has moved."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("no Node.js")
@@ -254,7 +254,7 @@ def test_the_script_draws_the_tip_at_its_pixel(animation, tmp_path):
     assert seen["clock"] == "t = 0.160 s"
 
 
-def test_without_ffmpeg_the_message_says_what_to_do(monkeypatch, tmp_path):
+def test_without_ffmpeg_the_message_names_remedies(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     monkeypatch.setattr(video.shutil, "which", lambda name: None)
     with pytest.raises(fa.InputError, match=r"flexarm\[animation\].*\.gif or an \.html"):
@@ -262,7 +262,7 @@ def test_without_ffmpeg_the_message_says_what_to_do(monkeypatch, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_ffmpeg_reports_is_in_the_message(tmp_path, monkeypatch, animation):
+def test_errors_of_ffmpeg_are_in_the_message(tmp_path, monkeypatch, animation):
     broken = tmp_path / "ffmpeg"
     broken.write_text("#!/bin/sh\necho 'Unknown encoder libx264' >&2\nexit 1\n")
     broken.chmod(0o755)
@@ -274,7 +274,7 @@ def test_what_ffmpeg_reports_is_in_the_message(tmp_path, monkeypatch, animation)
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".html"])
-def test_a_full_disk_leaves_the_older_file(suffix, tmp_path, monkeypatch, animation):
+def test_full_disk_keeps_the_older_file(suffix, tmp_path, monkeypatch, animation):
     path = tmp_path / f"arm{suffix}"
     path.write_text("older")
 
@@ -306,13 +306,13 @@ def test_a_full_disk_leaves_the_older_file(suffix, tmp_path, monkeypatch, animat
         ({"results": [fa, fa]}, "result of simulate"),
     ],
 )
-def test_bad_input_has_one_clear_message(options, words):
+def test_wrong_input_has_one_clear_message(options, words):
     with pytest.raises(fa.InputError, match=words) as caught:
         fa.animate(**{"results": result(), **options})
     assert len(caught.value.problems) == 1
 
 
-def test_a_reference_of_another_arm_is_refused():
+def test_reference_of_another_arm_is_rejected():
     one = fa.Arm(links=[LINK])
 
     class Turn:

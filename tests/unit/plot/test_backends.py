@@ -23,7 +23,7 @@ print(matplotlib.is_interactive())
 """
 
 
-def test_a_backend_loaded_by_the_first_figure_stays_interactive(tmp_path: Path) -> None:
+def test_backend_loaded_by_the_first_figure_stays_interactive(tmp_path: Path) -> None:
     (tmp_path / "backend_of_notebooks.py").write_text(_BACKEND)
     path = os.pathsep.join([str(tmp_path), *sys.path])
     environment = os.environ | {"MPLBACKEND": "module://backend_of_notebooks", "PYTHONPATH": path}

@@ -1,4 +1,4 @@
-"""Postures, deflections and moments are those of the result."""
+"""Postures, deflections and moments equal those of the result."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,13 +10,13 @@ import flexarm as fa
 
 
 @pytest.fixture(autouse=True)
-def _no_figure_stays_open():
+def _no_open_figures_remain():
     yield
     plt.close("all")
 
 
 def curves(axes, points):
-    """Lines of that many points."""
+    """Return the lines with so many points."""
     return [line for line in axes.get_lines() if len(line.get_xdata()) == points]
 
 
@@ -36,7 +36,7 @@ def legend(axes):
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
-def test_postures_age_from_light_to_dark_between_named_tips():
+def test_postures_change_from_light_to_dark_between_named_tips():
     axes = fa.plot.postures(result(), 3)
     brightness = [sum(to_rgb(line.get_color())) for line in curves(axes, 50)]
     assert brightness == sorted(brightness, reverse=True)
@@ -48,7 +48,7 @@ def test_postures_age_from_light_to_dark_between_named_tips():
     assert legend(fa.plot.postures(result(), 3, rigid=True)) == ["rigid", "flexible", "tip"]
 
 
-def test_the_rigid_counterpart_has_the_same_joint_angles():
+def test_rigid_counterpart_has_the_same_joint_angles():
     axes = fa.plot.postures(result(), 3, rigid=True)
     first = next(line for line in curves(axes, 50) if line.is_dashed())
     rigid_counterpart = arm().rigid()
@@ -64,7 +64,7 @@ def test_another_result_may_be_the_rigid_counterpart():
     np.testing.assert_allclose(last.get_xydata()[-1], rigid_result().tip[-1], atol=1e-14)
 
 
-def test_bending_is_magnified_and_angles_are_not():
+def test_magnification_applies_to_bending_only():
     """The tip's distance from the first link's root tangent grows by the factor."""
     one = fa.Arm(links=[{"length": 1.0, "flexural_rigidity": 5.0, "mass_per_length": 0.5}])
     run = fa.simulate(one, 0.05, torque=lambda t: [1.0], rate=200.0)
@@ -95,7 +95,7 @@ def test_deflections_end_at_those_of_the_tips():
         assert y.min() == pytest.approx(min(values.min(), 0.0), abs=1e-9)
 
 
-def test_the_envelope_of_the_bending_moment_and_its_peak():
+def test_envelope_of_the_bending_moment_and_its_peak():
     axes = fa.plot.bending_moment(result())
     moment = result().bending_moment.values
     high, low, *_ = curves(axes, 5)
@@ -138,7 +138,7 @@ def without(name):
         (lambda: fa.plot.deflection(result().drop_vars("q")), "result of simulate"),
     ],
 )
-def test_bad_input_has_one_clear_message(call, words):
+def test_wrong_input_has_one_clear_message(call, words):
     with pytest.raises(fa.InputError, match=words) as caught:
         call()
     assert len(caught.value.problems) == 1

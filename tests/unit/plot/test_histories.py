@@ -13,13 +13,13 @@ from flexarm.plot.selection import signals_of
 
 
 @pytest.fixture(autouse=True)
-def _no_figure_stays_open():
+def _no_open_figures_remain():
     yield
     plt.close("all")
 
 
 def drawn(axes):
-    """Values of the lines with something in them, (T, lines)."""
+    """Return values of the lines that have points, (T, lines)."""
     return np.array([line.get_ydata() for line in axes.get_lines() if len(line.get_xdata()) > 2]).T
 
 
@@ -27,7 +27,7 @@ def legend(axes):
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
-def test_a_history_shows_a_channel_with_its_unit():
+def test_history_shows_a_channel_with_its_unit():
     axes = fa.plot.history(result(), "link_tip_deflection")
     assert np.array_equal(drawn(axes), 1e3 * result().link_tip_deflection)
     assert np.array_equal(axes.get_lines()[0].get_xdata(), result().time)
@@ -35,7 +35,7 @@ def test_a_history_shows_a_channel_with_its_unit():
     assert legend(axes) == ["link 1", "link 2"]
 
 
-def test_a_list_of_channels_gives_a_panel_each():
+def test_list_of_channels_has_a_panel_each():
     above, below = fa.plot.history(result(), ["torque", "tip[y]"])
     assert np.array_equal(drawn(above), result().torque)
     assert np.array_equal(drawn(below)[:, 0], result().tip.sel(axis="y"))
@@ -48,7 +48,7 @@ def test_a_list_of_channels_gives_a_panel_each():
     ]
 
 
-def test_the_unit_on_the_axis_is_that_of_the_channel_table():
+def test_unit_of_the_axis_is_that_of_the_channel_table():
     for name, channel in CHANNELS.items():
         if name in result():
             signals = signals_of("test", "channel", result(), name)
@@ -62,7 +62,7 @@ def test_the_unit_on_the_axis_is_that_of_the_channel_table():
                 assert part.labels == (label,)
 
 
-def test_plots_are_drawn_into_given_axes_with_the_settings_of_these():
+def test_plots_use_given_axes_and_their_settings():
     figure, (left, right) = plt.subplots(1, 2)
     assert fa.plot.history(result(), "torque", axes=left) is left
     assert fa.plot.phase_portrait(result(), axes=right) is right
@@ -77,7 +77,7 @@ def test_two_calls_share_axes_and_keep_all_names():
     assert legend(axes) == ["joint 1", "joint 2"]
 
 
-def test_a_new_figure_belongs_to_pyplot_and_leaves_the_settings_alone():
+def test_new_figure_belongs_to_pyplot_and_changes_no_settings():
     before = dict(plt.rcParams)
     axes = fa.plot.history(result(), "torque")
     assert plt.gcf() is axes.figure
@@ -90,7 +90,7 @@ def test_a_new_figure_belongs_to_pyplot_and_leaves_the_settings_alone():
     assert dict(plt.rcParams) == before
 
 
-def test_results_are_compared_by_colour_and_their_parts_by_dashes():
+def test_results_differ_in_colour_and_their_parts_in_dashes():
     axes = fa.plot.compare({"flexible": result(), "rigid": rigid_result()}, "joint_angle")
     expected = np.concatenate([result().joint_angle, rigid_result().joint_angle], axis=1)
     assert np.array_equal(drawn(axes), expected)
@@ -121,7 +121,7 @@ def test_small_and_large_values_are_compared_in_one_unit():
         ("tip_angle", "tip_angle_rate", 1.0),
     ],
 )
-def test_the_rate_of_a_phase_portrait_is_that_of_the_channel(channel, rate, scale):
+def test_rate_of_a_phase_portrait_is_that_of_the_channel(channel, rate, scale):
     axes = fa.plot.phase_portrait(result(), channel)
     (line,) = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
     name, _, part = channel.rstrip("]").partition("[")
@@ -137,7 +137,7 @@ def test_the_rate_of_a_phase_portrait_is_that_of_the_channel(channel, rate, scal
     assert start.get_markerfacecolor() == "white" != end.get_markerfacecolor()
 
 
-def test_a_phase_portrait_has_the_rate_upward():
+def test_phase_portrait_has_the_rate_on_the_vertical_axis():
     axes = fa.plot.phase_portrait(result(), "joint_angle[2]")
     (line,) = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
     assert np.array_equal(line.get_xdata(), result().joint_angle.sel(joint=2))
@@ -179,7 +179,7 @@ def test_readings_of_instruments_are_channels_at_their_own_times():
         (lambda: fa.plot.styled("paper").__enter__(), "'print', 'screen'"),
     ],
 )
-def test_bad_input_has_one_clear_message(call, words):
+def test_wrong_input_has_one_clear_message(call, words):
     with pytest.raises(fa.InputError, match=words) as caught:
         call()
     assert len(caught.value.problems) == 1
@@ -206,7 +206,7 @@ def test_plotly_draws_the_same_lines():
     assert phase.layout.yaxis.title.text == "rate [rad/s]"
 
 
-def test_without_plotly_the_message_says_how_to_get_it(monkeypatch):
+def test_without_plotly_the_error_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "plotly", None)
     with pytest.raises(fa.InputError, match=r"flexarm\[plots\]"):
         fa.plot.history(result(), backend="plotly")

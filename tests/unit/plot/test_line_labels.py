@@ -1,4 +1,4 @@
-"""Labels of lines lie inside the axes, beside their own line, and cover nothing."""
+"""Labels of lines are inside the axes, beside their own line, without overlap."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from flexarm.plot.line_labels import label_lines
 
 
-def test_labels_are_beside_their_lines_and_cover_nothing() -> None:
+def test_labels_are_beside_their_lines_without_overlap() -> None:
     figure = Figure(figsize=(4.0, 3.0), layout="constrained")
     axes = figure.subplots()
     x = np.linspace(0.0, 1.0, 200)

@@ -1,4 +1,4 @@
-"""The paper's figures show the runs, the rigid arm dashed, and leave no trace."""
+"""The paper's figures show the runs, with the rigid arm dashed, and change no settings."""
 
 import io
 
@@ -27,7 +27,7 @@ def fast():
 
 
 def lines(axes):
-    """Lines with something in them, but not the mark of the torques' end."""
+    """Return lines that have points, without the mark at the end of the torques."""
     return [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
 
 
@@ -37,7 +37,7 @@ def saved(figure, form):
     return stream.getvalue()
 
 
-def test_there_is_every_figure_of_the_paper_from_3_to_16():
+def test_every_figure_of_the_paper_from_3_to_16_exists():
     numbers = [int(name[3:5]) for name in FIGURE_NAMES]
     assert numbers == list(range(3, 17))
     assert [panel.figure for panel in PANELS] == list(range(5, 17))
@@ -45,7 +45,7 @@ def test_there_is_every_figure_of_the_paper_from_3_to_16():
 
 
 @pytest.mark.parametrize("name", HISTORY_NAMES)
-def test_a_history_shows_the_flexible_arm_and_the_rigid_arm_dashed(name, case, slow):
+def test_history_shows_the_flexible_arm_and_the_rigid_arm_dashed(name, case, slow):
     panel = HISTORY_NAMES[name]
     axes = FIGURES[name](slow).axes[0]
     flexible, rigid = lines(axes)
@@ -64,7 +64,7 @@ def test_a_history_shows_the_flexible_arm_and_the_rigid_arm_dashed(name, case, s
 
 
 @pytest.mark.parametrize("name", ["fig05_link1_angle", "fig07_link2_angle"])
-def test_an_angle_has_its_difference_from_the_rigid_arm_below(name, case, slow):
+def test_angle_has_its_difference_from_the_rigid_arm_below(name, case, slow):
     _, below = FIGURES[name](slow).axes
     (line,) = lines(below)
     angle = [
@@ -81,7 +81,7 @@ def test_figure_3_has_the_distance_between_the_tips_as_an_inset(case, slow):
     np.testing.assert_allclose(line.get_ydata(), 1e3 * away, rtol=1e-12)
 
 
-def test_the_rigid_arm_is_the_zero_line_of_deflections(slow):
+def test_rigid_arm_is_the_zero_line_of_deflections(slow):
     for name, panel in HISTORY_NAMES.items():
         if panel.channel.startswith("link_tip"):
             _, rigid = lines(FIGURES[name](slow).axes[0])
@@ -89,7 +89,7 @@ def test_the_rigid_arm_is_the_zero_line_of_deflections(slow):
 
 
 @pytest.mark.parametrize("name", HISTORY_NAMES)
-def test_the_unit_of_an_axis_fits_its_scale(name, slow):
+def test_unit_of_an_axis_suits_its_scale(name, slow):
     panel = HISTORY_NAMES[name]
     axes = FIGURES[name](slow).axes[-1]
     unit = axes.get_ylabel().split("[")[1].rstrip("]")
@@ -105,12 +105,12 @@ def test_figure_3_shows_ten_bent_and_ten_straight_postures(case, slow):
     straight = [line for line in links if line.is_dashed()]
     assert len(bent) == len(straight) == POSTURES == 10
     first, last = straight[0].get_xydata(), straight[-1].get_xydata()
-    # The rigid arm carries its tip along the line of the scenario; 1e-6 m: its tolerance.
+    # The tip of the rigid arm is on the line of the scenario; 1e-6 m: its tolerance.
     assert np.allclose(first[[0, -1]], [[0.0, 0.0], [2.0, 1.0]], atol=1e-6)
     assert np.allclose(last[[0, -1]], [[0.0, 0.0], [1.0, 2.0]], atol=1e-6)
     assert axes.get_aspect() == 1.0
-    # A straight link's middle lies on its chord; that of a bent one is off by about a fifth of the
-    # tip deflection (the first mode's shape), at the third posture 17 mm of it.
+    # A straight link's middle lies on its chord; that of a bent one has a distance of about a fifth
+    # of the tip deflection (the first mode's shape), 17 mm at the third posture.
     middle, root, tip = bent[2].get_xydata()[[12, 0, 24]]
     chord = (tip - root) / np.linalg.norm(tip - root)
     off = abs(chord[0] * (middle - root)[1] - chord[1] * (middle - root)[0])
@@ -124,7 +124,7 @@ def test_figure_4_shows_the_torques_of_both_joints(case, slow):
         assert np.array_equal(line.get_ydata(), case.flexible["torque"].sel(joint=joint))
 
 
-def test_the_two_theories_and_their_difference(fast):
+def test_both_theories_and_their_difference_are_drawn(fast):
     above, below = FIGURES["theories"](fast).axes
     linear, second, rigid = (line.get_ydata() for line in lines(above))
     (difference,) = (line.get_ydata() for line in lines(below))
@@ -133,30 +133,30 @@ def test_the_two_theories_and_their_difference(fast):
     assert np.max(np.abs(difference)) > 1.0  # mm: visible
 
 
-def test_the_overview_holds_all_of_them(slow):
+def test_overview_has_all_figures(slow):
     titles = [axes.get_title(loc="left") for axes in FIGURES["overview"](slow).axes]
     assert [int(title.split()[1]) for title in titles] == list(range(3, 17))
 
 
-def test_fonts_in_pdf_are_those_that_journals_take(slow):
+def test_fonts_in_pdf_are_accepted_by_journals(slow):
     assert b"/Type3" not in saved(FIGURES["fig09_link1_tip_deflection"](slow), "pdf")
 
 
 @pytest.mark.parametrize("form", ["png", "pdf", "svg"])
-def test_the_same_figure_is_the_same_file(form, slow):
+def test_equal_figures_give_equal_files(form, slow):
     first, second = (saved(FIGURES["fig09_link1_tip_deflection"](slow), form) for _ in range(2))
     assert len(first) > 10_000
     if form != "svg":  # Matplotlib numbers the parts of an SVG at random
         assert first == second
 
 
-def test_bitmaps_are_sharp_enough_for_print(slow):
+def test_bitmaps_have_the_resolution_of_print(slow):
     data = saved(FIGURES["fig09_link1_tip_deflection"](slow), "png")
     width, height = (int.from_bytes(data[k : k + 4], "big") for k in (16, 20))
     assert (width, height) == (800, 520)  # 4 by 2.6 inches at 200 dots per inch
 
 
-def test_settings_of_the_user_stay(slow):
+def test_settings_of_the_user_are_unchanged(slow):
     with matplotlib.rc_context({"font.size": 17.0, "axes.grid": False}):
         before = dict(matplotlib.rcParams)
         saved(FIGURES["fig09_link1_tip_deflection"](slow), "png")

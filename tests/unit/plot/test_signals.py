@@ -1,4 +1,4 @@
-"""The quick look at a result draws its channels, with their units, for arms of any size."""
+"""The quick plot of a result draws its channels, with their units, for arms of any size."""
 
 import numpy as np
 import pytest
@@ -34,14 +34,14 @@ def plot(figure, title):
         ("Strain", "strain", 1e6, "strain [µm/m]"),
     ],
 )
-def test_lines_are_the_channel(title, channel, scale, unit, result):
+def test_lines_equal_the_channel(title, channel, scale, unit, result):
     axes = plot(signals_figure(result), title)
     drawn = np.array([line.get_ydata() for line in axes.get_lines()]).T
     assert np.array_equal(drawn, scale * result[channel])
     assert axes.get_ylabel() == unit
 
 
-def test_energies_and_their_sum(result):
+def test_energies_and_their_sum_are_drawn(result):
     axes = plot(signals_figure(result), "Energy")
     drawn = {line.get_label(): line for line in axes.get_lines()}
     assert set(drawn) == {"kinetic", "strain", "gravity", "total"}
@@ -50,7 +50,7 @@ def test_energies_and_their_sum(result):
     assert drawn["total"].is_dashed()
 
 
-def test_the_tip_path(result):
+def test_tip_path_is_drawn(result):
     axes = plot(signals_figure(result), "Tip")
     assert np.array_equal(axes.get_lines()[0].get_xydata(), result["tip"])
 
@@ -59,7 +59,7 @@ def test_without_gauges_there_is_no_plot_of_strains():
     assert len(signals_figure(run(1)).axes) == 6
 
 
-def test_of_many_lines_the_first_and_the_last_are_named():
+def test_first_and_last_of_many_lines_are_named():
     axes = plot(signals_figure(run(9)), "Joint angle")
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["joint 1", "joint 9"]
     colors = [line.get_color() for line in axes.get_lines()]
@@ -67,7 +67,7 @@ def test_of_many_lines_the_first_and_the_last_are_named():
 
 
 @pytest.mark.parametrize("count", [1, 6, 7, 40])
-def test_every_line_has_its_own_colour(count):
+def test_lines_have_different_colours(count):
     assert len(set(series_colors(count))) == count
 
 

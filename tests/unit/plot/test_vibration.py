@@ -1,4 +1,4 @@
-"""Mode shapes, lines of frequencies and responses are drawn as they were computed."""
+"""Plots of mode shapes, frequency lines and responses show the computed values."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import flexarm as fa
 from flexarm.plot.response import response_figure
 from flexarm.plot.vibration import modes_figure, tracks_figure
 
-# Links bend further here than their theory holds for, on purpose.
+# Links bend further than their theory allows, on purpose.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 
 LINK = fa.Link(
@@ -21,7 +21,7 @@ LINK = fa.Link(
 ARM = fa.Arm(links=[LINK, LINK], theory="second_order")
 
 
-def test_shapes():
+def test_mode_shapes_equal_their_curves():
     found = fa.modes(ARM, [0.2, 0.5])
     figure = modes_figure(found, 4)
     assert len(figure.axes) == 4
@@ -38,7 +38,7 @@ def test_shapes():
     assert free.axes[0].get_title(loc="left") == "1: does not vibrate"
 
 
-def test_lines():
+def test_frequency_lines_equal_the_tracked_modes():
     tracks = fa.campbell(ARM, np.linspace(0.0, 60.0, 5), count=2)
     above, below = tracks_figure(tracks).axes
     np.testing.assert_array_equal(above.get_lines()[0].get_ydata(), tracks.frequency_hz[:, 0])
@@ -52,14 +52,14 @@ def test_lines():
         np.testing.assert_array_equal(line.get_xdata(), tracks.parameter)
     names = [text.get_text() for text in above.get_legend().get_texts()]
     assert names == ["mode 1", "mode 2"]
-    once = above.get_lines()[2]  # once in each turn
+    once = above.get_lines()[2]  # once in each revolution
     np.testing.assert_allclose(once.get_ydata(), tracks.parameter / (2 * np.pi))
     assert above.texts[0].get_text() == "1×"
     over = fa.plot.campbell(fa.track_modes(ARM, [[0.2, 0.5], [0.2, 0.9]], count=2))
-    assert len(over.get_lines()) == 2  # orders belong to a spin rate alone
+    assert len(over.get_lines()) == 2  # orders belong to a spin rate only
 
 
-def test_responses():
+def test_responses_equal_gain_and_phase():
     model = fa.linearize(ARM, fa.equilibrium(ARM, [0.2, 0.5]), outputs=["tip", "joint_angle"])
     omega = np.array([1.0, 30.0])
     figure = response_figure(model, omega)
@@ -77,7 +77,7 @@ def test_responses():
 
 
 def test_responses_are_interrupted_at_undamped_resonances():
-    """One grid point is the resonance itself, where the gain has no bound."""
+    """One grid point is the resonance, where the gain is infinite."""
     bare = LINK.replace(damping=None)
     model = fa.linearize(fa.Arm(links=[bare]), outputs="joint_angle")
     gain, phase = response_figure(model).axes
@@ -88,11 +88,11 @@ def test_responses_are_interrupted_at_undamped_resonances():
     degrees = phase.get_lines()[0].get_ydata()
     assert set(np.round(degrees[np.isfinite(degrees)])) == {-180.0, 0.0}
     at_rest = response_figure(model, np.array([0.0, 1.0])).axes[0].get_lines()[0].get_ydata()
-    assert np.isnan(at_rest[0])  # a free joint under a constant torque turns without end
+    assert np.isnan(at_rest[0])  # a free joint under a constant torque turns without limit
     assert np.isfinite(at_rest[1])
 
 
-def test_resonances_that_rounding_moves_are_interrupted():
+def test_resonances_moved_by_rounding_are_interrupted():
     bare = LINK.replace(damping=None, elements=1)
     model = fa.linearize(fa.Arm(links=[bare] * 6, gravity=(9.81, 0.0)), outputs="tip_angle")
     gain = response_figure(model).axes[0]
@@ -102,7 +102,7 @@ def test_resonances_that_rounding_moves_are_interrupted():
     at = np.any(np.abs(omega[:, None] - speed) < 4e-5 * speed, axis=1)
     assert at.sum() >= 5
     assert np.isnan(line.get_ydata()[at]).all()
-    assert gain.get_ylim()[1] < 1e6  # otherwise the peaks flatten everything else
+    assert gain.get_ylim()[1] < 1e6  # otherwise the peaks hide everything else
 
 
 def test_each_input_of_a_response_has_its_name():
@@ -118,7 +118,7 @@ def test_each_input_of_a_response_has_its_name():
     assert len(gain.get_legend().get_texts()) == 2
 
 
-def test_an_output_that_nothing_moves_says_so():
+def test_constant_zero_output_is_noted():
     """The tip of a straight arm does not move along it."""
     figure = response_figure(fa.linearize(fa.Arm(links=[LINK, LINK]), outputs="tip"))
     along, _, across, _ = figure.axes
@@ -149,7 +149,7 @@ def test_modes_frequencies_and_responses_are_drawn_into_given_axes():
 
 @pytest.fixture(scope="module")
 def table():
-    """A comparison of two drives on two plants along two motions, one of them failed."""
+    """Compare two drives on two plants along two motions; one of the runs fails."""
     there = fa.joint_motion(ARM, [0.2, 0.5], [0.25, 0.45], 0.05)
     back = fa.joint_motion(ARM, [0.2, 0.5], [0.15, 0.55], 0.05)
     drives = {
@@ -164,7 +164,7 @@ def table():
     return found
 
 
-def test_the_numbers_of_a_comparison_are_drawn_into_given_axes(table):
+def test_metrics_of_a_comparison_are_drawn_into_given_axes(table):
     with pytest.raises(fa.InputError, match="6 Matplotlib axes"):
         fa.plot.study(table, axes=Figure().subplots())
     figure = Figure()

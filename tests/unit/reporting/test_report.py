@@ -1,4 +1,4 @@
-"""The page of a report holds the numbers, texts and settings of its result."""
+"""The page of a report has the numbers, texts and settings of its result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexarm.reporting.measures import energies, errors_table, extremes_table, k
 from flexarm.reporting.panels import few_lines, fitted, panels
 
 LINK = {"length": 0.5, "flexural_rigidity": 30.0, "mass_per_length": 0.4, "elements": 1}
-#: What the issue of the report allows.
+#: The documented limit of a report's size.
 MOST_BYTES = 5_000_000
 
 
@@ -35,7 +35,7 @@ def motion():
 
 @cache
 def controlled():
-    """A run of 0.2 s with a controller, 0.05 s longer than its motion."""
+    """Simulate 0.2 s with a controller, 0.05 s longer than its motion."""
     controller = fa.JointPD([2.0, 0.5], [0.02, 0.005], sample_time=0.005)
     return fa.simulate(arm(), 0.2, controller=controller, reference=motion(), rate=500.0)
 
@@ -59,12 +59,12 @@ def scene_of(page):
 
 
 def words_of(page):
-    """Text of a page without the player."""
+    """Return the text of a page without the player."""
     page = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
     return html.unescape(re.sub(r"<[^>]*>", " ", page))
 
 
-def test_a_report_of_a_file_is_that_of_its_result(tmp_path):
+def test_report_of_a_file_equals_that_of_its_result(tmp_path):
     result = scenario_result(tmp_path)
     fa.write_result(result, tmp_path / "run.nc")
     page = fa.report(fa.read_result(tmp_path / "run.nc"), tmp_path / "run.html", title="A run")
@@ -77,7 +77,7 @@ def test_a_report_of_a_file_is_that_of_its_result(tmp_path):
         assert text in words
 
 
-def test_it_contains_settings_versions_and_citations():
+def test_report_has_settings_versions_and_citations():
     attributes = controlled().attrs
     words = words_of(fa.report(controlled()))
     for name in ("flexarm_version", "software", "integrator", "integrator_reason", "arm"):
@@ -92,17 +92,17 @@ def test_it_contains_settings_versions_and_citations():
         assert f"{name} {sys.modules[name].__version__}" in attributes["software"]
 
 
-def test_it_contains_every_warning_and_the_failure():
-    told = controlled().copy()
+def test_report_has_every_warning_and_the_failure():
+    reported = controlled().copy()
     texts = {"warning": "bent far", "unstable_loop": "it grows", "failure": "stopped at 0.2 s"}
-    told.attrs = {**controlled().attrs, **texts, "estimator_consistent": 0}
-    words = words_of(fa.report(told))
+    reported.attrs = {**controlled().attrs, **texts, "estimator_consistent": 0}
+    words = words_of(fa.report(reported))
     for text in (*texts.values(), "the estimator is inconsistent"):
         assert text in words
     assert "No warnings." not in words
 
 
-def test_the_histories_are_those_of_the_result():
+def test_histories_equal_those_of_the_result():
     page = fa.report(controlled(), reference=motion())
     titles = [history["title"] for history in scene_of(page)["histories"]]
     assert titles[:3] == ["Joint angle", "Link tip deflection", "Torque"]
@@ -154,7 +154,7 @@ def test_energies_and_their_sum():
     assert np.array_equal(parts["gravity"], controlled().gravity_energy)
 
 
-def test_many_lines_are_thinned_with_the_first_and_the_last():
+def test_many_lines_are_thinned_to_include_first_and_last():
     labels = tuple(map(str, range(64)))
     many = Signals("torque", np.arange(3.0), np.ones((3, 64)) * range(64), "N m", labels, labels)
     few = few_lines(many)
@@ -163,7 +163,7 @@ def test_many_lines_are_thinned_with_the_first_and_the_last():
     assert np.array_equal(few.values[0], [float(label) for label in few.labels])
 
 
-def test_the_page_of_a_long_run_is_small_and_keeps_its_peaks():
+def test_page_of_a_long_run_is_small_and_keeps_its_peaks():
     short, count = controlled(), 100_001
     time = np.linspace(0.0, 0.2, count)
     result = short.interp(time=time)
@@ -183,30 +183,30 @@ def test_the_page_of_a_long_run_is_small_and_keeps_its_peaks():
 @pytest.mark.parametrize(
     ("duration", "speed", "plays"), [(0.004, 0.002, 2.0), (1.0, 1.0, 1.0), (300.0, 5.0, 60.0)]
 )
-def test_the_arm_plays_for_seconds(duration, speed, plays):
+def test_animation_of_a_short_run_lasts_for_seconds(duration, speed, plays):
     result = controlled().assign_coords(time=np.linspace(0.0, duration, controlled().time.size))
     times, fps, found = clock(result, 2)
     assert found == pytest.approx(speed)
     assert (len(times) - 1) / fps == pytest.approx(plays)
     assert times[-1] == duration
-    assert 24.0 < fps <= 30.0  # long runs have fewer frames, so that the page stays small
+    assert 24.0 < fps <= 30.0  # long runs have fewer frames, so that the page is small
 
 
-def test_a_result_of_one_sample_and_one_without_a_torque():
+def test_report_of_one_sample_and_of_a_run_without_torque():
     one = controlled().isel(time=[0])
     assert scene_of(fa.report(one))["times"] == [0.0]
     bare = controlled()[["q", "joint_angle", "tip"]]
     assert [h["title"] for h in scene_of(fa.report(bare))["histories"]] == ["Joint angle", "Tip"]
 
 
-def test_without_jinja_the_message_says_what_to_install(monkeypatch, tmp_path):
+def test_without_jinja_the_message_names_the_package(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "jinja2", None)
     with pytest.raises(fa.InputError, match=r"pip install 'flexarm\[report\]'"):
         fa.report(controlled(), tmp_path / "new" / "report.html")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_full_disk_leaves_the_older_file(tmp_path, monkeypatch):
+def test_full_disk_keeps_the_older_file(tmp_path, monkeypatch):
     path = tmp_path / "report.html"
     path.write_text("older")
 
@@ -233,7 +233,7 @@ def test_a_full_disk_leaves_the_older_file(tmp_path, monkeypatch):
         ({"result": fa}, "result must be"),
     ],
 )
-def test_bad_input_has_one_clear_message(options, words, tmp_path, monkeypatch):
+def test_wrong_input_has_one_clear_message(options, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(fa.InputError, match=words) as caught:
         fa.report(**{"result": controlled(), **options})

@@ -1,4 +1,4 @@
-"""Forces inside links at rest, against the balance of what acts beyond the section."""
+"""Forces inside links at rest, against the balance of loads beyond the section."""
 
 from itertools import pairwise
 
@@ -39,7 +39,7 @@ def cantilever(kind="a mesh", theory="linear", gravity=(0.0, 0.0)):
 
 
 def straight(arm, angle=0.0, **surroundings):
-    """Section forces (stations,) each, of a straight arm at rest."""
+    """Return section forces (stations,) each, of a straight arm at rest."""
     zero = np.zeros(arm.dof)
     return arm.section_forces(arm.rest([angle]), zero, zero, STATIONS, **surroundings)[0].T
 
@@ -55,7 +55,8 @@ class TestCantilever:
     """Forces along and across the link; the world is turned with it."""
 
     def test_tip_force(self, kind, angle):
-        """The convention: an upward tip force P gives V = P and M = P (L - x); a pull, N > 0."""
+        """The convention: an upward tip force P gives V = P and M = P (L - x); tension has N >
+        0."""
         force = turned(angle, 3.0, 2.0)
         axial, shear, moment = straight(cantilever(kind), angle, tip_force=force)
         np.testing.assert_allclose(axial, 3.0 + 0 * X, **EXACT)
@@ -80,8 +81,8 @@ class TestCantilever:
         np.testing.assert_allclose(moment, -MU * 4.0 * (L - X) ** 2 / 2, **EXACT)
 
     @pytest.mark.parametrize(("start", "end"), [(0.0, L), (0.2, 0.9), (0.26, 0.65)])
-    def test_spread_load(self, kind, angle, start, end):
-        """Whole, on part of the link, and from one station to another."""
+    def test_distributed_load(self, kind, angle, start, end):
+        """On the whole link, on a part of it, and from one station to another."""
         load = fa.Load(1, turned(angle, 0.5, -4.0), spread=(start, end))
         axial, shear, moment = straight(cantilever(kind), angle, loads=[load])
         loaded = end - np.clip(X, start, end)
@@ -92,7 +93,7 @@ class TestCantilever:
 
     @pytest.mark.parametrize("frame", ["world", "link"])
     def test_point_load_at_mid_span(self, kind, angle, frame):
-        """Beyond it nothing, up to it all: the value at the load is that inboard of it."""
+        """Zero beyond it; the value at the load is that inboard of it."""
         force = (1.0, 2.0) if frame == "link" else turned(angle, 1.0, 2.0)
         load = fa.Load(1, force, 0.7, station=L / 2, frame=frame)
         axial, shear, moment = straight(cantilever(kind), angle, loads=[load])
@@ -102,8 +103,8 @@ class TestCantilever:
         np.testing.assert_allclose(shear, 2.0 * inboard, **EXACT)
         np.testing.assert_allclose(moment, (2.0 * (L / 2 - X) + 0.7) * inboard, **EXACT)
 
-    def test_loads_at_the_ends_are_outside(self, kind, angle):
-        """What acts at the root goes into the joint; what acts at the tip is carried all along."""
+    def test_loads_at_the_ends(self, kind, angle):
+        """A load at the root acts on the joint only; a load at the tip acts on all sections."""
         force = turned(angle, 1.0, 2.0)
         at_root = straight(cantilever(kind), angle, loads=[fa.Load(1, force, 0.7, station=0.0)])
         np.testing.assert_allclose(at_root, 0.0, **EXACT)
@@ -113,8 +114,8 @@ class TestCantilever:
 
 
 @pytest.mark.parametrize("kind", ["a mesh", "segments", "a segment a station"])
-def test_a_station_that_rounds_beside_a_load_is_inboard_of_it(kind):
-    """Tenths of 1.3 m as numbers, as sums and as typed are not the same to the last digit."""
+def test_station_that_rounds_beside_a_load_is_inboard_of_it(kind):
+    """Tenths of 1.3 m as products, as sums and as literals differ in the last digit."""
     arm = cantilever(kind)
     for station in (0.13, 0.26, 0.39, 0.52, 0.65, 0.78, 0.91, 1.04, 1.17):
         for rounding in (-1e-12, 0.0, 1e-12):
@@ -125,7 +126,7 @@ def test_a_station_that_rounds_beside_a_load_is_inboard_of_it(kind):
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("kind", ["a mesh", "segments"])
-def test_a_spread_load_is_the_sum_of_its_points(kind, theory):
+def test_distributed_load_equals_the_sum_of_its_points(kind, theory):
     """On a bent link; Gauss points between neighbours among stations and nodes."""
     arm = cantilever(kind, theory)
     q, force, (start, end) = bent(arm), np.array([-3.0, 2.0]), (0.2, 1.1)
@@ -146,7 +147,7 @@ def test_a_spread_load_is_the_sum_of_its_points(kind, theory):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_moment_falls_as_the_shear_force_says(kind):
+def test_derivative_of_the_moment_is_the_shear_force(kind):
     """dM/dx = -V: differences of parabolas are exact at the middle."""
     load = fa.Load(1, (0.0, 2.0), spread=(0.0, L))
     arm = cantilever(kind, gravity=(0.0, -9.81))
@@ -156,24 +157,24 @@ def test_moment_falls_as_the_shear_force_says(kind):
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "rigid"])
-def test_bent_by_a_tip_force_it_is_the_curvature_times_the_rigidity(kind):
-    """Cubic elements bend exactly so under a tip force."""
+def test_moment_of_a_tip_force_is_curvature_times_rigidity(kind):
+    """Cubic elements represent this bending exactly."""
     arm = cantilever(kind)
-    force = 1e-6  # so small that segments do not feel each other's slope
+    force = 1e-6  # so small that the slope of segments has no effect on each other
     held = fa.equilibrium(arm, [0.0], tip_force=(0.0, force))
     moment = arm.section_forces(held.q, 0 * held.q, 0 * held.q, STATIONS, (0.0, force))[0, :, 2]
     for piece in arm.assembly.pieces:
         local = X - piece.start
         own = (local > -1e-9) & (local < piece.shapes.length * (1 - 1e-9))
         curvature = piece.shapes.curvature(np.maximum(local[own], 0.0)) @ held.q[piece.modal]
-        # Newton's method stops at 1e-11 of the forces.
+        # Newton's method ends at 1e-11 of the forces.
         np.testing.assert_allclose(EI * curvature, moment[own], rtol=0, atol=1e-10 * force * L)
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bent_link_balances_what_acts_where_it_is(kind, theory):
-    """At any deflection, in the axes of the bent section: lever arms end on the bent axis."""
+def test_bent_link_balances_its_loads_in_the_deformed_position(kind, theory):
+    """For any deflection, in the axes of the bent section: levers end on the bent axis."""
     arm = cantilever(kind, theory)
     q, rng = bent(arm), np.random.default_rng(3)
     forces = rng.normal(size=(3, 2))
@@ -191,12 +192,12 @@ def test_a_bent_link_balances_what_acts_where_it_is(kind, theory):
         )
         c, s = np.cos(angle[k]), np.sin(angle[k])
         exact = [c * force[0] + s * force[1], c * force[1] - s * force[0], moment]
-        # The root's moment less that of what is inboard: ten terms.
+        # The root's moment less that of inboard loads: ten terms.
         np.testing.assert_allclose(found[k], exact, rtol=0, atol=1e-13)
 
 
 def bent(arm):
-    """Coordinates of a link that is bent a lot."""
+    """Return coordinates of a link with large bending."""
     rng, q = np.random.default_rng(3), arm.rest([0.4])
     for piece in arm.assembly.pieces:
         size = piece.shapes.w2.size
@@ -205,7 +206,7 @@ def bent(arm):
 
 
 def section_angles(arm, q):
-    """World angles (stations,) of the sections of a single link."""
+    """Return world angles (stations,) of the sections of a single link."""
     angles, root = np.zeros(STATIONS), q[0]
     for piece in arm.assembly.pieces:
         length, eta = piece.shapes.length, q[piece.modal]
@@ -219,12 +220,12 @@ def section_angles(arm, q):
 
 
 @pytest.mark.parametrize("stations", [1, 0, -3, 2.0, "ten", True, 1001, None])
-def test_wrong_numbers_of_stations_are_refused(stations):
+def test_wrong_numbers_of_stations_are_rejected(stations):
     arm = cantilever()
     zero = np.zeros(arm.dof)
-    with pytest.raises(fa.InputError) as told:
+    with pytest.raises(fa.InputError) as reported:
         arm.section_forces(zero, zero, zero, stations)
-    assert str(told.value).startswith(
+    assert str(reported.value).startswith(
         "Arm.section_forces: stations must be a whole number from 2 (root and tip) to 1000, got"
     )
 

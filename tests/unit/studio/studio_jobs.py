@@ -1,4 +1,4 @@
-"""Jobs for the worker: a process of its own imports them by their module."""
+"""Jobs for the worker, which imports them by their module in a separate process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a studio window shows of a project: the numbers of a direct run."""
+"""Contents of a studio window: the numbers of a direct run."""
 
 import json
 
@@ -12,7 +12,7 @@ from flexarm.studio.state import open_bytes, paper_project
 from test_state import STUDY  # isort: skip
 
 
-def test_the_picture_is_that_of_a_run():
+def test_picture_equals_that_of_a_run():
     project = paper_project()
     picture, margins = parts_of(Request(project))
     assert isinstance(picture, Picture)
@@ -30,7 +30,7 @@ def test_the_picture_is_that_of_a_run():
     assert margins == Margins((), "The drive has no feedback loop.")
 
 
-def test_margins_are_those_of_loop_margins():
+def test_margins_equal_those_of_loop_margins():
     from flexarm.scenarios.scenario import prepare
 
     project = paper_project().edited(("drive", "kind"), "joint_pd")
@@ -44,18 +44,18 @@ def test_margins_are_those_of_loop_margins():
         assert float(row[2]) == pytest.approx(degrees, rel=0.01)
 
 
-def test_a_preview_has_the_picture_alone():
+def test_preview_has_the_picture_only():
     found = list(parts_of(Request(paper_project(), "preview")))
     assert [type(part) for part in found] == [Picture]
 
 
-def test_a_report_is_a_page():
+def test_report_is_a_page():
     (part,) = parts_of(Request(paper_project(), "report"))
     assert isinstance(part, Report)
     assert part.text.startswith("<!DOCTYPE html>") or "<!DOCTYPE html>" in part.text[:200]
 
 
-def test_a_scenario_that_does_not_fit_names_the_value():
+def test_wrong_scenario_names_the_value():
     project = paper_project().edited(("motion", "end", 0), 5.0)
     (failure,) = parts_of(Request(project))
     assert isinstance(failure, Failure)
@@ -64,14 +64,14 @@ def test_a_scenario_that_does_not_fit_names_the_value():
     assert text.startswith("motion.end must lie within the reach")
 
 
-def test_a_run_that_stops_gives_its_reason():
+def test_failed_run_gives_its_reason():
     project = paper_project().edited(("drive", "kind"), "joint_pd")
     project = project.edited(("drive", "derivative", 1), 1000.0)
     (failure,) = parts_of(Request(project))
     assert failure.problems[0][1].startswith("stopped at t = ")
 
 
-def test_the_plant_of_a_study_is_simulated():
+def test_plant_of_a_study_is_simulated():
     from flexarm.scenarios.study import PreparedStudy
 
     project = open_bytes(STUDY.encode(), "study.yaml")

@@ -1,4 +1,4 @@
-"""Fields of a studio window: which values, with which controls, ranges, units and names."""
+"""Fields of a studio window: values, controls, ranges, units and names."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def controlled():
     return project.edited(("arm", "links", 0, "damping", "kind"), "modal")
 
 
-def test_the_main_values_have_fields():
+def test_main_values_have_fields():
     found = fields_of(controlled())
     for name in (
         "arm.links[0].length",
@@ -63,7 +63,7 @@ def test_every_field_has_a_value_of_the_scenario_in_its_range(file):
 
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
-def test_the_ends_of_a_slider_are_within_the_bounds_of_the_value(file):
+def test_ends_of_a_slider_are_within_the_bounds_of_the_value(file):
     project = open_file(file)
     for field in fields_of(project).values():
         if field.control != "slider":
@@ -72,13 +72,13 @@ def test_the_ends_of_a_slider_are_within_the_bounds_of_the_value(file):
             try:
                 project.edited(field.path, type(field.value)(value))
             except ModelError as error:
-                # Rules between values remain, such as a step that exceeds the duration.
+                # Rules between values remain, such as a step longer than the duration.
                 for problem in error.problems:
                     bounds = ("be greater than 0", "be at least 0", "be less than 1")
                     assert problem.rule not in bounds or problem.name != field.name
 
 
-def test_units_descriptions_and_bounds_are_those_of_the_records():
+def test_units_descriptions_and_bounds_equal_those_of_the_records():
     found = fields_of(controlled())
     assert found["arm.links[0].flexural_rigidity"].unit == "N m^2"
     assert found["drive.proportional[0]"].unit == "N m/rad"

@@ -13,7 +13,8 @@ HOME = (b"host", b"127.0.0.1:8550")
 
 
 def answer(guard_options, path="/", query=b"", headers=(HOME,), kind="http"):
-    """Status of an answer and its headers; 200 and nothing if the request passes the guard."""
+    """Return status and headers of the response; 200 and no headers if the guard accepts the
+    request."""
     sent = []
 
     async def passed(scope, receive, send):
@@ -36,19 +37,19 @@ OPEN = {"token": None, "local": True}
 WIDE = {"token": TOKEN, "local": False}
 
 
-def test_a_local_server_needs_no_token():
+def test_local_server_needs_no_token():
     assert answer(OPEN)[0] == 200
     assert answer(OPEN, headers=[(b"host", b"localhost:8550")])[0] == 200
     assert answer(OPEN, headers=[(b"host", b"[::1]:8550")])[0] == 200
 
 
 @pytest.mark.parametrize("host", [b"evil.example", b"127.0.0.1.evil.example:8550", b"", b"[::1"])
-def test_a_local_server_has_local_names_only(host):
+def test_local_server_rejects_other_host_names(host):
     assert answer(OPEN, headers=[(b"host", host)])[0] == 403
 
 
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_requests_of_other_pages_are_refused(kind):
+def test_requests_of_other_pages_are_rejected(kind):
     refused = 403 if kind == "http" else 1008
     other = (b"origin", b"http://evil.example")
     assert answer(OPEN, headers=[HOME, other], kind=kind)[0] == refused
@@ -57,14 +58,14 @@ def test_requests_of_other_pages_are_refused(kind):
 
 
 @pytest.mark.parametrize("query", [b"", b"token=", b"token=wrong", b"token=%ff"])
-def test_a_wider_server_refuses_a_wrong_token(query):
+def test_non_local_server_rejects_a_wrong_token(query):
     assert answer(WIDE, query=query)[0] == 403
     cookie = (b"cookie", b"flexarm_studio=wrong")
     assert answer(WIDE, headers=[HOME, cookie])[0] == 403
     assert answer(WIDE, headers=[HOME, cookie], kind="websocket")[0] == 1008
 
 
-def test_the_token_becomes_a_cookie():
+def test_token_becomes_a_cookie():
     status, headers = answer(WIDE, query=f"token={TOKEN}".encode())
     assert status == 303
     assert headers[b"location"] == b"/"
@@ -76,5 +77,5 @@ def test_the_token_becomes_a_cookie():
         assert answer(WIDE, path="/picture/x", headers=[HOME, given], kind=kind)[0] == 200
 
 
-def test_the_token_opens_the_page_only():
+def test_token_opens_the_page_only():
     assert answer(WIDE, path="/picture/x", query=f"token={TOKEN}".encode())[0] == 403

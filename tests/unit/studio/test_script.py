@@ -23,7 +23,7 @@ def run(text, tmp_path):
     return runpy.run_path(str(path))
 
 
-def test_it_gives_the_numbers_of_the_window(tmp_path):
+def test_script_gives_the_numbers_of_the_window(tmp_path):
     project = paper_project().edited(("drive", "kind"), "joint_pd")
     project = project.edited(("arm", "links", 0, "length"), 1.3)
     project = project.edited(("run", "duration"), 0.5)
@@ -34,7 +34,7 @@ def test_it_gives_the_numbers_of_the_window(tmp_path):
     np.testing.assert_array_equal(found["result"].q, expected.q)
 
 
-def test_it_simulates_the_plant_of_a_study(tmp_path):
+def test_script_simulates_the_plant_of_a_study(tmp_path):
     from flexarm.scenarios.study import PreparedStudy
 
     project = open_bytes(STUDY.encode(), "s").chosen(drive="joint PD", plant="heavier")
@@ -44,7 +44,7 @@ def test_it_simulates_the_plant_of_a_study(tmp_path):
     np.testing.assert_array_equal(found["result"].tip, expected.tip)
 
 
-def test_it_runs_as_a_program(tmp_path):
+def test_script_runs_as_a_program(tmp_path):
     path = tmp_path / "paper.py"
     path.write_text(script_of(paper_project()), encoding="utf-8")
     done = subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=300)
@@ -55,7 +55,7 @@ def test_it_runs_as_a_program(tmp_path):
 
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
-def test_it_describes_every_example_completely(file, tmp_path):
+def test_script_describes_every_example_completely(file, tmp_path):
     project = open_file(file)
     text = script_of(project).split("\nresult = ")[0].split("# The simulated arm")[0]
     assert run(text, tmp_path)["scenario"] == project.scenario

@@ -18,13 +18,13 @@ from flexarm.studio.state import (
 LENGTH = ("arm", "links", 0, "length")
 
 
-def test_it_starts_with_the_papers_arm():
+def test_studio_starts_with_the_papers_arm():
     project = paper_project()
     assert [link.length for link in project.record.arm.links] == [1.4142, 1.0]
     assert project.name == "paper"
 
 
-def test_an_edit_returns_another_project_and_keeps_this_one():
+def test_edit_returns_another_project_and_keeps_the_first():
     project = paper_project()
     edited = project.edited(LENGTH, 1.2)
     assert edited.record.arm.links[0].length == 1.2
@@ -42,7 +42,7 @@ def test_values_that_the_file_omits_can_be_edited():
 
 
 @pytest.mark.parametrize("value", [-1.0, 0.0, "long", None, True, float("nan"), [1.0], {}])
-def test_a_wrong_value_gives_the_message_of_the_command_line(value, tmp_path):
+def test_wrong_value_gives_the_message_of_the_command_line(value, tmp_path):
     project = paper_project()
     with pytest.raises(ModelError) as error:
         project.edited(LENGTH, value)
@@ -55,7 +55,7 @@ def test_a_wrong_value_gives_the_message_of_the_command_line(value, tmp_path):
     assert str(found) == f"studio: {found.statement}"
 
 
-def test_an_unknown_path_is_refused():
+def test_unknown_path_is_rejected():
     with pytest.raises(ModelError, match="is not a known key"):
         paper_project().edited(("arm", "links", 0, "__class__"), 1.0)
     with pytest.raises(ModelError, match="does not exist"):
@@ -97,7 +97,7 @@ def test_damping_can_be_added_and_removed():
     assert project.record.arm.links[0].damping is None
 
 
-def test_an_unknown_kind_is_refused():
+def test_unknown_kind_is_rejected():
     with pytest.raises(ModelError, match=r"drive\.kind must be one of"):
         paper_project().edited(("drive", "kind"), "__import__('os')")
 
@@ -121,7 +121,7 @@ run: {duration: 2.5, rate: 200}
 """
 
 
-def test_a_study_simulates_its_choice_and_edits_it_in_place():
+def test_study_simulates_its_choice_and_edits_it_in_place():
     project = open_bytes(STUDY.encode(), "study.yaml")
     assert project.scenario.drive.kind == "rigid_inverse_dynamics"
     chosen = project.chosen(drive="joint PD", motion="fast", plant="heavier")
@@ -133,7 +133,7 @@ def test_a_study_simulates_its_choice_and_edits_it_in_place():
     assert edited.record.arm.payload.mass == 0.1
 
 
-def test_an_arm_alone_gets_a_motion_and_a_run():
+def test_arm_file_gets_a_motion_and_a_run():
     arm = paper_project().record.arm
     project = project_of(arm, "mine")
     assert project.record.arm == arm
@@ -177,7 +177,7 @@ def test_files_of_a_study_can_be_opened_again():
         (STUDY.replace("length: 0.5", "length: -0.5"), "must be greater than 0, got -0.5"),
     ],
 )
-def test_a_broken_file_is_refused(text, message):
+def test_broken_file_is_rejected(text, message):
     with pytest.raises(ModelError, match=message):
         open_bytes(text.encode(), "broken.yaml")
 
@@ -195,7 +195,7 @@ def test_undo_and_redo():
     second, third = first.edited(LENGTH, 1.2), first.edited(LENGTH, 1.3)
     assert not history.can_undo
     assert history.put(second)
-    assert not history.put(second)  # no change, no step
+    assert not history.put(second)  # no change, so no step of undo
     assert history.put(third)
     history.undo()
     assert history.now is second
@@ -211,7 +211,7 @@ def test_undo_and_redo():
     assert history.now.record.arm.links[0].length == 1.5
 
 
-def test_a_copied_history_has_its_own_edits():
+def test_copied_history_has_separate_edits():
     first = paper_project()
     history = History(first)
     history.put(first.edited(LENGTH, 1.2))

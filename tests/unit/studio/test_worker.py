@@ -9,7 +9,7 @@ from flexarm.studio.worker import Worker
 
 
 class Inbox:
-    """What a window receives, with a way to wait for it."""
+    """Received messages of a window, with a method that waits for one."""
 
     def __init__(self):
         self.parts, self.change = [], threading.Condition()
@@ -42,19 +42,19 @@ def test_parts_arrive_in_order_with_the_number_of_their_request(shared):
     assert inbox.parts == [(first, "a"), (first, "b"), (second, "c")]
 
 
-def test_the_newest_request_of_a_window_replaces_the_waiting_one(shared):
+def test_newest_request_of_a_window_replaces_the_waiting_one(shared):
     inbox, other = Inbox(), Inbox()
     shared.submit("window", "sleep 0.1", inbox)
     numbers = [shared.submit("window", f"{k}", inbox) for k in range(10)]
     beside = shared.submit("other", "y", other)
-    other.wait_for(beside, "y")  # another window is not starved
+    other.wait_for(beside, "y")  # requests of another window are computed too
     inbox.wait_for(numbers[-1], "9")
     kept = [part for _, part in inbox.parts if part.isdigit()]
     assert kept[-1] == "9"
     assert len(kept) <= 2  # the first may have been taken before the others were submitted
 
 
-def test_a_superseded_run_is_stopped_and_the_next_one_computed(shared):
+def test_superseded_run_is_stopped_and_the_next_one_computed(shared):
     inbox = Inbox()
     long = shared.submit("window", "sleep 0.9", inbox)
     before = shared.process_id
@@ -63,7 +63,7 @@ def test_a_superseded_run_is_stopped_and_the_next_one_computed(shared):
     assert (long, "s") not in inbox.parts or before == shared.process_id
 
 
-def test_a_run_that_takes_too_long_is_stopped_with_a_message(shared):
+def test_run_that_takes_too_long_is_stopped_with_a_message(shared):
     inbox = Inbox()
     number = shared.submit("window", "sleep 1e6", inbox)
     with inbox.change:
@@ -72,7 +72,7 @@ def test_a_run_that_takes_too_long_is_stopped_with_a_message(shared):
     assert "took longer than 1 s" in inbox.parts[0][1]
 
 
-def test_a_lost_process_is_reported_and_replaced(shared):
+def test_lost_process_is_reported_and_replaced(shared):
     inbox = Inbox()
     number = shared.submit("window", "exit", inbox)
     with inbox.change:
@@ -83,7 +83,7 @@ def test_a_lost_process_is_reported_and_replaced(shared):
     inbox.wait_for(again, "b")
 
 
-def test_the_request_of_a_closed_window_is_dropped(shared):
+def test_request_of_a_closed_window_is_dropped(shared):
     inbox, other = Inbox(), Inbox()
     shared.submit("window", "sleep 0.1", other)
     shared.submit("gone", "never", inbox)

@@ -120,7 +120,7 @@ class Link(Record):
     )
     gauges: Listed[Gauge] = Field(default=(), description="Strain gauges on the link.")
 
-    _hints: ClassVar[dict[str, str]] = {"element": "How many there are is said by elements."}
+    _hints: ClassVar[dict[str, str]] = {"element": "`elements` is their number."}
 
     @property
     def coordinates(self) -> int:
