@@ -103,7 +103,8 @@ def simulate_batch(
         threads: number of threads, by default one for each core that this process may use. Runs
             with controllers use one.
         progress: True or False shows or hides the bar.
-        options: further arguments of ``simulate``, the same for all runs.
+        options: further arguments of ``simulate``, the same for all runs; ``specialized`` is False
+            by default.
 
     Returns:
         Dataset over ``run`` and ``time`` with the channels, NaN after the end of a run, and the
@@ -126,7 +127,8 @@ def simulate_batch(
     at most 16 MB, or those of eight runs.
     """
     started = time.perf_counter()
-    given = OPTIONS | _known(options)
+    # Code that is compiled in the middle of a run may differ in the last digits.
+    given = OPTIONS | {"specialized": False} | _known(options)
     threads = _cores() if threads is None else check_count(_WHERE, "threads", threads, most=1024)
     stride = check_count(_WHERE, "stride", stride)
     names = _channels(channels)
