@@ -1,7 +1,7 @@
-"""Pick and place: how far off is the tip of a flexible arm half a second after arrival?
+"""Pick and place: the tip error of a flexible arm half a second after the end of its motion.
 
 Two aluminium links of 0.5 m in a horizontal plane carry 0.3 kg from (0.8, 0.2) m to (0.2, 0.8) m in
-0.6 s. The motors get the torque of the rigid arm and a feedback of their own angles.
+0.6 s. The motors apply the torque of the rigid arm and feedback of the joint angles.
 
 Prints: tip error 0.5 s after arrival: 3.28 mm
 Usage: python pick_and_place.py [figure.png]

@@ -1,8 +1,8 @@
-"""A mass at the tip makes a beam ring lower: by how much, and is the finite element model right?
+"""The frequency of a beam with a mass at its tip, compared with the exact solution.
 
-A clamped beam with a mass m at its tip rings at w = b^2 sqrt(EI / (mu L^4)), where b is the first
+A clamped beam with a mass m at its tip vibrates at w = b^2 sqrt(EI / (mu L^4)); b is the first
 root of  1 + cos b cosh b = r b (sin b cosh b - cos b sinh b),  r = m / (mu L)
-(Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-8). This takes r from 0 to 5.
+(Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-8). Here r is 0 to 5.
 
 Prints: largest relative error: 6.6e-06
 Usage: python tip_mass_frequency.py [figure.png]

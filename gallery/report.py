@@ -89,7 +89,7 @@ def _cells(row: Row) -> tuple[str, ...]:
 def case_text(case: Case, rows: Sequence[Row]) -> str:
     """The page of one case."""
     reasons = list(dict.fromkeys(row.reason for row in rows))
-    head = ("quantity", "unit", "source", "reference", "flexarm", "difference", "digits", "why")
+    head = ("quantity", "unit", "source", "reference", "flexarm", "difference", "digits", "reason")
     lines = [table_row(head), table_row(["---"] * len(head))]
     lines += [table_row((*_cells(row), f"({reasons.index(row.reason) + 1})")) for row in rows]
     why = [f"{k}. {reason}" for k, reason in enumerate(reasons, start=1)]
@@ -100,7 +100,7 @@ def case_text(case: Case, rows: Sequence[Row]) -> str:
         f"![{case.title}]({case.name}.png)",
         f"*{case.caption}*",
         "\n".join(lines),
-        "**Why so many digits**",
+        "**Reasons for the number of digits**",
         "\n".join(why),
         "**Sources**",
         "\n".join(f"- {source.cite}: {source.full}" for source in sources),

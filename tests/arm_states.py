@@ -83,7 +83,7 @@ def parts(arm: fa.Arm, dtype: Any = float) -> tuple[Any, ArmConstants, Workspace
 
 def tip_loads(arm: fa.Arm, force: Any = (0.0, 0.0, 0.0)) -> Loads:
     """Return the kernels' loads for a force (Fx, Fy, Mz) of any number type on the last tip."""
-    placed = place_loads(arm, "test", tip_load(arm, "test", np.ones(3)))
+    placed = place_loads(arm, tip_load(arm, np.ones(3)))
     return placed._replace(value=np.asarray(force)[None])
 
 

@@ -49,8 +49,7 @@ the arm of a concrete pump. It weighs 3.5 t, its tip sags by 0.7 m, and its firs
 - *Rigid*, at rest: each joint carries the moment of everything outboard, a sum of weights times
   lever arms.
 - *Bent*, at rest: the same balance over the bent shape, with the moment integrated along it. The
-  shape comes from the equilibrium. That its torques balance its own weights is an independent
-  check.
+  shape comes from the equilibrium. The balance of its torques and weights is an independent check.
 - *The lift*: a joint controller raises the boom in 8 s, and the boom vibrates. Torques are
   constant between samples, so the work of the motors is the sum of torque times change of
   *relative* joint angle. It must equal the change of kinetic, strain and gravity energy.

@@ -50,7 +50,7 @@ def _loads() -> dict[str, tuple[fa.Load, float, float]]:
             MOMENT * L**2 / (2 * EI),
             MOMENT * L / EI,
         ),
-        "spread force": (
+        "distributed force": (
             fa.Load(link=1, force=(0.0, SPREAD), spread=(0.0, L)),
             SPREAD * L**4 / (8 * EI),
             SPREAD * L**3 / (6 * EI),
@@ -66,7 +66,7 @@ def _loads() -> dict[str, tuple[fa.Load, float, float]]:
 FORMULAS = {
     "tip force": ("PL³/3EI", "PL²/2EI"),
     "tip moment": ("ML²/2EI", "ML/EI"),
-    "spread force": ("wL⁴/8EI", "wL³/6EI"),
+    "distributed force": ("wL⁴/8EI", "wL³/6EI"),
     "force at 0.7 L": ("Pa²(3L-a)/6EI", "Pa²/2EI"),
 }
 

@@ -24,12 +24,12 @@ FINE_REASON = (
     f"{FINEST} pieces in the second-order theory; their error decreases as the cube of their "
     "length, from 8e-3 with 4 at α = 5"
 )
-ORDER_REASON = "the next power of the length affects the observed order"
+ORDER_REASON = "the next power of the length in the error affects the observed order"
 
 PHYSICS = r"""
-A cantilever under a dead force across its tip, $\alpha = PL^2/EI$. At $\alpha = 5$ the tip moves
-sideways by 71 % of the length. No theory of small deflections is valid for the whole link, but
-every one is valid for a short piece of it. `segments=k` divides a link into a chain of $k$
+A cantilever bends under a dead force across its tip, $\alpha = PL^2/EI$. At $\alpha = 5$ the tip
+moves sideways by 71 % of the length. No theory of small deflections is valid for the whole link,
+but every one is valid for a short piece of it. `segments=k` divides a link into a chain of $k$
 rigidly joined pieces, each with its own floating frame. Rotations between the pieces are finite,
 and with increasing $k$ the chain converges to the exact elastica, in either theory. The paper's
 linear pieces converge with the square of the length of a piece, second-order pieces with its

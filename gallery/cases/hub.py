@@ -21,8 +21,9 @@ The root of a beam rotates with a hub of inertia $J = \eta\,\mu L^3$ on a free j
 $\eta = 0$ it is the pinned-free beam. With increasing $\eta$ the hub restrains the root more,
 until the beam is clamped.
 
-This pair of frequency sets is the most important one for control. The free-joint frequencies are
-the poles and the clamped ones are the zeros from motor torque to joint angle, and they interlace.
+These two sets of frequencies are the most important ones for control. The free-joint frequencies
+are the poles and the clamped ones are the zeros from motor torque to joint angle, and they
+interlace.
 
 The package: `fa.Joint(hub_inertia=...)` and `fa.modes(arm, joints="free")`; the rigid rotation
 comes first and is omitted.

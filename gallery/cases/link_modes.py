@@ -17,14 +17,14 @@ from gallery.references import reference
 ELEMENTS = 32
 PRINTED = "half a unit of the second printed decimal"
 EXACT = (
-    f"a mesh of {ELEMENTS} elements, error at most (βh)⁴/1440; if the heavy tip has most of the "
-    "energy, the ten printed digits"
+    f"a mesh of {ELEMENTS} elements, error at most (βh)⁴/1440; where the heavy tip has most of "
+    "the energy, the ten printed digits"
 )
 PRINTED_EXACT = 9.9  # ten digits are printed
 
 PHYSICS = r"""
-Two equal links, 0.5 m, 0.2 kg/m, $EI$ = 1 N m², of a two-link arm that is often cited. Its link
-modes are those of clamped beams with lumped bodies at the tip. The first link carries elbow
+A two-link arm that is often cited has two equal links of 0.5 m, 0.2 kg/m and $EI$ = 1 N m². Its
+link modes are those of clamped beams with lumped bodies at the tip. The first link carries elbow
 motor, second link and payload (1.2 kg, 0.134 kg m² in all), the second the payload (0.1 kg,
 0.0005 kg m²).
 

@@ -25,8 +25,8 @@ REASON = (
 PHYSICS = r"""
 A clamped beam hangs under its own weight, $\Gamma = \mu g L^3/EI$. The weight below a section
 pulls on it, as in a string with some bending stiffness, and the frequencies rise. In a standing
-beam the same term softens, and at $\Gamma = 7.837$ the beam buckles under its own weight
-(Greenhill's mast).
+beam the same term reduces the stiffness, and at $\Gamma = 7.837$ the beam buckles under its own
+weight (Greenhill's mast).
 
 Without foreshortening, gravity does no work when a hanging beam bends: the linear theory gives
 $\lambda_1 = 3.516$ for every weight, hanging or standing. This is wrong. Arms that carry weight

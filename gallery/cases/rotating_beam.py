@@ -33,7 +33,7 @@ A beam is clamped to a hub of radius $\delta L$ that rotates at the steady rate 
 $\gamma = \Omega L^2\sqrt{\mu/EI}$. Centrifugal tension stiffens it. In the plane of rotation the
 centrifugal force also follows the deflection, which subtracts $\gamma^2$ from the squared
 frequency: $\lambda_\text{lag}^2 = \lambda_\text{flap}^2 - \gamma^2$. A planar arm vibrates in
-this plane: *lag*.
+this plane (*lag*).
 
 A theory without foreshortening, such as the paper's (`theory="linear"`), has the second effect
 but not the first. Its beam softens, $\lambda^2 = \lambda_0^2 - \gamma^2$, and at $\gamma = 3.516$

@@ -28,8 +28,8 @@ REASON = (
 
 PHYSICS = r"""
 A beam with $L = EI = \mu = 1$ on a hub of inertia 0.1 is at rest; at $t = 0$ the motor torque
-jumps to a small constant. The hub leads and the tip lags. In space, the tip even starts in the
-wrong direction: this is the non-minimum phase that makes tip control hard. The reference is the
+jumps to a small constant. The hub leads and the tip lags. In world axes, the tip even starts in
+the wrong direction: this is the non-minimum phase that makes tip control hard. The reference is the
 modal series of the linear problem, with nine digits. The torque here is $10^{-5}$, so small that
 centrifugal terms are negligible.
 
@@ -107,7 +107,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Left: the joint leads the rigid arm and then waits for the beam. Right: the tip "
-    "vibrates about its mean deflection.",
+    caption="Left: the joint leads the rigid arm and then pauses until the beam follows. Right: "
+    "the tip vibrates about its mean deflection.",
     module="gallery/cases/slewing.py",
 )

@@ -109,7 +109,7 @@ DIGITS = {
     "elastica": {"extreme": 4.6, "extreme_time": 5.0, "v5": 4.9, "v75": 4.6},
 }
 REASONS = {
-    "stiffened": "the reference is linear in the deflection; ours keeps terms of third order, "
+    "stiffened": "the reference is linear in the deflection; flexarm keeps terms of third order, "
     "which make its mass matrix positive definite",
     "softened": "16 elements; their error grows with time, and at 10 s the whole solution diverges",
     "elastica": "8 segments; the error decreases as the cube of their length",

@@ -21,17 +21,18 @@ LOCKED, FREE = "locked", "free"
 LONGEST = max(L / n for L, n in zip(LENGTHS, ELEMENTS, strict=True))  # element, m
 PRINTED = 9.4  # at least nine and a half digits are printed
 REASON = (
-    f"a mesh of {ELEMENTS[0]} + {ELEMENTS[1]} elements, error at most (βh)⁴/1440; for the lowest"
-    " frequencies, the printed digits"
+    f"the error of a mesh of {ELEMENTS[0]} + {ELEMENTS[1]} elements, at most (βh)⁴/1440; at the"
+    " lowest frequencies, the number of printed digits"
 )
-MESH_REASON = "the same mesh: eleven printed digits"
+MESH_REASON = "both values are for the same mesh, so that all eleven printed digits agree"
 
 PHYSICS = r"""
-The arm of Table I, 1.4142 m + 1 m of steel rod with $EI$ = 105 N m² and 0.61732 kg/m, without
-lumped bodies, vibrates about straight links, with the elbow at an angle and each joint locked or
-free. Both links bend together, so this tests the coupling of the links.
+The arm of Table I consists of two steel rods of 1.4142 m and 1 m, with $EI$ = 105 N m² and
+0.61732 kg/m, without lumped masses. It vibrates about a posture with straight links. The elbow has
+an angle, and each joint is locked or free. Both links bend together, so this case tests the
+coupling of the links.
 
-The second example is the mesh of the paper, two elements + one. Its fourth frequency has an error
+The second part uses the mesh of the paper, two elements + one. Its fourth frequency has an error
 of a quarter. This is a property of the mesh, which a second program must reproduce.
 
 The package: `arm.mass_matrix(q)` and `arm.stiffness_matrix(q)` without the rows of locked joints

@@ -1,14 +1,14 @@
 """Converters of the arguments of public functions, one for each kind of argument.
 
 Each returns the argument in the type used for computation, or raises an `InputError` that names the
-call and the argument. Arrays of numbers are converted by `errors.check_array`, motions by
-`motion.motion.check_motion`.
+argument; `errors.public_call` adds the call. Arrays of numbers are converted by
+`errors.check_array`, motions by `motion.motion.check_motion`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -27,9 +27,7 @@ T = TypeVar("T")
 _SMALLEST = 1e-150
 
 
-def check_kind(
-    where: str, name: str, value: object, kind: type[T], what: str = "", hint: str = ""
-) -> T:
+def check_kind(name: str, value: object, kind: type[T], what: str = "", hint: str = "") -> T:
     """Return the value if it is an instance of a class.
 
     Args:
@@ -43,11 +41,10 @@ def check_kind(
         return value
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
     given = f"the class {value.__name__}" if isinstance(value, type) else shown(value)
-    rule = f"be {what or f'{article} {kind.__name__}'}"
-    raise InputError(Problem(where, name, rule, given, hint))
+    raise InputError(Problem(name, f"be {what or f'{article} {kind.__name__}'}", given, hint))
 
 
-def check_list_of(where: str, name: str, value: object, kind: type[T]) -> list[T]:
+def check_list_of(name: str, value: object, kind: type[T]) -> list[T]:
     """Return a list of objects of a class, from a list or a tuple.
 
     Raises:
@@ -55,10 +52,10 @@ def check_list_of(where: str, name: str, value: object, kind: type[T]) -> list[T
     """
     if isinstance(value, list | tuple) and all(isinstance(item, kind) for item in value):
         return list(value)
-    raise InputError(Problem(where, name, f"be a list of {kind.__name__} objects", shown(value)))
+    raise InputError(Problem(name, f"be a list of {kind.__name__} objects", shown(value)))
 
 
-def check_positive(where: str, name: str, value: object, unit: str = "") -> float:
+def check_positive(name: str, value: object, unit: str = "") -> float:
     """Return a finite number greater than zero; ``unit`` is its unit in the message.
 
     Raises:
@@ -66,36 +63,64 @@ def check_positive(where: str, name: str, value: object, unit: str = "") -> floa
     """
     if type(value) is float and _SMALLEST <= value < math.inf:
         return value
-    number = float(check_array(where, name, value, ()))
-    if number < _SMALLEST:
-        rule = f"be greater than 0 {unit}".rstrip()
-        raise InputError(Problem(where, name, rule, shown(value)))
-    return number
+    rule = f"be greater than 0 {unit}".rstrip()
+    return check_number(name, value, lambda number: number >= _SMALLEST, rule)
 
 
-def check_nonnegative(where: str, name: str, value: object, most: float = math.inf) -> float:
+def check_nonnegative(name: str, value: object, most: float = math.inf) -> float:
     """Return a finite number from zero to ``most``.
 
     Raises:
         InputError: if the value is not a number, not finite, negative, or too large.
     """
-    number = float(check_array(where, name, value, ()))
-    if number < 0.0:
-        raise InputError(Problem(where, name, "be at least 0", shown(value)))
+    number = check_number(name, value, lambda number: number >= 0.0, "be at least 0")
     if number > most:
-        raise InputError(Problem(where, name, f"be at most {most:g}", shown(value)))
+        raise InputError(Problem(name, f"be at most {most:g}", shown(value)))
     return number
 
 
-def check_each(where: str, name: str, value: object, count: int = -1) -> NDArray[np.float64]:
+def check_number(
+    name: str, value: object, fits: Callable[[float], bool] = lambda number: True, rule: str = ""
+) -> float:
+    """Return a finite number that fits a condition; ``rule`` is the condition in the message.
+
+    Raises:
+        InputError: if the value is not a number, not finite, or does not fit.
+    """
+    number = float(check_array(name, value, ()))
+    if not fits(number):
+        raise InputError(Problem(name, rule, shown(value)))
+    return number
+
+
+def check_each(
+    name: str, value: object, count: int = -1, *, positive: bool = False
+) -> NDArray[np.float64]:
     """Return a finite number, shape (), or a list of ``count`` numbers; -1: any count.
 
     Raises:
-        InputError: if the value is neither of them, or not finite.
+        InputError: if the value is neither of them, or not finite, or has no numbers or one that is
+            not greater than 0 although they must be ``positive``.
     """
     array = _plain_array(value)
     single = array is not None and array.ndim == 0
-    return check_array(where, name, value, () if single else (count,))
+    numbers = check_array(name, value, () if single else (count,))
+    if positive and not (numbers.size and (numbers > 0.0).all()):
+        raise InputError(Problem(name, "be greater than 0", shown(value)))
+    return numbers
+
+
+def check_direction(name: str, value: object) -> NDArray[np.float64]:
+    """Return the unit vector (2,) of a direction that is given with any length but zero.
+
+    Raises:
+        InputError: if the value is not a pair of finite numbers, or both are zero.
+    """
+    vector = check_array(name, value, (2,))
+    length = math.hypot(*vector)
+    if not length > 0.0:
+        raise InputError(Problem(name, "have a length greater than 0", shown(value)))
+    return vector / length
 
 
 def as_list(value: object) -> list[Any] | None:
@@ -106,7 +131,7 @@ def as_list(value: object) -> list[Any] | None:
     return None if array is None or array.ndim == 0 else array.tolist()
 
 
-def check_count(where: str, name: str, value: object, least: int = 1, most: int = 10**6) -> int:
+def check_count(name: str, value: object, least: int = 1, most: int = 10**6) -> int:
     """Return a whole number from ``least`` to ``most``.
 
     Raises:
@@ -118,11 +143,10 @@ def check_count(where: str, name: str, value: object, least: int = 1, most: int 
         count = int(value)
         if least <= count <= most:
             return count
-    rule = f"be a whole number from {least} to {most}"
-    raise InputError(Problem(where, name, rule, shown(value)))
+    raise InputError(Problem(name, f"be a whole number from {least} to {most}", shown(value)))
 
 
-def check_flag(where: str, name: str, value: object) -> bool:
+def check_flag(name: str, value: object) -> bool:
     """Return a truth value, from a Python or NumPy bool.
 
     Raises:
@@ -132,10 +156,10 @@ def check_flag(where: str, name: str, value: object) -> bool:
 
     if isinstance(value, bool | np.bool_):
         return bool(value)
-    raise InputError(Problem(where, name, "be True or False", shown(value)))
+    raise InputError(Problem(name, "be True or False", shown(value)))
 
 
-def check_choice(where: str, name: str, value: object, choices: Collection[str]) -> str:
+def check_choice(name: str, value: object, choices: Collection[str]) -> str:
     """Return the value if it is one of the allowed words.
 
     Raises:
@@ -144,10 +168,10 @@ def check_choice(where: str, name: str, value: object, choices: Collection[str])
     if isinstance(value, str) and value in choices:
         return value
     rule = "be one of " + ", ".join(map(repr, choices))
-    raise InputError(Problem(where, name, rule, shown(value), nearest(value, choices)))
+    raise InputError(Problem(name, rule, shown(value), nearest(value, choices)))
 
 
-def check_path(where: str, name: str, value: object) -> Path:
+def check_path(name: str, value: object) -> Path:
     """Return the path of a file, from text or a path object.
 
     Raises:
@@ -161,11 +185,11 @@ def check_path(where: str, name: str, value: object) -> Path:
         text = None
     if isinstance(text, str) and len(text) < 4096 and "\0" not in text and Path(text).name:
         return Path(text)
-    raise InputError(Problem(where, name, "be the path of a file", shown(value)))
+    raise InputError(Problem(name, "be the path of a file", shown(value)))
 
 
 def check_function(
-    where: str, name: str, value: object, what: str = "a function of time"
+    name: str, value: object, what: str = "a function of time"
 ) -> Callable[..., Any]:
     """Return a callable object that is not a class.
 
@@ -174,10 +198,10 @@ def check_function(
     """
     if callable(value) and not isinstance(value, type):
         return value
-    raise InputError(Problem(where, name, f"be {what}", shown(value)))
+    raise InputError(Problem(name, f"be {what}", shown(value)))
 
 
-def check_mapping(where: str, name: str, value: object, what: str) -> Mapping[Any, Any]:
+def check_mapping(name: str, value: object, what: str) -> Mapping[Any, Any]:
     """Return a dictionary or another mapping; ``what`` describes its items in the message.
 
     Raises:
@@ -185,11 +209,11 @@ def check_mapping(where: str, name: str, value: object, what: str) -> Mapping[An
     """
     if isinstance(value, Mapping):
         return value
-    raise InputError(Problem(where, name, f"be a mapping of {what}", shown(value)))
+    raise InputError(Problem(name, f"be a mapping of {what}", shown(value)))
 
 
 def check_last_axes(
-    where: str, name: str, value: Any, last: tuple[int, ...], axes: int | None = None
+    name: str, value: Any, last: tuple[int, ...], axes: int | None = None
 ) -> NDArray[Any]:
     """Return an array of real, complex or symbolic numbers whose last axes have given lengths.
 
@@ -211,7 +235,7 @@ def check_last_axes(
         return array
     lengths = ", ".join(map(str, ("...", *last) if axes is None else ("any", *last)))
     given = shown(value) if array is None else f"of shape {array.shape}"
-    raise InputError(Problem(where, name, f"be numbers of shape ({lengths})", given))
+    raise InputError(Problem(name, f"be numbers of shape ({lengths})", given))
 
 
 def _plain_array(value: object) -> NDArray[Any] | None:
@@ -228,7 +252,7 @@ def _plain_array(value: object) -> NDArray[Any] | None:
 
 
 def check_numbers(
-    where: str, name: str, value: object, rule: str = "be a number or an array of numbers"
+    name: str, value: object, rule: str = "be a number or an array of numbers"
 ) -> NDArray[np.float64]:
     """Return a float64 array of any shape; infinite numbers are allowed.
 
@@ -242,11 +266,11 @@ def check_numbers(
 
     numbers = _plain_array(value)
     if numbers is None or numbers.dtype.kind == "c" or np.isnan(numbers).any():
-        raise InputError(Problem(where, name, rule, shown(value)))
+        raise InputError(Problem(name, rule, shown(value)))
     return numbers
 
 
-def check_limits(where: str, name: str, value: object) -> NDArray[np.float64]:
+def check_limits(name: str, value: object) -> NDArray[np.float64]:
     """Return a positive number, or one per joint; infinity means no limit.
 
     Raises:
@@ -255,31 +279,39 @@ def check_limits(where: str, name: str, value: object) -> NDArray[np.float64]:
     import numpy as np
 
     rule = "be a number greater than 0, or one for each joint"
-    numbers = check_numbers(where, name, value, rule)
+    numbers = check_numbers(name, value, rule)
     if numbers.ndim > 1 or not np.all(numbers > 0.0):
-        raise InputError(Problem(where, name, rule, shown(value)))
+        raise InputError(Problem(name, rule, shown(value)))
     return numbers
 
 
-def check_times(where: str, name: str, value: object) -> NDArray[np.float64]:
+def check_times(name: str, value: object) -> NDArray[np.float64]:
     """Return a time or times as a float64 array of any shape; infinite ones are allowed.
 
     Raises:
         InputError: if the value does not consist of real numbers, or contains NaN.
     """
-    return check_numbers(where, name, value, "be a time or an array of times")
+    return check_numbers(name, value, "be a time or an array of times")
 
 
-def check_dataset(where: str, name: str, value: object) -> xr.Dataset:
-    """Return a dataset over time, as returned by ``simulate``.
+def check_dataset(
+    name: str, value: object, needed: Iterable[str] = ("time",), what: str = "a result of simulate"
+) -> xr.Dataset:
+    """Return a dataset that has the variables ``needed``; ``what`` describes it in the message.
 
     Raises:
-        InputError: if the value is not an ``xarray.Dataset``, or has no variable "time".
+        InputError: if the value is not an ``xarray.Dataset``, or lacks one of the variables.
     """
     import xarray as xr
 
-    dataset = check_kind(where, name, value, xr.Dataset, "a result of simulate")
-    if "time" not in dataset.variables:
-        rule = "be a result of simulate"
-        raise InputError(Problem(where, name, rule, "a dataset without 'time'"))
+    dataset = check_kind(name, value, xr.Dataset, what)
+    for one in needed:
+        if one not in dataset.variables:
+            raise InputError(Problem(name, f"be {what}", f"a dataset without {one!r}"))
     return dataset
+
+
+def library_missing(name: str, extra: str) -> InputError:
+    """Return the error for a library of an extra of this package that is not installed."""
+    hint = f"Install it with: pip install 'flexarm[{extra}]'."
+    return InputError(Problem(name, "is not installed", hint=hint))

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_kind, check_last_axes, check_path
+from flexarm.arguments import check_count, check_kind, check_last_axes, check_path
 from flexarm.assembly.assemble import FloatArray
 from flexarm.dynamics import Dynamics
-from flexarm.errors import check_result
+from flexarm.errors import check_result, public_call
 from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
@@ -21,15 +21,7 @@ from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_
 from flexarm.model.arm.variation import varied_spec
 from flexarm.model.help_text import signature_of
 from flexarm.notebook import html_table
-from flexarm.stations import (
-    MOST_STATIONS,
-    Cut,
-    check_stations,
-    cuts_at,
-    forces_at,
-    place_gauges,
-    place_stations,
-)
+from flexarm.stations import MOST_STATIONS, Cut, cuts_at, forces_at, place_gauges, place_stations
 
 
 class Energy(NamedTuple):
@@ -75,8 +67,9 @@ class Arm(Dynamics):
     #: Without this attribute, ``help`` would show ``**fields``.
     __signature__ = signature_of(ArmSpec)
 
+    @public_call
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
-        spec = ArmSpec(**fields) if spec is None else check_kind("Arm", "spec", spec, ArmSpec)
+        spec = ArmSpec(**fields) if spec is None else check_kind("spec", spec, ArmSpec)
         super().__init__(spec)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
@@ -117,34 +110,35 @@ class Arm(Dynamics):
             rows.append(("payload", "", "", f"{self.spec.payload.mass:.5g} kg", ""))
         return html_table(repr(self).strip("<>"), heads, rows)
 
+    @public_call
     def energy(self, q: ArrayLike, qd: ArrayLike) -> Energy:
         """Return kinetic, strain and gravity energy (J), and their ``total``."""
-        where = "Arm.energy"
-        state = self._state(where, q, qd)
+        state = self._state(q, qd)
         kernels, values = self._kernels.take(), np.zeros(3)
         kernels.call(energies, state, *kernels.pose_arrays(), values)
         self._kernels.append(kernels)
-        return Energy(*(float(value) for value in check_result(where, values, q, qd)))
+        return Energy(*(float(value) for value in check_result(values, q, qd)))
 
-    def _poses(
-        self, where: str, q: ArrayLike, qd: ArrayLike | None = None
-    ) -> tuple[FloatArray, ...]:
-        state = self._state(where, q, qd)
+    def _poses(self, q: ArrayLike, qd: ArrayLike | None = None) -> tuple[FloatArray, ...]:
+        state = self._state(q, qd)
         kernels = self._kernels.take()
         body_poses, tip = kernels.pose_arrays()
         kernels.call(poses, state, body_poses, tip)
         self._kernels.append(kernels)
-        check_result(where, tip, q, qd)
+        check_result(tip, q, qd)
         return state, body_poses, tip
 
+    @public_call
     def tip(self, q: ArrayLike) -> FloatArray:
         """Return x, y (m) and angle (rad) of the last tip in world axes, (3,)."""
-        return self._poses("Arm.tip", q)[2][:3]
+        return self._poses(q)[2][:3]
 
+    @public_call
     def tip_velocity(self, q: ArrayLike, qd: ArrayLike) -> FloatArray:
         """Return the rates of x, y (m/s) and angle (rad/s) of the last tip, (3,)."""
-        return self._poses("Arm.tip_velocity", q, qd)[2][3:]
+        return self._poses(q, qd)[2][3:]
 
+    @public_call
     def shape(self, q: ArrayLike, stations: int = 50) -> FloatArray:
         """Return points of the neutral axis in world axes: (links, stations, 2) m.
 
@@ -155,8 +149,8 @@ class Arm(Dynamics):
             InputError: if ``q`` has the wrong shape or is not finite, or there are fewer than two
                 stations.
         """
-        placed = self._placed_stations(check_stations("Arm.shape", stations, 10**6))
-        state, body_poses, _ = self._poses("Arm.shape", q)
+        placed = self._placed_stations(check_count("stations", stations, 2, 10**6))
+        state, body_poses, _ = self._poses(q)
         points = np.zeros((self.links * stations, 2))
         axis_points(
             self._sizes,
@@ -179,11 +173,13 @@ class Arm(Dynamics):
                 self._placed = kept
         return kept[1]
 
+    @public_call
     def strain(self, q: ArrayLike) -> FloatArray:
         """Return the strain at each gauge of the links, (gauges,): -distance * v''."""
-        values: FloatArray = self.strains(self._state("Arm.strain", q, None)[None])[0]
-        return check_result("Arm.strain", values, q)
+        values: FloatArray = self.strains(self._state(q, None)[None])[0]
+        return check_result(values, q)
 
+    @public_call
     def strains(self, states: ArrayLike) -> FloatArray:
         """Return the strains (samples, gauges) for states of the kernels (samples, 2, n, 1 + m).
 
@@ -191,11 +187,12 @@ class Arm(Dynamics):
             InputError: if the states do not have that shape.
         """
         shape = (2, self.assembly.bodies, 1 + self.assembly.modes)
-        states = check_last_axes("Arm.strains", "states", states, shape, axes=4)
+        states = check_last_axes("states", states, shape, axes=4)
         strains = np.zeros((len(states), len(self.gauges)), dtype=states.dtype)
         gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
 
+    @public_call
     def section_forces(
         self,
         q: ArrayLike,
@@ -216,19 +213,19 @@ class Arm(Dynamics):
         are those just inside the link, values at a load those inboard of it. Other arguments as in
         ``inverse_dynamics``; (R.40) to (R.43).
         """
-        where = "Arm.section_forces"
-        if len(self._cuts) != check_stations(where, stations):
+        if len(self._cuts) != check_count("stations", stations, 2, MOST_STATIONS):
             self._cuts = cuts_at(self, int(stations))
         given = tip_force, loads, base_acceleration, contacts
-        environment = Environment.of(self, where, *given)
-        placed = environment.placed(self, where)
-        scratch = self._newton_euler(where, q, qd, qdd, placed)
+        environment = Environment.of(self, *given)
+        placed = environment.placed(self)
+        scratch = self._newton_euler(q, qd, qdd, placed)
         motion = scratch.state, scratch.third
         forces = forces_at(self, self._cuts, *motion, environment.loads, placed, scratch.work)
         self._inverse.append(scratch)
         return forces
 
 
+@public_call
 def varied(
     arm: Arm,
     *,
@@ -253,7 +250,7 @@ def varied(
     """
     return Arm(
         varied_spec(
-            check_kind("varied", "arm", arm, Arm).spec,
+            check_kind("arm", arm, Arm).spec,
             payload_factor=payload_factor,
             payload_mass=payload_mass,
             flexural_rigidity_factor=flexural_rigidity_factor,
@@ -263,20 +260,22 @@ def varied(
     )
 
 
+@public_call
 def load_arm(path: str | PathLike[str]) -> Arm:
     """Read an arm from a YAML file; a scenario file is also accepted.
 
     Raises:
         ModelError: if the file does not describe an arm; all problems are listed with their lines.
     """
-    return Arm(load_arm_spec(check_path("load_arm", "path", path)))
+    return Arm(load_arm_spec(check_path("path", path)))
 
 
+@public_call
 def save_arm(arm: Arm, path: str | PathLike[str]) -> None:
     """Write an arm to a YAML file for ``load_arm``; the file is never written partially.
 
     Raises:
         InputError: if the file cannot be written.
     """
-    spec = check_kind("save_arm", "arm", arm, Arm).spec
-    save_arm_spec(spec, check_path("save_arm", "path", path))
+    spec = check_kind("arm", arm, Arm).spec
+    save_arm_spec(spec, check_path("path", path))

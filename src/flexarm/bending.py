@@ -27,7 +27,7 @@ from flexarm.errors import LargeDeflectionWarning, warn_caller
 LARGEST_ERROR = 0.006
 #: Error of the second-order theory over delta sqrt(delta/L).
 _THIRD_ORDER = 1.7
-#: Margin for rounding errors: a bound below this fraction of the largest error is below it.
+#: Margin for rounding errors: a bound has to be below this fraction of the largest error.
 _CLEARLY = 0.99
 #: Maximum shortening relative to length, which keeps the estimate finite.
 _LARGEST = 1e6

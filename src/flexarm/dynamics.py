@@ -16,7 +16,7 @@ from flexarm.assembly.assemble import FloatArray, assemble
 from flexarm.assembly.coordinates import Coordinates
 from flexarm.assembly.kernel_view import KernelView
 from flexarm.assembly.scratch import Pool, Scratch, is_finite, is_plain
-from flexarm.errors import check_array, check_result
+from flexarm.errors import check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import forward_jacobian, potential_hessian
 from flexarm.kernels.layout import Loads, no_loads
 from flexarm.kernels.recursion.composite_body import mass_matrix
@@ -45,14 +45,13 @@ class Dynamics(Coordinates):
         self._inverse = Pool(lambda: Scratch(a, (a.bodies, 1 + a.modes), a.coordinates))
         self._jacobian = Pool(lambda: _Jacobian(self))
 
-    def _state(self, where: str, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
-        coordinates = check_array(where, "q", q, (self.dof,))
-        rates = np.zeros(self.dof) if qd is None else check_array(where, "qd", qd, (self.dof,))
+    def _state(self, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
+        coordinates = check_array("q", q, (self.dof,))
+        rates = np.zeros(self.dof) if qd is None else check_array("qd", qd, (self.dof,))
         return self.padded(np.stack([coordinates, rates]))
 
     def _place(
         self,
-        where: str,
         scratch: Scratch,
         q: ArrayLike,
         qd: ArrayLike,
@@ -69,14 +68,13 @@ class Dynamics(Coordinates):
         plain = is_plain(q, vector) and is_plain(qd, vector) and is_plain(third, shape)
         if not (plain and scratch.fill(q, qd, third)):  # type: ignore[arg-type]
             scratch.fill(
-                check_array(where, "q", q, vector),
-                check_array(where, "qd", qd, vector),
-                check_array(where, name, third, shape),
+                check_array("q", q, vector),
+                check_array("qd", qd, vector),
+                check_array(name, third, shape),
             )
 
     def _outside(
         self,
-        where: str,
         tip_force: ArrayLike | None,
         loads: Sequence[Load],
         base_acceleration: ArrayLike | None,
@@ -87,8 +85,9 @@ class Dynamics(Coordinates):
         if nothing and type(loads) is tuple is type(contacts) and not (loads or contacts):
             return self._unloaded
         given = tip_force, loads, base_acceleration, contacts
-        return Environment.of(self, where, *given).placed(self, where)
+        return Environment.of(self, *given).placed(self)
 
+    @public_call
     def forward_dynamics(
         self,
         q: ArrayLike,
@@ -115,17 +114,17 @@ class Dynamics(Coordinates):
 
         Theory page "recursion", (R.4) to (R.14): O(links x modes), no matrix is formed.
         """
-        where = "Arm.forward_dynamics"
         scratch = self._forward.take()
-        self._place(where, scratch, q, qd, "torque", torque, self._torques)
-        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
+        self._place(scratch, q, qd, "torque", torque, self._torques)
+        placed = self._outside(tip_force, loads, base_acceleration, contacts)
         accelerations = scratch.forward_dynamics(scratch.state, scratch.third, placed)
         result: FloatArray = accelerations.take(self.assembly.coordinates)
         if not is_finite(result):  # discard the scratch, so that its values are not used again
-            return check_result(where, result, q, qd, torque)
+            return check_result(result, q, qd, torque)
         self._forward.append(scratch)
         return result
 
+    @public_call
     def inverse_dynamics(
         self,
         q: ArrayLike,
@@ -141,45 +140,41 @@ class Dynamics(Coordinates):
         Its entries at ``joint_index`` are joint torques (N m). Arguments as in
         ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
         """
-        where = "Arm.inverse_dynamics"
-        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
-        return self._force(where, q, qd, qdd, placed)
+        placed = self._outside(tip_force, loads, base_acceleration, contacts)
+        return self._force(q, qd, qdd, placed)
 
-    def _force(
-        self, where: str, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads
-    ) -> FloatArray:
+    def _force(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads) -> FloatArray:
         """Return the generalised force (dof,) of a motion."""
-        scratch = self._newton_euler(where, q, qd, qdd, placed)
+        scratch = self._newton_euler(q, qd, qdd, placed)
         force: FloatArray = scratch.work.force.take(self.assembly.coordinates)
         self._inverse.append(scratch)
         return force
 
+    @public_call
     def inverse_dynamics_many(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> FloatArray:
         """Return generalised forces for many states at once: arrays (samples, dof)."""
-        where = "Arm.inverse_dynamics_many"
-        coordinates = check_array(where, "q", q, (-1, self.dof))
+        coordinates = check_array("q", q, (-1, self.dof))
         shape = coordinates.shape
-        rates = check_array(where, "qd", qd, shape)
-        accelerations = self.padded(check_array(where, "qdd", qdd, shape))
+        rates = check_array("qd", qd, shape)
+        accelerations = self.padded(check_array("qdd", qdd, shape))
         states = self.padded(np.stack([coordinates, rates], axis=1))
         forces = np.empty_like(accelerations)
         kernels = KernelView(self.assembly.constants)
         kernels.call(
             inverse_dynamics_many, states, accelerations, kernels.loads, kernels.work, forces
         )
-        return check_result(where, self.unpadded(forces), q, qd, qdd)
+        return check_result(self.unpadded(forces), q, qd, qdd)
 
-    def _newton_euler(
-        self, where: str, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads
-    ) -> Scratch:
+    def _newton_euler(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads) -> Scratch:
         """Return scratch with the inverse dynamics in its workspace; the caller must return it."""
         scratch = self._inverse.take()
-        self._place(where, scratch, q, qd, "qdd", qdd, self._vector)
+        self._place(scratch, q, qd, "qdd", qdd, self._vector)
         force = scratch.inverse_dynamics(scratch.state, scratch.third, placed)
         if not is_finite(force):
-            check_result(where, force, q, qd, qdd)
+            check_result(force, q, qd, qdd)
         return scratch
 
+    @public_call
     def joint_reactions(
         self,
         q: ArrayLike,
@@ -195,9 +190,8 @@ class Dynamics(Coordinates):
         World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment of a
         joint that is not fixed is the sum of the motor torque and the joint's passive torque.
         """
-        where = "Arm.joint_reactions"
-        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
-        scratch = self._newton_euler(where, q, qd, qdd, placed)
+        placed = self._outside(tip_force, loads, base_acceleration, contacts)
+        scratch = self._newton_euler(q, qd, qdd, placed)
         work = scratch.work
         angle = np.cumsum(np.arctan2(work.rotation[:, 1], work.rotation[:, 0]))
         cosine, sine = np.cos(angle), np.sin(angle)
@@ -206,14 +200,14 @@ class Dynamics(Coordinates):
         self._inverse.append(scratch)
         return np.asarray(world[self.assembly.link_body])
 
+    @public_call
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
         """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd; (R.18), (R.19)."""
-        where = "Arm.mass_matrix"
-        state = self._state(where, q, None)
+        state = self._state(q, None)
         kernels = self._kernels.take()
         M = np.zeros(kernels.shape * 2)
         kernels.call(mass_matrix, state, kernels.work, M)
-        check_result(where, M, q)
+        check_result(M, q)
         self._kernels.append(kernels)
         return self._unpadded_square(M)
 
@@ -223,6 +217,7 @@ class Dynamics(Coordinates):
         found: FloatArray = matrix.reshape(size, size)[np.ix_(kept, kept)]
         return found
 
+    @public_call
     def stiffness_matrix(
         self,
         q: ArrayLike,
@@ -236,10 +231,9 @@ class Dynamics(Coordinates):
         except with follower loads, and exact to rounding errors. Arguments as in
         ``forward_dynamics``.
         """
-        where = "Arm.stiffness_matrix"
-        state = self._state(where, q, None)
+        state = self._state(q, None)
         constants = self.assembly.constants
-        placed = self._outside(where, tip_force, loads, None, contacts)
+        placed = self._outside(tip_force, loads, None, contacts)
         acting = placed.body.size or placed.contacts.body.size
         if not (np.any(constants.gravity) or constants.has_joint_laws or acting):
             springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
@@ -247,7 +241,7 @@ class Dynamics(Coordinates):
         kernels = KernelView(constants, complex)
         at_rest, K = np.zeros(kernels.shape), np.zeros(kernels.shape * 2)
         kernels.call(potential_hessian, state.astype(complex), at_rest, placed, kernels.work, K)
-        check_result(where, K, q)
+        check_result(K, q)
         return self._unpadded_square(K)
 
     def damping_matrix(self) -> FloatArray:
@@ -256,13 +250,15 @@ class Dynamics(Coordinates):
         rates = np.concatenate([constants.joint_damping[:, None], constants.damping], axis=1)
         return np.diag(self.unpadded(rates))
 
+    @public_call
     def bias_force(self, q: ArrayLike, qd: ArrayLike) -> FloatArray:
         """Return the force (dof,) at zero acceleration: M qdd + bias = force.
 
         It includes velocity products, stiffness, damping and gravity.
         """
-        return self._force("Arm.bias_force", q, qd, np.zeros(self.dof), self._unloaded)
+        return self._force(q, qd, np.zeros(self.dof), self._unloaded)
 
+    @public_call
     def derivatives(
         self,
         q: ArrayLike,
@@ -278,14 +274,13 @@ class Dynamics(Coordinates):
         Arguments as in ``forward_dynamics``. The same kernels are evaluated with complex
         perturbations (``kernels.derivatives.sensitivity``), so the result is exact to rounding.
         """
-        where = "Arm.derivatives"
         scratch, kernels = self._forward.take(), self._jacobian.take()
-        self._place(where, scratch, q, qd, "torque", torque, self._torques)
-        placed = self._outside(where, tip_force, loads, base_acceleration, contacts)
+        self._place(scratch, q, qd, "torque", torque, self._torques)
+        placed = self._outside(tip_force, loads, base_acceleration, contacts)
         kernels.fill(scratch.state, scratch.third, placed)
         flat = kernels.by_state.ravel()
         if not is_finite(flat):
-            check_result(where, flat, q, qd, torque)
+            check_result(flat, q, qd, torque)
         self._forward.append(scratch)
         self._jacobian.append(kernels)
         return Derivatives(

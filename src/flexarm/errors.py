@@ -13,9 +13,10 @@ import math
 import sys
 import warnings
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import wraps
 from reprlib import Repr
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -127,19 +128,20 @@ class Problem:
     """One problem of an input.
 
     Attributes:
-        where: location: a file with its line, or the call (`Link`, `simulate`).
         name: argument, or key path in a file.
         rule: condition on it, continuing the word "must"; without a value, a statement about it
             that starts with a verb: "is missing", "cannot be combined with step".
         value: the actual value, formatted by `shown`, or empty.
         hint: a full sentence that helps to correct it, or empty.
+        where: its place: a line of a file, or the call (`Link`, `simulate`), which `public_call`
+            adds.
     """
 
-    where: str
     name: str
     rule: str
     value: str = ""
     hint: str = ""
+    where: str = ""
 
     @property
     def statement(self) -> str:
@@ -149,7 +151,7 @@ class Problem:
         return printable(f"{text} {self.hint}" if self.hint else text)
 
     def __str__(self) -> str:
-        return f"{printable(self.where)}: {self.statement}"
+        return f"{printable(self.where)}: {self.statement}" if self.where else self.statement
 
 
 class FlexarmError(Exception):
@@ -168,6 +170,12 @@ class InputError(FlexarmError, ValueError):
         more = len(self.problems) - len(lines)
         return "\n".join([*lines, f"... and {more} more problems."] if more else lines)
 
+    def at(self, where: str) -> Self:
+        """Add a place to the problems that have none, and return this error."""
+        self.problems = tuple(p if p.where else replace(p, where=where) for p in self.problems)
+        self.args = self.problems
+        return self
+
 
 def problems_of(check: Callable[..., object], *arguments: object) -> tuple[Problem, ...]:
     """Return the problems that a check raises as an `InputError`; none if it returns."""
@@ -176,6 +184,49 @@ def problems_of(check: Callable[..., object], *arguments: object) -> tuple[Probl
     except InputError as error:
         return error.problems
     return ()
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+#: Methods for which the name of the class stands for the call.
+_NAMELESS = ("__init__", "__post_init__", "__call__")
+
+
+def public_call(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a public function, method or constructor: its name becomes the place of problems.
+
+    The place is the name of a function, ``simulate``, or of a constructor's class, ``Plant``; that
+    of a method contains the class of its object: ``Arm.tip``. Other decorators are above this one.
+    A problem that has a place keeps it: a line of a file, or the public call within this one whose
+    argument is wrong. The reasons are in decision 0026.
+    """
+    return _named(function, "")
+
+
+def public_call_as(place: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return `public_call` with another place than the function's name, such as ``plot.modes``."""
+    return lambda function: _named(function, place)
+
+
+def _named(function: Callable[P, R], place: str) -> Callable[P, R]:
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except InputError as error:
+            error.at(place or _place(function, args))
+            raise
+
+    return call
+
+
+def _place(function: Callable[..., object], args: tuple[object, ...]) -> str:
+    owner, _, name = function.__qualname__.rpartition(".")
+    if not owner:
+        return name
+    kind = args[0] if isinstance(args[0], type) else type(args[0])
+    return kind.__name__ if name in _NAMELESS else f"{kind.__name__}.{name}"
 
 
 class ModelError(InputError):
@@ -249,13 +300,10 @@ def warn_deprecated(old: str, new: str, removal: str) -> None:
     warn_caller(text, DeprecationWarning)
 
 
-def check_array(
-    where: str, name: str, value: object, shape: tuple[int, ...]
-) -> NDArray[np.float64]:
+def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return `value` as a float64 array of exactly `shape` with finite numbers.
 
     Args:
-        where: the call with this argument, for the message.
         name: the argument's name, for the message.
         value: array-like of real numbers.
         shape: lengths of the axes; -1 accepts any length.
@@ -273,26 +321,26 @@ def check_array(
     try:
         raw = np.asarray(value)
     except Exception:  # rows of different lengths, or objects whose conversion fails
-        raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value))) from None
+        raise InputError(Problem(name, f"be {_described(shape)}", shown(value))) from None
     if isinstance(value, np.ma.MaskedArray):
         hint = "Fill or remove the masked elements first."
-        raise InputError(Problem(where, name, "is a masked array", hint=hint))
+        raise InputError(Problem(name, "is a masked array", hint=hint))
     if raw.dtype.kind not in "iuf":
-        raise InputError(Problem(where, name, f"be {_described(shape)}", shown(value)))
+        raise InputError(Problem(name, f"be {_described(shape)}", shown(value)))
     if raw.ndim != len(shape) or any(
         n not in (-1, m) for n, m in zip(shape, raw.shape, strict=True)
     ):
-        raise InputError(Problem(where, name, f"be {_described(shape)}", _described(raw.shape)))
+        raise InputError(Problem(name, f"be {_described(shape)}", _described(raw.shape)))
     array = raw.astype(np.float64)
     if not np.all(np.isfinite(array)):
         first = np.argwhere(~np.isfinite(array))[0].tolist()
         place = f"[{', '.join(map(str, first))}]" if first else ""
         bad = shown(float(array[tuple(first)]))
-        raise InputError(Problem(where, f"{name}{place}", "be finite", bad))
+        raise InputError(Problem(f"{name}{place}", "be finite", bad))
     return array
 
 
-def check_result(where: str, result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:
+def check_result(result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:
     """Return a result computed from the arguments `given` if it is finite.
 
     Raises:
@@ -307,7 +355,7 @@ def check_result(where: str, result: NDArray[np.float64], *given: object) -> NDA
     hint = f"The largest number given is {largest:.3g}."
     if largest < 1e50:
         hint += " If that is reasonable, the mass matrix is singular in this posture."
-    raise InputError(Problem(where, "the result", "is not finite", hint=hint))
+    raise InputError(Problem("the result", "is not finite", hint=hint))
 
 
 def _described(shape: tuple[int, ...]) -> str:

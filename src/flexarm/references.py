@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, public_call, shown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -152,6 +152,7 @@ class Cited(Protocol):
     references: ClassVar[str]
 
 
+@public_call
 def citation(result: xr.Dataset | Cited) -> str:
     """Return BibTeX entries of the package and of the methods of a result.
 
@@ -167,11 +168,11 @@ def citation(result: xr.Dataset | Cited) -> str:
     elif isinstance(getattr(result, "references", None), str):
         used, made_by = getattr(result, "references", ""), version("flexarm")
     else:
-        raise InputError(Problem("citation", "result", "be a result of simulate", shown(result)))
+        raise InputError(Problem("result", "be a result of simulate", shown(result)))
     keys = ["flexarm", *str(used).split()]
     entries = dict(_ENTRIES)
     entries["flexarm"] = _ENTRIES["flexarm"] % made_by
     unknown = [key for key in keys if key not in entries]
     if unknown:
-        raise InputError(Problem("citation", "result", f"cites unknown methods: {shown(unknown)}"))
+        raise InputError(Problem("result", f"cites unknown methods: {shown(unknown)}"))
     return "\n\n".join(entries[key] for key in keys)

@@ -46,18 +46,6 @@ class Cut:
     reach: FloatArray
 
 
-def check_stations(where: str, stations: object, most: int = MOST_STATIONS) -> int:
-    """Return a number of stations that includes root and tip.
-
-    Raises:
-        InputError: if it is not a whole number from 2 to ``most``.
-    """
-    if isinstance(stations, int | np.integer) and 2 <= int(stations) <= most:
-        return int(stations)
-    rule = f"be a whole number from 2 (root and tip) to {most}"
-    raise InputError(Problem(where, "stations", rule, shown(stations)))
-
-
 def place_stations(arm: Coordinates, count: int) -> Stations:
     """Divide each link evenly by ``count`` stations, including root and tip: (links * count,).
 
@@ -103,8 +91,8 @@ def place_gauges(
             with np.errstate(over="ignore"):
                 rows[k, : curvature.size] = -distance * curvature
             if not np.isfinite(rows[k]).all():
-                rule = "be small enough that strains are floating-point numbers"
-                raise InputError(Problem("Arm", "gauges.distance", rule, shown(distance)))
+                rule = "be small enough for finite strains"
+                raise InputError(Problem("gauges.distance", rule, shown(distance)))
     return rows, bodies
 
 

@@ -78,7 +78,7 @@ def test_every_number_is_an_exact_parameter_or_rejected():
     acting = [given[name] for name in ("q", "qd", "torque", "tip_force")]
     for path in number_paths(arm.spec):
         try:
-            of_values = ParametricArm("test", arm, [path], [])
+            of_values = ParametricArm(arm, [path], [])
         except fa.InputError:
             continue
         accepted.append(path)

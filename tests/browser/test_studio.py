@@ -74,7 +74,7 @@ def test_message_of_a_wrong_value_is_beside_its_field(window, text):
     window.field(LENGTH).locator(".message").wait_for()
     project = project_with()
     with pytest.raises(ModelError) as error:
-        project.edited(("arm", "links", 0, "length"), change_of("", "", f"a={text}").value)
+        project.edited(("arm", "links", 0, "length"), change_of("", f"a={text}").value)
     assert window.message(LENGTH) == error.value.problems[0].statement
     assert np.array_equal(window.pixels(), before)
     window.set(LENGTH, "0.7")  # another value removes the message

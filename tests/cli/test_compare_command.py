@@ -167,7 +167,7 @@ def test_check_counts_the_runs_of_a_study(path):
         (
             "as believed: {}",
             "as believed: {loads: [{link: 1, force: [0, 1], station: 0.9}]}",
-            "plants.as believed.loads[0].station must be at most 0.8, the length of the link",
+            "plants.as believed.loads[0].station must be at most 0.8 (the length of the link)",
         ),
         ("as believed: {}", "as believed: 3", "plants.as believed must be a mapping"),
         ("drives:", "controllers:", "drives"),

@@ -165,7 +165,7 @@ def test_start_deep_in_a_wall_is_rejected_before_the_run(tmp_path, command):
     outcome = invoke(command, write(tmp_path / "deep.yaml", DEEP))
     assert_rejected(outcome)
     assert "deep.yaml" in outcome.stderr
-    assert "outside the surface of contact 1, got 0.5 m deep" in outcome.stderr
+    assert "outside the surface of contact 1, got 0.5 m inside" in outcome.stderr
 
 
 def test_paper_rejects_a_file_for_a_folder(tmp_path):

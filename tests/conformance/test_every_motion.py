@@ -198,7 +198,7 @@ def test_invalid_rates_of_tables_are_rejected(rate):
 
 
 def test_table_rejects_the_same_times_as_its_motion():
-    with pytest.raises(fa.InputError, match="SampledMotion: t must be a time"):
+    with pytest.raises(fa.InputError, match=r"SampledMotion\.joint_angle: t must be a time"):
         line().sampled(100.0).joint_angle(np.nan)
 
 

@@ -106,7 +106,7 @@ def exact():
 
 def driven_system(stops=()):
     constants = arm().assembly.constants
-    loads = Environment([LOAD]).placed(arm(), "test")
+    loads = Environment([LOAD]).placed(arm())
     drive = Drive(
         EDGES,
         arm().padded_torque(TORQUE),

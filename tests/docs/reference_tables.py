@@ -65,7 +65,7 @@ def _keys(definition: dict[str, Any]) -> str:
     required = definition.get("required", [])
     rows = ["| key | value | unit | default | meaning |", "| --- | --- | --- | --- | --- |"]
     for key, schema in definition["properties"].items():
-        meaning, unit = _meaning_and_unit(schema.get("description", "Which kind this is."))
+        meaning, unit = _meaning_and_unit(schema.get("description", "Kind of the entry."))
         default = "**required**" if key in required else _default(schema)
         rows.append(f"| `{key}` | {_value(schema)} | {unit} | {default} | {meaning} |")
     return "\n".join(rows)

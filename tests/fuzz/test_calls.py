@@ -86,6 +86,7 @@ def check_message(error: fa.FlexarmError) -> None:
         assert "\n" not in text, text
         assert len(text) < 1500, text
         assert getattr(problem, "name", "given"), text
+        assert getattr(problem, "where", "given"), text  # `public_call` is missing
 
 
 @settings(

@@ -124,7 +124,7 @@ def test_padding_changes_nothing(seed, extra):
     sizes, constants, work = parts(d.arm)
     state = state_array(d.arm, d.q, d.qd)
     torque = d.arm.padded_torque(d.torque)
-    loads = place_loads(d.arm, "test", tip_load(d.arm, "test", d.tip_force))
+    loads = place_loads(d.arm, tip_load(d.arm, d.tip_force))
     forward_dynamics(sizes, constants, state, torque, loads, work)
     wide = widened(constants, extra)
     more = new_workspace(wide)

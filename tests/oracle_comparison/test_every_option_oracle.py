@@ -85,7 +85,7 @@ def prescribed_accelerations(b):
         index = b.arm.joint_numbers.tolist().index(joint)
         body[b.arm.assembly.joint_body[index], FREE] = 0.0
         drive[index] = acceleration
-    loads = Environment(b.all_loads, b.base_acceleration).placed(b.arm, "test")
+    loads = Environment(b.all_loads, b.base_acceleration).placed(b.arm)
     state, torque = state_array(b.arm, b.q, b.qd), b.arm.padded_torque(drive)
     forward_dynamics(sizes, constants._replace(body=body), state, torque, loads, work)
     return b.arm.unpadded(work.acceleration)

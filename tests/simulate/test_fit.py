@@ -152,7 +152,7 @@ def test_controllers_of_users_may_state_their_requirements(arm):
 @pytest.mark.parametrize("read", [lambda m: m.joint_angel, lambda m: m["joint_angel"]])
 def test_misspelled_requirement_has_a_suggestion(arm, read):
     with pytest.raises(
-        fa.SimulationError, match="measured are: joint_angle, joint_rate, strain"
+        fa.SimulationError, match="available readings: joint_angle, joint_rate, strain"
     ) as e:
         fa.simulate(arm, 0.01, controller=Own(read))
     assert "no instrument measures 'joint_angel'" in str(e.value)

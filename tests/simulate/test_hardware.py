@@ -235,7 +235,9 @@ def test_unknown_reading_ends_the_run_and_lists_the_available_ones(arm):
         def update(self, t, measurement, reference):
             return measurement.tip
 
-    with pytest.raises(fa.SimulationError, match="'tip'; measured are: joint_angle, joint_rate"):
+    with pytest.raises(
+        fa.SimulationError, match="'tip'; available readings: joint_angle, joint_rate"
+    ):
         fa.simulate(arm, 0.1, controller=Asks([[0.0, 0.0]]))
 
 
@@ -285,7 +287,7 @@ def test_wrong_hardware_is_rejected(make, words):
     [
         (fa.Hardware([fa.Instrument("tip", sample_time=0.003)]), "multiple of the controller's"),
         (fa.Hardware([fa.Instrument(fa.Sensor("velocity", link=3))]), "number of a link, 1 to 2"),
-        (fa.Hardware(motors=fa.Motors(torque_limit=[1.0, 2.0, 3.0])), "each of the 2 joints"),
+        (fa.Hardware(motors=fa.Motors(torque_limit=[1.0, 2.0, 3.0])), "must have length 2, one"),
         (fa.Hardware([fa.Instrument("contact_force")]), "contact_force"),
         ("an encoder", "hardware must be a Hardware"),
     ],
@@ -304,9 +306,11 @@ def test_hardware_needs_a_controller(arm):
 def test_reading_of_a_missing_contact_is_rejected(name):
     """All controllers may read forces of contacts, but only on an arm with contacts."""
     measurement = fa.Measurement(joint_angle=np.ones(2))
-    with pytest.raises(AttributeError, match="Without contacts there is none: give simulate cont"):
+    with pytest.raises(AttributeError, match="Pass contacts= to simulate"):
         getattr(measurement, name)
-    with pytest.raises(AttributeError, match=r"measured are: joint_angle\. Give simulate a hardw"):
+    with pytest.raises(
+        AttributeError, match=r"available readings: joint_angle\. Pass hardware= with"
+    ):
         _ = measurement.tip
 
 

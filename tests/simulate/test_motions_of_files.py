@@ -234,7 +234,7 @@ LACKING = {
             "adaptation: 1, strain_gain: [2, 0]}}\n"
             "run: {duration: 0.1}\n"
         ),
-        "drive.inner.strain_gain must be 0 at joint 1: its link has no gauge",
+        "drive.inner.strain_gain must be 0 at joint 1 (its link has no gauge",
     ),
 }
 

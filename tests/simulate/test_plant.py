@@ -112,7 +112,7 @@ def test_functions_of_time_act_as_in_simulate(arm, motion):
     plant = fa.Plant(arm, TICK, loads=[load], duration=50 * TICK)
     _, q, _ = stepped(plant, controller(), motion, 50, initial=arm.rest(START))
     np.testing.assert_array_equal(q, result.q.values)
-    with pytest.raises(fa.InputError, match=r"must be at most the duration of the plant, 0.09765"):
+    with pytest.raises(fa.InputError, match=r"must be at most the duration of the plant \(0.09765"):
         plant.step([0.0, 0.0])
 
 
@@ -201,7 +201,7 @@ def test_memory_does_not_grow(arm):
         ({"base_acceleration": lambda t: [t], "duration": 1.0}, "^Plant: base_acceleration"),
         (
             {"hardware": fa.Hardware([fa.Instrument(fa.Sensor("position", 3))])},
-            r"^Hardware: Sensor\.link must be the number of a link, 1 to 2",
+            r"^Plant: Sensor\.link must be the number of a link, 1 to 2",
         ),
         (
             {"hardware": fa.Hardware([fa.Instrument("tip", sample_time=0.0003)])},

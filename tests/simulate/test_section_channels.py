@@ -136,7 +136,7 @@ def test_wrong_numbers_of_stations_are_rejected_before_the_run(stations):
     with pytest.raises(fa.InputError) as reported:
         fa.simulate(two_links(), 1e9, rate=1e-3, stations=stations)
     assert str(reported.value).startswith(
-        "simulate: stations must be a whole number from 2 (root and tip) to 1000, got"
+        "simulate: stations must be a whole number from 2 to 1000, got"
     )
 
 

@@ -30,7 +30,8 @@ def test_deep_start_is_reported_with_depth_force_and_energy(exponent):
     energy = force * depth / (exponent + 1.0)  # the integral of the force from 0 to the depth
     message = (
         rf"^simulate: initial must start outside the surface of contact 2, got 0\.05 m "
-        rf"deep, where it pushes with {force:.3g} N and stores {energy:.3g} J\. That is 20 times "
+        rf"inside, with a contact force of {force:.3g} N and an energy of {energy:.3g} J\. The "
+        "force is 20 times "
     )
     away = fa.Contact(fa.Wall((0.0, -5.0), (0.0, 1.0)), 1e4)
     touches = [away, contact(force, depth, exponent)]
@@ -102,7 +103,7 @@ def test_motion_that_presses_the_wrong_way_is_rejected(arm, surface, normal):
     wrong = fa.pressed_motion(arm, line, 5.0, -np.array(normal))
     message = (
         r"^simulate: reference\.normal must point away from the surface of contact 2, got "
-        r"\(0, -?1\) at t = 0 s, into it"
+        r"\(0, -?1\) at t = 0 s, which points into it"
     )
     with pytest.raises(fa.InputError, match=message):
         fa.simulate(arm, 0.01, reference=wrong, initial=wrong.initial, **hold)
@@ -112,7 +113,7 @@ def test_motion_that_reaches_a_wall_later_is_checked_there(arm):
     line = fa.line_motion(arm, (1.0, 0.6), (1.0, 0.3), 1.0)
     wrong = fa.pressed_motion(arm, line, lambda t: 5.0 * t, (0.0, -1.0))
     floor = fa.Contact(fa.Wall((0.0, 0.3), (0.0, 1.0)), 1e4)
-    with pytest.raises(fa.InputError, match=r"got \(0, -1\) at t = 0\.[7-9]\d* s, into it"):
+    with pytest.raises(fa.InputError, match=r"got \(0, -1\) at t = 0\.[7-9]\d* s, which points"):
         fa.simulate(arm, 1.0, controller=fa.JointPD(20.0, 2.0), reference=wrong, contacts=[floor])
 
 

@@ -1,6 +1,7 @@
 """The format of problems, and the checks of arrays."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,16 +18,18 @@ from flexarm.errors import (
 
 
 def test_problem_reads_as_a_sentence():
-    problem = Problem("arm.yaml:5", "length", "be greater than 0", "-1")
+    problem = Problem("length", "be greater than 0", "-1")
+    assert str(problem) == "length must be greater than 0, got -1."
+    problem = replace(problem, where="arm.yaml:5")
     assert str(problem) == "arm.yaml:5: length must be greater than 0, got -1."
-    with_hint = Problem("Link", "theory", "be one of 'a', 'b'", "'c'", "Did you mean 'b'?")
+    with_hint = Problem("theory", "be one of 'a', 'b'", "'c'", "Did you mean 'b'?")
     assert str(with_hint).endswith("got 'c'. Did you mean 'b'?")
 
 
 def test_input_error_has_one_line_per_problem_up_to_fifty():
-    problems = [Problem("f", f"x[{i}]", "be finite", "nan") for i in range(52)]
+    problems = [Problem(f"x[{i}]", "be finite", "nan") for i in range(52)]
     assert str(InputError(*problems[:2])) == (
-        "f: x[0] must be finite, got nan.\nf: x[1] must be finite, got nan."
+        "x[0] must be finite, got nan.\nx[1] must be finite, got nan."
     )
     error = InputError(*problems)
     assert len(error.problems) == 52
@@ -38,7 +41,7 @@ def test_errors_have_builtin_base_classes_and_can_be_pickled():
     assert issubclass(InputError, ValueError)
     assert issubclass(SimulationError, RuntimeError)
     assert issubclass(SimulationError, FlexarmError)
-    error = ModelError(Problem("f", "x", "be finite", "nan"))
+    error = ModelError(Problem("x", "be finite", "nan"))
     assert pickle.loads(pickle.dumps(error)).problems == error.problems
     failure = pickle.loads(pickle.dumps(SimulationError(0.5, "It diverged.", "Try less.")))
     assert str(failure) == "stopped at t = 0.5 s: It diverged. Try less."
@@ -70,30 +73,30 @@ def test_long_values_are_shortened(value):
 
 def test_check_array_returns_a_float_copy():
     given = np.array([1.0, 2.0, 3.0])
-    array = check_array("f", "x", given, (3,))
+    array = check_array("x", given, (3,))
     assert array.dtype == np.float64
     given[0] = 9
     assert array.tolist() == [1.0, 2.0, 3.0]
-    assert check_array("f", "x", [[1, 2]], (-1, 2)).shape == (1, 2)
-    assert check_array("f", "x", 2, ()) == 2.0
+    assert check_array("x", [[1, 2]], (-1, 2)).shape == (1, 2)
+    assert check_array("x", 2, ()) == 2.0
 
 
 @pytest.mark.parametrize(
     ("value", "shape", "message"),
     [
-        ([1, 2], (3,), "f: x must be numbers of shape (3,), got numbers of shape (2,)."),
-        ([1, 2], (-1, 3), "f: x must be numbers of shape (any, 3), got numbers of shape (2,)."),
-        ([1, np.nan], (2,), "f: x[1] must be finite, got nan."),
-        ([[1, 2], [-np.inf, 0]], (2, 2), "f: x[1, 0] must be finite, got -inf."),
-        (np.inf, (), "f: x must be finite, got inf."),
-        (True, (), "f: x must be a number, got True."),
-        ("1", (), "f: x must be a number, got '1'."),
-        (None, (2,), "f: x must be numbers of shape (2,), got nothing."),
-        ([1j], (1,), "f: x must be numbers of shape (1,), got [1j]."),
-        ([[1], [2, 3]], (2, 2), "f: x must be numbers of shape (2, 2), got [[1], [2, 3]]."),
+        ([1, 2], (3,), "x must be numbers of shape (3,), got numbers of shape (2,)."),
+        ([1, 2], (-1, 3), "x must be numbers of shape (any, 3), got numbers of shape (2,)."),
+        ([1, np.nan], (2,), "x[1] must be finite, got nan."),
+        ([[1, 2], [-np.inf, 0]], (2, 2), "x[1, 0] must be finite, got -inf."),
+        (np.inf, (), "x must be finite, got inf."),
+        (True, (), "x must be a number, got True."),
+        ("1", (), "x must be a number, got '1'."),
+        (None, (2,), "x must be numbers of shape (2,), got nothing."),
+        ([1j], (1,), "x must be numbers of shape (1,), got [1j]."),
+        ([[1], [2, 3]], (2, 2), "x must be numbers of shape (2, 2), got [[1], [2, 3]]."),
     ],
 )
 def test_check_array_rejects_wrong_values(value, shape, message):
     with pytest.raises(InputError) as caught:
-        check_array("f", "x", value, shape)
+        check_array("x", value, shape)
     assert str(caught.value) == message

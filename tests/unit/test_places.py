@@ -22,16 +22,15 @@ SUFFIXES = (".nc", ".csv")
 
 def refused(path):
     with pytest.raises(InputError) as reported:
-        check_place("run", "--out", path, SUFFIXES)
+        check_place("--out", path, SUFFIXES)
     (problem,) = reported.value.problems
-    assert problem.where == "run"
     assert problem.name == "--out"
     return problem
 
 
 def test_missing_folders_are_created_without_a_file(tmp_path):
     place = tmp_path / "a" / "b" / "run.nc"
-    assert check_place("run", "--out", place, SUFFIXES) == place
+    assert check_place("--out", place, SUFFIXES) == place
     assert place.parent.is_dir()
     assert not list(place.parent.iterdir())
 
@@ -88,7 +87,7 @@ def test_folder_without_permission_is_rejected():
 def test_file_is_not_a_folder(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="--out must be a writable folder"):
-        check_folder("paper", "--out", tmp_path / "file")
+        check_folder("--out", tmp_path / "file")
 
 
 def full_disk():

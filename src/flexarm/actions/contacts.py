@@ -30,14 +30,14 @@ def point_of(arm: Coordinates, contact: Contact) -> Load:
     return marker(arm.links if contact.link is None else contact.link, contact.station)
 
 
-def place_contacts(arm: Coordinates, where: str, contacts: Sequence[Contact]) -> Contacts:
+def place_contacts(arm: Coordinates, contacts: Sequence[Contact]) -> Contacts:
     """Convert contacts to the kernels' arrays.
 
     Raises:
         InputError: if a point is not on the arm.
     """
     marks = [point_of(arm, contact) for contact in contacts]
-    points = place_loads(arm, where, marks, what="Contact")
+    points = place_loads(arm, marks, what="Contact")
     tables = [pieces_of(c.surface) for c in contacts if isinstance(c.surface, SurfaceTable)]
     pieces = sum(len(table) for table in tables)
     placed = empty_contacts(arm.assembly.constants, len(contacts), pieces)

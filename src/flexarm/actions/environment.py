@@ -40,7 +40,6 @@ class Environment:
     def of(
         cls,
         arm: Coordinates,
-        where: str,
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: BaseAcceleration | None = None,
@@ -56,25 +55,25 @@ class Environment:
                 list of such objects.
         """
         return cls(
-            [*tip_load(arm, where, tip_force), *check_list_of(where, "loads", loads, Load)],
+            [*tip_load(arm, tip_force), *check_list_of("loads", loads, Load)],
             base_acceleration,
-            check_list_of(where, "contacts", contacts, Contact),
+            check_list_of("contacts", contacts, Contact),
         )
 
-    def placed(self, arm: Coordinates, where: str) -> Loads:
+    def placed(self, arm: Coordinates) -> Loads:
         """Return the kernels' arrays for one state; time factors of loads are ignored.
 
         Raises:
             InputError: if a load or a contact is not on the arm, or the acceleration of the base
                 does not consist of two numbers.
         """
-        placed = place_loads(arm, where, self.loads)
+        placed = place_loads(arm, self.loads)
         base = self.base_acceleration
         if base is not None:
-            placed.base_acceleration[:] = check_array(where, "base_acceleration", base, (2,))
+            placed.base_acceleration[:] = check_array("base_acceleration", base, (2,))
         if not self.contacts:
             return placed
-        return placed._replace(contacts=place_contacts(arm, where, self.contacts))
+        return placed._replace(contacts=place_contacts(arm, self.contacts))
 
 
 #: The environment of an arm on which nothing acts except gravity.

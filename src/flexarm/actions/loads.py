@@ -25,16 +25,16 @@ SAME_PLACE = 1e-9
 _POINTS = 4
 
 
-def tip_load(arm: Coordinates, where: str, tip_force: ArrayLike | None) -> list[Load]:
+def tip_load(arm: Coordinates, tip_force: ArrayLike | None) -> list[Load]:
     """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a list of at most one load.
 
     The list is empty for None.
     """
     if tip_force is None:
         return []
-    force = check_array(where, "tip_force", tip_force, (-1,))
+    force = check_array("tip_force", tip_force, (-1,))
     size = force.size if force.size in (2, 3) else 3
-    force = check_array(where, "tip_force", force, (size,))
+    force = check_array("tip_force", force, (size,))
     moment = float(force[2]) if size == 3 else 0.0
     return [Load(link=arm.links, force=tuple(force[:2].tolist()), moment=moment)]
 
@@ -44,12 +44,7 @@ def marker(link: int, station: float | None) -> Load:
     return Load(link=link, force=(0.0, 0.0), station=station)
 
 
-def place_loads(
-    arm: Coordinates,
-    where: str,
-    loads: Sequence[Load],
-    what: str = "Load",
-) -> Loads:
+def place_loads(arm: Coordinates, loads: Sequence[Load], what: str = "Load") -> Loads:
     """Convert loads to the kernels' arrays; ``what`` is their name in messages.
 
     Raises:
@@ -57,7 +52,7 @@ def place_loads(
     """
     parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
     for load in loads:
-        problems = [fault.problem(where) for fault in place_faults_of(arm.spec, load)]
+        problems = [fault.problem() for fault in place_faults_of(arm.spec, load)]
         if problems:
             raise InputError(*(replace(p, name=f"{what}.{p.name}") for p in problems))
         if load.spread is None:

@@ -1,6 +1,6 @@
 """Assembly of the kernels' arrays from the specification of an arm.
 
-Only this module uses both: the model layer contains no arrays, and the kernels know no links.
+Only this module uses both: the model layer contains no arrays, and the kernels contain no links.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def assemble(spec: ArmSpec) -> Assembly:
             body += joint.elastic
         link_body.append(body)
         start, rows = 0.0, 0
-        for shapes in _kept_segments(link, f"arm.links[{index}]"):
+        for shapes in _kept_segments(link, index):
             count = shapes.elements
             piece = Piece(index, body, start, shapes, len(places), slice(rows, rows + count))
             pieces.append(piece)
@@ -156,25 +156,28 @@ def assemble(spec: ArmSpec) -> Assembly:
     )
 
 
-def _kept_segments(link: Link, where: str) -> tuple[LinkConstants, ...]:
+def _kept_segments(link: Link, index: int) -> tuple[LinkConstants, ...]:
     """Return the constants of a link's segments, from the cache if possible.
 
     Raises:
-        InputError: as in ``assemble``, with the place of this link.
+        InputError: as in ``assemble``, with the index of this link.
     """
     try:
-        return _segments(link)
-    except (InputError, TypeError):  # TypeError: a link that contains a list has no hash
-        return _segments.__wrapped__(link, where)
+        try:
+            return _segments(link)
+        except TypeError:  # a link that contains a list has no hash
+            return _segments.__wrapped__(link)
+    except InputError as error:
+        raise error.at(f"arm.links[{index}]") from None
 
 
 @lru_cache(maxsize=64)
-def _segments(link: Link, where: str = "arm.links") -> tuple[LinkConstants, ...]:
+def _segments(link: Link) -> tuple[LinkConstants, ...]:
     """Compute the read-only constants of the segments of a link, from its root outwards."""
     beam = link.beam()
     columns = (beam.mass_per_length, beam.rotary_inertia_per_length or ())
     if not link.flexible:
-        return (rigid_constants(beam.x, *columns, elements=link.elements, where=where),)
+        return (rigid_constants(beam.x, *columns, elements=link.elements),)
     rigidity, shear = np.array(beam.flexural_rigidity), beam.shear_rigidity
     count = link.segments
     segments = []
@@ -190,7 +193,6 @@ def _segments(link: Link, where: str = "arm.links") -> tuple[LinkConstants, ...]
                 elements=link.elements // count,
                 modes=link.modes,
                 shear_rigidity=None if shear is None else np.interp(stations, x, np.array(shear)),
-                where=where,
             )
         )
     return tuple(segments)

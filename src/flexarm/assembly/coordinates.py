@@ -9,8 +9,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arguments import as_list, check_last_axes
 from flexarm.assembly.assemble import Assembly, FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, is_count, public_call, shown
 from flexarm.model import ArmSpec
+
+
+def check_joint(arm: Coordinates, name: str, joint: object) -> int:
+    """Return the index in ``joint_index`` of a joint that is given by its number, from 1.
+
+    Raises:
+        InputError: if there is no joint with this number, or it is fixed.
+    """
+    numbers = arm.joint_numbers.tolist()
+    if is_count(joint) and joint in numbers:
+        return int(numbers.index(joint))
+    known = ", ".join(map(str, numbers)) or "there are none"
+    rule = f"be the number of a joint that is not fixed ({known})"
+    raise InputError(Problem(name, rule, shown(joint)))
 
 
 class Coordinates:
@@ -56,17 +70,20 @@ class Coordinates:
         """Lengths of the links, (links,) m."""
         return np.array([link.length for link in self.spec.links])
 
+    @public_call
     def rest(self, joint_angles: ArrayLike) -> FloatArray:
         """Return q (dof,) of straight links at relative joint angles (joints,), rad."""
-        angles = check_array("Arm.rest", "joint_angles", joint_angles, (self.joints,))
+        angles = check_array("joint_angles", joint_angles, (self.joints,))
         q = np.zeros(self.dof)
         q[self.joint_index] = angles
         return q
 
+    @public_call
     def joint_angles(self, q: ArrayLike) -> FloatArray:
         """Return the joint angles (joints,) of q (dof,), or joint rates from rates."""
-        return check_array("Arm.joint_angles", "q", q, (self.dof,))[self.joint_index]
+        return check_array("q", q, (self.dof,))[self.joint_index]
 
+    @public_call
     def from_nodal(self, joint_angles: ArrayLike, nodal: Sequence[ArrayLike]) -> FloatArray:
         """Return q (dof,) of links deformed to given nodal values.
 
@@ -81,9 +98,9 @@ class Coordinates:
         items = list(nodal) if isinstance(nodal, np.ndarray) and nodal.ndim else as_list(nodal)
         if items is None or len(items) != self.links:
             rule = f"be a list of one array for each of the {self.links} links"
-            raise InputError(Problem("Arm.from_nodal", "nodal", rule, shown(nodal)))
+            raise InputError(Problem("nodal", rule, shown(nodal)))
         values = {
-            i: check_array("Arm.from_nodal", f"nodal[{i}]", items[i], (link.elements, 2))
+            i: check_array(f"nodal[{i}]", items[i], (link.elements, 2))
             for i, link in enumerate(self.spec.links)
             if link.flexible
         }
@@ -92,12 +109,13 @@ class Coordinates:
                 q[piece.modal] = piece.shapes.projector @ values[piece.link][piece.rows].ravel()
         return q
 
+    @public_call
     def nodal(self, q: ArrayLike) -> list[FloatArray]:
         """Return the deflection (m) and section rotation (rad) at the free nodes of the links.
 
         (elements, 2) for each link; without shear the rotation is the slope.
         """
-        values = check_array("Arm.nodal", "q", q, (self.dof,))
+        values = check_array("q", q, (self.dof,))
         shapes = [np.zeros((link.elements, 2)) for link in self.spec.links]
         for piece in self.assembly.pieces:
             if piece.shapes.w2.size:
@@ -105,6 +123,7 @@ class Coordinates:
                 shapes[piece.link][piece.rows] = bent.reshape(-1, 2)
         return shapes
 
+    @public_call
     def padded(self, vector: ArrayLike) -> FloatArray:
         """Convert a vector (dof,) or vectors (..., dof) to the kernels' array (..., n, 1 + m).
 
@@ -112,11 +131,12 @@ class Coordinates:
             InputError: if the last axis does not have dof numbers.
         """
         a = self.assembly
-        vector = check_last_axes("Arm.padded", "vector", vector, a.coordinates.shape)
+        vector = check_last_axes("vector", vector, a.coordinates.shape)
         array = np.zeros((*vector.shape[:-1], a.bodies * (1 + a.modes)), dtype=vector.dtype)
         array[..., a.coordinates] = vector
         return array.reshape(*vector.shape[:-1], a.bodies, 1 + a.modes)
 
+    @public_call
     def unpadded(self, array: ArrayLike) -> FloatArray:
         """Convert the kernels' array (..., n, 1 + m) to coordinates (..., dof).
 
@@ -124,11 +144,12 @@ class Coordinates:
             InputError: if the last axes do not have the shape (n, 1 + m).
         """
         a = self.assembly
-        array = check_last_axes("Arm.unpadded", "array", array, (a.bodies, 1 + a.modes))
+        array = check_last_axes("array", array, (a.bodies, 1 + a.modes))
         flat = array.reshape(*array.shape[:-2], a.bodies * (1 + a.modes))
         taken: FloatArray = flat[..., a.coordinates]
         return taken
 
+    @public_call
     def padded_torque(self, torque: ArrayLike) -> FloatArray:
         """Convert joint torques (..., joints) to torques of the bodies (..., n).
 
@@ -136,7 +157,7 @@ class Coordinates:
             InputError: if the last axis does not have one number for each joint.
         """
         a = self.assembly
-        torque = check_last_axes("Arm.padded_torque", "torque", torque, a.joint_body.shape)
+        torque = check_last_axes("torque", torque, a.joint_body.shape)
         array = np.zeros((*torque.shape[:-1], a.bodies), dtype=torque.dtype)
         array[..., a.joint_body] = torque
         return array

@@ -34,8 +34,6 @@ from flexarm.simulation.run import simulate
 if TYPE_CHECKING:
     import xarray as xr
 
-_WHERE = "simulate_batch"
-
 
 class Outcome(NamedTuple):
     """Result of one run.
@@ -95,7 +93,7 @@ class OpenLoop:
         self._events, self._prescribed = acting["events"], acting["prescribed"] or {}
         names = "tip_force", "loads", "base_acceleration", "contacts"
         self._environment = tuple(acting[name] for name in names)
-        self._meter = Meter(_WHERE, False)
+        self._meter = Meter("simulating", False)
         self._template: Run | None = None
         self._histories: dict[float, PiecewiseCubic] = {}
         # Functions of users are called by one thread at a time.
@@ -150,17 +148,17 @@ class OpenLoop:
         state = self.start(k, arm)
         if self._template is not None:
             requested = options.integrator, options.step
-            return restarted(self._template, state, *requested, _WHERE), state
+            return restarted(self._template, state, *requested), state
         with self._users:
-            environment = Environment.of(arm, _WHERE, *self._environment)
-            log = event_log(_WHERE, arm, self._events)
-            run = options.new_run(_WHERE, arm, state, environment, log, self._meter)
+            environment = Environment.of(arm, *self._environment)
+            log = event_log(arm, self._events)
+            run = options.new_run(arm, state, environment, log, self._meter)
         placed = run.loads.placed.contacts
-        refuse_deep_start(_WHERE, arm, state, placed)
+        refuse_deep_start(arm, state, placed)
         run.prescribed = tuple(self._prescribed)
         run.loads_of = partial(self._loads, run.loads_of)
         if self._variations.same_arm and not placed.body.size and log is None:
-            self._template = restarted(run, state, options.integrator, options.step, _WHERE)
+            self._template = restarted(run, state, options.integrator, options.step)
         return run, state
 
     def _loads(self, loads_of: Any, relative: float) -> LoadHistory:

@@ -38,7 +38,6 @@ class Recorder:
     """Arrays of a batch. Threads may record different runs at the same time.
 
     Args:
-        where: name of the calling function, for messages.
         arm: the first arm, for the sizes of the channels.
         times: (samples,) s, sample times of a run that is complete.
         channels: names of the stored channels.
@@ -53,7 +52,6 @@ class Recorder:
 
     def __init__(
         self,
-        where: str,
         runs: int,
         arm: Arm,
         times: FloatArray,
@@ -77,7 +75,7 @@ class Recorder:
             "station": stations,
         }
         needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
-        self._check(where, {"channels": tuple(channels), **needed}, closed)
+        self._check({"channels": tuple(channels), **needed}, closed)
         stored = times[::stride].size
         self._channels = {
             name: np.full((runs, stored, *self._shape(CHANNELS[name].dims)), np.nan)
@@ -94,7 +92,7 @@ class Recorder:
     def _shape(self, dims: Sequence[str]) -> list[int]:
         return [self._sizes[dim] for dim in dims]
 
-    def _check(self, where: str, own: Mapping[str, Sequence[str]], closed: bool) -> None:
+    def _check(self, own: Mapping[str, Sequence[str]], closed: bool) -> None:
         """Raise if the runs do not have a channel, because of the arm or the arguments."""
         problems = []
         for argument, names in own.items():
@@ -104,7 +102,7 @@ class Recorder:
                     missing = "controller"
                 if missing:
                     rule = f"has {name!r}, which the runs do not have: there is no {missing}"
-                    problems.append(Problem(where, argument, rule))
+                    problems.append(Problem(argument, rule))
         if problems:
             raise InputError(*problems)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.arguments import check_choice, check_mapping, check_nonnegative, check_positive
 from flexarm.engine.channels import CHANNELS
-from flexarm.errors import InputError, Problem, check_array, nearest, shown
+from flexarm.errors import InputError, Problem, check_array, nearest, public_call, shown
 from flexarm.integrate.base import FloatArray
 
 #: Channels of one run (samples, ...) by name.
@@ -94,22 +94,22 @@ class Reduction:
     after: float = 0.0
     band: float | None = None
 
+    @public_call
     def __post_init__(self) -> None:
-        where = "Reduction"
         if not callable(self.kind):
-            check_choice(where, "kind", self.kind, KINDS)
+            check_choice("kind", self.kind, KINDS)
         names = self.channels
         if not names or (not callable(self.kind) and not isinstance(self.channel, str)):
             rule = "be the name of a channel" + ", or a list of them" * callable(self.kind)
-            raise InputError(Problem(where, "channel", rule, shown(self.channel)))
+            raise InputError(Problem("channel", rule, shown(self.channel)))
         for name in names:
-            check_channel(where, "channel", name)
-        check_nonnegative(where, "after", self.after)
+            check_channel("channel", name)
+        check_nonnegative("after", self.after)
         if (self.kind == "settling") != (self.band is not None):
             rule = "is required by settling" if self.band is None else "is of settling alone"
-            raise InputError(Problem(where, "band", rule))
+            raise InputError(Problem("band", rule))
         if self.band is not None:
-            check_positive(where, "band", self.band)
+            check_positive("band", self.band)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -149,7 +149,7 @@ def reduced(item: Reduction, times: FloatArray, channels: Channels) -> FloatArra
     times = times[first:]
     if callable(item.kind):
         value = item.kind(times, *values)
-        return check_array("Reduction", "the value of the function", value, ())
+        return check_array("the value of the function", value, ())
     dims = CHANNELS[item.channels[0]].dims
     kind, one = KINDS[item.kind], values[0]
     if not times.size:
@@ -162,7 +162,7 @@ def reduced(item: Reduction, times: FloatArray, channels: Channels) -> FloatArra
     return np.asarray(kind.reduce(times, one, item.band or 0.0))
 
 
-def check_channel(where: str, name: str, channel: object) -> str:
+def check_channel(name: str, channel: object) -> str:
     """Return the name of a channel of results.
 
     Raises:
@@ -171,10 +171,10 @@ def check_channel(where: str, name: str, channel: object) -> str:
     if isinstance(channel, str) and channel in CHANNELS:
         return channel
     rule = "be the name of a channel of results"
-    raise InputError(Problem(where, name, rule, shown(channel), nearest(channel, CHANNELS)))
+    raise InputError(Problem(name, rule, shown(channel), nearest(channel, CHANNELS)))
 
 
-def check_reductions(where: str, given: object, taken: Sequence[str]) -> dict[str, Reduction]:
+def check_reductions(given: object, taken: Sequence[str]) -> dict[str, Reduction]:
     """Return reductions by the names of their variables.
 
     Args:
@@ -185,16 +185,16 @@ def check_reductions(where: str, given: object, taken: Sequence[str]) -> dict[st
     """
     if given is None:
         return {}
-    found = dict(check_mapping(where, "reductions", given, "names and Reduction objects"))
+    found = dict(check_mapping("reductions", given, "names and Reduction objects"))
     problems = []
     for name, item in found.items():
         if not isinstance(name, str) or not name:
-            problems.append(Problem(where, "reductions", "have names that are text", shown(name)))
+            problems.append(Problem("reductions", "have names that are text", shown(name)))
         elif name in taken:
-            problems.append(Problem(where, "reductions", "have names of their own", shown(name)))
+            problems.append(Problem("reductions", "have names of their own", shown(name)))
         elif not isinstance(item, Reduction):
             place = f"reductions[{name!r}]"
-            problems.append(Problem(where, place, "be a Reduction", shown(item)))
+            problems.append(Problem(place, "be a Reduction", shown(item)))
     if problems:
         raise InputError(*problems)
     return found

@@ -26,6 +26,7 @@ from flexarm.errors import (
     InputError,
     Problem,
     nearest,
+    public_call,
     shown,
     warn_caller,
 )
@@ -38,7 +39,6 @@ from flexarm.simulation.run import simulate
 if TYPE_CHECKING:
     import xarray as xr
 
-_WHERE = "simulate_batch"
 #: A function that executes a block of runs, and the blocks.
 Work = tuple[Callable[[range], Iterable[tuple[int, Outcome]]], list[range]]
 #: Options of ``simulate`` that are the same for all runs, with their defaults.
@@ -58,6 +58,7 @@ _ACTING = ("tip_force", "loads", "base_acceleration", "contacts", "events", "pre
 _BLOCK, _LANE_BLOCK, _MEMORY = 8, 128, 2**24
 
 
+@public_call
 def simulate_batch(
     arm: Arm | Sequence[Arm],
     duration: float,
@@ -129,10 +130,10 @@ def simulate_batch(
     started = time.perf_counter()
     # Code that is compiled in the middle of a run may differ in the last digits.
     given = OPTIONS | {"specialized": False} | _known(options)
-    threads = _cores() if threads is None else check_count(_WHERE, "threads", threads, most=1024)
-    stride = check_count(_WHERE, "stride", stride)
+    threads = _cores() if threads is None else check_count("threads", threads, most=1024)
+    stride = check_count("stride", stride)
     names = _channels(channels)
-    reduced = check_reductions(_WHERE, reductions, TAKEN)
+    reduced = check_reductions(reductions, TAKEN)
     own = variations_of(
         arm,
         torque=torque,
@@ -145,13 +146,13 @@ def simulate_batch(
         seeds=seeds,
     )
     acting = {name: given.pop(name) for name in _ACTING}
-    checked = run_options(_WHERE, duration, rate=rate, **given)
+    checked = run_options(duration, rate=rate, **given)
     first = own.arms[0]
-    contacts = Environment.of(first, _WHERE, *(acting[name] for name in _ACTING[:4])).contacts
+    contacts = Environment.of(first, *(acting[name] for name in _ACTING[:4])).contacts
     counts = len(contacts), checked.stations
     closed = own.controllers[0] is not None
     sizes = first, checked.times, names, reduced, stride, counts, closed
-    recorder = Recorder(_WHERE, own.count, *sizes)
+    recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
     if closed:
         model = first if own.parameters else None
@@ -195,9 +196,7 @@ def _known(options: Mapping[str, Any]) -> dict[str, Any]:
             hint = nearest(name, OPTIONS)
             if name == "plant":
                 hint = "The arms of the batch are simulated; use parameters to vary them."
-            problems.append(
-                Problem(_WHERE, name, "is not an argument of simulate_batch", hint=hint)
-            )
+            problems.append(Problem(name, "is not an argument of simulate_batch", hint=hint))
     if problems:
         raise InputError(*problems)
     return dict(options)
@@ -206,8 +205,8 @@ def _known(options: Mapping[str, Any]) -> dict[str, Any]:
 def _channels(given: object) -> tuple[str, ...]:
     if not isinstance(given, list | tuple):
         rule = "be a list of names of channels"
-        raise InputError(Problem(_WHERE, "channels", rule, shown(given)))
-    return tuple(dict.fromkeys(check_channel(_WHERE, "channels", name) for name in given))
+        raise InputError(Problem("channels", rule, shown(given)))
+    return tuple(dict.fromkeys(check_channel("channels", name) for name in given))
 
 
 def _cores() -> int:

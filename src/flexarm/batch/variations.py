@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -21,7 +21,6 @@ from flexarm.model.file_format.paths import number_at, with_number
 from flexarm.simulation.preparation import Torque
 
 T = TypeVar("T")
-_WHERE = "simulate_batch"
 #: Arms with changed parameters that are kept, because runs often repeat the same parameters.
 _KEPT_ARMS = 64
 
@@ -159,10 +158,10 @@ def _row(values: FloatArray | None, k: int) -> FloatArray | None:
 
 def _arms(arm: object) -> list[Arm]:
     if not _is_list(arm):
-        return [check_kind(_WHERE, "arm", arm, Arm, "an Arm or a list of them")]
-    arms = check_list_of(_WHERE, "arm", arm, Arm)
+        return [check_kind("arm", arm, Arm, "an Arm or a list of them")]
+    arms = check_list_of("arm", arm, Arm)
     if not arms:
-        raise InputError(Problem(_WHERE, "arm", "must not be an empty list"))
+        raise InputError(Problem("arm", "must not be an empty list"))
     for k, other in enumerate(arms):
         _check_structure(f"arm[{k}]", other, arms[0])
     return arms
@@ -178,7 +177,7 @@ def _check_structure(name: str, arm: Arm, first: Arm) -> None:
     if own != known:
         parts = "coordinates, links, joints and gauges"
         rule = f"have the {known} {parts} of the first arm"
-        raise InputError(Problem(_WHERE, name, rule, str(own)))
+        raise InputError(Problem(name, rule, str(own)))
 
 
 @lru_cache(maxsize=_KEPT_ARMS)
@@ -188,7 +187,7 @@ def _assembled(spec: ArmSpec) -> Arm:
 
 def _states(name: str, value: ArrayLike, dof: int) -> FloatArray:
     """Return coordinates or rates as (dof,) for all runs, or (runs, dof)."""
-    return check_array(_WHERE, name, value, (-1, dof) if _is_nested(value) else (dof,))
+    return check_array(name, value, (-1, dof) if _is_nested(value) else (dof,))
 
 
 def _is_nested(value: Any) -> bool:
@@ -205,8 +204,8 @@ def _torques(torque: Any, joints: int) -> tuple[list[Torque | None], bool]:
     if _is_list(torque) and torque and all(map(_is_history, torque)):
         return list(torque), True
     if _is_nested(torque) and _is_nested(torque[0]):
-        return list(check_array(_WHERE, "torque", torque, (-1, -1, joints))), True
-    return [check_array(_WHERE, "torque", torque, (-1, joints))], False
+        return list(check_array("torque", torque, (-1, -1, joints))), True
+    return [check_array("torque", torque, (-1, joints))], False
 
 
 def _is_history(value: object) -> bool:
@@ -224,32 +223,32 @@ def _check_loop(
     closed = controllers[0] is not None
     problems = []
     if closed and torque is not None:
-        problems.append(Problem(_WHERE, "torque", "cannot be combined with a controller"))
+        problems.append(Problem("torque", "cannot be combined with a controller"))
     if hardware is not None:
-        check_kind(_WHERE, "hardware", hardware, Hardware)
+        check_kind("hardware", hardware, Hardware)
         if not closed:
-            problems.append(Problem(_WHERE, "hardware", "requires a controller"))
+            problems.append(Problem("hardware", "requires a controller"))
     if seeds is not None and hardware is None:
-        problems.append(Problem(_WHERE, "seeds", "requires hardware, whose noise they determine"))
+        problems.append(Problem("seeds", "requires hardware, whose noise they determine"))
     if problems:
         raise InputError(*problems)
     for controller in controllers if closed else ():
-        check_controller(_WHERE, "controller", controller)
+        check_controller("controller", controller)
         sample_time = getattr(controller, "sample_time", None)
-        check_positive(_WHERE, "controller.sample_time", sample_time)
+        check_positive("controller.sample_time", sample_time)
     for reference in references:
         if reference is not None:
-            check_reference(_WHERE, reference)
+            check_reference(reference)
 
 
 def _parameters(arm: Arm, given: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
     if given is None:
         return {}
-    check_mapping(_WHERE, "parameters", given, "paths and values")
+    check_mapping("parameters", given, "paths and values")
     values = {}
     for path, row in given.items():
-        number_at(_WHERE, "parameters", arm.spec, path)
-        values[path] = check_array(_WHERE, f"parameters[{path!r}]", row, (-1,))
+        number_at("parameters", arm.spec, path)
+        values[path] = check_array(f"parameters[{path!r}]", row, (-1,))
     return values
 
 
@@ -261,7 +260,7 @@ def _seeds(given: ArrayLike) -> NDArray[np.int64]:
     except Exception:  # rows of different lengths, or objects whose conversion fails
         whole = False
     if not whole or bool(np.any(seeds > 2**63 - 1)):
-        raise InputError(Problem(_WHERE, "seeds", rule, shown(given)))
+        raise InputError(Problem("seeds", rule, shown(given)))
     return seeds.astype(np.int64)
 
 
@@ -275,12 +274,12 @@ def _common(lengths: Mapping[str, int | None]) -> int:
     count = max(counts.values(), default=1)
     longest = next((name for name, length in counts.items() if length == count), "")
     problems = [
-        Problem(_WHERE, name, f"have one item for each of the {count} runs of {longest}", shown(n))
+        Problem(name, f"have one item for each of the {count} runs of {longest}", shown(n))
         for name, n in counts.items()
         if n != count
     ]
     if count == 0:
-        problems = [Problem(_WHERE, longest, "must not be empty")]
+        problems = [Problem(longest, "must not be empty")]
     if problems:
         raise InputError(*problems)
     return count
@@ -301,10 +300,7 @@ def _specs(arms: Sequence[Arm], values: Mapping[str, FloatArray], count: int) ->
             for path, row in values.items():
                 spec = with_number(spec, path, float(row[k]))
         except InputError as error:
-            problems += [
-                Problem(f"{_WHERE}: run {k}", p.name, p.rule, p.value, p.hint)
-                for p in error.problems
-            ]
+            problems += [replace(p, where=f"simulate_batch: run {k}") for p in error.problems]
         specs.append(spec)
     if problems:
         raise InputError(*problems)

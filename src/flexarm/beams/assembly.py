@@ -42,7 +42,7 @@ class BeamMatrices:
         deflection_moment: (n,) integral of mu N: momentum of the deflection.
         rotation_moment: (n,) integral of mu x N + rho I N_phi: its angular momentum about the
             root.
-        free_mass: (n + 2, n + 2) mass without the clamp: the pair of the root comes first.
+        free_mass: (n + 2, n + 2) mass without the clamp; the coordinates of the root come first.
     """
 
     translational_mass: FloatArray
@@ -82,7 +82,7 @@ def beam_matrices(
 ) -> BeamMatrices:
     """Assemble the matrices of a link; exact for tables that are linear between stations.
 
-    ``shapes`` are those of ``point_shapes``, if they are already known.
+    ``shapes`` are those of ``point_shapes``, if they are already computed.
     """
     x, shapes = quadrature.points, shapes or point_shapes(table, quadrature)
     mass, rotary, rigidity = (
@@ -116,7 +116,7 @@ def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray)
     Args:
         quadrature: the points; q is their number.
         density: (q,) weight function at the points.
-        local: (q, 4) or (q, 7) shapes of each point's element there, a field of `PointShapes`.
+        local: (q, 4) or (q, 7) element shapes at each point, a field of `PointShapes`.
 
     Returns:
         (n,) one entry per coordinate.
@@ -135,8 +135,8 @@ def product_integral(
     Args:
         quadrature: the points, q of them.
         density: (q,) weight function at the points.
-        local: (q, 4) or (q, 7) shapes of each point's element there, a field of `PointShapes`.
-        with_root: whether to include the pair of the root, as the first one.
+        local: (q, 4) or (q, 7) element shapes at each point, a field of `PointShapes`.
+        with_root: whether to include the two nodal coordinates of the root, as the first ones.
 
     Returns:
         (n, n) symmetric matrix over the coordinates, or (n + 2, n + 2) including the root.

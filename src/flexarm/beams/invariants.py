@@ -104,7 +104,7 @@ class LinkConstants:
                 }
                 square = field.name in ("rotary", "D0", "D1", "G")
                 shape = wanted.get(field.name, (m, m) if square else (m,))
-                check_array("LinkConstants", field.name, value, shape)
+                check_array(field.name, value, shape)
 
     @property
     def elements(self) -> int:
@@ -150,13 +150,12 @@ class LinkConstants:
 
     def _stations(self, x: object) -> FloatArray:
         """Check stations, and clip those that are outside the link because of rounding."""
-        stations = check_array("LinkConstants", "x", x, (-1,))
+        stations = check_array("x", x, (-1,))
         slack = 1e-9 * self.length  # stations computed as sums may differ from the tip by rounding
         outside = (stations < -slack) | (stations > self.length + slack)
         if np.any(outside):
             rule = f"lie between 0 and the length {self.length:g}"
-            value = shown(float(stations[outside][0]))
-            raise InputError(Problem("LinkConstants", "x", rule, value))
+            raise InputError(Problem("x", rule, shown(float(stations[outside][0]))))
         return np.clip(stations, 0.0, self.length)
 
 
@@ -169,7 +168,6 @@ def link_constants(
     elements: int,
     modes: int | None = None,
     shear_rigidity: ArrayLike | None = None,
-    where: str = "link_constants",
 ) -> LinkConstants:
     """Compute the constants of a flexible link; exact for tables linear between stations.
 
@@ -182,7 +180,6 @@ def link_constants(
         elements: number of finite elements of equal length.
         modes: number of reduced shapes, 1 to 2 * elements (see `beams.modes.beam_basis`); None:
             the full finite element model.
-        where: name of the link, for messages.
 
     Raises:
         InputError: if the mass matrix is not positive definite, or numbers overflow.
@@ -191,13 +188,11 @@ def link_constants(
     if shear_rigidity is not None:
         columns.append(shear_rigidity)
     table = BeamTable(*np.array(columns, dtype=np.float64))
-    with _in_range(where, table):
-        return _flexible_constants(table, elements, modes, where)
+    with _in_range(table):
+        return _flexible_constants(table, elements, modes)
 
 
-def _flexible_constants(
-    table: BeamTable, elements: int, modes: int | None, where: str
-) -> LinkConstants:
+def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> LinkConstants:
     quadrature = beam_quadrature(table.x, elements)
     local = point_shapes(table, quadrature)
     matrices = beam_matrices(table, quadrature, local)
@@ -206,7 +201,7 @@ def _flexible_constants(
         matrices = matrices.over(inside.extended)
     h = quadrature.element_length
     factor = inside.stiffened(strain_to_nodal(table, quadrature), np.tile([1.0, h], elements))
-    shapes = beam_basis(matrices, factor, h, modes, where)
+    shapes = beam_basis(matrices, factor, h, modes)
     basis, interior = shapes.basis, inside.values @ shapes.basis
     all_values = np.vstack([basis, interior]) if len(interior) else basis
 
@@ -247,12 +242,11 @@ def rigid_constants(
     rotary_inertia_per_length: ArrayLike,
     *,
     elements: int = 1,
-    where: str = "rigid_constants",
 ) -> LinkConstants:
     """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0).
 
     Args:
-        x, mass_per_length, rotary_inertia_per_length, where: as in `link_constants`.
+        x, mass_per_length, rotary_inertia_per_length: as in `link_constants`.
         elements: sets the rows of the empty basis: `basis @ eta` has two zeros per element.
 
     Raises:
@@ -261,7 +255,7 @@ def rigid_constants(
     columns = [x, np.ones(np.shape(x)), mass_per_length, rotary_inertia_per_length]
     table = BeamTable(*np.array(columns, dtype=np.float64))
     none, square = np.zeros(0), np.zeros((0, 0))
-    with _in_range(where, table):
+    with _in_range(table):
         length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
     return LinkConstants(
         length,
@@ -288,7 +282,7 @@ def rigid_constants(
 
 
 @contextmanager
-def _in_range(where: str, table: BeamTable) -> Iterator[None]:
+def _in_range(table: BeamTable) -> Iterator[None]:
     """Raise InputError if numbers overflow or underflow, or matrices are indefinite."""
     try:
         with np.errstate(divide="raise", over="raise", invalid="raise"):
@@ -297,14 +291,14 @@ def _in_range(where: str, table: BeamTable) -> Iterator[None]:
         if isinstance(error, np.linalg.LinAlgError) and not _is_extreme(table):
             rule = f"is not positive definite: {error}".rstrip(".")
             hint = "Rigidity or mass may vary by too many orders of magnitude along the link."
-            raise InputError(Problem(where, "the stiffness", rule, hint=hint)) from None
+            raise InputError(Problem("the stiffness", rule, hint=hint)) from None
         length, mass = table.x[-1], table.mass_per_length.max()
         rule = (
             f"of length {length:.3g} m with at most {mass:.3g} kg/m is beyond the range of "
             "floating-point numbers"
         )
         hint = "Check the units; all values are in SI."
-        raise InputError(Problem(where, "the link", rule, hint=hint)) from None
+        raise InputError(Problem("the link", rule, hint=hint)) from None
 
 
 def _is_extreme(table: BeamTable) -> bool:

@@ -44,21 +44,16 @@ class BeamBasis:
         if not error < _ORTHONORMALITY:
             raise InputError(
                 Problem(
-                    "BeamBasis",
                     "projector @ basis",
                     f"be the identity to {_ORTHONORMALITY:g}",
-                    f"off by {error:.2g}",
+                    f"an error of {error:.2g}",
                     "The mass matrix may not be positive definite.",
                 )
             )
 
 
 def beam_basis(
-    matrices: BeamMatrices,
-    strain_to_nodal: FloatArray,
-    element_length: float,
-    modes: int | None,
-    where: str = "beam_basis",
+    matrices: BeamMatrices, strain_to_nodal: FloatArray, element_length: float, modes: int | None
 ) -> BeamBasis:
     """Compute the shapes of a link.
 
@@ -72,7 +67,6 @@ def beam_basis(
         strain_to_nodal: (n, n) F of `flexibility.strain_to_nodal`.
         element_length: h (m), the unit of its rotation rows.
         modes: m, or None for all n. 1 keeps the tip force shape, 2 also the tip moment shape.
-        where: name of the link, for messages.
 
     Raises:
         InputError: if the mass matrix is not positive definite.
@@ -85,7 +79,7 @@ def beam_basis(
 
     # Rotations times the element length keep the mass matrix well conditioned on any mesh.
     units = np.tile([1.0, element_length], len(strain_to_nodal) // 2)
-    root_mass = _mass_factor(matrices.mass / np.outer(units, units), where)
+    root_mass = _mass_factor(matrices.mass / np.outer(units, units))
     # With M = G G^T and K^-1 = F F^T the modes are the left singular vectors of G^T F, and the
     # singular values 1/w. No squares are formed, so low frequencies have full precision.
     motion = root_mass.T @ strain_to_nodal
@@ -95,18 +89,17 @@ def beam_basis(
     basis = solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
     basis = basis * _signs(basis * units[:, None])
     found = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
-    _check_stiffness(found, matrices.stiffness, where)
+    _check_stiffness(found, matrices.stiffness)
     return found
 
 
-def _mass_factor(mass: FloatArray, where: str) -> FloatArray:
+def _mass_factor(mass: FloatArray) -> FloatArray:
     """Return the lower triangular G with M = G G^T."""
     try:
         return np.asarray(np.linalg.cholesky(mass), np.float64)
     except np.linalg.LinAlgError:
         lowest = float(np.linalg.eigvalsh(mass)[0])
         problem = Problem(
-            where,
             "the mass matrix",
             "be positive definite",
             f"one with lowest eigenvalue {lowest:.3g}",
@@ -137,7 +130,7 @@ def _signs(shapes: FloatArray) -> FloatArray:
     return np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
 
 
-def _check_stiffness(found: BeamBasis, stiffness: FloatArray, where: str) -> None:
+def _check_stiffness(found: BeamBasis, stiffness: FloatArray) -> None:
     """Raise InputError unless the shapes diagonalise the stiffness to w2."""
     error = np.abs(found.basis.T @ stiffness @ found.basis - np.diag(found.w2))
     rounding = np.abs(found.basis).T @ np.abs(stiffness) @ np.abs(found.basis)
@@ -147,10 +140,9 @@ def _check_stiffness(found: BeamBasis, stiffness: FloatArray, where: str) -> Non
     if not np.all(error <= allowed):
         worst = float((error / allowed).max())
         problem = Problem(
-            where,
             "the stiffness over the shapes",
             "be diagonal",
-            f"off by {worst:.2g} times the allowance",
+            f"errors of {worst:.2g} times the tolerance",
             "Flexural rigidity or mass may vary by too many orders of magnitude along the link.",
         )
         raise InputError(problem)

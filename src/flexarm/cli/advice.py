@@ -70,8 +70,8 @@ def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
     q = np.asarray(given.get("initial", np.zeros(arm.dof)))
     state = arm.padded(np.stack([q, np.zeros(arm.dof)]))
     tolerance = tolerance_of(arm, state, given.get("atol", ATOL), given.get("rtol", RTOL))
-    touch = contact_frequency(contacts_of_run(arm, given.get("contacts", ()), state, "check"))
-    choice = choose_integrator("auto", None, arm, tolerance, touch, "check")
+    touch = contact_frequency(contacts_of_run(arm, given.get("contacts", ()), state))
+    choice = choose_integrator("auto", None, arm, tolerance, touch)
     text = f"{choice.integrator.name} is recommended: {choice.reason}"
     asked = given.get("integrator", "auto")
     return [("integrator", text if asked == "auto" else f"{asked}; {text}")]

@@ -5,39 +5,47 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
+from functools import wraps
+from typing import ParamSpec
 
 import typer
 
 from flexarm.errors import FlexarmError, InputError, printable
 
+P = ParamSpec("P")
+
 FAILED_RUN, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
 
-@contextmanager
-def report_failures() -> Iterator[None]:
-    """Report failures on the error stream and exit with their status.
+def report_failures(command: Callable[P, None]) -> Callable[P, None]:
+    """Decorate a command: report failures on the error stream and exit with their status.
 
-    Only exceptions that flexarm raises on purpose are handled. Any other exception is a bug, and
-    keeps its traceback.
+    A problem without a location gets the name of the command, such as ``flexarm run``. Only
+    exceptions that flexarm raises on purpose are handled. Any other exception is a bug, and keeps
+    its traceback.
     """
-    try:
-        yield
-    except InputError as error:
-        print_error(str(error))
-        raise typer.Exit(WRONG_INPUT) from None
-    except FlexarmError as error:
-        print_error(str(error))
-        raise typer.Exit(FAILED_RUN) from None
-    except MemoryError:
-        print_error(
-            "out of memory. Lower run.rate or run.duration, or use fewer links, elements or modes."
-        )
-        raise typer.Exit(FAILED_RUN) from None
-    except KeyboardInterrupt:
-        print_error("stopped by Ctrl-C")
-        raise typer.Exit(INTERRUPTED) from None
+
+    @wraps(command)
+    def reporting(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            command(*args, **kwargs)
+        except InputError as error:
+            print_error(str(error.at(f"flexarm {command.__name__}")))
+            raise typer.Exit(WRONG_INPUT) from None
+        except FlexarmError as error:
+            print_error(str(error))
+            raise typer.Exit(FAILED_RUN) from None
+        except MemoryError:
+            hint = "Lower run.rate or run.duration, or use fewer links, elements or modes."
+            print_error(f"out of memory. {hint}")
+            raise typer.Exit(FAILED_RUN) from None
+        except KeyboardInterrupt:
+            print_error("stopped by Ctrl-C")
+            raise typer.Exit(INTERRUPTED) from None
+
+    return reporting
 
 
 def end_orderly_when_terminated() -> None:

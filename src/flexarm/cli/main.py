@@ -57,13 +57,13 @@ def _options(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def paper(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for figures and data.")] = Path(
         "flexarm-paper"
     ),
     report: Annotated[
-        bool, typer.Option("--report", help="Also write report.html: the arm plays, all numbers.")
+        bool, typer.Option("--report", help="Also write report.html: animation, all numbers.")
     ] = False,
 ) -> None:
     """Reproduce the paper: its arm, its figures 3 to 16, and a table of numbers."""
@@ -73,7 +73,7 @@ def paper(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def warmup() -> None:
     """Compile everything now, so that no later run waits; needed once on a machine."""
     from flexarm.cli.commands.warmup import compile_everything
@@ -82,10 +82,10 @@ def warmup() -> None:
 
 
 @app.command()
-@report_failures()
+@report_failures
 def init(
     folder: Annotated[
-        Path, typer.Argument(metavar="[FOLDER]", help="Where to write; created if missing.")
+        Path, typer.Argument(metavar="[FOLDER]", help="Output folder; created if missing.")
     ] = Path(),
     links: Annotated[int, typer.Option(min=1, max=8, help="Number of links.")] = 2,
     gravity: Annotated[
@@ -99,7 +99,7 @@ def init(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def run(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.yaml", help="Scenario file.")],
     out: Annotated[
@@ -120,10 +120,10 @@ def run(
         ),
     ] = None,
     duration: Annotated[
-        str | None, typer.Option(metavar="SECONDS", help="Simulate this long instead.")
+        str | None, typer.Option(metavar="SECONDS", help="Duration in place of that of the file.")
     ] = None,
     integrator: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Use this integrator instead.")
+        str | None, typer.Option(metavar="NAME", help="Integrator in place of that of the file.")
     ] = None,
     json: Annotated[
         bool, typer.Option("--json", help="Print the summary as JSON, and nothing else.")
@@ -139,7 +139,7 @@ def run(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm, scenario or study.")],
 ) -> None:
@@ -150,7 +150,7 @@ def check(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def compare(
     study: Annotated[
         Path, typer.Argument(metavar="STUDY.yaml", help="Drives, plants and motions to compare.")
@@ -169,7 +169,7 @@ def compare(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def modes(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     joints: Annotated[
@@ -182,29 +182,29 @@ def modes(
     ] = None,
     proportional: Annotated[
         str | None,
-        typer.Option(metavar='"A,B,..."', help="Joints held by gains: N m/rad."),
+        typer.Option(metavar='"A,B,..."', help="Proportional gains at the joints, N m/rad."),
     ] = None,
     derivative: Annotated[
         str | None,
-        typer.Option(metavar='"A,B,..."', help="Joints held by gains: N m s/rad."),
+        typer.Option(metavar='"A,B,..."', help="Derivative gains at the joints, N m s/rad."),
     ] = None,
     sag: Annotated[
-        bool, typer.Option("--sag", help="About the rest under gravity, not straight links.")
+        bool, typer.Option("--sag", help="Modes about the equilibrium under gravity.")
     ] = False,
     spin: Annotated[
-        float, typer.Option(metavar="RATE", help="While the whole arm turns, rad/s.")
+        float, typer.Option(metavar="RATE", help="Spin of the whole arm about its base, rad/s.")
     ] = 0.0,
     to: Annotated[
         str | None,
-        typer.Option(metavar='"A,B,..."', help="Follow the modes from --angles to these, rad."),
+        typer.Option(metavar='"A,B,..."', help="Track the modes from --angles to these, rad."),
     ] = None,
     campbell: Annotated[
         float | None,
-        typer.Option(metavar="RATE", help="Follow the modes from --spin to this spin, rad/s."),
+        typer.Option(metavar="RATE", help="Track the modes from --spin to this spin, rad/s."),
     ] = None,
-    count: Annotated[int, typer.Option(min=1, help="How many modes to show.")] = 6,
+    count: Annotated[int, typer.Option(min=1, help="Number of modes.")] = 6,
     csv: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save them as a table: .csv.")
+        Path | None, typer.Option(metavar="FILE", help="Save the modes as a table: .csv.")
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save a plot: .png, .pdf or .svg.")
@@ -218,13 +218,13 @@ def modes(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def linearize(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     angles: Annotated[
         str | None,
         typer.Option(
-            metavar='"A,B,..."', help="Joint angles where it rests, rad; zero by default."
+            metavar='"A,B,..."', help="Joint angles of the equilibrium, rad; zero by default."
         ),
     ] = None,
     inputs: Annotated[
@@ -233,12 +233,12 @@ def linearize(
     outputs: Annotated[
         str, typer.Option(metavar='"A,B,..."', help="Outputs, such as joint_angle, tip, strain.")
     ] = "joint_angle,tip",
-    count: Annotated[int, typer.Option(min=1, help="How many poles to show.")] = 8,
+    count: Annotated[int, typer.Option(min=1, help="Number of poles to print.")] = 8,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save the model: .mat or .json.")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save its responses: .png, .pdf or .svg.")
+        Path | None, typer.Option(metavar="FILE", help="Save the responses: .png, .pdf or .svg.")
     ] = None,
 ) -> None:
     """Compute a linear model of an arm at rest: A, B, C, D and their poles."""
@@ -248,7 +248,7 @@ def linearize(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def report(
     result: Annotated[
         Path, typer.Argument(metavar="RESULT.nc", help="Result of `flexarm run --out`.")
@@ -270,14 +270,14 @@ def report(
         bool, typer.Option("--rigid", help="Also draw the rigid arm at the same joint angles.")
     ] = False,
 ) -> None:
-    """Write a report of a result: one HTML page in which the arm plays, with all numbers."""
+    """Write a report of a result: one HTML page with an animation and all numbers."""
     from flexarm.cli.commands.report import report_file
 
     report_file(result, out, title, magnify, rigid)
 
 
 @app.command()
-@report_failures()
+@report_failures
 def studio(
     file: Annotated[
         Path | None,
@@ -300,11 +300,11 @@ def studio(
 
 
 @app.command()
-@report_failures()
+@report_failures
 def schema(
     kind: Annotated[Kind, typer.Option(help="Kind of file.")] = Kind.SCENARIO,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write it to a .json file.")
+        Path | None, typer.Option(metavar="FILE", help="Save the schema: .json.")
     ] = None,
 ) -> None:
     """Print the JSON schema of files, from which editors complete and check."""

@@ -8,7 +8,7 @@ from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, shown
 
 
-def joint_numbers(where: str, option: str, arm: Arm, text: str | None, unit: str) -> list[float]:
+def joint_numbers(option: str, arm: Arm, text: str | None, unit: str) -> list[float]:
     """Parse one number for each joint, separated by commas; return zeros for None.
 
     Raises:
@@ -21,11 +21,10 @@ def joint_numbers(where: str, option: str, arm: Arm, text: str | None, unit: str
     except ValueError:
         values = []
     if not arm.joints:
-        rule = "is not supported for an arm whose joints are all fixed"
-        raise InputError(Problem(where, option, rule))
+        raise InputError(Problem(option, "is not supported for an arm whose joints are all fixed"))
     if len(values) != arm.joints or not all(math.isfinite(value) for value in values):
         rule = f"be {arm.joints} numbers separated by commas, one for each joint ({unit})"
-        raise InputError(Problem(where, option, rule, shown(text)))
+        raise InputError(Problem(option, rule, shown(text)))
     return values
 
 

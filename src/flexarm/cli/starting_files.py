@@ -31,7 +31,7 @@ arm:
 {parts}
   joints:                        # in the order of the links
 {joints}
-    # hub_inertia: rotor as seen at the outer link; mass, housing_inertia: motor on the inner link
+    # hub_inertia: rotor, at the outer link; mass, housing_inertia: motor, on the inner link
   payload: {{mass: {_PAYLOAD}, inertia: 0.001}}  # at the tip: kg, kg m^2
 """
 
@@ -46,7 +46,7 @@ def _link(k: int, links: int, gravity: bool) -> str:
     - &link
       length: {_length(links)}
       material: {_MATERIAL}        # or youngs_modulus: 70.0e+9 and density: 2700.0
-      section: {section}  # height: depth that bends
+      section: {section}  # height: depth in the bending plane
       elements: 2                # finite elements; more for higher modes
       modes: 2                   # modes of vibration; a rigid link has flexible: false
       damping: {{kind: modal, ratio: 0.01}}"""
@@ -59,7 +59,7 @@ def scenario_text(links: int, gravity: bool) -> str:
     proportional = [float(f"{inertia * frequency**2:.2g}") for inertia in inertias]
     derivative = [float(f"{1.4 * inertia * frequency:.2g}") for inertia in inertias]
     sample_time = 0.00025 if gravity and links > 3 else 0.0005
-    start = "  equilibrium: true   # the links start as they hang at rest under gravity\n"
+    start = "  equilibrium: true   # the run starts in the equilibrium under gravity\n"
     return f"""\
 # One run of the arm. Simulate it with: flexarm run scenario.yaml --animate arm.html
 # Try other values without editing: flexarm run scenario.yaml --set arm.payload.mass=1
@@ -75,7 +75,7 @@ drive:                # joint PD with the torques of the rigid arm as feedforwar
 {f"initial:{chr(10)}{start}" if gravity else ""}run:
   duration: 4.0       # s
   rate: 500           # recorded samples per second
-  integrator: auto    # flexarm check scenario.yaml gives its choice and the reason
+  integrator: auto    # flexarm check scenario.yaml prints the choice and its reason
 """
 
 

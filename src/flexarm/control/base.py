@@ -10,10 +10,10 @@ from weakref import WeakSet
 
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, check_number
 from flexarm.arm import Arm
 from flexarm.control.requirements import ControllerRequirements
-from flexarm.errors import InputError, Problem, check_array, shown, warn_deprecated
+from flexarm.errors import InputError, Problem, public_call, shown, warn_deprecated
 from flexarm.hardware.measurement import FloatArray, Measurement
 
 __all__ = ["Controller", "ControllerRequirements", "FloatArray", "Measurement", "Reference"]
@@ -87,18 +87,18 @@ class Controller(ABC):
 
 
 def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArray]:
+    @public_call
     @wraps(update)
     def checked(
         self: Controller, t: float, measurement: Measurement, reference: Reference | None
     ) -> FloatArray:
         # The tests are cheap because they run at every sample time. NaN fails the comparison.
         if type(t) is not float or not -_LATEST < t < _LATEST:
-            t = _time(f"{type(self).__name__}.update", t)
+            t = check_number("t", t, _counts, f"be a time within {_LATEST:g} s")
         if not isinstance(measurement, Measurement):
-            where = f"{type(self).__name__}.update"
-            check_kind(where, "measurement", measurement, Measurement)
+            check_kind("measurement", measurement, Measurement)
         if reference is not None:
-            check_reference(f"{type(self).__name__}.update", reference)
+            check_reference(reference)
         return update(self, t, measurement, reference)
 
     return checked
@@ -107,12 +107,12 @@ def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArr
 def _checked_requirements(
     requirements: Callable[..., ControllerRequirements],
 ) -> Callable[..., ControllerRequirements]:
+    @public_call
     @wraps(requirements)
     def checked(self: Controller, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        where = f"{type(self).__name__}.requirements"
         if reference is not None:
-            check_reference(where, reference)
-        return requirements(self, check_kind(where, "arm", arm, Arm), reference)
+            check_reference(reference)
+        return requirements(self, check_kind("arm", arm, Arm), reference)
 
     return checked
 
@@ -121,17 +121,14 @@ def _checked_requirements(
 _LATEST = 1e12
 
 
-def _time(where: str, t: object) -> float:
-    number = float(check_array(where, "t", t, ()))
-    if abs(number) >= _LATEST:
-        raise InputError(Problem(where, "t", f"be a time within {_LATEST:g} s", shown(t)))
-    return number
+def _counts(t: float) -> bool:
+    return abs(t) < _LATEST
 
 
 _REFERENCE = ("joint_angle", "joint_rate", "joint_acceleration")
 
 
-def check_reference(where: str, reference: object) -> None:
+def check_reference(reference: object) -> None:
     """Raise if an object lacks the methods of a `Reference`.
 
     Raises:
@@ -144,10 +141,10 @@ def check_reference(where: str, reference: object) -> None:
     hint = "Create one with line_motion or joint_motion."
     if isinstance(reference, type):
         given = f"the class {reference.__name__}"
-        raise InputError(Problem(where, "reference", "be a reference", given, hint))
+        raise InputError(Problem("reference", "be a reference", given, hint))
     if missing:
         rule = f"have the method{'s' * (len(missing) > 1)} {', '.join(missing)}"
-        raise InputError(Problem(where, "reference", rule, shown(reference), hint))
+        raise InputError(Problem("reference", rule, shown(reference), hint))
     if all(callable(getattr(kind, name, None)) for name in _REFERENCE):
         _KNOWN.add(kind)
 
@@ -185,7 +182,7 @@ def report_of(controller: object) -> dict[str, float]:
     return dict(report()) if callable(report) else {}
 
 
-def check_controller(where: str, name: str, value: object) -> None:
+def check_controller(name: str, value: object) -> None:
     """Check that a value acts as a controller.
 
     Raises:
@@ -193,10 +190,9 @@ def check_controller(where: str, name: str, value: object) -> None:
     """
     if isinstance(value, type):
         hint = f"Create an object: {value.__name__}(...)."
-        given = f"the class {value.__name__}"
-        raise InputError(Problem(where, name, "be a controller", given, hint))
+        raise InputError(Problem(name, "be a controller", f"the class {value.__name__}", hint))
     for method in ("reset", "update"):
         if not callable(getattr(value, method, None)):
-            raise InputError(Problem(where, name, f"have the method {method}", shown(value)))
+            raise InputError(Problem(name, f"have the method {method}", shown(value)))
     if not hasattr(value, "sample_time"):
-        raise InputError(Problem(where, name, "have a sample_time", shown(value)))
+        raise InputError(Problem(name, "have a sample_time", shown(value)))

@@ -10,11 +10,11 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import Field, ValidationError
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, check_controller
-from flexarm.control.gains import check_sample_time, joint_problems
-from flexarm.errors import InputError, Problem, problems_of
+from flexarm.control.gains import joint_problems
+from flexarm.errors import InputError, Problem, problems_of, public_call
 from flexarm.model.checks import faults_of
 from flexarm.model.drives.parameters import Declared, Parameters, parameters_of, record_of
 from flexarm.model.help_text import TypeText, args_text, type_text
@@ -44,13 +44,13 @@ class Parametrised(Parameters):
         if vars(cls).get("__doc__") and cls.__module__.startswith("flexarm."):
             cls.__doc__ = _documented(kind)
 
+    @public_call
     def __init__(self, *values: Any, **named: Any) -> None:
         kind: Any = type(self)
-        where = kind.__name__
         try:
             bound = _signature(kind).bind(*values, **named)
         except TypeError as error:
-            raise TypeError(f"{where}: {error}") from None
+            raise TypeError(f"{kind.__name__}: {error}") from None
         given = dict(bound.arguments)
         bound.apply_defaults()
         found = dict(bound.arguments)
@@ -60,7 +60,7 @@ class Parametrised(Parameters):
         checked, wrong = _validated(kind, given, joints)
         problems += wrong
         if "sample_time" in found and all(problem.name != "sample_time" for problem in problems):
-            problems += problems_of(check_sample_time, where, found["sample_time"])
+            problems += problems_of(check_positive, "sample_time", found["sample_time"])
         if problems:
             raise InputError(*problems)
         for name, item in _shared(kind).items():
@@ -89,9 +89,9 @@ def _object_problems(kind: Any, found: Mapping[str, Any]) -> list[Problem]:
         if not own or (item.optional and found[name] is None):
             continue
         if parts[0] is Controller:
-            problems += problems_of(check_controller, kind.__name__, name, found[name])
+            problems += problems_of(check_controller, name, found[name])
         else:
-            problems += problems_of(check_kind, kind.__name__, name, found[name], parts[0])
+            problems += problems_of(check_kind, name, found[name], parts[0])
     return problems
 
 
@@ -99,17 +99,17 @@ def _validated(
     kind: Any, given: Mapping[str, Any], joints: int | None
 ) -> tuple[Mapping[str, Any], list[Problem]]:
     """Return the validated values of those given for shared parameters, and all problems."""
-    where, shared = kind.__name__, _shared(kind)
+    shared = _shared(kind)
     reported = {name: value for name, value in given.items() if name in shared}
     checked: Mapping[str, Any] = {}
     problems: list[Problem] = []
     try:
         checked = vars(_record(kind).model_validate(reported))
     except ValidationError as error:
-        problems += [fault.problem(where) for fault in faults_of(error)]
+        problems += [fault.problem() for fault in faults_of(error)]
     if joints is not None:
         lists = {name: value for name, value in reported.items() if shared[name].per_joint}
-        problems += joint_problems(where, joints, lists)
+        problems += joint_problems(joints, lists)
     return checked, problems
 
 

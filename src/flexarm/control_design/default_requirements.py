@@ -25,12 +25,11 @@ _BRISK = 10.0
 
 
 def design_requirements(
-    where: str, arm: Arm, given: LQGParameters, acceptable: Mapping[str, ArrayLike] | None
+    arm: Arm, given: LQGParameters, acceptable: Mapping[str, ArrayLike] | None
 ) -> DesignRequirements:
     """Return the requirements of a linear controller, with default values for missing ones.
 
     Args:
-        where: name of the caller, for messages.
         arm: model of the arm.
         given: the controller, with its parameters as attributes.
         acceptable: acceptable deviations in place of those of ``given``.
@@ -56,17 +55,17 @@ def design_requirements(
         integral = {"joint_angle": INTEGRATED["joint_angle"]}
     elif isinstance(integral, str):
         integral = {integral: INTEGRATED.get(integral, np.nan)}
-    checked = check_names(where, "integral", integral, tuple(INTEGRATED), arm)
+    checked = check_names("integral", integral, tuple(INTEGRATED), arm)
     if len(checked) > 1:
-        raise InputError(Problem(where, "integral", "name a single output", shown(integral)))
-    seen = check_names(where, "measured", measured, MEASURED, arm)
+        raise InputError(Problem("integral", "name a single output", shown(integral)))
+    seen = check_names("measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
-        raise InputError(Problem(where, "measured", "must contain the tip to integrate it"))
+        raise InputError(Problem("measured", "must contain the tip to integrate it"))
     return DesignRequirements(
-        check_names(where, "acceptable", acceptable, _ACCEPTABLE, arm),
+        check_names("acceptable", acceptable, _ACCEPTABLE, arm),
         torque,
         seen,
-        check_names(where, "disturbance", disturbance, DISTURBANCES, arm),
+        check_names("disturbance", disturbance, DISTURBANCES, arm),
         checked,
         given.recovery,
         given.rigidity_uncertainty,

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import as_list, check_choice, check_each, check_kind
+from flexarm.arguments import as_list, check_choice, check_each, check_kind, check_number
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, check_array, is_count, shown
+from flexarm.errors import InputError, Problem, is_count, problems_of, public_call, shown
 from flexarm.linear.vibration.held import Joints
 from flexarm.linear.vibration.tracking import track_modes
 from flexarm.motion.motion import Motion, check_motion
@@ -24,6 +24,7 @@ _POSTURES = 49
 _REPEATED, _SETTLED = 12, 1e-9
 
 
+@public_call
 def shaped(
     motion: Motion,
     arm: Arm | None = None,
@@ -63,19 +64,16 @@ def shaped(
     Impulse times follow the phase of the vibration along the shaped motion, (C.7). Several modes
     are shaped one after another.
     """
-    where = "shaped"
-    motion = check_motion(where, motion)
-    check_choice(where, "method", method, SHAPERS)
+    motion = check_motion(motion)
+    check_choice("method", method, SHAPERS)
     if arm is not None:
-        check_kind(where, "arm", arm, Arm)
-    _check(where, motion, arm, tolerance, frequency_hz)
+        check_kind("arm", arm, Arm)
+    _check(motion, arm, tolerance, frequency_hz)
     if frequency_hz is None:
         assert arm is not None
-        return _by_modes(where, motion, arm, method, modes, joints, damping_ratio, tolerance)
-    given = np.atleast_1d(check_each(where, "frequency_hz", frequency_hz))
-    if given.size == 0 or np.any(given <= 0.0):
-        raise InputError(Problem(where, "frequency_hz", "be greater than 0", shown(frequency_hz)))
-    ratios = _ratios(where, 0.0 if damping_ratio is None else damping_ratio, len(given))
+        return _by_modes(motion, arm, method, modes, joints, damping_ratio, tolerance)
+    given = np.atleast_1d(check_each("frequency_hz", frequency_hz, positive=True))
+    ratios = _ratios(0.0 if damping_ratio is None else damping_ratio, len(given))
     for hertz, ratio in zip(given, ratios, strict=True):
         rates = np.full(6, 2.0 * np.pi * hertz * np.sqrt(1.0 - ratio**2))
         times = np.linspace(motion.start_time, motion.end_time, 6)
@@ -85,7 +83,6 @@ def shaped(
 
 
 def _by_modes(
-    where: str,
     motion: Motion,
     arm: Arm,
     method: str,
@@ -95,15 +92,13 @@ def _by_modes(
     tolerance: float,
 ) -> ShapedMotion:
     """Iterate until the frequencies are those along the motion that is shaped with them."""
-    chosen = _chosen(where, modes, arm)
+    chosen = _chosen(modes, arm)
     unshaped, made = motion, motion
     before = np.zeros((_POSTURES, len(chosen)))
     for _ in range(_REPEATED):
         along = track_modes(arm, made, joints, count=int(chosen.max()) + 1, samples=_POSTURES)
         hertz, own = along.frequency_hz[:, chosen], along.damping_ratio[:, chosen]
-        ratios = _ratios(
-            where, own.mean(axis=0) if damping_ratio is None else damping_ratio, len(chosen)
-        )
+        ratios = _ratios(own.mean(axis=0) if damping_ratio is None else damping_ratio, len(chosen))
         if np.max(np.abs(hertz / np.where(before > 0.0, before, 1.0) - 1.0)) < _SETTLED:
             break
         before, motion = hertz, unshaped
@@ -116,25 +111,20 @@ def _by_modes(
 
 
 def _check(
-    where: str,
-    motion: Motion,
-    arm: Arm | None,
-    tolerance: float,
-    frequency_hz: ArrayLike | None,
+    motion: Motion, arm: Arm | None, tolerance: float, frequency_hz: ArrayLike | None
 ) -> None:
-    problems = []
-    if not 0.0 < float(check_array(where, "tolerance", tolerance, ())) < 1.0:
-        problems.append(Problem(where, "tolerance", "be between 0 and 1", shown(tolerance)))
+    fits, rule = lambda part: 0.0 < part < 1.0, "be between 0 and 1"
+    problems = [*problems_of(check_number, "tolerance", tolerance, fits, rule)]
     if arm is not None and arm.joints != motion.joints:
-        rule = f"have the number of joints of the motion, {motion.joints}"
-        problems.append(Problem(where, "arm", rule, f"{arm.joints}"))
+        rule = f"have the number of joints of the motion ({motion.joints})"
+        problems.append(Problem("arm", rule, f"{arm.joints}"))
     elif arm is None and frequency_hz is None:
-        problems.append(Problem(where, "arm", "is required without frequency_hz"))
+        problems.append(Problem("arm", "is required if there is no frequency_hz"))
     if problems:
         raise InputError(*problems)
 
 
-def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
+def _chosen(modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
     """Return the indices (from 0) of the modes to shape for."""
     if isinstance(modes, int) and not isinstance(modes, bool):
         numbers = np.arange(1, min(modes, arm.dof + 1) + 1)
@@ -144,22 +134,21 @@ def _chosen(where: str, modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp
     most = arm.dof - arm.joints
     if numbers.size == 0:
         rule = "be a count of modes, or a list of their numbers, from 1"
-        raise InputError(Problem(where, "modes", rule, shown(modes)))
+        raise InputError(Problem("modes", rule, shown(modes)))
     if most == 0:
-        raise InputError(Problem(where, "arm", "has no bending modes"))
+        raise InputError(Problem("arm", "has no bending modes"))
     if numbers.min() < 1 or numbers.max() > most or len(set(numbers.tolist())) < numbers.size:
-        rule = f"be different numbers from 1 to {most}, the bending modes of the arm"
-        raise InputError(Problem(where, "modes", rule, shown(modes)))
+        rule = f"be different numbers from 1 to {most} (the bending modes of the arm)"
+        raise InputError(Problem("modes", rule, shown(modes)))
     chosen: NDArray[np.intp] = numbers - 1
     return chosen
 
 
-def _ratios(where: str, given: ArrayLike, count: int) -> FloatArray:
-    ratios = check_each(where, "damping_ratio", given)
+def _ratios(given: ArrayLike, count: int) -> FloatArray:
+    ratios = check_each("damping_ratio", given)
     if np.any((ratios < 0.0) | (ratios >= 1.0)):
-        rule = "be at least 0 and less than 1"
-        raise InputError(Problem(where, "damping_ratio", rule, shown(given)))
+        raise InputError(Problem("damping_ratio", "be at least 0 and less than 1", shown(given)))
     if ratios.ndim and ratios.size != count:
         rule = f"be one number, or one for each of the {count} modes"
-        raise InputError(Problem(where, "damping_ratio", rule, f"{ratios.size} numbers"))
+        raise InputError(Problem("damping_ratio", rule, f"{ratios.size} numbers"))
     return np.broadcast_to(ratios, (count,))

@@ -121,32 +121,28 @@ def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
     return taken
 
 
-def scales(where: str, argument: str, given: ArrayLike, count: int) -> FloatArray:
+def scales(argument: str, given: ArrayLike, count: int) -> FloatArray:
     """Return positive numbers (count,) from one number or a list of ``count``.
 
     Raises:
         InputError: if a number is not positive and finite, or the list has another length.
     """
-    found = check_each(where, argument, given, count)
-    if np.any(found <= 0.0):
-        raise InputError(Problem(where, argument, "be greater than 0", shown(given)))
+    found = check_each(argument, given, count, positive=True)
     return np.broadcast_to(found, (count,)).astype(np.float64)
 
 
-def sizes_of(
-    where: str, argument: str, model: LinearModel, given: Mapping[str, ArrayLike]
-) -> FloatArray:
+def sizes_of(argument: str, model: LinearModel, given: Mapping[str, ArrayLike]) -> FloatArray:
     """Return the numbers of a mapping, one for each component of its outputs or inputs."""
     labels = (*model.outputs, *model.inputs)
     found = [np.zeros(0)]
     for name, value in given.items():
         count = sum(label == name or label.startswith(f"{name}[") for label in labels)
-        found.append(scales(where, f"{argument}[{name!r}]", value, count))
+        found.append(scales(f"{argument}[{name!r}]", value, count))
     return np.concatenate(found)
 
 
 def design(
-    where: str, arm: Arm, posture: FloatArray, requirements: DesignRequirements, sample_time: float
+    arm: Arm, posture: FloatArray, requirements: DesignRequirements, sample_time: float
 ) -> Design:
     """Design a regulator and a filter at rest in a posture, under gravity; (C.22) to (C.26).
 
@@ -168,11 +164,11 @@ def design(
     B, C = B_all[:, :m], rows_of(model, tuple(requirements.measured))
     Z = sample_time * rows_of(model, tuple(requirements.integrated))
     if len(Z) > m:
-        rule = f"name at most as many numbers as the arm has joints, {m}"
-        raise InputError(Problem(where, "integral", rule, str(len(Z))))
-    scale = sizes_of(where, "acceptable", model, requirements.acceptable)
+        rule = f"have at most one component for each joint of the arm ({m})"
+        raise InputError(Problem("integral", rule, str(len(Z))))
+    scale = sizes_of("acceptable", model, requirements.acceptable)
     wanted = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
-    windup = sizes_of(where, "integral", model, requirements.integrated)
+    windup = sizes_of("integral", model, requirements.integrated)
     weight = block_diag(wanted.T @ wanted, np.diag(windup**-2.0))
     unsure = requirements.rigidity_uncertainty
     stiffness, bend_energy = bending(arm, model, requirements.acceptable_torque)
@@ -180,15 +176,15 @@ def design(
     torque_weight = np.diag(requirements.acceptable_torque**-2.0)
     A_z = np.block([[A, np.zeros((n, len(Z)))], [Z, np.eye(len(Z))]])
     B_z = np.vstack([B, np.zeros((len(Z), m))])
-    gain, cost = regulator(where, A_z, B_z, weight, torque_weight)
-    strength = sizes_of(where, "disturbance", model, requirements.disturbance)
+    gain, cost = regulator(A_z, B_z, weight, torque_weight)
+    strength = sizes_of("disturbance", model, requirements.disturbance)
     pushed = columns_of(model, tuple(requirements.disturbance), B_all) * strength
     # Covariance of torques and elastic forces that represent the model error: (C.39).
     forced = B_all[:, B_all.shape[1] - elastic.size :]
     torques = (requirements.recovery * requirements.acceptable_torque) ** 2
     unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
-    noise = np.diag(sizes_of(where, "measured", model, requirements.measured) ** 2)
-    estimator, spread, seen = kalman(where, A, C, pushed @ pushed.T + unknown, noise)
+    noise = np.diag(sizes_of("measured", model, requirements.measured) ** 2)
+    estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise)
     return Design(
         posture,
         rest.q[elastic],
@@ -245,7 +241,7 @@ def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> Float
 
 
 def regulator(
-    where: str, A: FloatArray, B: FloatArray, weight: FloatArray, torque_weight: FloatArray
+    A: FloatArray, B: FloatArray, weight: FloatArray, torque_weight: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the gain and the cost of the linear-quadratic regulator; (C.23).
 
@@ -254,9 +250,9 @@ def regulator(
     """
     from scipy.linalg import solve
 
-    P = _riccati(where, "acceptable", A, B, weight, torque_weight)
+    P = _riccati("acceptable", A, B, weight, torque_weight)
     gain = solve(torque_weight + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
-    _check_stable(where, "acceptable", A - B @ gain)
+    _check_stable("acceptable", A - B @ gain)
     return gain, P
 
 
@@ -285,7 +281,7 @@ def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
 
 
 def kalman(
-    where: str, A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray
+    A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the Kalman gain and the covariances of prediction error and innovation; (C.25).
 
@@ -294,31 +290,31 @@ def kalman(
     """
     from scipy.linalg import solve
 
-    P = _riccati(where, "measured", A.T, C.T, disturbance, noise)
+    P = _riccati("measured", A.T, C.T, disturbance, noise)
     seen = C @ P @ C.T + noise
     gain: FloatArray = solve(seen, C @ P, assume_a="pos").T
-    _check_stable(where, "measured", A @ (np.eye(len(A)) - gain @ C))
+    _check_stable("measured", A @ (np.eye(len(A)) - gain @ C))
     return gain, P, seen
 
 
 def _riccati(
-    where: str, argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
+    argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
 ) -> FloatArray:
     from scipy.linalg import solve_discrete_are
 
     try:
         P: FloatArray = solve_discrete_are(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError):
-        raise InputError(_unsolvable(where, argument)) from None
+        raise InputError(_unsolvable(argument)) from None
     return (P + P.T) / 2.0
 
 
-def _check_stable(where: str, argument: str, loop: FloatArray) -> None:
+def _check_stable(argument: str, loop: FloatArray) -> None:
     if not np.max(np.abs(np.linalg.eigvals(loop))) < 1.0:
-        raise InputError(_unsolvable(where, argument))
+        raise InputError(_unsolvable(argument))
 
 
-def _unsolvable(where: str, argument: str) -> Problem:
+def _unsolvable(argument: str) -> Problem:
     rules = {
         "acceptable": (
             "gives no weight to an undamped mode, so the cost does not detect it",
@@ -333,11 +329,11 @@ def _unsolvable(where: str, argument: str) -> Problem:
         ),
     }
     rule, hint = rules[argument]
-    return Problem(where, argument, rule, hint=hint)
+    return Problem(argument, rule, hint=hint)
 
 
 def check_names(
-    where: str, argument: str, given: object, allowed: Sequence[str], arm: Arm
+    argument: str, given: object, allowed: Sequence[str], arm: Arm
 ) -> Mapping[str, ArrayLike]:
     """Return a mapping after checking that its names are allowed and exist on the arm.
 
@@ -347,14 +343,12 @@ def check_names(
     """
     rule = "be a mapping from " + ", ".join(map(repr, allowed)) + " to numbers"
     if not isinstance(given, Mapping):
-        raise InputError(Problem(where, argument, rule, shown(given)))
+        raise InputError(Problem(argument, rule, shown(given)))
     wrong = [name for name in given if not isinstance(name, str) or name not in allowed]
     if wrong:
-        raise InputError(
-            *(Problem(where, argument, rule, shown(n), nearest(n, allowed)) for n in wrong)
-        )
+        raise InputError(*(Problem(argument, rule, shown(n), nearest(n, allowed)) for n in wrong))
     if "strain" in given and not arm.gauges:
-        raise InputError(Problem(where, argument, "has strain, but the arm has no gauges"))
+        raise InputError(Problem(argument, "has strain, but the arm has no gauges"))
     return given
 
 

@@ -163,13 +163,7 @@ class RecordedRun:
     """
 
     def __init__(
-        self,
-        where: str,
-        model: FlexibleModel,
-        run: Any,
-        sample_time: float,
-        steps: int,
-        show: Shown,
+        self, model: FlexibleModel, run: Any, sample_time: float, steps: int, show: Shown
     ) -> None:
         self._sample_time, self._show = sample_time, show
         arm = model.arm
@@ -180,14 +174,11 @@ class RecordedRun:
             self._q, self._qd = np.asarray(run.q.values), np.asarray(run.qd.values)
             self._torque = np.asarray(run.torque.values)
         except AttributeError:
-            rule = "be a result of simulate"
-            raise InputError(Problem(where, "nominal", rule, shown(run))) from None
+            raise InputError(Problem("nominal", "be a result of simulate", shown(run))) from None
         shapes = self._q.shape, self._torque.shape
         if shapes != ((self._time.size, arm.dof), (self._time.size, arm.joints)):
             rule = f"be a run of an arm with {arm.dof} coordinates and {arm.joints} joints"
-            raise InputError(
-                Problem(where, "nominal", rule, f"one with {self._q.shape[1]} coordinates")
-            )
+            raise InputError(Problem("nominal", rule, f"one with {self._q.shape[1]} coordinates"))
 
     def reset(self) -> None:
         """Return to the start of the run."""

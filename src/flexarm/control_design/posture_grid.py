@@ -20,7 +20,6 @@ class PostureGrid:
     """Grid over some of the joint angles; the others are constant.
 
     Args:
-        where: name of the caller, for messages.
         posture: (joints,) rad, of the angles that are constant.
         schedule: for each joint None, or its increasing angles in the grid; None for one posture.
 
@@ -31,22 +30,20 @@ class PostureGrid:
         InputError: if angles do not increase, or ``schedule`` does not have one entry per joint.
     """
 
-    def __init__(
-        self, where: str, posture: FloatArray, schedule: Sequence[ArrayLike | None] | None
-    ) -> None:
+    def __init__(self, posture: FloatArray, schedule: Sequence[ArrayLike | None] | None) -> None:
         joints = len(posture)
         listed = [None] * joints if schedule is None else as_list(schedule)
         axes = listed or []
         if listed is None or len(axes) != joints:
             rule = f"have one entry for each of the {joints} joints"
-            raise InputError(Problem(where, "schedule", rule, shown(schedule)))
+            raise InputError(Problem("schedule", rule, shown(schedule)))
         values: list[list[float]] = []
         for k, axis in enumerate(axes):
             angles = posture[k : k + 1] if axis is None else axis
-            found = check_array(where, f"schedule[{k}]", angles, (-1,))
+            found = check_array(f"schedule[{k}]", angles, (-1,))
             if found.size == 0 or np.any(np.diff(found) <= 0.0):
-                rule = "be increasing angles, at least one"
-                raise InputError(Problem(where, f"schedule[{k}]", rule, shown(axis)))
+                rule = "be one or more angles in increasing order"
+                raise InputError(Problem(f"schedule[{k}]", rule, shown(axis)))
             values.append(found.tolist())
         self.postures = np.array(list(product(*values)))
         strides = np.cumprod([1, *(len(v) for v in values[:0:-1])])[::-1]

@@ -17,7 +17,7 @@ from flexarm.kernels.controller_terms.rigid_terms import SET_COLUMNS, momentum, 
 from flexarm.kernels.layout import ArmConstants
 from flexarm.model.wording import nearest
 
-#: Columns of a set that are one for a unit parameter of a link or a joint.
+#: Column of a set for each parameter of a link and of a joint; the derivative is 1 there.
 _LINK = {"mass": 0, "first_moment": 1, "inertia": 3}
 _JOINT = {"viscous": 7, "coulomb": 9}
 _PAYLOAD = ("mass", "inertia")
@@ -46,12 +46,12 @@ class RigidParameters:
     Arguments of methods are not checked. Results are buffers that the next call overwrites.
     """
 
-    def __init__(self, where: str, arm: Arm, names: Sequence[str] = ()) -> None:
+    def __init__(self, arm: Arm, names: Sequence[str] = ()) -> None:
         self.names, self.joints = tuple(names), arm.joints
         rigid = arm.rigid()
         exact = rigid.assembly.constants
         self._bodies = rigid.assembly.joint_body
-        directions = _directions(where, rigid, self.names)
+        directions = _directions(rigid, self.names)
         whole = _whole(exact)
         self.values = np.array([_share(whole, d) for d in directions])
         passive = np.zeros_like(whole)
@@ -131,17 +131,16 @@ class RigidParameters:
         return self._found
 
 
-def _directions(where: str, rigid: Arm, names: Sequence[str]) -> list[FloatArray]:
+def _directions(rigid: Arm, names: Sequence[str]) -> list[FloatArray]:
     """Return the derivative of the whole set (n, SET_COLUMNS) by each parameter."""
     known = parameter_names(rigid)
     problems = []
     for i, name in enumerate(names):
         if not isinstance(name, str) or name not in known:
             rule = f"be names from {', '.join(known)}"
-            hint = nearest(name, known)
-            problems.append(Problem(where, "parameters", rule, shown(name), hint))
+            problems.append(Problem("parameters", rule, shown(name), nearest(name, known)))
         elif name in names[:i]:
-            problems.append(Problem(where, "parameters", f"repeats {name!r}"))
+            problems.append(Problem("parameters", f"repeats {name!r}"))
     if problems:
         raise InputError(*problems)
     return [_direction(rigid, name) for name in names]

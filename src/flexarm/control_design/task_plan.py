@@ -45,7 +45,7 @@ class TaskPlan:
     """
 
     def __init__(self, arm: Arm, sample_time: float) -> None:
-        self._chain = rigid_chain("controller", arm)
+        self._chain = rigid_chain(arm)
         self._joints = arm.joints
         self._sample_time = sample_time
         self._reference: Any = None

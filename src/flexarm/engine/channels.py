@@ -30,21 +30,21 @@ _TABLE = (
     Channel("tip_angle_rate", (), "rad/s", "rate of the tip angle"),
     Channel("torque", ("joint",), "N m", "torque of the joint motors"),
     Channel("torque_command", ("joint",), "N m", "torque requested by the controller"),
-    Channel("joint_force", ("link", "axis"), "N", "what the joint at its root gives a link, world"),
-    Channel("joint_moment", ("link",), "N m", "likewise: torque and what the joint itself gives"),
+    Channel("joint_force", ("link", "axis"), "N", "force of the joint on its link, world axes"),
+    Channel("joint_moment", ("link",), "N m", "moment of the joint and its motor on its link"),
     Channel(
-        "axial_force", ("link", "station"), "N", "force along the link inside it, pull positive"
+        "axial_force", ("link", "station"), "N", "axial force inside the link, tension positive"
     ),
-    Channel("shear_force", ("link", "station"), "N", "force across the link inside it"),
+    Channel("shear_force", ("link", "station"), "N", "shear force inside the link"),
     Channel("bending_moment", ("link", "station"), "N m", "moment inside the link, EI v'' at rest"),
     Channel("kinetic_energy", (), "J", "kinetic energy"),
     Channel("strain_energy", (), "J", "strain energy of bending"),
     Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),
     Channel(
-        "contact_force", ("contact", "axis"), "N", "force of a touched surface on the arm, world"
+        "contact_force", ("contact", "axis"), "N", "force of the surface on the arm, world axes"
     ),
-    Channel("contact_gap", ("contact",), "m", "distance from the surface, negative in a touch"),
-    Channel("contact_energy", ("contact",), "J", "energy stored in the touch"),
+    Channel("contact_gap", ("contact",), "m", "distance from the surface, negative in contact"),
+    Channel("contact_energy", ("contact",), "J", "energy stored in the contact"),
     Channel("strain", ("gauge",), "1", "strain at the declared gauges"),
     Channel("q", ("coordinate",), "rad or m kg^0.5", "coordinates: joint angles and modes"),
     Channel("qd", ("coordinate",), "rad/s or m kg^0.5/s", "rates of the coordinates"),

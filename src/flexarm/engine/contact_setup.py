@@ -21,19 +21,16 @@ _SPEED = 1.0
 _BENT = 0.5 * np.pi
 
 
-def contacts_of_run(
-    arm: Arm, contacts: Sequence[Contact], state: FloatArray, where: str = "simulate"
-) -> Contacts:
+def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) -> Contacts:
     """Place the contacts of a run on the arm and set their mobilities.
 
     Args:
         state: initial state (2, n, 1 + m).
-        where: name of the calling function, for messages.
 
     Raises:
         InputError: under the conditions of ``place_contacts``.
     """
-    placed = place_contacts(arm, where, contacts)
+    placed = place_contacts(arm, contacts)
     if contacts:
         bent = np.full(arm.joints, _BENT)
         postures = [arm.unpadded(state[0]), arm.rest(0.0 * bent), arm.rest(bent)]

@@ -29,7 +29,7 @@ _LOOKS = 41
 _NUDGE = 1e-6
 
 
-def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts) -> None:
+def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
     """Raise if a contact point starts deeper inside a surface than any motion could have taken it.
 
     A point may start inside a surface, at rest or during an impact. The state (2, n, 1 + m) is
@@ -47,25 +47,24 @@ def refuse_deep_start(where: str, arm: Arm, state: FloatArray, placed: Contacts)
     for k, (law, values) in enumerate(zip(placed.law, seen, strict=True), start=1):
         if not np.isfinite(values[GAP]):  # at the centre of a circle the nearest point is undefined
             rule = f"lies at the centre of the surface of contact {k}"
-            raise InputError(Problem(where, "initial", rule, hint="Start outside the surface."))
+            raise InputError(Problem("initial", rule, hint="Start outside the surface."))
         depth = max(-float(values[GAP]), 0.0)
         force = float(law[STIFFNESS]) * depth ** float(law[EXPONENT])
         if depth > _DEEP * float(arm.lengths.sum()) and force > _UNHELD * weight:
             rule = f"start outside the surface of contact {k}"
             value = (
-                f"{depth:.3g} m deep, where it pushes with {force:.3g} N and stores "
+                f"{depth:.3g} m inside, with a contact force of {force:.3g} N and an energy of "
                 f"{values[ENERGY]:.3g} J"
             )
             hint = (
-                f"That is {force / weight:.0f} times the arm's weight. Start outside, or "
-                "pressed at rest (equilibrium, pressed_motion). The normal of a wall points out of "
+                f"The force is {force / weight:.0f} times the arm's weight. Start outside, or at "
+                "rest in contact (equilibrium, pressed_motion). The normal of a wall points out of "
                 "the solid."
             )
-            raise InputError(Problem(where, "initial", rule, value, hint))
+            raise InputError(Problem("initial", rule, value, hint))
 
 
 def refuse_pressing_outward(
-    where: str,
     arm: Arm,
     contacts: Sequence[Contact],
     placed: Contacts,
@@ -96,9 +95,9 @@ def refuse_pressing_outward(
     if inward.any():
         first = int(np.argmax(inward))
         rule = f"point away from the surface of contact {touching[near[first]] + 1}"
-        value = f"({few(normals[first])}) at t = {times[first]:g} s, into it"
+        value = f"({few(normals[first])}) at t = {times[first]:g} s, which points into it"
         hint = "Reverse the normal of pressed_motion."
-        raise InputError(Problem(where, "reference.normal", rule, value, hint))
+        raise InputError(Problem("reference.normal", rule, value, hint))
 
 
 def _is_tip(arm: Arm, contact: Contact) -> bool:

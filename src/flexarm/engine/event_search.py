@@ -212,9 +212,10 @@ class Watch:
             reason = f"the event {name!r} failed with {type(error).__name__}: {error}"
             raise SimulationError(t, reason, "", (q, qd)) from error
         try:
-            return float(check_array(f"event {name!r}", "its value", given, ()))
+            return float(check_array("its value", given, ()))
         except InputError as error:
-            reason = f"the event returned an unusable value: {error}"
+            placed = error.at(f"event {name!r}")
+            reason = f"the event returned an unusable value: {placed}"
             raise SimulationError(t, reason, "", (q, qd)) from None
 
 
@@ -253,7 +254,7 @@ def _at_once(event: Event, times: FloatArray, q: FloatArray, qd: FloatArray) -> 
     try:
         values = np.asarray(event.function(times, q, qd), dtype=np.float64)
     except Exception:
-        return None  # the calls one by one then find the sample at which it fails
+        return None  # single calls then find the sample at which the function fails
     if values.shape != times.shape or not np.all(np.isfinite(values)):
         return None
     return values

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.contacts import place_contacts
-from flexarm.arguments import check_kind, check_list_of
+from flexarm.arguments import check_direction, check_kind, check_list_of, check_number
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, check_array, is_count, shown
+from flexarm.assembly.coordinates import check_joint
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Contacts
@@ -49,24 +50,26 @@ class Event:
     direction: int = 0
     terminal: bool = False
 
+    @public_call
     def __post_init__(self) -> None:
         problems = []
         if not callable(self.function):
             rule = "be a function of t, q and qd"
-            problems.append(Problem("Event", "function", rule, shown(self.function)))
+            problems.append(Problem("function", rule, shown(self.function)))
         if self.name is not None and not (isinstance(self.name, str) and self.name):
-            problems.append(Problem("Event", "name", "be text", shown(self.name)))
+            problems.append(Problem("name", "be a nonempty text", shown(self.name)))
         elif self.name in (DURATION, FAILURE):
-            rule = "differ from the names of other ends of a run"
-            problems.append(Problem("Event", "name", rule, shown(self.name)))
+            rule = f"not be {DURATION!r} or {FAILURE!r} (other ends of a run)"
+            problems.append(Problem("name", rule, shown(self.name)))
         if type(self.direction) is not int or self.direction not in (-1, 0, 1):
-            problems.append(Problem("Event", "direction", "be -1, 0 or 1", shown(self.direction)))
+            problems.append(Problem("direction", "be -1, 0 or 1", shown(self.direction)))
         if not isinstance(self.terminal, bool):
-            problems.append(Problem("Event", "terminal", "be True or False", shown(self.terminal)))
+            problems.append(Problem("terminal", "be True or False", shown(self.terminal)))
         if problems:
             raise InputError(*problems)
 
 
+@public_call
 def joint_event(
     arm: Arm,
     joint: int,
@@ -88,28 +91,23 @@ def joint_event(
         InputError: if the arm has no such joint, the joint has no limits but a stop is requested,
             or the angle is neither a number nor the name of a stop.
     """
-    where = "joint_event"
-    numbers = check_kind(where, "arm", arm, Arm).joint_numbers.tolist()
-    if not is_count(joint) or joint not in numbers:
-        known = ", ".join(map(str, numbers)) or "there is none"
-        rule = f"be the number of a joint that is not fixed: {known}"
-        raise InputError(Problem(where, "joint", rule, shown(joint)))
+    index = check_joint(check_kind("arm", arm, Arm), "joint", joint)
     if isinstance(angle, str):
         limits = arm.spec.joints[joint - 1].limits
         if angle not in STOPS:
-            rule = "be a number, 'lower' or 'upper'"
-            raise InputError(Problem(where, "angle", rule, shown(angle)))
+            raise InputError(Problem("angle", "be a number, 'lower' or 'upper'", shown(angle)))
         if limits is None:
             hint = "Give the joint limits, or the angle itself."
-            rule = f"be a number, because joint {joint} has no limits"
-            raise InputError(Problem(where, "angle", rule, shown(angle), hint))
+            rule = f"be a number (joint {joint} has no limits)"
+            raise InputError(Problem("angle", rule, shown(angle), hint))
         value = limits.lower if angle == "lower" else limits.upper
     else:
-        value = float(check_array(where, "angle", angle, ()))
-    place = int(arm.joint_index[numbers.index(joint)])
+        value = check_number("angle", angle)
+    place = int(arm.joint_index[index])
     return Event(_JointAngle(arm, place, value), name, direction, terminal)
 
 
+@public_call
 def tip_event(
     arm: Arm,
     point: ArrayLike,
@@ -130,18 +128,13 @@ def tip_event(
     Raises:
         InputError: if ``point`` or ``normal`` is not a pair of numbers, or the normal is zero.
     """
-    where = "tip_event"
-    arm = check_kind(where, "arm", arm, Arm)
-    place = check_array(where, "point", point, (2,))
-    across = check_array(where, "normal", normal, (2,))
-    length = float(np.hypot(*across))
-    if length == 0.0:
-        raise InputError(
-            Problem(where, "normal", "have a length greater than 0", shown(across.tolist()))
-        )
-    return Event(_TipDistance(arm, place, across / length), name, direction, terminal)
+    arm = check_kind("arm", arm, Arm)
+    place = check_array("point", point, (2,))
+    across = check_direction("normal", normal)
+    return Event(_TipDistance(arm, place, across), name, direction, terminal)
 
 
+@public_call
 def contact_event(
     arm: Arm,
     contact: Contact,
@@ -161,9 +154,8 @@ def contact_event(
     Raises:
         InputError: if ``contact`` is not a contact or its point is not on the arm.
     """
-    where = "contact_event"
-    arm = check_kind(where, "arm", arm, Arm)
-    placed = place_contacts(arm, where, [check_kind(where, "contact", contact, Contact)])
+    arm = check_kind("arm", arm, Arm)
+    placed = place_contacts(arm, [check_kind("contact", contact, Contact)])
     return Event(_Gap(arm, placed), name, direction, terminal)
 
 
@@ -251,25 +243,23 @@ class EventLog:
         return None
 
 
-def event_log(where: str, arm: Arm, events: Sequence[Event]) -> EventLog | None:
+def event_log(arm: Arm, events: Sequence[Event]) -> EventLog | None:
     """Validate the events of a run of ``arm``; return their log, or None without events.
 
     Raises:
         InputError: if ``events`` is not a list of events, two have the same name, or one was
             created for a different arm.
     """
-    events = check_list_of(where, "events", events, Event)
+    events = check_list_of("events", events, Event)
     names = [event.name or f"event_{k}" for k, event in enumerate(events, start=1)]
     problems = []
     for k, event in enumerate(events):
         if names[k] in names[:k]:
-            rule = f"repeats the name {names[k]!r}"
-            problems.append(Problem(where, f"events[{k}]", rule))
+            problems.append(Problem(f"events[{k}]", f"repeats the name {names[k]!r}"))
         made_for = getattr(event.function, "arm", arm)
         if made_for is not arm and getattr(made_for, "spec", arm.spec) != arm.spec:
             hint = "With a plant, create the events for the plant."
-            rule = "was created for another arm"
-            problems.append(Problem(where, f"events[{k}]", rule, hint=hint))
+            problems.append(Problem(f"events[{k}]", "was created for another arm", hint=hint))
     if problems:
         raise InputError(*problems)
     return EventLog(list(events), names) if events else None

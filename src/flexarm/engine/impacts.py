@@ -20,7 +20,8 @@ RTOL, ATOL = 1e-7, 1e-9
 #: Factor from the default tolerances to those of the second run.
 _TIGHT = 1e-5
 #: Difference of both runs, as a fraction of the reach, above which the second run gets a warning.
-#: The error of the second run was 1e-5 of small differences, and at most 1 % of this one.
+#: In trials the error of the second run was 1e-5 of the difference if that was small, and at most
+#: 1 % of it at this limit.
 _PARTED = 1e-2
 
 

@@ -39,7 +39,7 @@ class Choice(NamedTuple):
 
 
 def check_integrator(
-    requested: str | Integrator, step: float | None, where: str, touching: bool = False
+    requested: str | Integrator, step: float | None, touching: bool = False
 ) -> None:
     """Validate the requested integrator and step, independently of the arm.
 
@@ -52,22 +52,22 @@ def check_integrator(
             object, which has its own.
     """
     if step is not None:
-        check_positive(where, "step", step)
+        check_positive("step", step)
     known = isinstance(requested, str) and requested in ("auto", *INTEGRATORS)
     if not known and not isinstance(requested, Integrator):
         names = ", ".join(repr(name) for name in ("auto", *INTEGRATORS))
         gone = isinstance(requested, str) and requested in REMOVED
         hint = f"It was removed; use {REMOVED[str(requested)]!r}." if gone else ""
-        raise InputError(Problem(where, "integrator", f"be one of {names}", shown(requested), hint))
+        raise InputError(Problem("integrator", f"be one of {names}", shown(requested), hint))
     if step is not None and not isinstance(requested, str):
         rule = "cannot be combined with an integrator object"
         hint = f"Use integrator={type(requested).__name__}(step={shown(step)})."
-        raise InputError(Problem(where, "step", rule, hint=hint))
+        raise InputError(Problem("step", rule, hint=hint))
     kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
     if touching and kind is not None and not kind.follows_contacts:
         followers = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_contacts]
         rule = f"be one of 'auto', {', '.join(followers)} for an arm with contacts"
-        raise InputError(Problem(where, "integrator", rule, shown(kind.name)))
+        raise InputError(Problem("integrator", rule, shown(kind.name)))
 
 
 def choose_integrator(
@@ -76,18 +76,16 @@ def choose_integrator(
     arm: Arm,
     tolerance: Tolerance,
     touch: float = 0.0,
-    where: str = "simulate",
 ) -> Choice:
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
     Args:
         touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
-        where: name of the calling function, for messages.
 
     Raises:
         InputError: under the conditions of ``check_integrator``.
     """
-    check_integrator(requested, step, where, touch > 0.0)
+    check_integrator(requested, step, touch > 0.0)
     if isinstance(requested, Integrator):
         return Choice(requested, "given by the user")
     if requested == "auto":
@@ -117,10 +115,10 @@ def choose_by_drive(
     angle = min(step, longest) * fastest
     if angle <= _STABLE:
         return choice
-    reason = f"the step turns the fastest vibration by {angle:.3g} rad, at which rk4 is unstable"
+    reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
     doubt = (
-        f"{reason}: generalized_alpha damps such vibrations instead of following them. A fixed "
-        "step has no estimate of its error; halve it once and compare."
+        f"{reason}: generalized_alpha damps such vibrations instead of resolving them. A fixed "
+        "step has no error estimate: halve it once and compare."
     )
     method = GeneralizedAlpha(step=step)
     return Choice(method, f"order 2 with bending implicit: {reason}", doubt=doubt)

@@ -26,7 +26,6 @@ from flexarm.integrate.base import FloatArray, Progress
 
 
 def new_run(
-    where: str,
     arm: Arm,
     state: FloatArray,
     *,
@@ -54,14 +53,14 @@ def new_run(
         InputError: if a load, the base acceleration or a contact does not fit the arm, or no
             integrator has that name.
     """
-    touching = contacts_of_run(arm, environment.contacts, state, where)
+    touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(touching)
     tolerance = tolerance_of(arm, state, atol, rtol)
-    choice = choose_integrator(integrator, step, arm, tolerance, touch, where)
+    choice = choose_integrator(integrator, step, arm, tolerance, touch)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:
-        return load_history(arm, environment, duration, relative, touching, where, breaks, spacing)
+        return load_history(arm, environment, duration, relative, touching, breaks, spacing)
 
     return Run(
         arm=arm,
@@ -82,9 +81,7 @@ def new_run(
     )
 
 
-def restarted(
-    run: Run, state: FloatArray, integrator: str | Integrator, step: float | None, where: str
-) -> Run:
+def restarted(run: Run, state: FloatArray, integrator: str | Integrator, step: float | None) -> Run:
     """Return a run like one without contacts and events, from another initial state.
 
     The new run shares arm, loads and sample times with ``run``.
@@ -92,11 +89,10 @@ def restarted(
     Args:
         state: (2, n, 1 + m).
         integrator, step: as requested for ``run``.
-        where: name of the calling function, for messages.
     """
     asked = run.tolerance
     tolerance = tolerance_of(run.arm, state, asked.absolute, asked.relative)
-    choice = choose_integrator(integrator, step, run.arm, tolerance, where=where)
+    choice = choose_integrator(integrator, step, run.arm, tolerance)
     return replace(
         run,
         choice=choice,
@@ -109,7 +105,7 @@ def restarted(
 
 
 def initial_state(
-    where: str, arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
+    arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
 ) -> FloatArray:
     """Return the state (2, n, 1 + m) for coordinates and rates (dof,).
 
@@ -121,17 +117,10 @@ def initial_state(
     """
     if q is None:
         q = arm.rest(straight)
-    given = check_array(where, "initial", q, (-1,))
+    given = check_array("initial", q, (-1,))
     if given.size != arm.dof:
         hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
-        rule = f"have shape ({arm.dof},), the coordinates of the arm"
-        raise InputError(Problem(where, "initial", rule, f"shape {given.shape}", hint))
+        rule = f"have shape ({arm.dof},) for the coordinates of the arm"
+        raise InputError(Problem("initial", rule, f"shape {given.shape}", hint))
     rates = np.zeros(arm.dof) if qd is None else qd
-    return arm.padded(
-        np.stack(
-            [
-                given,
-                check_array(where, "initial_rate", rates, (arm.dof,)),
-            ]
-        )
-    )
+    return arm.padded(np.stack([given, check_array("initial_rate", rates, (arm.dof,))]))

@@ -24,7 +24,7 @@ class Meter:
 
     def __init__(self, label: str, shown: bool | None = None) -> None:
         if shown is not None:
-            check_flag(label, "progress", shown)
+            check_flag("progress", shown)
         self._label = label
         self._forced = shown is True
         self._wanted = sys.stderr.isatty() if shown is None else shown

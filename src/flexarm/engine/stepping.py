@@ -45,7 +45,7 @@ _WORTH_COMPILING, _TRIED, _MOST_BODIES, _MOST_MODES = 5e8, 5e7, 8, 16
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
 #: Hints for failures that neither a smaller step nor other gains avoid.
 _HINTS = {
-    Status.PRESSED_THROUGH: "Give the contact more stiffness, or what it touches a larger radius.",
+    Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface.",
 }
 #: Samples whose reactions are computed at once, which bounds the scratch memory of long runs.
 _CHUNK = 4096

@@ -21,12 +21,7 @@ from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.parametrised import OfArm
 from flexarm.control_design.rigid_model import RigidModel
-from flexarm.errors import (
-    InputError,
-    Problem,
-    check_array,
-    shown,
-)
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.estimation.innovation_test import InnovationTest
 from flexarm.estimation.payload_hypotheses import (
     Hypothesis,
@@ -89,10 +84,10 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
     sample_time: float = Field(default=1e-3, description="Time between samples (s).")
 
     def __post_init__(self) -> None:
-        where, arm = "ExtendedKalmanFilter", self.arm
-        listed = check_list_of(where, "instruments", self.instruments, Instrument)
+        arm = self.arm
+        listed = check_list_of("instruments", self.instruments, Instrument)
         self.instruments = tuple(listed)
-        self._readings = PredictedReadings(where, arm, self.instruments)
+        self._readings = PredictedReadings(arm, self.instruments)
         self._step: SampledStep | None = None
         self._made_for = 0.0
         self._nominal = arm.spec.payload.mass
@@ -102,7 +97,7 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
     def reset(self) -> None:
         """Clear the estimate; the next ``correct`` starts from its readings."""
         if self._step is None or self._made_for != self.sample_time:
-            self._step = SampledStep(self.arm, self.sample_time, where="ExtendedKalmanFilter")
+            self._step = SampledStep(self.arm, self.sample_time)
             self._made_for = self.sample_time
         size, joints = 2 * self.arm.dof + 1, self.arm.joints
         self._scale = self._nominal + self._own  # kg, mass at logarithm 0
@@ -157,6 +152,7 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
             "estimator_consistent": int(self.consistent),
         }
 
+    @public_call
     def begin(
         self, q: ArrayLike, qd: ArrayLike, payload_mass: float, covariance: ArrayLike
     ) -> None:
@@ -166,16 +162,17 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
             InputError: if a shape is wrong, a number is NaN, infinite or above 1e9, or the mass is
                 negative.
         """
-        where, size = "ExtendedKalmanFilter.begin", 2 * self.arm.dof + 1
-        parts = [check_array(where, n, v, (self.arm.dof,)) for n, v in (("q", q), ("qd", qd))]
-        mass = check_nonnegative(where, "payload_mass", payload_mass)
-        given = check_array(where, "covariance", covariance, (size, size))
+        size = 2 * self.arm.dof + 1
+        parts = [check_array(n, v, (self.arm.dof,)) for n, v in (("q", q), ("qd", qd))]
+        mass = check_nonnegative("payload_mass", payload_mass)
+        given = check_array("covariance", covariance, (size, size))
         for name, numbers in (("payload_mass", mass), ("covariance", given)):
             if np.max(np.abs(numbers)) > LARGEST:
                 rule = f"be at most {LARGEST:g}"
-                raise InputError(Problem(where, name, rule, shown(float(np.max(np.abs(numbers))))))
+                raise InputError(Problem(name, rule, shown(float(np.max(np.abs(numbers))))))
         self._start(np.concatenate([*parts, [mass]]), given)
 
+    @public_call
     def correct(self, measurement: Measurement) -> None:
         """Correct the estimate by the readings at the current sample time.
 
@@ -183,17 +180,16 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
             InputError: if ``measurement`` is not a `Measurement`, a reading has the wrong shape, is
                 not finite or above 1e9, or the estimate has diverged.
         """
-        where = "ExtendedKalmanFilter.correct"
-        check_kind(where, "measurement", measurement, Measurement)
+        check_kind("measurement", measurement, Measurement)
         from scipy.linalg import cho_factor, cho_solve
 
-        readings = self._readings.stacked(where, measurement)
+        readings = self._readings.stacked(measurement)
         if not self._begun:
             self._begin(measurement)
         if not all(np.isfinite(part.x).all() and np.isfinite(part.P).all() for part in self._parts):
             hint = "Correct the arm, the readings or the torques, and call reset."
-            raise InputError(Problem(where, "the estimate", "is not finite", hint=hint))
-        # The innovation test needs the weights of the prediction, which the update changes.
+            raise InputError(Problem("the estimate", "is not finite", hint=hint))
+        # The innovation test needs the weights of the hypotheses before the update changes them.
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
         for part, moved in zip(self._parts, self._moved, strict=True):
@@ -208,15 +204,16 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
         self._parts = reduced(self._parts)
         self._moved = [np.zeros_like(self._moved[0])] * len(self._parts)
 
+    @public_call
     def predict(self, torque: ArrayLike) -> None:
         """Predict the next sample under a zero-order-hold torque (joints,) N m.
 
         Raises:
             InputError: if the torque does not have shape (joints,), or is not finite.
         """
-        where, shape = "ExtendedKalmanFilter.predict", self._torque.shape
+        shape = self._torque.shape
         assert self._step is not None
-        self._torque = check_array(where, "torque", torque, shape)
+        self._torque = check_array("torque", torque, shape)
         self._moved = []
         for part in self._parts:
             step = self._step.take(part.x[:-1], self._torque, self._change(part.x))
@@ -233,6 +230,7 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
                 part.P[size, size] += np.log1p(wandered / mass**2)
             self._moved.append(np.vstack([noisy, np.zeros_like(noisy[:1])]))
 
+    @public_call
     def run(self, torque: ArrayLike, readings: Mapping[str, ArrayLike]) -> Estimates:
         """Filter a record from its start, with ``correct`` and ``predict`` at each sample.
 
@@ -244,17 +242,16 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
             InputError: if readings of an instrument are missing, or their number differs from that
                 of the torques.
         """
-        where = "ExtendedKalmanFilter.run"
-        held = check_array(where, "torque", torque, (-1, self.arm.joints))
-        given_by_name = check_mapping(where, "readings", readings, "names and readings")
+        held = check_array("torque", torque, (-1, self.arm.joints))
+        given_by_name = check_mapping("readings", readings, "names and readings")
         arrays = {}
         for item in self.instruments:
             name = f"readings[{item.label!r}]"
-            given = check_numbers(where, name, given_by_name.get(item.label, ()))
+            given = check_numbers(name, given_by_name.get(item.label, ()))
             if given.ndim == 0 or len(given) != len(held):
                 rule = f"have one row for each of the {len(held)} torques"
-                raise InputError(Problem(where, name, rule, f"shape {given.shape}"))
-            arrays[item.label] = check_array(where, name, given, (-1,) * given.ndim)
+                raise InputError(Problem(name, rule, f"shape {given.shape}"))
+            arrays[item.label] = check_array(name, given, (-1,) * given.ndim)
         self.reset()
         kept = []
         for k in range(len(held)):

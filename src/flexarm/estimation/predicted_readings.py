@@ -46,9 +46,9 @@ class PredictedReadings:
             "joint_angle".
     """
 
-    def __init__(self, where: str, arm: Arm, instruments: Sequence[Instrument]) -> None:
+    def __init__(self, arm: Arm, instruments: Sequence[Instrument]) -> None:
         self._arm, self._labels = arm, [item.label for item in instruments]
-        self._check(where, instruments)
+        self._check(instruments)
         self._sensors = [i.output for i in instruments if isinstance(i.output, Sensor)]
         self.linear = not self._sensors
         rows = [_linear(arm, item) for item in instruments]
@@ -66,7 +66,7 @@ class PredictedReadings:
             if isinstance(item.output, Sensor)
         ]
         self._stations = place_loads(
-            arm, where, [marker(s.link, s.station) for s in self._sensors], what="Sensor"
+            arm, [marker(s.link, s.station) for s in self._sensors], what="Sensor"
         )
         self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._point_jacobian = Entry(point_jacobian)
@@ -77,29 +77,27 @@ class PredictedReadings:
         self._found = np.zeros((len(self._state_places) + 2, len(self._sensors), 8))
         self._pushed = np.zeros((2, len(self._sensors), 8))
 
-    def _check(self, where: str, instruments: Sequence[Instrument]) -> None:
+    def _check(self, instruments: Sequence[Instrument]) -> None:
         problems = []
         for item in instruments:
             if not (isinstance(item.output, Sensor) or item.signal in _SIGNALS):
                 rule = "measure a Sensor or one of " + ", ".join(map(repr, _SIGNALS))
-                problems.append(Problem(where, "instruments", rule, shown(item.signal)))
+                problems.append(Problem("instruments", rule, shown(item.signal)))
             elif item.signal == "strain" and not self._arm.gauges:
-                rule = "contain strain, but the arm has no gauges"
-                problems.append(Problem(where, "instruments", rule))
+                problems.append(Problem("instruments", "contain strain, but the arm has no gauges"))
             if item.delay or item.sample_time is not None:
                 rule = f"{item.label!r} has a delay or a sample_time, which is not supported"
-                problems.append(Problem(where, "instrument", rule))
+                problems.append(Problem("instrument", rule))
             if not (item.noise or item.resolution):
                 rule = f"{item.label!r} has no noise and no resolution"
-                hint = "They define its weight."
-                problems.append(Problem(where, "instrument", rule, hint=hint))
+                problems.append(Problem("instrument", rule, hint="They define its variance."))
         if "joint_angle" not in [item.signal for item in instruments]:
-            rule = "do not measure 'joint_angle', where the estimate starts"
-            problems.append(Problem(where, "instruments", rule))
+            rule = "do not measure 'joint_angle', from which the estimate starts"
+            problems.append(Problem("instruments", rule))
         if problems:
             raise InputError(*problems)
 
-    def stacked(self, where: str, measurement: Measurement) -> FloatArray:
+    def stacked(self, measurement: Measurement) -> FloatArray:
         """Return the readings (size,) of a measurement.
 
         Raises:
@@ -108,15 +106,15 @@ class PredictedReadings:
         given = [measurement.get(name) for name in self._labels]
         missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
         if missing:
-            raise InputError(Problem(where, "measurement", f"has no {missing[0]!r}"))
+            raise InputError(Problem("measurement", f"has no {missing[0]!r}"))
         pairs = zip(self._labels, given, strict=True)
-        readings = np.concatenate([check_numbers(where, *pair).ravel() for pair in pairs])
+        readings = np.concatenate([check_numbers(*pair).ravel() for pair in pairs])
         if readings.size != self.size:
             rule = f"have {self.size} readings of {', '.join(self._labels)}"
-            raise InputError(Problem(where, "measurement", rule, str(readings.size)))
+            raise InputError(Problem("measurement", rule, str(readings.size)))
         if not np.all(np.abs(readings) < LARGEST):
             rule = f"be finite readings below {LARGEST:g}"
-            raise InputError(Problem(where, "measurement", rule, few(readings)))
+            raise InputError(Problem("measurement", rule, few(readings)))
         return readings
 
     def predict(

@@ -25,9 +25,9 @@ def stride_and_delay(instrument: Instrument, tick: float) -> tuple[int, int]:
     """
     every = (instrument.sample_time or tick) / tick
     if abs(every - round(every)) > _GRID * every:
-        rule = f"be a multiple of the controller's sample time, {tick:g} s"
+        rule = f"be a multiple of the controller's sample time ({tick:g} s)"
         name = f"sample_time of {instrument.label!r}"
-        raise InputError(Problem("Instrument", name, rule, shown(instrument.sample_time)))
+        raise InputError(Problem(name, rule, shown(instrument.sample_time)))
     return round(every), math.ceil(instrument.delay / tick - _GRID)
 
 

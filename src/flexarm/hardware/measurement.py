@@ -83,22 +83,16 @@ class _NotMeasured(KeyError):
 
 def _not_measured(name: str, values: Mapping[str, FloatArray]) -> str:
     hint = nearest(name, values) or _hint(name)
-    return f"no instrument measures {name!r}; measured are: {', '.join(values)}. {hint}"
+    return f"no instrument measures {name!r}; available readings: {', '.join(values)}. {hint}"
 
 
 def _hint(name: str) -> str:
     """Return a hint on how to measure a name."""
     if name == "contact_force":
-        return (
-            "Without contacts there is none: give simulate contacts and, where it has a hardware, "
-            "an Instrument of that signal."
-        )
+        return "Pass contacts= to simulate; with hardware=, also add an Instrument of this signal."
     if name == "contact_gap":
-        return (
-            "Without contacts there is none: give simulate contacts, and a hardware with an "
-            "Instrument of that signal."
-        )
-    return "Give simulate a hardware with an Instrument of that signal or name."
+        return "Pass contacts= to simulate, and hardware= with an Instrument of this signal."
+    return "Pass hardware= with an Instrument of this signal or name to simulate."
 
 
 def _measurement(values: dict[str, FloatArray]) -> Measurement:

@@ -15,13 +15,14 @@ from flexarm.user_functions import FunctionError, call, first_failure
 
 #: Allowed error of the cubics, as a fraction of the integrator's tolerance, and its lower limit.
 _SHARE, _LEAST = 1e-2, 1e-12
-#: Limit on the pieces being halved at once. A few jumps keep a few pieces open, noise keeps all.
+#: Maximum number of pieces that are halved at once: a few for a function with a few jumps, all of
+#: them for noise.
 _MOST_PIECES = 50_000
 #: Initial number of pieces of a function of time.
 _FIRST_PIECES = 64
 #: Types of rows that can be checked together.
 _PLAIN = {tuple, list, np.ndarray}
-#: Limit on the instants of the comparison, whose calls then take a fraction of a second.
+#: Maximum number of instants of the comparison, so that it takes a fraction of a second.
 _MOST_INSTANTS = 20_000
 
 
@@ -44,7 +45,6 @@ def function_history(
     relative: float,
     breaks: ArrayLike = (),
     name: str = "torque",
-    where: str = "simulate",
     spacing: float | None = None,
 ) -> PiecewiseCubic:
     """Approximate a function ``t -> (columns,)`` by cubics, as accurately as the run requires.
@@ -60,7 +60,6 @@ def function_history(
         relative: relative tolerance of the run.
         breaks: times (s) of kinks or jumps, in addition to ``function.breaks`` if it exists.
         name: name of the function, for messages.
-        where: name of the calling function, for messages.
         spacing: interval (s) of the comparison, increased to limit it to 20 000 instants; None
             for no comparison.
 
@@ -69,9 +68,9 @@ def function_history(
             everywhere, or the breaks are not a list of numbers.
     """
     allowed = max(relative * _SHARE, _LEAST)
-    follower = _Follower(function, duration, columns, allowed, name, where)
+    follower = _Follower(function, duration, columns, allowed, name)
     given = breaks, getattr(function, "breaks", ())
-    known = np.concatenate([check_array(where, "breaks", part, (-1,)) for part in given])
+    known = np.concatenate([check_array("breaks", part, (-1,)) for part in given])
     known = known[(known > 0.0) & (known < duration)]
     edges = np.union1d(np.linspace(0.0, duration, _FIRST_PIECES + 1), known)
     starts, pieces, stops = follower.follow(edges[:-1], edges[1:])
@@ -115,7 +114,7 @@ class _Follower:
     #: Four points that the cubic interpolates (ends shared), and three that test it.
     _NODES = np.array([0.0, 0.25, 0.75, 1.0])
     _TESTS = np.array([0.1, 0.5, 0.9])
-    #: All of them, as fractions of a piece.
+    #: All seven points, as fractions of a piece.
     points = np.union1d(_NODES, _TESTS)
 
     def __init__(
@@ -125,10 +124,9 @@ class _Follower:
         columns: int,
         relative: float,
         name: str,
-        where: str,
     ) -> None:
         self._function = function
-        self._where, self._name = where, name
+        self._name = name
         self._columns, self._relative = columns, relative
         self._powers = np.vander(self._TESTS, 4, increasing=True)
         # Evaluate just inside each end, because the function may jump exactly on an edge and each
@@ -168,7 +166,7 @@ class _Follower:
                 rule = "be a function of time that is smooth except for a few jumps"
                 value = f"errors above the tolerance with steps of {(b - a).min():.2g} s"
                 hint = "It must be deterministic: give noise as samples at a rate."
-                raise InputError(Problem(self._where, self._name, rule, value, hint))
+                raise InputError(Problem(self._name, rule, value, hint))
             middle = 0.5 * (a + b)
             starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])
         times = np.concatenate([start for start, _ in kept])
@@ -180,10 +178,10 @@ class _Follower:
         """Return the times at which the function differs from its cubics."""
         values = self._values(times)
         self._grow(values)
-        # The error between the interpolated points is larger than at them, but never by this much.
+        # Between the tested points the error may be larger than at them, but never by this factor.
         far = np.any(np.abs(values - history.at(times)) > 100.0 * self.allowed, axis=1)
         times = times[far]
-        # Within the shortest pieces there is a jump, which is already in the stops.
+        # The shortest pieces contain a jump, which is already among the stops.
         piece = np.searchsorted(history.breaks, times, side="right") - 1
         return times[np.diff(history.breaks)[piece] > self._shortest]
 
@@ -200,7 +198,7 @@ class _Follower:
             except FunctionError:
                 many: Any = self._function
                 return self._one_by_one(times, lambda t: many(np.array([t]))[0])
-            return check_array(self._where, self._name, all_at_once, (times.size, self._columns))
+            return check_array(self._name, all_at_once, (times.size, self._columns))
         return self._one_by_one(times, self._function)
 
     def _one_by_one(self, times: FloatArray, function: Callable[[float], Any]) -> FloatArray:
@@ -224,18 +222,18 @@ class _Follower:
         """Return the function's values at `times`, checked together where that is safe.
 
         One check for all rows saves most of the time of a short run. NumPy would convert rows of
-        other types, such as masked arrays, without a complaint, so they are checked one by one.
+        other types, such as masked arrays, without an error, so they are checked one by one.
 
         Raises:
             InputError: if a value is not ``columns`` finite numbers; it contains the first time.
         """
         if set(map(type, rows)) <= _PLAIN:
             try:
-                return check_array(self._where, self._name, rows, (len(rows), self._columns))
+                return check_array(self._name, rows, (len(rows), self._columns))
             except InputError:
                 pass  # find the first wrong row
         checked = [
-            check_array(self._where, f"{self._name}({t:g})", row, (self._columns,))
+            check_array(f"{self._name}({t:g})", row, (self._columns,))
             for t, row in zip(times, rows, strict=False)
         ]
         return np.reshape(checked, (len(rows), self._columns))

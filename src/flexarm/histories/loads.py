@@ -41,7 +41,6 @@ def load_history(
     duration: float,
     relative: float,
     contacts: Contacts | None = None,
-    where: str = "simulate",
     breaks: ArrayLike = (),
     spacing: float | None = None,
 ) -> LoadHistory:
@@ -49,17 +48,16 @@ def load_history(
 
     Args:
         contacts: contacts of the environment as they were placed for the run, if there are any.
-        where: name of the calling function, for messages.
         breaks, spacing: of functions of time, as in ``function_history``.
 
     Raises:
         InputError: if a load is not on the arm, a function does not return numbers, or a table
             is not valid.
     """
-    loads, base_acceleration = environment.loads, _base(where, environment.base_acceleration)
+    loads, base_acceleration = environment.loads, _base(environment.base_acceleration)
     moving = callable(base_acceleration) or isinstance(base_acceleration, AccelerationTable)
     still = Environment(loads, None if moving else base_acceleration)
-    placed = still.placed(arm, where)
+    placed = still.placed(arm)
     if contacts is not None:
         placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)
@@ -68,10 +66,8 @@ def load_history(
         return LoadHistory(owners, placed, nothing)
     if callable(base_acceleration):
         name = "base_acceleration"
-        check_function(where, name, base_acceleration)
-        base = function_history(
-            base_acceleration, duration, 2, relative, breaks, name, where, spacing
-        )
+        check_function(name, base_acceleration)
+        base = function_history(base_acceleration, duration, 2, relative, breaks, name, spacing)
     elif isinstance(base_acceleration, AccelerationTable):
         base = interpolated(base_acceleration)
     else:
@@ -85,14 +81,14 @@ def load_history(
             return interpolated(load.factor)
         assert callable(load.factor)
         row, name = Row(load.factor), "Load.factor"
-        return function_history(row, duration, 1, relative, breaks, name, where, spacing)
+        return function_history(row, duration, 1, relative, breaks, name, spacing)
 
     followed = {id(load): factor(load) for load in loads}
     columns = [followed[id(load)] for load in owners]
     return LoadHistory(owners, placed, PiecewiseCubic.joined([*columns, base]))
 
 
-def _base(where: str, given: Any) -> Any:
+def _base(given: Any) -> Any:
     """Return the acceleration of the base with a pair (times, values) as a checked table.
 
     Raises:
@@ -104,7 +100,7 @@ def _base(where: str, given: Any) -> Any:
         return AccelerationTable(times=given[0], values=given[1])
     except InputError as error:
         own = "base_acceleration"
-        named = (replace(p, where=where, name=f"{own}.{p.name}") for p in error.problems)
+        named = (replace(p, where="", name=f"{own}.{p.name}") for p in error.problems)
         raise InputError(*named) from None
 
 

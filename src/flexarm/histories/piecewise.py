@@ -24,7 +24,7 @@ class PiecewiseCubic:
             ``sum_p coefficients[k, p] (t - breaks[k])^p``.
         stops: (stops,) s: times after 0, the start of runs, where a value or a slope jumps.
         shortest_feature: longest interval (s) between two instants at which a function of time
-            was evaluated to make this; 0 for samples and tables, which are exact.
+            was evaluated to create this object; 0 for samples and tables, which are exact.
     """
 
     breaks: FloatArray

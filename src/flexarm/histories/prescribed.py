@@ -10,9 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_choice, check_function, check_times
+from flexarm.arguments import check_choice, check_function, check_number, check_times
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, check_array, is_count, shown
+from flexarm.assembly.coordinates import check_joint
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.histories.functions import Row, function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
@@ -39,19 +40,22 @@ class PrescribedAngle:
     acceleration: Callable[[float], float]
     breaks: tuple[float, ...] = ()
 
+    @public_call
     def __post_init__(self) -> None:
         for name in ("angle", "rate", "acceleration"):
-            check_function("PrescribedAngle", name, getattr(self, name))
-        check_array("PrescribedAngle", "breaks", self.breaks, (-1,))
+            check_function(name, getattr(self, name))
+        check_array("breaks", self.breaks, (-1,))
 
     @classmethod
+    @public_call
     def hold(cls, angle: float) -> PrescribedAngle:
         """Lock the joint at an angle (rad)."""
-        still = float(check_array("PrescribedAngle.hold", "angle", angle, ()))
+        still = check_number("angle", angle)
         nothing = partial(constant, 0.0)
         return cls(partial(constant, still), nothing, nothing)
 
     @classmethod
+    @public_call
     def table(cls, times: ArrayLike, angles: ArrayLike, ends: str = "rest") -> PrescribedAngle:
         """Return the cubic spline through a table of angles, with a continuous acceleration.
 
@@ -67,13 +71,12 @@ class PrescribedAngle:
         """
         from scipy.interpolate import CubicSpline
 
-        where = "PrescribedAngle.table"
-        knots = check_array(where, "times", times, (-1,))
-        values = check_array(where, "angles", angles, (knots.size,))
-        check_choice(where, "ends", ends, ENDS)
+        knots = check_array("times", times, (-1,))
+        values = check_array("angles", angles, (knots.size,))
+        check_choice("ends", ends, ENDS)
         if knots.size < 2 or np.any(np.diff(knots) <= 0.0):
             rule = "be at least two, in increasing order"
-            raise InputError(Problem(where, "times", rule, shown(knots.tolist())))
+            raise InputError(Problem("times", rule, shown(knots.tolist())))
         spline = CubicSpline(knots, values, bc_type=ENDS[ends])
         angle, rate, acceleration = (_SplinePart(spline, k, ends == "rest") for k in range(3))
         return cls(angle, rate, acceleration, tuple(knots.tolist()))
@@ -95,13 +98,12 @@ class _SplinePart:
     rests: bool  # whether the spline is constant beyond its ends; otherwise undefined there
 
     def __call__(self, t: ArrayLike) -> Any:
-        times = check_times("PrescribedAngle.table", "t", t)
+        times = check_times("t", t)
         first, last = self.spline.x[0], self.spline.x[-1]
         margin = 1e-9 * (last - first)
         if not self.rests and (np.min(times) < first - margin or np.max(times) > last + margin):
             rule = "cover the run from 0 to its end with ends='free'"
-            value = f"from {first:.9g} to {last:.9g}"
-            raise InputError(Problem("PrescribedAngle.table", "times", rule, value))
+            raise InputError(Problem("times", rule, f"{first:.9g} to {last:.9g}"))
         values = self.spline(np.clip(times, first, last), self.order)
         if self.rests and self.order:
             values = np.where((times >= first) & (times < last), values, 0.0)
@@ -135,21 +137,15 @@ def prescribe(
             or the rates and accelerations are not consistent with the angle.
     """
     for joint, motion in prescribed.items():
-        numbers = arm.joint_numbers.tolist()
-        if not is_count(joint) or joint not in numbers:
-            rule = (
-                f"name joints that are not fixed: {', '.join(map(str, numbers)) or 'there is none'}"
-            )
-            raise InputError(Problem("simulate", "prescribed", rule, shown(joint)))
-        index = numbers.index(joint)
+        index = check_joint(arm, "each key of prescribed", joint)
         own = _of_joint(motion, index, f"prescribed[{joint}]")
         _check_derivatives(own, f"prescribed[{joint}]", duration)
         body = arm.assembly.joint_body[index]
         name = f"prescribed[{joint}]"
         start = [call(f"{name}.angle", own.angle, 0.0), call(f"{name}.rate", own.rate, 0.0)]
-        state[:, body, 0] = check_array("simulate", name, start, (2,))
+        state[:, body, 0] = check_array(name, start, (2,))
         name = f"prescribed[{joint}].acceleration"
-        known = np.concatenate([own.breaks, check_array("simulate", "breaks", breaks, (-1,))])
+        known = np.concatenate([own.breaks, check_array("breaks", breaks, (-1,))])
         row = _row(motion, own, index)
         column = function_history(row, duration, 1, relative, known, name, spacing=spacing)
         history = history.with_column(index, column)
@@ -175,8 +171,7 @@ def _of_joint(motion: PrescribedAngle | Motion, index: int, name: str) -> Prescr
         return motion
     if not isinstance(motion, Motion):
         hint = "Use fa.PrescribedAngle.hold(angle) to lock a joint."
-        rule = "be a PrescribedAngle or a motion"
-        raise InputError(Problem("simulate", name, rule, shown(motion), hint))
+        raise InputError(Problem(name, "be a PrescribedAngle or a motion", shown(motion), hint))
 
     def part(of: Callable[[float], ArrayLike]) -> Callable[[float], float]:
         return lambda t: float(np.asarray(of(t))[index])
@@ -209,11 +204,10 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
         ]
         if not values:
             continue
-        before, after, said = check_array("simulate", f"{name}.{kind}", values, (-1, 3)).T
+        before, after, said = check_array(f"{name}.{kind}", values, (-1, 3)).T
         found = (after - before) / (2.0 * step)
         rounding = 1e-14 * float(np.max(np.abs(before))) / step
         if np.max(np.abs(found - said)) > 0.01 * np.max(np.abs(found)) + rounding + 1e-9:
             worst = int(np.argmax(np.abs(found - said)))
-            rule = f"be the derivative, {found[worst]:.6g} at t = {times[worst]:.6g}"
-            problem = Problem("simulate", f"{name}.{kind}", rule, shown(float(said[worst])))
-            raise InputError(problem)
+            rule = f"be the derivative ({found[worst]:.6g} at t = {times[worst]:.6g} s)"
+            raise InputError(Problem(f"{name}.{kind}", rule, shown(float(said[worst]))))

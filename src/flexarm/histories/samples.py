@@ -42,13 +42,12 @@ def sampled_torque(
         InputError: if there are too few samples, the shape is wrong, a value is not finite, or the
             interpolation is unknown.
     """
-    where = "simulate"
-    check_choice(where, "torque_interpolation", interpolation, INTERPOLATIONS)
-    samples = check_array(where, "torque", values, (-1, joints))
+    check_choice("torque_interpolation", interpolation, INTERPOLATIONS)
+    samples = check_array("torque", values, (-1, joints))
     needed = int(np.floor(duration * rate * (1 + 1e-12) + 1e-9))
     if len(samples) < max(needed, 1):
         rule = f"have at least {max(needed, 1)} samples (duration times rate)"
-        raise InputError(Problem(where, "torque", rule, str(len(samples))))
+        raise InputError(Problem("torque", rule, str(len(samples))))
     times = np.arange(len(samples)) / rate
     if interpolation == "hold":  # each sample twice: at its time, and at that of the next sample
         return PiecewiseCubic.table(np.repeat(times, 2)[1:], np.repeat(samples, 2, axis=0)[:-1])

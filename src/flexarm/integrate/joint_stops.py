@@ -81,7 +81,7 @@ def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -
                     c.body[i, LOWER_STOP + side], h, state[0, i, 0], state[1, i, 0], new[0, i, 0],
                     new[1, i, 0], allowed,
                 )  # fmt: skip
-                # Aim beyond the corner, because a step that ends before it requires a tiny one.
+                # Aim beyond the corner: after a step that ends before it, a tiny one would follow.
                 if found + allowed < h:
                     longest = min(longest, found + 0.5 * allowed)
     return longest

@@ -31,7 +31,7 @@ class CorrectedTorque:
         coefficients: (N + 3, joints) N m; before and after the knots the spline is constant.
     """
 
-    #: ``simulate`` may evaluate many times in one call.
+    #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
     rigid: RigidTorque

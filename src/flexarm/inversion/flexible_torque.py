@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import LargeDeflectionWarning
+from flexarm.errors import LargeDeflectionWarning, public_call
 from flexarm.linear import modes
 from flexarm.motion import Motion
 from flexarm.motion.motion import check_motion
@@ -39,7 +39,7 @@ class FlexibleTorque:
         initial: initial q (dof,) at time zero.
     """
 
-    #: ``simulate`` may evaluate many times in one call.
+    #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
     arm: Arm
@@ -62,12 +62,13 @@ class FlexibleTorque:
         """Number of joints n."""
         return self.motion.joints
 
+    @public_call
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
 
         At a break the value is that from the right.
         """
-        times = check_times("FlexibleTorque", "t", t)
+        times = check_times("t", t)
         flat = np.clip(times.reshape(-1), 0.0, self.end)
         torque = np.empty((flat.size, self.joints))
         last = len(self._splines) - 1
@@ -77,6 +78,7 @@ class FlexibleTorque:
         return torque.reshape(*times.shape, self.joints)
 
 
+@public_call
 def flexible_torque(
     arm: Arm,
     motion: Motion,
@@ -100,16 +102,15 @@ def flexible_torque(
 
     With prescribed joints, the equations of the links are integrated forward in time; (D.8).
     """
-    where = "flexible_torque"
-    arm = check_kind(where, "arm", arm, Arm)
-    motion = check_motion(where, motion, arm)
-    until = check_positive(where, "duration", motion.end_time if duration is None else duration)
-    rtol = check_positive(where, "rtol", rtol)
+    arm = check_kind("arm", arm, Arm)
+    motion = check_motion(motion, arm)
+    until = check_positive("duration", motion.end_time if duration is None else duration)
+    rtol = check_positive("rtol", rtol)
     locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # simulating the torque warns
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
         result = simulate(
             arm,
             until,

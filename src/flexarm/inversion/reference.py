@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: Samples per knot of the torque's spline; a spline of order 6 through them is exact to 1e-6.
 _PER_KNOT = 8.0
-#: Quintic law that brings the remaining motion after the end to rest.
+#: Coefficients of u^3, u^4 and u^5 in the quintic law that ends the motion of the joints at rest.
 _EASE = (10.0, -15.0, 6.0)
 
 
@@ -93,7 +93,7 @@ def inversion_reference(
     count = int(np.ceil(_PER_KNOT * (end - start) / spacing))
     rate = count / (end - start)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # simulating the torque warns
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
         result = simulate(
             arm,
             end - start,

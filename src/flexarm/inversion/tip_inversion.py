@@ -29,6 +29,7 @@ from flexarm.errors import (
     LargeDeflectionWarning,
     Problem,
     SimulationError,
+    public_call,
     shown,
 )
 from flexarm.inversion.correction import (
@@ -60,7 +61,8 @@ _KNOTS, _SAMPLES = 12.0, 64.0
 #: Levenberg-Marquardt damping, as a fraction of the tip's response to all coefficients together. It
 #: decreases to the minimum after each successful step and increases after each failed one.
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 1e-7, 0.1
-#: Fraction of the arm's length that limits the rigid torques' error as a scale for reductions.
+#: The reduction is relative to the tip error under rigid torques, or to this fraction of the length
+#: of the arm if that is smaller.
 _MOST_RIGID = 0.05
 _STEPS = 12
 #: Knots of the unsupported torque per knot of the original one, and samples per knot.
@@ -140,6 +142,7 @@ class TipInversion:
         return self.end - self.motion.end_time
 
 
+@public_call
 def tip_inversion(
     arm: Arm,
     motion: Motion,
@@ -171,23 +174,20 @@ def tip_inversion(
     the runs have feedback of the joints, which the returned torque includes. Arms with elastic
     joints have no such feedback, so the inversion fails if they fall.
     """
-    where = "tip_inversion"
-    arm = check_kind(where, "arm", arm, Arm)
-    motion = check_motion(where, motion, arm)
-    wanted = check_positive(where, "reduction", reduction)
+    arm = check_kind("arm", arm, Arm)
+    motion = check_motion(motion, arm)
+    wanted = check_positive("reduction", reduction)
     if arm.dof == arm.joints:
-        hint = "Use fa.rigid_torque(arm, motion)."
-        raise InputError(Problem(where, "arm", "is rigid", hint=hint))
+        raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)
     constraint.check()
     first, last = rest_end(constraint, motion.start_time), rest_end(constraint, motion.end_time)
-    before = _span(where, "pre_actuation", pre_actuation, first.growth, motion.duration)
-    after = _span(where, "post_actuation", post_actuation, last.decay, motion.duration)
+    before = _span("pre_actuation", pre_actuation, first.growth, motion.duration)
+    after = _span("post_actuation", post_actuation, last.decay, motion.duration)
     if motion.start_time < before:
         rule = f"start at {before:.6g} s or later, after the pre-actuation"
         hint = "Set start_time of the motion, or a shorter pre_actuation."
-        problem = Problem(where, "motion", rule, f"{motion.start_time:.6g} s", hint)
-        raise InputError(problem)
+        raise InputError(Problem("motion", rule, f"{motion.start_time:.6g} s", hint))
     start, end = motion.start_time - before, motion.end_time + after
     support = joint_support(arm, motion, (first, last), start, end)
     search = _Search(constraint, first, last, start, end, support)
@@ -356,12 +356,12 @@ class _Search:
         return matrix.T @ matrix, matrix.T @ run.missed.ravel()
 
 
-def _span(where: str, name: str, given: float | None, slowest: float, duration: float) -> float:
+def _span(name: str, given: float | None, slowest: float, duration: float) -> float:
     if given is None:
         shortest = 1e-3 * duration
         return float(np.clip(-np.log(_LEFT) / slowest, shortest, _LONGEST * duration))
-    span = check_positive(where, name, given, "s")
+    span = check_positive(name, given, "s")
     if span > _LONGEST_GIVEN * duration:
         rule = f"be at most {_LONGEST_GIVEN:g} times the motion's duration of {duration:.6g} s"
-        raise InputError(Problem(where, name, rule, shown(given)))
+        raise InputError(Problem(name, rule, shown(given)))
     return span

@@ -119,4 +119,4 @@ def _rest(constraint: TipConstraint, t: float, elastic: NDArray[np.intp]) -> Flo
         if np.max(np.abs(step)) < 1e-11 * (1.0 + np.max(np.abs(q))):
             return q
     rule = f"has no equilibrium with the tip in place at t = {t:.6g} s"
-    raise InputError(Problem("tip_inversion", "motion", rule))
+    raise InputError(Problem("motion", rule))

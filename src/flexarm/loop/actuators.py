@@ -7,11 +7,11 @@ from collections import deque
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem
+from flexarm.control.gains import joint_problems
+from flexarm.errors import InputError
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware, Motors
 from flexarm.model.hardware import LIMITS
-from flexarm.model.quantities import length_of
 
 #: A first-order lag is approximated by cubics over this fraction of its time constant, up to this
 #: many time constants, within 1e-5 and 5e-5 of the change of torque.
@@ -30,7 +30,9 @@ class Acting:
         given = hardware.motors if hardware is not None else None
         self.plain = given is None  # the commanded torque acts immediately
         self._motors = given or Motors()
-        _check_joints(self._motors, joints)
+        limits = {f"hardware.motors.{name}": getattr(self._motors, name) for name in LIMITS}
+        if problems := joint_problems(joints, limits):
+            raise InputError(*problems)
         self._lag = self._motors.time_constant
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._since: list[float] = []
@@ -125,18 +127,3 @@ class Acting:
         left = np.exp(-np.maximum(times - since[index], 0.0) / self._lag)[:, None]
         held: FloatArray = target + (np.asarray(self._initial)[index] - target) * left
         return held
-
-
-def _check_joints(motors: Motors, joints: int) -> None:
-    """Raise if a list of the motors does not have one number for each joint.
-
-    Raises:
-        InputError: if the length of a list differs from ``joints``.
-    """
-    rule, problems = f"be one number, or one for each of the {joints} joints", []
-    for name in LIMITS:
-        count = length_of(getattr(motors, name))
-        if count not in (None, joints):
-            problems.append(Problem("Motors", name, rule, f"{count} numbers"))
-    if problems:
-        raise InputError(*problems)

@@ -86,11 +86,10 @@ class ClosedLoop:
             raise SimulationError(t, reason, "", run.state()) from error
         self.seconds += time.perf_counter() - started
         try:
-            return check_array("controller", "torque", given, (run.arm.joints,))
+            return check_array("torque", given, (run.arm.joints,))
         except InputError as error:
-            raise SimulationError(
-                t, f"the controller returned an unusable value: {error}", "", run.state()
-            ) from None
+            reason = f"the controller returned an unusable value: {error.at('controller')}"
+            raise SimulationError(t, reason, "", run.state()) from None
 
     def torque_at(self, times: FloatArray) -> FloatArray:
         """Return the applied torque (T, joints) at times (T,)."""

@@ -16,7 +16,6 @@ def misfits(
     reference: Reference | None,
     hardware: Hardware | None,
     contacts: int,
-    where: str = "simulate",
     called: str = "",
 ) -> list[Problem]:
     """Return the requirements of a controller that are not met, one problem each.
@@ -24,30 +23,26 @@ def misfits(
     Args:
         arm: the simulated arm.
         contacts: number of contacts.
-        where: name of the calling function, for messages.
         called: user's name of the controller; empty for the name of its class.
     """
     requirements = requirements_of(controller, arm, reference)
     called = called or type(controller).__name__
     if requirements.joints not in (None, arm.joints):
         own = f"{requirements.joints} joint{'s' * (requirements.joints != 1)}"
-        rule = f"is for {own}, but the arm has {arm.joints}"
-        return [Problem(where, "controller", rule)]
+        return [Problem("controller", f"is for {own}, but the arm has {arm.joints}")]
     there = measured_names(arm, hardware, contacts)
     problems = []
     count = len(arm.gauges)
     if count and "strain" in requirements.measured and requirements.gauges not in (None, count):
         gauges = f"{requirements.gauges} gauge{'s' * (requirements.gauges != 1)}"
-        rule = f"have the {gauges} that {called} reads"
-        problems.append(Problem(where, "arm", rule, str(count)))
+        problems.append(Problem("arm", f"have the {gauges} that {called} reads", str(count)))
     for name in requirements.measured:
         if name not in there and not (name == "strain" and problems):
-            problems.append(_missing(where, called, name, arm, hardware, there, contacts))
+            problems.append(_missing(called, name, arm, hardware, there, contacts))
     return problems
 
 
 def _missing(
-    where: str,
     called: str,
     name: str,
     arm: Arm,
@@ -57,13 +52,13 @@ def _missing(
 ) -> Problem:
     """Return the problem of a missing measurement, with a hint on its source."""
     if name == "contact_force" and not contacts:
-        return Problem(where, "contacts", f"are missing: {called} measures {name}")
+        return Problem("contacts", f"are missing: {called} measures {name}")
     if name == "strain" and not arm.gauges:
-        return Problem(where, "arm", f"has no gauges, but {called} reads {name}")
+        return Problem("arm", f"has no gauges, but {called} reads {name}")
     hint = nearest(name, there)
     if name == "joint_rate" and "joint_angle" in there:
         hint = "An instrument of joint_angle with a rate_cutoff also measures it."
     rule = f"has no instrument for {name}, which {called} reads"
     if hardware is not None and hardware.instruments is not None:
         rule += f"; it measures {', '.join(there) or 'nothing'}"
-    return Problem(where, "hardware", rule, hint=hint)
+    return Problem("hardware", rule, hint=hint)

@@ -21,8 +21,8 @@ class SampledReference:
     """Reference that is evaluated for all sample times in one call.
 
     One call of a motion for a thousand times is a thousand times as fast as a thousand calls, and
-    controllers evaluate the reference at every sample time. Other times, and everything that is
-    not tabulated, go to the reference itself.
+    controllers evaluate the reference at every sample time. For other times, and for methods
+    that are not tabulated, the reference itself is called.
     """
 
     vectorized = True
@@ -32,7 +32,7 @@ class SampledReference:
         self._sample_time = sample_time
         if not duration / sample_time <= _MOST_TICKS:
             rule = f"be at least {duration / _MOST_TICKS:.3g} s for a duration of {duration:.6g} s"
-            raise InputError(Problem("controller", "sample_time", rule, shown(sample_time)))
+            raise InputError(Problem("controller.sample_time", rule, shown(sample_time)))
         self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
         self._tables: dict[str, FloatArray] = {}
         if isinstance(reference, Motion):

@@ -139,11 +139,11 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
     if signal in ("contact_force", "contact_gap"):
         if not run.loads.placed.contacts.body.size:
             rule = f"measure {signal}, but there are no contacts"
-            raise InputError(Problem("Hardware", "instruments", rule))
+            raise InputError(Problem("hardware.instruments", rule))
         return _contact_force(run) if signal == "contact_force" else _contact_gap(run)
     if signal == "strain" and not run.arm.gauges:
         rule = "measure strain, but the arm has no gauges"
-        raise InputError(Problem("Hardware", "instruments", rule))
+        raise InputError(Problem("hardware.instruments", rule))
     return _channel(run.arm, signal)
 
 
@@ -185,7 +185,7 @@ def _torque(arm: Arm, system: System, t: float) -> FloatArray:
 
 def _point(arm: Arm, sensor: Sensor) -> Reader:
     """Return the reader of a point's motion; accelerations use the torque just before t."""
-    places = place_loads(arm, "Hardware", [marker(sensor.link, sensor.station)], what="Sensor")
+    places = place_loads(arm, [marker(sensor.link, sensor.station)], what="Sensor")
     kernels = KernelView(arm.assembly.constants)
     stages, torque, motion = kernels.zeros(1, 2), np.zeros(kernels.shape[0]), np.zeros((1, 8))
     body_poses, tip = kernels.pose_arrays()

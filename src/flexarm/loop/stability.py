@@ -210,7 +210,7 @@ def differenced(
     states = arm.padded(moved.reshape(-1, 2, dof))
     channels = channels_of(arm, states)
     if contacts:
-        placed = place_contacts(arm, "simulate", contacts)
+        placed = place_contacts(arm, contacts)
         channels["contact_force"] = contact_forces(arm, placed, states)
     found = {}
     for name in signals:

@@ -103,7 +103,7 @@ def memory_of(controller: object) -> tuple[str, ...] | None:
 
 
 def _problem(controller: object, rule: str, value: str, hint: str = "") -> Problem:
-    return Problem(type(controller).__name__, "memory", rule, value, hint)
+    return Problem(f"{type(controller).__name__}.memory", rule, value, hint)
 
 
 def linear_controller(

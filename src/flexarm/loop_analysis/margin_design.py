@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, check_number
 from flexarm.arm import Arm
 from flexarm.control.base import Controller
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem
 from flexarm.loop_analysis.margins import loop_margins, named_arms
 
 C = TypeVar("C", bound=Controller)
@@ -36,17 +36,12 @@ def for_margin(
         InputError: if no controller has the margin, an argument is wrong, or ``options`` has
             ``rigidity_uncertainty`` or ``recovery``.
     """
-    where = f"{kind.__name__}.for_margin"
-    wanted = float(check_array(where, "disk_margin", disk_margin, ()))
-    if not 0.0 < wanted < 2.0:
-        rule = "be greater than 0 and less than 2"
-        raise InputError(Problem(where, "disk_margin", rule, shown(disk_margin)))
+    rule = "be greater than 0 and less than 2"
+    wanted = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
     for name in ("rigidity_uncertainty", "recovery"):
         if name in options:
-            raise InputError(
-                Problem(where, name, "is not supported, because the design searches for it")
-            )
-    arms = [check_kind(where, "arm", arm, Arm), *named_arms(where, plants).values()]
+            raise InputError(Problem(name, "is not supported, because the design searches for it"))
+    arms = [check_kind("arm", arm, Arm), *named_arms(plants).values()]
     make: Any = kind
     best, found = -1.0, (0.0, 0.0)
     for unsure, recovery in _TRIED:
@@ -61,7 +56,7 @@ def for_margin(
         "deviations or less torque, or add gauges."
     )
     rule = f"of {wanted:g} cannot be reached: the best found is {best:.3g}"
-    raise InputError(Problem(where, "disk_margin", rule, hint=hint))
+    raise InputError(Problem("disk_margin", rule, hint=hint))
 
 
 def _least(

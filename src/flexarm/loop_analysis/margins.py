@@ -18,7 +18,7 @@ from flexarm.control.base import (
     check_reference,
     requirements_of,
 )
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.models.signals import CHANNEL_OUTPUTS
 from flexarm.loop_analysis.linear_controller import FrozenReference, memory_of
@@ -38,7 +38,6 @@ _HALVINGS = 40
 _MARGINAL = 1e-4
 #: Gain factors below this are zero except for rounding: the loop is stable when it is open.
 _SMALLEST = 1e-6
-_WHERE = "loop_margins"
 
 #: Name, unit, meaning, and function that returns the worst of several values.
 _MARGINS: tuple[tuple[str, str, str, Callable[..., Any]], ...] = (
@@ -96,6 +95,7 @@ def loop_at(
     return loop_of(mine, model, instruments, hardware, still, t, believed, rate)
 
 
+@public_call
 def loop_margins(
     controller: Controller,
     plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None = None,
@@ -146,10 +146,10 @@ def loop_margins(
     import xarray as xr
 
     if hardware is not None:
-        check_kind(_WHERE, "hardware", hardware, Hardware)
-    contacts = check_list_of(_WHERE, "contacts", contacts, Contact)
+        check_kind("hardware", hardware, Hardware)
+    contacts = check_list_of("contacts", contacts, Contact)
     if reference is not None:
-        check_reference(_WHERE, reference)
+        check_reference(reference)
     arms = _plants(controller, plants)
     places = _places(controller, next(iter(arms.values())), postures, reference)
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
@@ -164,7 +164,7 @@ def loop_margins(
             bent += kept
             if len(loop.plant.A) > 1:
                 rule = "has instruments with their own sample_time, which is not supported"
-                raise InputError(Problem(_WHERE, "hardware", rule))
+                raise InputError(Problem("hardware", rule))
             growth[i, k] = loop.poles()[0].real
             margins = _margins_of(loop, bool(growth[i, k] < _MARGINAL))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
@@ -192,34 +192,32 @@ def _plants(
     Raises:
         InputError: if the controller does not declare its memory, or an arm does not fit it.
     """
-    check_controller(_WHERE, "controller", controller)
+    check_controller("controller", controller)
     if memory_of(controller) is None:
         rule = "does not declare its memory, the attributes that it keeps between samples"
-        raise InputError(Problem(_WHERE, "controller", rule))
+        raise InputError(Problem("controller", rule))
     own = getattr(controller, "arm", None)
     if plants is None and not isinstance(own, Arm):
-        rule = "are required with a controller that has no arm"
-        raise InputError(Problem(_WHERE, "plants", rule))
-    named = named_arms(_WHERE, own if plants is None else plants)
+        raise InputError(Problem("plants", "are required with a controller that has no arm"))
+    named = named_arms(own if plants is None else plants)
     joints = [arm.joints for arm in named.values()]
     if len(set(joints)) > 1:
-        rule = "be arms with the same number of joints"
-        raise InputError(Problem(_WHERE, "plants", rule, shown(plants)))
+        raise InputError(Problem("plants", "be arms with the same number of joints", shown(plants)))
     if isinstance(own, Arm) and own.joints != joints[0]:
-        rule = f"have the number of joints of the controller's arm, {own.joints}"
-        raise InputError(Problem(_WHERE, "plants", rule, shown(joints[0])))
+        rule = f"have the number of joints of the controller's arm ({own.joints})"
+        raise InputError(Problem("plants", rule, shown(joints[0])))
     for name, arm in named.items():
         required = requirements_of(controller, arm, None)
         if required.joints not in (None, arm.joints):
             rule = f"is for {required.joints} joint(s), but the plant {name!r} has {arm.joints}"
-            raise InputError(Problem(_WHERE, "controller", rule))
+            raise InputError(Problem("controller", rule))
         if "strain" in required.measured and required.gauges not in (None, len(arm.gauges)):
-            rule = f"have {required.gauges} gauge(s), as {type(controller).__name__} reads"
-            raise InputError(Problem(_WHERE, f"plant {name!r}", rule, str(len(arm.gauges))))
+            rule = f"have {required.gauges} gauge(s), which {type(controller).__name__} reads"
+            raise InputError(Problem(f"plant {name!r}", rule, str(len(arm.gauges))))
     return named
 
 
-def named_arms(where: str, plants: object) -> dict[str, Arm]:
+def named_arms(plants: object) -> dict[str, Arm]:
     """Return arms by name; arms without a name are numbered from 1.
 
     Raises:
@@ -232,7 +230,7 @@ def named_arms(where: str, plants: object) -> dict[str, Arm]:
         named = {str(k): arm for k, arm in enumerate(listed, start=1)}
     if not named or not all(isinstance(arm, Arm) for arm in named.values()):
         rule = "be an Arm, or a list or mapping of arms"
-        raise InputError(Problem(where, "plants", rule, shown(plants)))
+        raise InputError(Problem("plants", rule, shown(plants)))
     return named
 
 
@@ -242,19 +240,19 @@ def _places(
     """Return the times (s) of the reference and the postures (joints,) of the linearisations."""
     if reference is not None:
         given = getattr(reference, "start_time", 0.0) if postures is None else postures
-        times = np.atleast_1d(check_each(_WHERE, "postures", given))
+        times = np.atleast_1d(check_each("postures", given))
         if not times.size:
-            raise InputError(Problem(_WHERE, "postures", "are empty"))
+            raise InputError(Problem("postures", "are empty"))
         return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
     if postures is None:
         designs = getattr(controller, "designs", ())
         listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
         return [(0.0, posture) for posture in listed]
-    angles = check_numbers(_WHERE, "postures", postures, "be numbers of shape (any, joints)")
+    angles = check_numbers("postures", postures, "be numbers of shape (any, joints)")
     if not angles.size:
-        raise InputError(Problem(_WHERE, "postures", "are empty"))
+        raise InputError(Problem("postures", "are empty"))
     angles = angles[None] if angles.ndim == 1 else angles
-    checked = check_array(_WHERE, "postures", angles, (-1, arm.joints))
+    checked = check_array("postures", angles, (-1, arm.joints))
     return [(0.0, posture) for posture in checked]
 
 

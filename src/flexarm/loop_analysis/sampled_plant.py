@@ -76,7 +76,7 @@ def sampled_plant(
         rule = f"repeat within {_MOST_SAMPLES} samples and have at most {_MOST_STATES} states"
         value = f"{period} samples and {size} states"
         hint = "Use sample times with a smaller common multiple, or shorter delays."
-        raise InputError(Problem("loop analysis", "the sampled plant", rule, value, hint))
+        raise InputError(Problem("the sampled plant", rule, value, hint))
     # Entry j selects the torque requested j samples ago. That of the current sample is the input.
     asked = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
     step, push = np.zeros((size, size)), np.zeros((size, m))

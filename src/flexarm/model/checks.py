@@ -23,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from flexarm.errors import ModelError
+from flexarm.errors import InputError, ModelError
 from flexarm.model.help_text import docstring_of, positional_fields, signature_of
 from flexarm.model.wording import Fault, worded
 
@@ -54,8 +54,10 @@ class RecordType(ModelMetaclass):
             given = cls._from_python(given)  # type: ignore[attr-defined]
             return super().__call__(**given)  # type: ignore[misc, no-any-return]
         except ValidationError as error:
-            found = faults_of(error)
-            raise ModelError(*(f.problem(cls.__name__, cls.__name__) for f in found)) from None
+            found = [fault.problem(cls.__name__) for fault in faults_of(error)]
+            raise ModelError(*found).at(cls.__name__) from None
+        except InputError as error:
+            raise error.at(cls.__name__) from None
 
     @property
     def __signature__(cls) -> Signature:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast,
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.arguments import check_numbers
-from flexarm.errors import ModelError, Problem
+from flexarm.errors import ModelError, Problem, public_call
 from flexarm.model.arm.spec import place_faults
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import (
@@ -173,8 +173,7 @@ class Instrument(Record, kw_only=False):
             return arguments
         for name in _PLACE:
             if name in arguments:
-                rule = "cannot be combined with a Sensor as signal"
-                raise ModelError(Problem(cls.__name__, name, rule))
+                raise ModelError(Problem(name, "cannot be combined with a Sensor as signal"))
         point = {"link": sensor.link, "station": sensor.station, "frame": sensor.frame}
         named = {"name": sensor.name} if arguments.get("name") is None else {}
         return {**arguments, **point, **named, "signal": sensor.kind}
@@ -188,8 +187,7 @@ class Instrument(Record, kw_only=False):
             yield Fault(("link",), f"is required for the signal {given.signal}")
         for name in () if point else ("link", "station"):
             if not given.absent(name):
-                rule = f"is not supported for the signal {given.signal}"
-                yield Fault((name,), rule)
+                yield Fault((name,), f"is not supported for the signal {given.signal}")
         yield from frame_faults(given, given.signal)
 
 
@@ -224,6 +222,7 @@ class Motors(Record, kw_only=False):
         default=None, description="Resistance of the winding, ohm."
     )
 
+    @public_call
     def allowed(self, torque: Any, rate: Any) -> Any:
         """Return a torque (joints,) clipped to the limits at joint rates (joints,)."""
         torque, rate = _of_joints("torque", torque), _of_joints("rate", rate)
@@ -245,8 +244,7 @@ class Motors(Record, kw_only=False):
         voltage = _is_limited(given.raw("voltage_limit"))
         limited = voltage or _is_limited(given.raw("current_limit"))
         if limited and given.absent("torque_constant"):
-            rule = "is required with current_limit or voltage_limit"
-            yield Fault(("torque_constant",), rule)
+            yield Fault(("torque_constant",), "is required with current_limit or voltage_limit")
         if voltage and given.absent("resistance"):
             yield Fault(("resistance",), "is required with voltage_limit")
 
@@ -255,7 +253,7 @@ def _of_joints(name: str, value: Any) -> Any:
     """Return an array of numbers; one of float64 is not checked, because loops call this often."""
     if type(value).__name__ == "ndarray" and value.dtype == "float64":
         return value
-    return check_numbers("Motors.allowed", name, value, "be numbers of shape (joints,)")
+    return check_numbers(name, value, "be numbers of shape (joints,)")
 
 
 def _is_limited(limits: Any) -> bool:

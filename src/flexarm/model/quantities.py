@@ -76,6 +76,12 @@ def _two(value: Any) -> Any:
     return given
 
 
+def _directed(value: tuple[float, float]) -> tuple[float, float]:
+    if not any(value):
+        raise refuse("have a length greater than 0", list(value))
+    return value
+
+
 class Names(dict[str, T]):
     """Immutable mapping from names to values, so that records that contain it are hashable."""
 
@@ -144,6 +150,7 @@ if TYPE_CHECKING:
     Named = Annotated[Mapping[str, T], ...]
     Mapped = Annotated[Mapping[str, T], ...]
     Pair = Sequence[float]
+    Direction = Sequence[float]
     Limit = float
     Limits = float | Sequence[float]
 else:
@@ -170,6 +177,7 @@ OneOrMany = Annotated[
 NO_LIMIT: dict[str, Any] = {"default": None}  # in the schema
 if not TYPE_CHECKING:
     Pair = Annotated[tuple[Number, Number], BeforeValidator(_two)]
+    Direction = Annotated[Pair, AfterValidator(_directed)]  # of any length but zero
     _Limit = Annotated[float, Field(gt=0), BeforeValidator(_limit)]
     Limit = Annotated[_Limit | None, AfterValidator(_unlimited)]
     Limits = Annotated[OneOrMany[_Limit] | None, AfterValidator(_unlimited)]

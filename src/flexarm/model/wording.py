@@ -37,9 +37,9 @@ class Fault:
         """Return the fault as one of the record that has its record at a path."""
         return replace(self, path=(*path, *self.path))
 
-    def problem(self, where: str, name: str = "") -> Problem:
+    def problem(self, name: str = "") -> Problem:
         """Return the problem for the user; `name` is used if the path is empty."""
-        return Problem(where, path_text(self.path) or name, self.rule, self.value, self.hint)
+        return Problem(path_text(self.path) or name, self.rule, self.value, self.hint)
 
     def as_pydantic(self) -> PydanticCustomError:
         """Return the error that a pydantic validator raises; pydantic adds the path."""

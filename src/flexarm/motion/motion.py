@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import check_positive, check_times
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.arguments import check_number, check_positive, check_times
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.timing import TimingLaw, timing_law
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
-#: Breaks nearer than this fraction of the duration are one.
+#: Breaks closer together than this fraction of the duration are merged.
 _SAME_TIME = 1e-9
 
 
@@ -60,7 +60,7 @@ class Motion(ABC):
         start_time: start of the motion, s.
     """
 
-    #: Rule 1, in the form that all references use.
+    #: Whether arrays of times are accepted, rule 1; all references declare it with this name.
     vectorized: ClassVar[bool] = True
 
     chain: RigidChain
@@ -86,28 +86,37 @@ class Motion(ABC):
         """End of the motion, s; the arm is at rest from then on."""
         return self.start_time + self.duration
 
+    @public_call
     def state(self, t: ArrayLike) -> JointState:
         """Return angles, rates and accelerations at `t` together, which is faster than singly."""
-        times = check_times(type(self).__name__, "t", t)
+        return self._state(t)
+
+    def _state(self, t: ArrayLike) -> JointState:
+        times = check_times("t", t)
         shape = (*times.shape, self.joints)
         return JointState(*(part.reshape(shape) for part in self.at(times.reshape(-1))))
 
+    @public_call
     def joint_angle(self, t: ArrayLike) -> Floats:
         """Return the relative joint angles (n,) or (T, n), rad."""
-        return self.state(t).angle
+        return self._state(t).angle
 
+    @public_call
     def joint_rate(self, t: ArrayLike) -> Floats:
         """Return the joint rates (n,) or (T, n), rad/s."""
-        return self.state(t).rate
+        return self._state(t).rate
 
+    @public_call
     def joint_acceleration(self, t: ArrayLike) -> Floats:
         """Return the joint accelerations (n,) or (T, n), rad/s^2."""
-        return self.state(t).acceleration
+        return self._state(t).acceleration
 
+    @public_call
     def tip(self, t: ArrayLike) -> Floats:
         """Return the tip (2,) or (T, 2) of the rigid arm in world axes, m."""
-        return self.chain.tip(self.joint_angle(t))
+        return self.chain.tip(self._state(t).angle)
 
+    @public_call
     def sampled(self, rate: float) -> SampledMotion:
         """Tabulate this motion for your own control loop, where one call then takes microseconds.
 
@@ -204,6 +213,7 @@ class JointMotion(PathMotion):
         return JointState(angles, straight + (self.end - self.start), straight)
 
 
+@public_call
 def joint_motion(
     arm: Arm,
     start: ArrayLike,
@@ -226,22 +236,21 @@ def joint_motion(
         InputError: if an argument has the wrong shape or is not finite, the duration is not
             positive, or the profile is unknown.
     """
-    where = "joint_motion"
-    duration, start_time = checked_times(where, duration, start_time)
-    law = timing_law(where, profile)
-    chain = rigid_chain(where, arm)
+    duration, start_time = checked_times(duration, start_time)
+    law = timing_law(profile)
+    chain = rigid_chain(arm)
     shape = (arm.joints,)
     return JointMotion(
         chain=chain,
-        start=check_array(where, "start", start, shape),
-        end=check_array(where, "end", end, shape),
+        start=check_array("start", start, shape),
+        end=check_array("end", end, shape),
         duration=duration,
         law=law,
         start_time=start_time,
     )
 
 
-def check_motion(where: str, motion: object, arm: Arm | None = None) -> Motion:
+def check_motion(motion: object, arm: Arm | None = None) -> Motion:
     """Return a motion; if an arm is given, one with the same number of joints.
 
     Raises:
@@ -249,18 +258,16 @@ def check_motion(where: str, motion: object, arm: Arm | None = None) -> Motion:
     """
     if not isinstance(motion, Motion):
         hint = "Create one with fa.line_motion or fa.joint_motion."
-        raise InputError(Problem(where, "motion", "be a motion", shown(motion), hint))
+        raise InputError(Problem("motion", "be a motion", shown(motion), hint))
     if arm is not None and motion.joints != arm.joints:
-        rule = f"have the number of joints of the arm, {arm.joints}"
-        raise InputError(Problem(where, "motion", rule, str(motion.joints)))
+        rule = f"have the number of joints of the arm ({arm.joints})"
+        raise InputError(Problem("motion", rule, str(motion.joints)))
     return motion
 
 
-def checked_times(where: str, duration: float, start_time: float) -> tuple[float, float]:
+def checked_times(duration: float, start_time: float) -> tuple[float, float]:
     """Return both as floats; raise if the duration is not positive or is lost in rounding."""
-    length = check_positive(where, "duration", duration, "s")
-    begin = float(check_array(where, "start_time", start_time, ()))
-    if begin + 1e-6 * length == begin:
-        rule = f"be small enough to resolve a motion of {length:.6g} s"
-        raise InputError(Problem(where, "start_time", rule, shown(begin)))
+    length = check_positive("duration", duration, "s")
+    rule = f"be small enough to resolve a motion of {length:.6g} s"
+    begin = check_number("start_time", start_time, lambda t: t + 1e-6 * length != t, rule)
     return length, begin

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.arguments import check_times
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.arguments import check_number, check_times
+from flexarm.errors import public_call
 from flexarm.motion.motion import JointState, Motion
 
 if TYPE_CHECKING:
@@ -69,14 +69,17 @@ class SampledMotion(Motion):
         """Return the tip (2,) or (T, 2) of the original, world axes, m, without tabulation."""
         return self.motion.tip(t)
 
+    @public_call
     def joint_angle(self, t: ArrayLike) -> Floats:
         """Return the relative joint angles (n,) or (T, n), rad."""
         return self._derivative(t, 0)
 
+    @public_call
     def joint_rate(self, t: ArrayLike) -> Floats:
         """Return the joint rates (n,) or (T, n), rad/s."""
         return self._derivative(t, 1)
 
+    @public_call
     def joint_acceleration(self, t: ArrayLike) -> Floats:
         """Return the joint accelerations (n,) or (T, n), rad/s^2."""
         return self._derivative(t, 2)
@@ -88,7 +91,7 @@ class SampledMotion(Motion):
     def _derivative(self, t: ArrayLike, order: int) -> Floats:
         # The first and the last polynomial are constants, for the rest before and after the motion.
         ends = self._table.x[0], self._table.x[-1]
-        times = check_times("SampledMotion", "t", t)
+        times = check_times("t", t)
         found: Floats = self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order)
         return found
 
@@ -101,12 +104,9 @@ def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
     """
     from scipy.interpolate import PPoly
 
-    where = "sampled"
-    frequency = float(check_array(where, "rate", rate, ()))
     most = _MOST_SAMPLES / motion.duration
-    if not 0.0 < frequency <= most:
-        rule = f"be greater than 0 and at most {most:.6g} for a motion of {motion.duration:.6g} s"
-        raise InputError(Problem(where, "rate", rule, shown(rate)))
+    rule = f"be greater than 0 and at most {most:.6g} for a motion of {motion.duration:.6g} s"
+    frequency = check_number("rate", rate, lambda hertz: 0.0 < hertz <= most, rule)
     pieces = [_nodes(a, b, frequency) for a, b in pairwise(motion.breaks)]
     starts = np.concatenate([nodes[:-1] for nodes in pieces])
     ends = np.concatenate([nodes[1:] for nodes in pieces])

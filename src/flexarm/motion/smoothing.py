@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.arguments import check_choice, check_positive
+from flexarm.errors import public_call
 from flexarm.motion.motion import JointState, Motion, check_motion
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class SmoothedMotion(Motion):
         if not parts:
             return self.motion.at(times)
         angle, rate, acceleration = (np.concatenate(part) for part in zip(*parts, strict=True))
-        # At the end, rounding may leave the last break in the window by a fraction of a bit.
+        # At the end, the last break may still be in the window because of rounding.
         moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
         return JointState(angle, rate * moving, acceleration * moving)
 
@@ -109,6 +110,7 @@ def window_points(
     return ages, shares
 
 
+@public_call
 def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> SmoothedMotion:
     """Smooth a motion in time by averages of the joint angles over the last ``duration``.
 
@@ -128,7 +130,6 @@ def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> 
     A vibration of frequency f is not excited where ``f * duration`` is 1, 2, 3, ... (moving
     average) or 2, 3, ... (raised cosine); (C.10).
     """
-    where = "smoothed"
-    motion = check_motion(where, motion)
-    window = check_choice(where, "window", window, WINDOWS)
-    return SmoothedMotion(motion, window, check_positive(where, "duration", duration, "s"))
+    motion = check_motion(motion)
+    window = check_choice("window", window, WINDOWS)
+    return SmoothedMotion(motion, window, check_positive("duration", duration, "s"))

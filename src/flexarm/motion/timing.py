@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import check_times
-from flexarm.errors import InputError, Problem, check_array, nearest, shown
+from flexarm.arguments import check_number, check_times
+from flexarm.errors import InputError, Problem, check_array, nearest, public_call, shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -51,20 +51,17 @@ class TimingLaw:
     breaks: tuple[float, ...]
     coefficients: tuple[tuple[float, ...], ...]
 
+    @public_call
     def __post_init__(self) -> None:
-        breaks = check_array(self._where, "breaks", self.breaks, (len(self.coefficients) + 1,))
+        breaks = check_array("breaks", self.breaks, (len(self.coefficients) + 1,))
         increasing = len(breaks) > 1 and bool(np.all(np.diff(breaks) > 0.0))
         if not increasing or breaks[0] != 0.0 or breaks[-1] != 1.0:
-            rule = "increase strictly from 0 to 1"
-            raise InputError(Problem(self._where, "breaks", rule, shown(self.breaks)))
+            raise InputError(Problem("breaks", "increase strictly from 0 to 1", shown(self.breaks)))
         for piece, row in enumerate(self.coefficients):
-            check_array(self._where, f"coefficients[{piece}]", row, (-1,))
+            check_array(f"coefficients[{piece}]", row, (-1,))
         self._check_algebra()
 
-    @property
-    def _where(self) -> str:
-        return f"TimingLaw {self.name!r}"
-
+    @public_call
     def __call__(self, u: ArrayLike) -> Progress:
         """Evaluate the law.
 
@@ -75,7 +72,7 @@ class TimingLaw:
             s, s' and s'', each of the shape of `u`. At a break s'' is that of the piece that starts
             there, and at u = 1 that of the rest that follows.
         """
-        u = check_times(self._where, "u", u)
+        u = check_times("u", u)
         piece = np.searchsorted(self.breaks, u, side="right") - 1
         starts = np.concatenate([self.breaks, [0.0]])
         return self.on_pieces(piece, u - starts[piece])
@@ -132,13 +129,13 @@ class TimingLaw:
             ends[f"s at the start of piece {k + 1}"] = (first.s[k + 1], last.s[k])
             ends[f"s' at the start of piece {k + 1}"] = (first.ds[k + 1], last.ds[k])
         problems = [
-            Problem(self._where, name, f"be {want:.15g}", f"{got:.15g}")
+            Problem(name, f"be {want:.15g}", f"{got:.15g}")
             for name, (got, want) in ends.items()
             if abs(got - want) > ALGEBRA_TOLERANCE
         ]
         slowest = float(np.min(self(np.linspace(0.0, 1.0, 1025)).ds))
         if slowest < -ALGEBRA_TOLERANCE:
-            problems.append(Problem(self._where, "s'(u)", "never be negative", f"{slowest:.6g}"))
+            problems.append(Problem("s'(u)", "never be negative", f"{slowest:.6g}"))
         if problems:
             raise InputError(*problems)
 
@@ -158,6 +155,7 @@ def quintic() -> TimingLaw:
     return TimingLaw("quintic", (0.0, 1.0), ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0),))
 
 
+@public_call
 def trapezoidal(ramp: float = 0.25) -> TimingLaw:
     """Return the law of constant acceleration, constant rate and constant deceleration.
 
@@ -168,10 +166,7 @@ def trapezoidal(ramp: float = 0.25) -> TimingLaw:
     Raises:
         InputError: if `ramp` is out of that range.
     """
-    ramp = float(check_array("trapezoidal", "ramp", ramp, ()))
-    if not 1e-6 <= ramp <= 0.5:
-        rule = "be from 1e-06 to 0.5"
-        raise InputError(Problem("trapezoidal", "ramp", rule, shown(ramp)))
+    ramp = check_number("ramp", ramp, lambda part: 1e-6 <= part <= 0.5, "be from 1e-06 to 0.5")
     rate = 1.0 / (1.0 - ramp)
     half = 0.5 * rate * ramp  # path covered by one ramp
     last = 1.0 - (1.0 - ramp)  # `ramp` after the rounding of the break
@@ -187,7 +182,7 @@ TIMING_LAWS: dict[str, TimingLaw] = {"quintic": quintic(), "trapezoidal": trapez
 """Laws a motion can be given by name; the conformance tests run over them."""
 
 
-def timing_law(where: str, profile: str | TimingLaw) -> TimingLaw:
+def timing_law(profile: str | TimingLaw) -> TimingLaw:
     """Return the timing law with the given name; return a `TimingLaw` unchanged.
 
     Raises:
@@ -198,5 +193,4 @@ def timing_law(where: str, profile: str | TimingLaw) -> TimingLaw:
     if isinstance(profile, str) and profile in TIMING_LAWS:
         return TIMING_LAWS[profile]
     rule = f"be a TimingLaw or one of {', '.join(map(repr, TIMING_LAWS))}"
-    hint = nearest(profile, TIMING_LAWS)
-    raise InputError(Problem(where, "profile", rule, shown(profile), hint))
+    raise InputError(Problem("profile", rule, shown(profile), nearest(profile, TIMING_LAWS)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any, Protocol
 
+from flexarm.errors import public_call
 from flexarm.writing.places import AnyPath, check_place, write_whole
 
 #: File suffixes of figures.
@@ -18,6 +19,7 @@ class Savable(Protocol):
         """Write the picture to a file or stream."""
 
 
+@public_call
 def write_figure(figure: Savable, path: AnyPath) -> None:
     """Write a figure in the format of the suffix of ``path``.
 
@@ -26,7 +28,7 @@ def write_figure(figure: Savable, path: AnyPath) -> None:
     Raises:
         InputError: if the suffix is unknown or the path cannot be written.
     """
-    place = check_place("write_figure", "path", path, FIGURE_SUFFIXES)
+    place = check_place("path", path, FIGURE_SUFFIXES)
     picture = BytesIO()
     figure.savefig(picture, format=place.suffix.lower().removeprefix("."))
     write_whole(place, [picture.getvalue()])

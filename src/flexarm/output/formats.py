@@ -7,7 +7,7 @@ import stat
 from typing import TYPE_CHECKING
 
 from flexarm.arguments import check_dataset, check_path
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.output.base import Format
 from flexarm.output.csv_table import CSV
 from flexarm.output.netcdf import NETCDF
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 FORMATS: dict[str, Format] = {form.suffix: form for form in (NETCDF, CSV)}
 
 
+@public_call
 def write_result(result: xr.Dataset, path: AnyPath) -> None:
     """Write the dataset of ``simulate`` in the format of the suffix of ``path``.
 
@@ -28,35 +29,36 @@ def write_result(result: xr.Dataset, path: AnyPath) -> None:
     Raises:
         InputError: if the suffix is unknown or the path cannot be written.
     """
-    result = check_dataset("write_result", "result", result)
-    place = check_place("write_result", "path", path, FORMATS)
+    result = check_dataset("result", result)
+    place = check_place("path", path, FORMATS)
     write_whole(place, FORMATS[place.suffix.lower()].encode(result))
 
 
+@public_call
 def read_result(path: AnyPath) -> xr.Dataset:
     """Read a result written by ``write_result``, in a format that stores all of it.
 
     Raises:
         InputError: if the file is missing, damaged, or not a result.
     """
-    path = check_path("read_result", "path", path)
+    path = check_path("path", path)
     suffix = path.suffix.lower()
     form = FORMATS.get(suffix)
     if form is None or form.read is None:
         readable = " or ".join(name for name, known in FORMATS.items() if known.read)
         rule = f"be a {readable} file, which contains the whole result"
-        raise InputError(Problem("read_result", "path", rule, shown(str(path))))
+        raise InputError(Problem("path", rule, shown(str(path))))
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise OSError("it is not an ordinary file")
         result = form.read(path)
     except FileNotFoundError:
-        raise InputError(Problem(str(path), "the file", "does not exist")) from None
+        raise InputError(Problem("the file", "does not exist", where=str(path))) from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         reason = getattr(error, "strerror", None) or error
         rule = f"is not an intact {form.name} file: {reason}"
-        raise InputError(Problem(str(path), "the file", rule)) from None
+        raise InputError(Problem("the file", rule, where=str(path))) from None
     if "flexarm_version" not in result.attrs:
         rule = f"is a {form.name} file that was not written by flexarm"
-        raise InputError(Problem(str(path), "the file", rule))
+        raise InputError(Problem("the file", rule, where=str(path)))
     return result

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.writing.places import AnyPath, check_place, write_text, write_whole
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MODEL_SUFFIXES = (".mat", ".json")
 
 
+@public_call
 def save_linear(model: LinearModel, path: AnyPath) -> None:
     """Write a linear model to a ``.mat`` or ``.json`` file, completely or not at all.
 
@@ -36,9 +37,8 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
 
     if not isinstance(model, LinearModel):
         hint = "fa.linearize returns one."
-        rule = "be a LinearModel"
-        raise InputError(Problem("save_linear", "model", rule, shown(model), hint))
-    place = check_place("save_linear", "path", path, MODEL_SUFFIXES)
+        raise InputError(Problem("model", "be a LinearModel", shown(model), hint))
+    place = check_place("path", path, MODEL_SUFFIXES)
     if place.suffix.lower() == ".json":
         write_text(json.dumps(_plain(model.arrays()), indent=1) + "\n", place)
     else:

@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 
 from flexarm.arguments import check_count
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem
+from flexarm.errors import InputError, Problem, public_call_as
 from flexarm.plot.canvas import WIDTH, panels, rows
 from flexarm.plot.drawn_arm import (
     STATIONS,
@@ -35,6 +35,7 @@ _MOST = 200
 _SPAN: dict[str, Any] = {"color": SKY, "alpha": 0.25, "linewidth": 0.0}
 
 
+@public_call_as("plot.postures")
 def postures(
     result: xr.Dataset,
     count: int = 10,
@@ -61,16 +62,15 @@ def postures(
             integer from 2 to 200, ``magnify`` is not from 0 to 10,000, or ``rigid`` is neither a
             bool nor a result.
     """
-    where = "plot.postures"
-    result = check_drawable(where, "result", result)
-    count = check_count(where, "count", count, 2, _MOST)
-    magnify = check_magnify(where, magnify)
-    arm = arm_of(where, "result", result)
-    ghost = rigid_result(where, rigid, arm, result)
+    result = check_drawable("result", result)
+    count = check_count("count", count, 2, _MOST)
+    magnify = check_magnify(magnify)
+    arm = arm_of("result", result)
+    ghost = rigid_result(rigid, arm, result)
     time = result["time"].values
     times = np.linspace(time[0], time[-1], count)
     shapes = shapes_of(arm, at_times(time, result["q"].values, times), magnify)
-    with panels(where, axes, 1, (4.8, 4.4), rows(1)) as (panel,):
+    with panels(axes, 1, (4.8, 4.4), rows(1)) as (panel,):
         if ghost is not None:
             look = {**RIGID, "linewidth": 0.6}
             _draw_arms(panel, ghost.shapes(times), [look] * count, "rigid")
@@ -115,6 +115,7 @@ def _tip_path(arm: Arm, result: xr.Dataset, magnify: float) -> FloatArray:
     return shapes_of(arm, q, magnify, stations=2)[:, -1, -1]
 
 
+@public_call_as("plot.deflection")
 def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
     """Draw the deflection of the links from their root tangents: range of the run and some times.
 
@@ -131,16 +132,15 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
         InputError: if the result does not contain the motion of an arm, or ``count`` is not an
             integer from 1 to 200.
     """
-    where = "plot.deflection"
-    result = check_drawable(where, "result", result)
-    count = check_count(where, "count", count, 1, _MOST)
-    arm = arm_of(where, "result", result)
+    result = check_drawable("result", result)
+    count = check_count("count", count, 1, _MOST)
+    arm = arm_of("result", result)
     found = deflections(arm, result)
     scale, unit = readable_unit("m", found)
     chosen = np.linspace(0, len(found) - 1, count).round().astype(int)
     shown_times = np.linspace(result["time"].values[0], result["time"].values[-1], count)
     along = _along(arm, np.linspace(0.0, 1.0, STATIONS))
-    with panels(where, axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
+    with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
         low, high = scale * found.min(axis=0), scale * found.max(axis=0)
         for link in range(arm.links):
             label = "range of the run" if link == 0 else "_"
@@ -156,6 +156,7 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
     return panel
 
 
+@public_call_as("plot.bending_moment")
 def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
     """Draw the envelope of the bending moment along the arm, and mark its largest value.
 
@@ -169,17 +170,16 @@ def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
     Raises:
         InputError: if the result does not contain bending moments.
     """
-    where = "plot.bending_moment"
-    result = check_drawable(where, "result", result)
+    result = check_drawable("result", result)
     if "bending_moment" not in result:
         hint = "Simulate with stations=11, for example, to record it."
-        raise InputError(Problem(where, "result", "has no 'bending_moment'", hint=hint))
-    arm = arm_of(where, "result", result)
+        raise InputError(Problem("result", "has no 'bending_moment'", hint=hint))
+    arm = arm_of("result", result)
     moment = result["bending_moment"].values
     scale, unit = readable_unit("N m", moment)
     low, high = scale * moment.min(axis=0), scale * moment.max(axis=0)
     along = _along(arm, result["station"].values)
-    with panels(where, axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
+    with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
         for link in range(arm.links):
             names = ("range of the run", "largest", "smallest") if link == 0 else ("_",) * 3
             panel.fill_between(along[link], low[link], high[link], label=names[0], **_SPAN)

@@ -22,7 +22,7 @@ WIDTH = 6.5
 
 @contextmanager
 def panels(
-    where: str, axes: object, count: int, size: tuple[float, float], arrange: Arrange
+    axes: object, count: int, size: tuple[float, float], arrange: Arrange
 ) -> Iterator[list[Axes]]:
     """Yield ``count`` axes: the given ones, or those of a new figure of pyplot.
 
@@ -30,7 +30,6 @@ def panels(
     the caller keep the caller's settings.
 
     Args:
-        where: name of the calling function, for messages.
         axes: Matplotlib axes, several as a list or array of any shape; None for a new figure.
         size: width and height of the new figure, inches.
         arrange: function that adds the axes to the new figure.
@@ -39,7 +38,7 @@ def panels(
         InputError: if ``axes`` is not that number of Matplotlib axes.
     """
     if axes is not None:
-        yield checked_axes(where, axes, count)
+        yield checked_axes(axes, count)
         return
     import matplotlib.pyplot as plt
 
@@ -56,7 +55,7 @@ def panels(
             place_labels(each)
 
 
-def checked_axes(where: str, axes: object, count: int) -> list[Axes]:
+def checked_axes(axes: object, count: int) -> list[Axes]:
     """Return ``count`` Matplotlib axes as a list.
 
     Raises:
@@ -69,8 +68,8 @@ def checked_axes(where: str, axes: object, count: int) -> list[Axes]:
     if len(given) == count and all(isinstance(each, Axes) for each in given):
         return given
     rule = "be Matplotlib axes" if count == 1 else f"be {count} Matplotlib axes, one for each panel"
-    found = f"{len(given)} of them" if all(isinstance(e, Axes) for e in given) else shown(axes)
-    raise InputError(Problem(where, "axes", rule, found))
+    found = f"{len(given)} axes" if all(isinstance(e, Axes) for e in given) else shown(axes)
+    raise InputError(Problem("axes", rule, found))
 
 
 def rows(count: int, **edges: float) -> Arrange:

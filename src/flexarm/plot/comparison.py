@@ -10,8 +10,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from flexarm.arguments import check_kind
-from flexarm.errors import InputError, Problem
+from flexarm.arguments import check_dataset
+from flexarm.errors import InputError, Problem, public_call_as
 from flexarm.plot.canvas import AxesArray, array_of, panels
 from flexarm.plot.palette import series_colors
 from flexarm.plot.style import GREY, Sheet, margins, styled
@@ -34,6 +34,7 @@ _MARKS = "os^Dv<>ph*"
 _WIDTH, _LINE, _EDGES = 8.27, 0.27, 0.8  # inches
 
 
+@public_call_as("plot.study")
 def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
     """Draw the metrics of ``flexarm.compare`` or ``run_study``, a row of panels per reference.
 
@@ -52,21 +53,22 @@ def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
         InputError: if the table is not one of `compare`, has no finite number, or ``axes`` does
             not have one item for each panel.
     """
-    drawing = _Numbers("plot.study", table)
+    drawing = _Numbers(table)
     shape = (len(drawing.references), len(drawing.chosen))
     count = shape[0] * shape[1]
-    with panels("plot.study", axes, count, drawing.size, drawing.arrange) as made:
+    with panels(axes, count, drawing.size, drawing.arrange) as made:
         drawing.draw(made)
     return array_of(made, *shape)
 
 
+@public_call_as("plot.comparison_figure")
 def comparison_figure(table: xr.Dataset) -> Sheet:
     """Draw the metrics as `study` does, in a figure that is not registered with pyplot.
 
     Raises:
         InputError: if the table is not one of `compare`, or has no finite number.
     """
-    drawing = _Numbers("comparison_figure", table)
+    drawing = _Numbers(table)
     sheet = Sheet(*drawing.size)
     with styled():
         drawing.draw(drawing.arrange(sheet))
@@ -76,17 +78,12 @@ def comparison_figure(table: xr.Dataset) -> Sheet:
 class _Numbers:
     """Metrics of a table to draw, and their panels."""
 
-    def __init__(self, where: str, table: xr.Dataset) -> None:
-        table = check_kind(where, "table", table, xr.Dataset, "a table of compare")
+    def __init__(self, table: xr.Dataset) -> None:
         needed = ("controller", "plant", "reference", "failure", *(name for name, *_ in _PANELS))
-        missing = [name for name in needed if name not in table.variables]
-        if missing:
-            value = f"a dataset without {missing[0]!r}"
-            raise InputError(Problem(where, "table", "be a table of compare", value))
-        self.table = table
+        self.table = check_dataset("table", table, needed, "a table of compare")
         self.chosen = [panel for panel in _PANELS if np.isfinite(table[panel[0]].values).any()]
         if not self.chosen:
-            raise InputError(Problem(where, "table", "contains only runs that failed"))
+            raise InputError(Problem("table", "contains only runs that failed"))
         self.names = [str(name) for name in table["controller"].values]
         self.references = table["reference"].values
         height = _EDGES + (_LINE * len(self.names) + 0.75) * len(self.references)

@@ -25,36 +25,35 @@ _MOST_SAMPLES = 4000
 _MOST_MAGNIFIED = 1e4
 
 
-def check_drawable(where: str, name: str, value: object) -> xr.Dataset:
+def check_drawable(name: str, value: object) -> xr.Dataset:
     """Validate that the arm of a result can be drawn, and return the result.
 
     Raises:
         InputError: if it is not a result of ``simulate`` with the coordinates of its arm.
     """
-    result = check_dataset(where, name, value)
+    result = check_dataset(name, value)
     if not {"q", "joint_angle"} <= set(result.data_vars) or not result["time"].size:
         rule = "be a result of simulate"
-        raise InputError(Problem(where, name, rule, "a dataset without the coordinates of an arm"))
-    arm = arm_of(where, name, result)
+        raise InputError(Problem(name, rule, "a dataset without the coordinates of an arm"))
+    arm = arm_of(name, result)
     if result["q"].shape[1:] != (arm.dof,):
         rule = f"have the {arm.dof} coordinates of its arm"
-        value = f"q of shape {result['q'].shape}"
-        raise InputError(Problem(where, name, rule, value))
+        raise InputError(Problem(name, rule, f"q of shape {result['q'].shape}"))
     if not np.isfinite(result["q"].values).all():
-        raise InputError(Problem(where, name, "contains NaN or infinite coordinates"))
+        raise InputError(Problem(name, "contains NaN or infinite coordinates"))
     return result
 
 
-def check_magnify(where: str, value: object) -> float:
+def check_magnify(value: object) -> float:
     """Validate and return a factor on the bending of links.
 
     Raises:
         InputError: if it is not a number from 0 to 10,000.
     """
-    return check_nonnegative(where, "magnify", value, _MOST_MAGNIFIED)
+    return check_nonnegative("magnify", value, _MOST_MAGNIFIED)
 
 
-def arm_of(where: str, name: str, result: xr.Dataset) -> Arm:
+def arm_of(name: str, result: xr.Dataset) -> Arm:
     """Return the arm of a result, from its attribute ``arm``.
 
     Raises:
@@ -62,13 +61,12 @@ def arm_of(where: str, name: str, result: xr.Dataset) -> Arm:
     """
     text = result.attrs.get("arm")
     if not isinstance(text, str):
-        rule = "has no attribute 'arm' with the text of its arm"
-        raise InputError(Problem(where, name, rule))
+        raise InputError(Problem(name, "has no attribute 'arm' with the text of its arm"))
     try:
         return _arm(text)
     except ModelError as error:
         rule = f"has an invalid attribute 'arm': {str(error.problems[0]).rstrip('.')}"
-        raise InputError(Problem(where, name, rule)) from None
+        raise InputError(Problem(name, rule)) from None
 
 
 @lru_cache(maxsize=8)
@@ -85,7 +83,7 @@ def scenario_of(result: xr.Dataset) -> Scenario | None:
         return None
 
 
-def rigid_result(where: str, rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | None:
+def rigid_result(rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | None:
     """Return the motion of the rigid counterpart for a plot, or None.
 
     Args:
@@ -105,9 +103,9 @@ def rigid_result(where: str, rigid: object, arm: Arm, result: xr.Dataset) -> Rig
         return RigidMotion(rigid_counterpart, result["time"].values, q)
     import xarray as xr
 
-    own = check_kind(where, "rigid", rigid, xr.Dataset, "True, False or a result of simulate")
-    own = check_drawable(where, "rigid", own)
-    return RigidMotion(arm_of(where, "rigid", own), own["time"].values, own["q"].values)
+    own = check_kind("rigid", rigid, xr.Dataset, "True, False or a result of simulate")
+    own = check_drawable("rigid", own)
+    return RigidMotion(arm_of("rigid", own), own["time"].values, own["q"].values)
 
 
 class RigidMotion:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from flexarm.arguments import check_choice, check_dataset
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, public_call_as, shown
 from flexarm.plot.canvas import WIDTH, array_of, panels, rows
 from flexarm.plot.palette import series_colors
 from flexarm.plot.selection import Signals, named_results, several, signals_of
@@ -37,6 +37,7 @@ _DASHES: tuple[Any, ...] = ("-", (0, (4.0, 1.6)), (0, (1.2, 1.2)), (0, (5.0, 1.5
 _ROW, _EDGES = 1.75, 0.85  # inches
 
 
+@public_call_as("plot.history")
 def history(
     result: xr.Dataset,
     channels: str | list[str] | None = None,
@@ -62,16 +63,16 @@ def history(
         InputError: if the result has no such channel, ``axes`` does not have one item for each
             channel, or Plotly is requested and not installed.
     """
-    where = "plot.history"
-    result = check_dataset(where, "result", result)
-    found = several(where, "channels", channels, result)
-    if _plotly_requested(where, backend, axes):
+    result = check_dataset("result", result)
+    found = several("channels", channels, result)
+    if _plotly_requested(backend, axes):
         from flexarm.plot.interactive import history_page
 
         return history_page(found)
-    return _panels(where, channels, found, axes, draw_signals)
+    return _panels(channels, found, axes, draw_signals)
 
 
+@public_call_as("plot.compare")
 def compare(
     results: Mapping[str, xr.Dataset] | list[xr.Dataset],
     channels: str | list[str] | None = None,
@@ -93,28 +94,26 @@ def compare(
         InputError: if there is no result, a result lacks a channel, a channel has more than four
             parts, or ``axes`` does not have one item for each channel.
     """
-    where = "plot.compare"
-    named = named_results(where, results)
-    by_result = {
-        name: several(where, "channels", channels, result) for name, result in named.items()
-    }
+    named = named_results(results)
+    by_result = {name: several("channels", channels, result) for name, result in named.items()}
     first = next(iter(by_result.values()))
     if any(len(found) != len(first) for found in by_result.values()):
         rule = "are required, because the results have different ones"
-        raise InputError(Problem(where, "channels", rule))
+        raise InputError(Problem("channels", rule))
     for signals in first:
         if max(len(found[first.index(signals)].keys) for found in by_result.values()) > 4:
             hint = f"Name one, such as '{signals.name}[{signals.keys[0]}]'."
             rule = "have at most four components each"
-            raise InputError(Problem(where, "channels", rule, shown(signals.name), hint))
+            raise InputError(Problem("channels", rule, shown(signals.name), hint))
 
     def draw(panel: Axes, signals: Signals) -> None:
         k = first.index(signals)
         _draw_compared(panel, {name: found[k] for name, found in by_result.items()})
 
-    return _panels(where, channels, first, axes, draw)
+    return _panels(channels, first, axes, draw)
 
 
+@public_call_as("plot.phase_portrait")
 def phase_portrait(
     result: xr.Dataset,
     channel: str = "joint_angle",
@@ -138,17 +137,16 @@ def phase_portrait(
         InputError: if the result has no such channel, the channel has no rate, or Plotly is
             requested and not installed.
     """
-    where = "plot.phase_portrait"
-    result = check_dataset(where, "result", result)
+    result = check_dataset("result", result)
     plain, bracket, part = channel.partition("[") if isinstance(channel, str) else (channel, "", "")
-    check_choice(where, "channel", plain, RATES)
-    values = signals_of(where, "channel", result, channel)
-    rates = signals_of(where, "channel", result, f"{RATES[plain]}{bracket}{part}")
-    if _plotly_requested(where, backend, axes):
+    check_choice("channel", plain, RATES)
+    values = signals_of("channel", result, channel)
+    rates = signals_of("channel", result, f"{RATES[plain]}{bracket}{part}")
+    if _plotly_requested(backend, axes):
         from flexarm.plot.interactive import phase_page
 
         return phase_page(values, rates)
-    with panels(where, axes, 1, (4.2, 3.6), rows(1)) as (panel,):
+    with panels(axes, 1, (4.2, 3.6), rows(1)) as (panel,):
         lines = []
         for k, color in enumerate(series_colors(len(values.keys))):
             x, y = values.values[:, k], rates.values[:, k]
@@ -165,19 +163,19 @@ def phase_portrait(
     return panel
 
 
-def _plotly_requested(where: str, backend: object, axes: object) -> bool:
-    if check_choice(where, "backend", backend, BACKENDS) == "matplotlib":
+def _plotly_requested(backend: object, axes: object) -> bool:
+    if check_choice("backend", backend, BACKENDS) == "matplotlib":
         return False
     if axes is not None:
-        raise InputError(Problem(where, "axes", "cannot be combined with backend='plotly'"))
+        raise InputError(Problem("axes", "cannot be combined with backend='plotly'"))
     return True
 
 
-def _panels(where: str, given: object, found: list[Signals], axes: Any, draw: Any) -> Any:
+def _panels(given: object, found: list[Signals], axes: Any, draw: Any) -> Any:
     """Draw each channel into its panel; return one axes object for a name, an array for a list."""
     size = (WIDTH, _EDGES + _ROW * len(found))
     spacing = 0.3 if len(found) > 1 else 0.0
-    with panels(where, axes, len(found), size, rows(len(found), hspace=spacing)) as made:
+    with panels(axes, len(found), size, rows(len(found), hspace=spacing)) as made:
         for panel, signals in zip(made, found, strict=True):
             draw(panel, signals)
             if axes is None and panel is not made[-1]:

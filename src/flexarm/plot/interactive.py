@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm.errors import InputError, Problem
+from flexarm.arguments import library_missing
 from flexarm.plot.palette import series_colors
 from flexarm.plot.selection import Signals
 from flexarm.plot.style import INK
@@ -14,7 +14,7 @@ _ROW = 230  # pixels
 
 def history_page(found: list[Signals]) -> Any:
     """Return a Plotly figure of channels over time: panels in a column with a common time axis."""
-    _, subplots = _plotly("plot.history")
+    _, subplots = _plotly()
     titles = [signals.title for signals in found]
     gaps = {"shared_xaxes": True, "vertical_spacing": 0.25 / len(found)}
     figure = subplots.make_subplots(len(found), 1, subplot_titles=titles, **gaps)
@@ -32,7 +32,7 @@ def history_page(found: list[Signals]) -> Any:
 
 def phase_page(values: Signals, rates: Signals) -> Any:
     """Return a Plotly figure of a channel against its rate, with the time in the hover text."""
-    objects, _ = _plotly("plot.phase_portrait")
+    objects, _ = _plotly()
     figure = objects.Figure()
     for (x, label, color), (y, _, _) in zip(_lines(values), _lines(rates), strict=True):
         figure.add_scatter(
@@ -59,7 +59,7 @@ def _lines(signals: Signals) -> list[tuple[Any, str, str]]:
     return list(zip(signals.values.T, labels, series_colors(len(labels)), strict=True))
 
 
-def _plotly(where: str) -> tuple[Any, Any]:
+def _plotly() -> tuple[Any, Any]:
     """Import Plotly.
 
     Raises:
@@ -68,7 +68,5 @@ def _plotly(where: str) -> tuple[Any, Any]:
     try:
         from plotly import graph_objects, subplots
     except ImportError:
-        hint = "Install it with: pip install 'flexarm[plots]'."
-        rule = "'plotly' is not installed"
-        raise InputError(Problem(where, "backend", rule, hint=hint)) from None
+        raise library_missing("backend 'plotly'", "plots") from None
     return graph_objects, subplots

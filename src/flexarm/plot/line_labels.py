@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-#: Distance of a label from its line, and between points that stand for a line, points.
+#: Distance of a label from its line, and spacing of the samples of a line, in points.
 _GAP, _SPACING = 3.0, 3.0
 #: Places along a line that are tried, and directions from there.
 _PLACES = 60
 _SIDES = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)])
-#: Distance beyond which another line is not mistaken for that of the label, points.
+#: Distance, in points, at which another line is not mistaken for that of the label.
 _CLEAR = 14.0
 
 
@@ -93,7 +93,7 @@ def _best_place(
         away = _distances(low, high, np.concatenate(others))
         cost += 40.0 * np.sum(away < point, axis=1)
         cost += 10.0 * np.maximum(0.0, 1.0 - away.min(axis=1, initial=np.inf) / (_CLEAR * point))
-    # Prefer the end of the line, where the eye arrives, if all else is equal.
+    # Prefer the end of the line if all else is equal, because readers look there first.
     cost += np.repeat(np.linspace(1.0, 0.0, len(places)), len(_SIDES))
     best: FloatArray = centers[np.argmin(cost)]
     return best

@@ -11,7 +11,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arguments import check_kind
-from flexarm.errors import check_array
+from flexarm.errors import check_array, public_call_as
 from flexarm.linear import LinearModel
 from flexarm.plot.canvas import AxesArray, array_of, panels
 from flexarm.plot.style import SERIES, Sheet, legend_above, margins, place_labels, styled
@@ -28,6 +28,7 @@ _BESIDE = 1e-4
 _UNDAMPED = 1e-9
 
 
+@public_call_as("plot.bode")
 def bode(model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None) -> AxesArray:
     """Draw gain and phase from every input to every output over frequency, at most six of each.
 
@@ -46,14 +47,14 @@ def bode(model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None
         InputError: if the model is not a `LinearModel`, ``omega`` is not finite numbers, or
             ``axes`` does not have two items for each output.
     """
-    where = "plot.bode"
-    drawing = _Responses(where, model, omega)
+    drawing = _Responses(model, omega)
     count = 2 * drawing.rows
-    with panels(where, axes, count, drawing.size, drawing.arrange) as made:
+    with panels(axes, count, drawing.size, drawing.arrange) as made:
         drawing.draw(made)
     return array_of(made, drawing.rows, 2)
 
 
+@public_call_as("plot.response_figure")
 def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet:
     """Draw gain and phase as `bode` does, in a figure that is not registered with pyplot.
 
@@ -63,7 +64,7 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
     Raises:
         InputError: if the model is not a `LinearModel`, or ``omega`` is not finite numbers.
     """
-    drawing = _Responses("response_figure", model, omega)
+    drawing = _Responses(model, omega)
     sheet = Sheet(*drawing.size)
     with styled():
         made = drawing.arrange(sheet)
@@ -76,11 +77,11 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
 class _Responses:
     """Responses of a model and their layout: gain above phase for each output."""
 
-    def __init__(self, where: str, model: LinearModel, omega: ArrayLike | None) -> None:
-        self.model = check_kind(where, "model", model, LinearModel)
+    def __init__(self, model: LinearModel, omega: ArrayLike | None) -> None:
+        self.model = check_kind("model", model, LinearModel)
         self.inputs, self.outputs = model.inputs[:_MOST], model.outputs[:_MOST]
         given = _range(model) if omega is None else omega
-        self.omega = check_array(where, "omega", given, (-1,))
+        self.omega = check_array("omega", given, (-1,))
         self.response = model.frequency_response(self.omega)
         # Rounding moves an undamped pole, and the response there is finite and has no meaning.
         poles = model.poles[_undamped(model.poles)]

@@ -56,11 +56,10 @@ class Signals:
         return f"{quantity} [{self.unit}]" if self.unit else quantity
 
 
-def signals_of(where: str, name: str, result: xr.Dataset, channel: object) -> Signals:
+def signals_of(name: str, result: xr.Dataset, channel: object) -> Signals:
     """Return the lines of a channel: all for ``"tip"``, one for ``"tip[y]"``.
 
     Args:
-        where: name of the calling function, for messages.
         name: name of its argument.
         result: as returned by ``simulate``; readings of instruments are also channels.
         channel: name of a channel of the result, with a part in brackets to select one line: the
@@ -70,14 +69,14 @@ def signals_of(where: str, name: str, result: xr.Dataset, channel: object) -> Si
         InputError: if the result has no such channel, or the channel has no such part.
     """
     if not isinstance(channel, str):
-        raise InputError(Problem(where, name, "be the name of a channel", shown(channel)))
+        raise InputError(Problem(name, "be the name of a channel", shown(channel)))
     plain, bracket, part = channel.partition("[")
     known = [str(key) for key, data in result.data_vars.items() if _plottable(data)]
     if plain not in known:
         hint = nearest(plain, known) or f"It has {', '.join(known[:8])}, ..."
         if plain in CHANNELS:
             hint = _missing_hint(plain)
-        raise InputError(Problem(where, name, "be a channel of the result", shown(channel), hint))
+        raise InputError(Problem(name, "be a channel of the result", shown(channel), hint))
     found = _all(result, plain)
     if not bracket:
         return found
@@ -85,8 +84,7 @@ def signals_of(where: str, name: str, result: xr.Dataset, channel: object) -> Si
     if wanted not in found.keys:
         keys = ", ".join(f"{plain}[{key}]" for key in found.keys[:4])
         hint = f"Its components are {keys}{', ...' if len(found.keys) > 4 else ''}."
-        rule = "be a component of its channel"
-        raise InputError(Problem(where, name, rule, shown(channel), hint))
+        raise InputError(Problem(name, "be a component of its channel", shown(channel), hint))
     k = found.keys.index(wanted)
     values = found.values[:, k : k + 1]
     label, key = found.labels[k : k + 1], found.keys[k : k + 1]
@@ -131,7 +129,7 @@ def _labels(result: xr.Dataset, dim: str, size: int) -> list[tuple[str, str]]:
     return [(f"{stem} {number}", str(number)) for number in range(1, size + 1)]
 
 
-def several(where: str, name: str, given: object, result: xr.Dataset) -> list[Signals]:
+def several(name: str, given: object, result: xr.Dataset) -> list[Signals]:
     """Return the lines of one channel or of a list of channels.
 
     Raises:
@@ -142,12 +140,11 @@ def several(where: str, name: str, given: object, result: xr.Dataset) -> list[Si
     if isinstance(given, str):
         given = [given]
     if not isinstance(given, Sequence) or not given:
-        rule = "be the name of a channel or a list of names"
-        raise InputError(Problem(where, name, rule, shown(given)))
-    return [signals_of(where, name, result, channel) for channel in given]
+        raise InputError(Problem(name, "be the name of a channel or a list of names", shown(given)))
+    return [signals_of(name, result, channel) for channel in given]
 
 
-def named_results(where: str, results: object, most: int = _MOST_RESULTS) -> dict[str, xr.Dataset]:
+def named_results(results: object, most: int = _MOST_RESULTS) -> dict[str, xr.Dataset]:
     """Return results by name, from a mapping or a list; the names of a list are 1, 2, ....
 
     Raises:
@@ -164,8 +161,8 @@ def named_results(where: str, results: object, most: int = _MOST_RESULTS) -> dic
         named = {}
     if not 1 <= len(named) <= most or not all(isinstance(name, str) for name in named):
         rule = f"be 1 to {most} results, as a list or by name"
-        raise InputError(Problem(where, "results", rule, shown(results)))
-    return {name: check_dataset(where, f"results[{name!r}]", d) for name, d in named.items()}
+        raise InputError(Problem("results", rule, shown(results)))
+    return {name: check_dataset(f"results[{name!r}]", d) for name, d in named.items()}
 
 
 def readable_unit(unit: str, values: FloatArray) -> tuple[float, str]:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from flexarm.arguments import check_dataset
-from flexarm.errors import InputError, Problem
+from flexarm.errors import public_call_as
 from flexarm.plot.palette import series_colors
 from flexarm.plot.selection import Signals, readable_unit, signals_of
 from flexarm.plot.style import (
@@ -34,6 +34,7 @@ _MOST_NAMES = 4  # that fit into a legend above a plot of this width
 _WIDTH, _ROW, _EDGES = 8.27, 2.5, 0.85  # inches
 
 
+@public_call_as("plot.signals_figure")
 def signals_figure(result: xr.Dataset) -> Sheet:
     """Draw the main channels of a result of ``simulate`` on one page.
 
@@ -43,7 +44,8 @@ def signals_figure(result: xr.Dataset) -> Sheet:
     Raises:
         InputError: if the result is not one of `simulate`, or lacks one of these channels.
     """
-    _check(result)
+    needed = ("tip", "joint_angle", "link_tip_deflection", "joint_rate", *_ENERGIES, "torque")
+    check_dataset("result", result, ("time", *needed))
     rows = 4 if "strain" in result else 3
     sheet = Sheet(_WIDTH, _EDGES + _ROW * rows)
     with styled():
@@ -62,17 +64,8 @@ def signals_figure(result: xr.Dataset) -> Sheet:
     return sheet
 
 
-def _check(result: xr.Dataset) -> None:
-    result = check_dataset("signals_figure", "result", result)
-    needed = ("tip", "joint_angle", "link_tip_deflection", "joint_rate", *_ENERGIES, "torque")
-    missing = [name for name in needed if name not in result]
-    if missing:
-        value = f"a dataset without {missing[0]!r}"
-        raise InputError(Problem("signals_figure", "result", "be a result of simulate", value))
-
-
 def _draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:
-    draw_signals(axes, signals_of("signals_figure", "result", result, name))
+    draw_signals(axes, signals_of("result", result, name))
 
 
 def draw_signals(axes: Axes, signals: Signals) -> None:

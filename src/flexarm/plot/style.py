@@ -7,7 +7,7 @@ drawn and saved.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from typing import Any
 
@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexarm.arguments import check_choice
+from flexarm.errors import public_call_as
 from flexarm.plot.palette import BLUE as BLUE
 from flexarm.plot.palette import GREEN as GREEN
 from flexarm.plot.palette import GREY as GREY
@@ -116,8 +117,8 @@ MEDIA = {"print": _STYLE, "screen": _SCREEN}
 _medium: ContextVar[str] = ContextVar("medium", default="print")
 
 
-@contextmanager
-def styled(medium: str | None = None) -> Iterator[None]:
+@public_call_as("plot.styled")
+def styled(medium: str | None = None) -> AbstractContextManager[None]:
     """Create and save figures in this package's style; the previous settings return at the end.
 
     Args:
@@ -127,7 +128,14 @@ def styled(medium: str | None = None) -> Iterator[None]:
     Raises:
         InputError: if ``medium`` is not one of these.
     """
-    chosen = _medium.get() if medium is None else check_choice("styled", "medium", medium, MEDIA)
+    if medium is not None:
+        check_choice("medium", medium, MEDIA)
+    return _styled(medium)
+
+
+@contextmanager
+def _styled(medium: str | None) -> Iterator[None]:
+    chosen = _medium.get() if medium is None else medium
     before = _medium.set(chosen)
     try:
         with rc_context(MEDIA[chosen]):

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from flexarm.arguments import check_count, check_kind
+from flexarm.errors import public_call_as
 from flexarm.linear import Modes, ModeTracks
 from flexarm.plot.canvas import WIDTH, AxesArray, array_of, panels, rows
 from flexarm.plot.palette import series_colors
@@ -19,6 +20,7 @@ _COLUMNS = 3
 _MOST_NAMES = 6
 
 
+@public_call_as("plot.modes")
 def modes(found: Modes, count: int = 6, *, axes: Any = None) -> AxesArray:
     """Draw the lowest mode shapes, one per panel: displaced to both sides, arm at rest dashed.
 
@@ -34,14 +36,15 @@ def modes(found: Modes, count: int = 6, *, axes: Any = None) -> AxesArray:
         InputError: if ``found`` is not a `Modes` object, ``count`` is not a positive integer, or
             ``axes`` does not have one item for each mode.
     """
-    found = check_kind("plot.modes", "found", found, Modes)
-    shown = min(check_count("plot.modes", "count", count), found.frequency_hz.size)
+    found = check_kind("found", found, Modes)
+    shown = min(check_count("count", count), found.frequency_hz.size)
     size = (_WIDTH, _EDGES + _ROW * _rows(shown))
-    with panels("plot.modes", axes, shown, size, lambda sheet: _grid(sheet, shown)) as made:
+    with panels(axes, shown, size, lambda sheet: _grid(sheet, shown)) as made:
         _draw_shapes(made, found)
     return array_of(made)
 
 
+@public_call_as("plot.modes_figure")
 def modes_figure(modes: Modes, count: int = 6) -> Sheet:
     """Draw the lowest mode shapes as `modes` does, in a figure not registered with pyplot.
 
@@ -52,8 +55,8 @@ def modes_figure(modes: Modes, count: int = 6) -> Sheet:
     Raises:
         InputError: if ``modes`` is not a `Modes` object, or ``count`` is not a positive integer.
     """
-    found = check_kind("modes_figure", "modes", modes, Modes)
-    shown = min(check_count("modes_figure", "count", count), found.frequency_hz.size)
+    found = check_kind("modes", modes, Modes)
+    shown = min(check_count("count", count), found.frequency_hz.size)
     sheet = Sheet(_WIDTH, _EDGES + _ROW * _rows(shown))
     with styled():
         made = _grid(sheet, shown)
@@ -93,6 +96,7 @@ def _title(modes: Modes, k: int) -> str:
     return f"{k + 1}: {hertz:.4g} Hz{damping}"
 
 
+@public_call_as("plot.campbell")
 def campbell(tracks: ModeTracks, *, axes: Any = None) -> Axes:
     """Draw frequencies over a spin rate, a time, or a sequence of postures.
 
@@ -109,20 +113,21 @@ def campbell(tracks: ModeTracks, *, axes: Any = None) -> Axes:
     Raises:
         InputError: if ``tracks`` is not a `ModeTracks` object.
     """
-    tracks = check_kind("plot.campbell", "tracks", tracks, ModeTracks)
-    with panels("plot.campbell", axes, 1, (WIDTH, 3.6), rows(1)) as (panel,):
+    tracks = check_kind("tracks", tracks, ModeTracks)
+    with panels(axes, 1, (WIDTH, 3.6), rows(1)) as (panel,):
         _draw_frequencies(panel, tracks)
         legend_above(panel)
     return panel
 
 
+@public_call_as("plot.tracks_figure")
 def tracks_figure(tracks: ModeTracks) -> Sheet:
     """Draw frequencies as `campbell` does, and below them the damping ratios if there is damping.
 
     Raises:
         InputError: if ``tracks`` is not a `ModeTracks` object.
     """
-    tracks = check_kind("tracks_figure", "tracks", tracks, ModeTracks)
+    tracks = check_kind("tracks", tracks, ModeTracks)
     damped = bool(np.nanmax(np.abs(tracks.damping_ratio), initial=0.0) > 1e-6)
     sheet = Sheet(_WIDTH, 4.2 if not damped else 6.4)
     with styled():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.arguments import check_kind
+from flexarm.errors import public_call
 from flexarm.model import Contact
 from flexarm.plot.animation.page import fragment
 from flexarm.plot.animation.scene import SceneOptions, scene_of, stations_of
@@ -20,20 +21,20 @@ from flexarm.writing.places import AnyPath, check_place, write_text
 if TYPE_CHECKING:
     import xarray as xr
 
-_WHERE = "report"
 #: Histories beside the arm; the others are below it.
 _BESIDE = 3
 #: Limit on the coordinates of all frames, so that they take about two megabytes.
 _MOST_COORDINATES = 300_000
-#: Coordinates of a joint with its part of the rigid counterpart, and of the arrow of a torque.
+#: Number of coordinates of a joint and its rigid counterpart, and of the arrow of a torque.
 _OF_JOINT, _OF_ARROW = 6, 56
 _MOST_FPS = 30.0
-#: Duration of the animation, s, beyond which it is slowed down or accelerated.
+#: Shortest and longest duration (s) of an animation; its speed is changed to stay between them.
 _SHORTEST, _LONGEST = 2.0, 60.0
 #: Links beyond which no torques are drawn: their arrows would overlap.
 _MOST_ARROWS = 8
 
 
+@public_call
 def report(
     result: xr.Dataset,
     path: AnyPath | None = None,
@@ -74,16 +75,16 @@ def report(
         InputError: if an argument has the wrong type or is out of range, the file cannot be
             written, or Jinja2 is not installed.
     """
-    result = check_drawable(_WHERE, "result", result)
-    arm = arm_of(_WHERE, "result", result)
-    title = "Flexible arm" if title is None else check_kind(_WHERE, "title", title, str, "text")
-    notes = check_kind(_WHERE, "notes", notes, str, "text")
-    magnify = check_magnify(_WHERE, magnify)
-    ghost = rigid_result(_WHERE, rigid, arm, result)
-    asked, touched = surroundings(_WHERE, arm, result, reference, contacts)
-    histories = panels(_WHERE, result, arm, asked, channels)
-    engine = template_engine(_WHERE)
-    place = None if path is None else check_place(_WHERE, "path", path, (".html",))
+    result = check_drawable("result", result)
+    arm = arm_of("result", result)
+    title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
+    notes = check_kind("notes", notes, str, "text")
+    magnify = check_magnify(magnify)
+    ghost = rigid_result(rigid, arm, result)
+    asked, touched = surroundings(arm, result, reference, contacts)
+    histories = panels(result, arm, asked, channels)
+    engine = template_engine()
+    place = None if path is None else check_place("path", path, (".html",))
     wishes = SceneOptions(magnify, trace=True, torque=arm.links <= _MOST_ARROWS)
     times, fps, speed = clock(result, arm.links)
     start = float(result["time"].values[0])

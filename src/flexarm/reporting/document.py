@@ -8,8 +8,9 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from flexarm.arguments import library_missing
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, printable
+from flexarm.errors import printable
 from flexarm.plot.animation.page import style
 from flexarm.plot.drawn_arm import scenario_of
 from flexarm.plot.selection import Signals
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 _MOST_TEXT, _MOST_LINK = 100_000, 200_000
 
 
-def template_engine(where: str) -> Any:
+def template_engine() -> Any:
     """Return the Jinja environment with the templates of reports.
 
     Raises:
@@ -42,8 +43,7 @@ def template_engine(where: str) -> Any:
     try:
         import jinja2
     except ImportError:
-        hint = "Install it with: pip install 'flexarm[report]'."
-        raise InputError(Problem(where, "Jinja2", "is not installed", hint=hint)) from None
+        raise library_missing("Jinja2", "report") from None
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(_text),
         autoescape=True,

@@ -31,18 +31,16 @@ _MOST_LINES = 12
 _MOST_NUMBERS = 200_000
 
 
-def panels(
-    where: str, result: xr.Dataset, arm: Arm, reference: Any, channels: object
-) -> list[Signals]:
+def panels(result: xr.Dataset, arm: Arm, reference: Any, channels: object) -> list[Signals]:
     """Return the histories of a report.
 
     Raises:
         InputError: if ``channels`` contains a channel that the result lacks.
     """
     if channels is not None:
-        return [few_lines(each) for each in several(where, "channels", channels, result)]
+        return [few_lines(each) for each in several("channels", channels, result)]
     names = [name for name in (*USUAL, *_FURTHER) if name in result and result[name].size]
-    found = [signals_of(where, "result", result, name) for name in names]
+    found = [signals_of("result", result, name) for name in names]
     # Twists are zero without elastic joints.
     found = [each for each in found if each.name != "joint_twist" or np.any(each.values)]
     found += [_energy_panel(result)] if "kinetic_energy" in result else []

@@ -77,7 +77,7 @@ def _estimator(spec: Any, around: DriveContext) -> dict[str, Any]:
         instruments = (around.hardware and around.hardware.instruments) or ()
     if not instruments:
         rule = "are required, because the hardware has none"
-        raise InputError(Problem("drive", "estimator.instruments", rule))
+        raise InputError(Problem("estimator.instruments", rule))
     options = {name: getattr(spec, name) for name in type(spec).model_fields}
     options["instruments"] = list(instruments)
     with problems_under("estimator"):

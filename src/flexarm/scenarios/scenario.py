@@ -15,7 +15,7 @@ from flexarm.arm import Arm
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import events_of
 from flexarm.engine.integrator_choice import check_integrator
-from flexarm.errors import InputError, SimulationError
+from flexarm.errors import InputError, SimulationError, public_call
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import sampled_torque
 from flexarm.loop.requirements import misfits
@@ -125,13 +125,13 @@ class Prepared:
 
 
 def prepare(
-    scenario: Scenario, where: str | Where = "scenario", motion: TaskReference | None = None
+    scenario: Scenario, place: Where = lambda _: "scenario", motion: TaskReference | None = None
 ) -> Prepared:
     """Create the arm, the motion and the drive of a scenario.
 
     Args:
         scenario: the scenario to run.
-        where: its file, or a function from key path to location in it, for messages.
+        place: function from key path to location in its file, for messages.
         motion: the scenario's motion, if it already exists.
 
     Raises:
@@ -139,7 +139,6 @@ def prepare(
             the arm or the run.
         EquilibriumError: if no equilibrium is found for the start.
     """
-    place = where if callable(where) else lambda _: where
     with problems_at(place, ""):
         arm = Arm(scenario.arm)
     if motion is None:
@@ -163,7 +162,7 @@ def prepare(
         _set_drive(arm, scenario, motion, start, options)
     _check_fit(arm, scenario, place, options)
     with problems_at(place, "run"):
-        check_integrator(run.integrator, run.step, "scenario", bool(scenario.contacts))
+        check_integrator(run.integrator, run.step, bool(scenario.contacts))
     if scenario.contacts:
         _check_touch(arm, place, options, motion)
     return Prepared(arm, motion, options, file_text(scenario), scenario.events)
@@ -178,13 +177,13 @@ def _check_touch(
         InputError: if the start is deep in a surface, or the motion presses away from one.
     """
     contacts = options["contacts"]
-    placed = place_contacts(arm, "scenario", contacts)
+    placed = place_contacts(arm, contacts)
     q = np.asarray(options["initial"])
     state = arm.padded(np.stack([q, np.zeros_like(q)]))
     with problems_at(place, "initial", {"initial": "joint_angle"}):
-        refuse_deep_start("scenario", arm, state, placed)
+        refuse_deep_start(arm, state, placed)
     with problems_at(place, "motion", {"reference.normal": "normal"}):
-        refuse_pressing_outward("scenario", arm, contacts, placed, motion, options["duration"])
+        refuse_pressing_outward(arm, contacts, placed, motion, options["duration"])
 
 
 def _check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
@@ -213,6 +212,7 @@ def _check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, An
         raise InputError(*problems)
 
 
+@public_call
 def run_scenario(
     scenario: Scenario | str | PathLike[str], *, progress: bool | None = None
 ) -> xr.Dataset:
@@ -222,10 +222,10 @@ def run_scenario(
         ModelError: if the file is not valid; it lists every problem with its line.
         InputError, SimulationError: under the conditions of ``simulate``.
     """
-    where: str | Where = "scenario"
-    if not isinstance(scenario, Scenario):
-        scenario, where = locate_scenario(check_path("run_scenario", "scenario", scenario))
-    return prepare(scenario, where).run(progress=progress)
+    if isinstance(scenario, Scenario):
+        return prepare(scenario).run(progress=progress)
+    located = locate_scenario(check_path("scenario", scenario))
+    return prepare(*located).run(progress=progress)
 
 
 def _set_drive(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from flexarm.arguments import check_path
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
-from flexarm.errors import InputError
+from flexarm.errors import InputError, public_call
 from flexarm.model import Study, locate_study
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
@@ -30,14 +30,14 @@ class PreparedStudy:
 
     Args:
         study: the study to run.
-        where: function from key path to location in its file, for messages.
+        place: function from key path to location in its file, for messages.
 
     Raises:
         InputError: if a motion leaves the arm's reach, a drive does not fit, or ``settling``
             excludes everything after a motion.
     """
 
-    def __init__(self, study: Study, where: Where | None = None) -> None:
+    def __init__(self, study: Study, place: Where = lambda _: "study") -> None:
         self.study = study
         self.arm = Arm(study.arm)
         self.plants = {
@@ -50,14 +50,14 @@ class PreparedStudy:
         ] = {}  # reused, because pressed motions take seconds to create
         for drive in study.drives:
             for motion in study.motions:
-                place = partial(_place, where, drive, motion) if where else "study"
+                own = partial(_place, place, drive, motion)
                 scenario = study.scenario(drive, motion)
                 with _told_in_study(drive, motion):
-                    prepared = prepare(scenario, place, made.get(motion))
+                    prepared = prepare(scenario, own, made.get(motion))
                 self._prepared[drive, motion] = prepared
                 made[motion] = prepared.motion
-        with problems_at(where or (lambda path: "study"), "run"):
-            check_settling("run", study.run.settling, study.run.duration, made)
+        with problems_at(place, "run"):
+            check_settling(study.run.settling, study.run.duration, made)
 
     def run(self, progress: bool | None = None) -> xr.Dataset:
         """Run the study; return the table of ``flexarm.compare`` with drives as controllers."""
@@ -87,6 +87,7 @@ class PreparedStudy:
         return prepared.run(plant=simulated, loads=loads, progress=False), prepared.motion
 
 
+@public_call
 def run_study(study: Study | str | PathLike[str], *, progress: bool | None = None) -> xr.Dataset:
     """Run a study, given as an object or as the path of its file.
 
@@ -97,10 +98,10 @@ def run_study(study: Study | str | PathLike[str], *, progress: bool | None = Non
         ModelError: if the file is not valid; it lists every problem with its line.
         InputError: if a motion leaves the arm's reach, or a drive does not fit the arm.
     """
-    where: Where | None = None
-    if not isinstance(study, Study):
-        study, where = locate_study(check_path("run_study", "study", study))
-    return PreparedStudy(study, where).run(progress)
+    if isinstance(study, Study):
+        return PreparedStudy(study).run(progress)
+    located = locate_study(check_path("study", study))
+    return PreparedStudy(*located).run(progress)
 
 
 @contextmanager
@@ -114,6 +115,6 @@ def _told_in_study(drive: str, motion: str) -> Iterator[None]:
         raise InputError(*reported) from None
 
 
-def _place(where: Where, drive: str, motion: str, path: Path) -> str:
+def _place(place: Where, drive: str, motion: str, path: Path) -> str:
     """Convert a location in one scenario to a location in the study."""
-    return where(placed(path, drive, motion))
+    return place(placed(path, drive, motion))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arguments import check_kind, check_positive
+from flexarm.arguments import check_kind, check_number, check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.progress import Meter
@@ -21,6 +21,7 @@ from flexarm.errors import (
     SimulationError,
     UnstableLoopWarning,
     check_array,
+    public_call,
     shown,
     warn_caller,
 )
@@ -44,6 +45,7 @@ _DIMS = ("controller", "plant", "reference")
 ComparedPlant = Arm | tuple[Arm, Sequence[Load]]
 
 
+@public_call
 def compare(
     arm: Arm,
     controllers: Mapping[str, Controller],
@@ -85,20 +87,19 @@ def compare(
         UnstableLoopWarning: if the sampled loop of a run is unstable, as in ``simulate``;
             ``warning`` contains the text.
     """
-    where = "compare"
-    arm = check_kind(where, "arm", arm, Arm)
+    arm = check_kind("arm", arm, Arm)
     plants = {"nominal": arm} if plants is None else plants
     given = {"controllers": controllers, "plants": plants, "references": references}
     for name in ("plant", "reference", "controller", "progress", "torque"):
         if name in options:
             hint = f"Use {name}s={{'name': ...}}." if name != "torque" else ""
-            raise InputError(Problem(where, name, "is not an argument of compare", hint=hint))
+            raise InputError(Problem(name, "is not an argument of compare", hint=hint))
     for name, items in given.items():
         if not isinstance(items, Mapping) or not items or not all(map(_is_word, items)):
             rule = "be a dictionary by name with at least one entry"
-            raise InputError(Problem(where, name, rule, shown(items)))
-    duration = check_positive(where, "duration", duration)
-    check_settling(where, settling, duration, references)
+            raise InputError(Problem(name, rule, shown(items)))
+    duration = check_positive("duration", duration)
+    check_settling(settling, duration, references)
     loaded = {name: _with_loads(name, plant) for name, plant in plants.items()}
     everywhere = options.pop("loads", ())
 
@@ -122,9 +123,7 @@ def _is_word(name: object) -> bool:
     return isinstance(name, str)
 
 
-def check_settling(
-    where: str, settling: object, duration: float, references: Mapping[str, Any]
-) -> None:
+def check_settling(settling: object, duration: float, references: Mapping[str, Any]) -> None:
     """Raise if a settling time is not a time or leaves nothing of a run of ``duration`` (s).
 
     A motion that ends with the run or after it is accepted: its metrics after the motion are NaN.
@@ -133,19 +132,15 @@ def check_settling(
         InputError: if ``settling`` is negative, not less than the duration, or not less than the
             time between the end of a motion and the end of the run.
     """
-    left_out = float(check_array(where, "settling", settling, ()))
-    if not 0.0 <= left_out < duration:
-        rule = f"be at least 0 and less than the duration of {duration:g} s"
-        raise InputError(Problem(where, "settling", rule, shown(settling)))
+    rule = f"be at least 0 and less than the duration of {duration:g} s"
+    left_out = check_number("settling", settling, lambda time: 0.0 <= time < duration, rule)
     for name, reference in references.items():
-        end = check_array(
-            where, f"end_time of {name!r}", getattr(reference, "end_time", duration), ()
-        )
+        end = check_array(f"end_time of {name!r}", getattr(reference, "end_time", duration), ())
         rest = duration - float(end)
         least = _ROUNDING * duration
         if rest > least and left_out > rest - least:
             rule = f"be less than the {rest:g} s of the run after the end of {name!r}"
-            raise InputError(Problem(where, "settling", rule, shown(settling)))
+            raise InputError(Problem("settling", rule, shown(settling)))
 
 
 def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load]]:
@@ -157,7 +152,7 @@ def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load]]:
             if all(isinstance(load, Load) for load in loads):
                 return simulated, loads
     rule = "be an Arm, or a pair of an Arm and a list of Load objects"
-    raise InputError(Problem("compare", f"plants[{name!r}]", rule, shown(plant)))
+    raise InputError(Problem(f"plants[{name!r}]", rule, shown(plant)))
 
 
 def comparison(

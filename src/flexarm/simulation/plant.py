@@ -23,6 +23,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     check_array,
+    public_call,
     warn_caller,
 )
 from flexarm.hardware.measurement import Measurement
@@ -67,6 +68,7 @@ class Plant:
         InputError: if an argument has the wrong shape, is not finite, or contradicts another.
     """
 
+    @public_call
     def __init__(
         self,
         arm: Arm,
@@ -86,22 +88,19 @@ class Plant:
         specialized: bool = False,
         warn: bool = True,
     ) -> None:
-        self.arm = arm = check_kind("Plant", "arm", arm, Arm)
+        self.arm = arm = check_kind("arm", arm, Arm)
         if hardware is not None:
-            check_kind("Plant", "hardware", hardware, Hardware, "a Hardware object")
-        self.sample_time = check_positive("Plant", "sample_time", sample_time)
+            check_kind("hardware", hardware, Hardware, "a Hardware object")
+        self.sample_time = check_positive("sample_time", sample_time)
         given = tip_force, loads, base_acceleration, contacts
-        environment = Environment.of(arm, "Plant", *given)
+        environment = Environment.of(arm, *given)
         if duration is None:
             _refuse_functions(environment)
-        self._duration = (
-            math.inf if duration is None else check_positive("Plant", "duration", duration)
-        )
-        self._hardware, self._warn = hardware, check_flag("Plant", "warn", warn)
+        self._duration = math.inf if duration is None else check_positive("duration", duration)
+        self._hardware, self._warn = hardware, check_flag("warn", warn)
         self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
         self._new_run = partial(
             new_run,
-            "Plant",
             arm,
             duration=self._duration,
             sample_times=np.zeros(0),
@@ -110,12 +109,12 @@ class Plant:
             spacing=self.sample_time,
             integrator=integrator,
             step=step,
-            rtol=check_positive("Plant", "rtol", rtol),
-            atol=check_positive("Plant", "atol", atol),
+            rtol=check_positive("rtol", rtol),
+            atol=check_positive("atol", atol),
             meter=Meter("stepping", False),
-            specialized=check_flag("Plant", "specialized", specialized),
+            specialized=check_flag("specialized", specialized),
         )
-        self.reset()
+        self._reset(None, None, None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for copies and pickles; helpers of the arm are created again."""
@@ -125,6 +124,7 @@ class Plant:
         self.__dict__.update(state)
         self._bending, self._tip = BendingWatch(self.arm), TipMotion(self.arm)
 
+    @public_call
     def reset(
         self,
         initial: ArrayLike | None = None,
@@ -142,23 +142,29 @@ class Plant:
             InputError: if an argument has the wrong shape or is not finite, or the initial state
                 is deep inside a surface.
         """
+        return self._reset(initial, initial_rate, seed)
+
+    def _reset(
+        self, initial: ArrayLike | None, initial_rate: ArrayLike | None, seed: int | None
+    ) -> Measurement:
         arm, hardware = self.arm, self._hardware
         straight = np.zeros(arm.joints)
-        state = initial_state("Plant.reset", arm, initial, initial_rate, straight)
+        state = initial_state(arm, initial, initial_rate, straight)
         if seed is not None:
-            check_count("Plant.reset", "seed", seed, least=0, most=2**63 - 1)
+            check_count("seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
             hardware = hardware.replace(seed=seed)
         run = self._new_run(state)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
-            refuse_deep_start("Plant.reset", arm, state, run.loads.placed.contacts)
+            refuse_deep_start(arm, state, run.loads.placed.contacts)
         self._schedule = SampleSchedule(run, self.sample_time, hardware, keep=False)
         self._stopped_at: float | None = None
         self.warning = ""
         self.measurement = self._schedule.measure()
         return self.measurement
 
+    @public_call
     def step(self, torque: ArrayLike) -> Measurement:
         """Apply a torque (joints,) N m for one sample time and return the readings after it.
 
@@ -174,11 +180,11 @@ class Plant:
                 reset.
         """
         ticks = self._schedule
-        asked = check_array("Plant.step", "torque", torque, (self.arm.joints,))
+        asked = check_array("torque", torque, (self.arm.joints,))
         self._check_time((ticks.tick + 1) * self.sample_time)
         if ticks.tick == 0:  # not in __init__, because a reset may first move the arm
             start, contacts = ticks.run.progress.state, ticks.run.loads.placed.contacts
-            refuse_deep_start("Plant.step", self.arm, start, contacts)
+            refuse_deep_start(self.arm, start, contacts)
         try:
             ticks.hold(asked)
         except SimulationError as error:
@@ -192,14 +198,13 @@ class Plant:
         return self.measurement
 
     def _check_time(self, until: float) -> None:
-        where = "Plant.step"
         if self._stopped_at is not None:
             rule = f"stopped at t = {self._stopped_at:.6g} s and must be reset"
-            raise InputError(Problem(where, "the plant", rule))
+            raise InputError(Problem("the plant", rule))
         # The sum of the sample times may exceed the duration by rounding.
         if until > self._duration * (1.0 + 1e-12):
-            rule = f"be at most the duration of the plant, {self._duration:.6g} s"
-            raise InputError(Problem(where, "the next sample time", rule, f"{until:.6g} s"))
+            rule = f"be at most the duration of the plant ({self._duration:.6g} s)"
+            raise InputError(Problem("the next sample time", rule, f"{until:.6g} s"))
 
     @property
     def time(self) -> float:
@@ -240,5 +245,4 @@ def _refuse_functions(environment: Environment) -> None:
     factors = [load.factor for load in environment.loads]
     if callable(environment.base_acceleration) or any(callable(factor) for factor in factors):
         rule = "is required with loads or a base acceleration that are functions of time"
-        hint = "Tables (times, values) do not need it."
-        raise InputError(Problem("Plant", "duration", rule, hint=hint))
+        raise InputError(Problem("duration", rule, hint="Tables (times, values) do not need it."))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_choice, check_flag, check_function, check_positive
+from flexarm.arguments import check_choice, check_count, check_flag, check_function, check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.engine.events import EventLog
@@ -24,7 +24,7 @@ from flexarm.histories.samples import INTERPOLATIONS, sampled_torque
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.scenario import sample_fault
-from flexarm.stations import check_stations
+from flexarm.stations import MOST_STATIONS
 from flexarm.user_functions import call
 
 Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
@@ -53,7 +53,6 @@ class RunOptions(NamedTuple):
 
     def new_run(
         self,
-        where: str,
         arm: Arm,
         state: FloatArray,
         environment: Environment,
@@ -62,7 +61,6 @@ class RunOptions(NamedTuple):
     ) -> Run:
         """Create a run from ``state`` (2, n, 1 + m); the errors are those of ``new_run``."""
         return new_run(
-            where,
             arm,
             state,
             duration=self.duration,
@@ -82,7 +80,6 @@ class RunOptions(NamedTuple):
 
 
 def run_options(
-    where: str,
     duration: float,
     *,
     rate: float,
@@ -101,20 +98,20 @@ def run_options(
         InputError: if an option has the wrong type or value.
     """
     if specialized is not None:
-        check_flag(where, "specialized", specialized)
-    duration = check_positive(where, "duration", duration)
-    if step is not None and check_positive(where, "step", step) > duration:
+        check_flag("specialized", specialized)
+    duration = check_positive("duration", duration)
+    if step is not None and check_positive("step", step) > duration:
         rule = f"be at most the duration of {duration:.6g} s"
-        raise InputError(Problem(where, "step", rule, shown(step)))
-    rate = check_positive(where, "rate", rate)
-    known = check_array(where, "breaks", breaks, (-1,))
-    check_choice(where, "torque_interpolation", torque_interpolation, INTERPOLATIONS)
-    rtol = check_positive(where, "rtol", rtol)
-    atol = check_positive(where, "atol", atol)
+        raise InputError(Problem("step", rule, shown(step)))
+    rate = check_positive("rate", rate)
+    known = check_array("breaks", breaks, (-1,))
+    check_choice("torque_interpolation", torque_interpolation, INTERPOLATIONS)
+    rtol = check_positive("rtol", rtol)
+    atol = check_positive("atol", atol)
     if (fault := sample_fault(duration, rate)) is not None:
-        raise InputError(fault.problem(where))
+        raise InputError(fault.problem())
     if type(stations) is not int or stations != 0:
-        stations = check_stations(where, stations)
+        stations = check_count("stations", stations, 2, MOST_STATIONS)
     return RunOptions(
         duration, rate, step, rtol, atol, known, torque_interpolation, integrator, stations,
         specialized,
@@ -139,9 +136,9 @@ def start_of(
         name = "reference" if reference is not None else "torque"
         straight = np.asarray(call(name, motion.joint_angle, 0.0))
         if straight.shape != (arm.joints,):
-            rule = f"have the number of joints of the arm, {arm.joints}"
-            raise InputError(Problem("simulate", name, rule, str(straight.size)))
-    return initial_state("simulate", arm, initial, initial_rate, straight)
+            rule = f"have the number of joints of the arm ({arm.joints})"
+            raise InputError(Problem(name, rule, str(straight.size)))
+    return initial_state(arm, initial, initial_rate, straight)
 
 
 def torque_history(
@@ -167,7 +164,7 @@ def torque_history(
     elif isinstance(torque, PiecewiseCubic):
         history = torque.held_to(duration)
     elif callable(torque):
-        check_function("simulate", "torque", torque)
+        check_function("torque", torque)
         history = function_history(torque, duration, joints, relative, breaks, spacing=spacing)
     else:
         history = sampled_torque(

@@ -112,9 +112,9 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
 def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     """Add the data of a closed loop to the result.
 
-    These are attributes of the controller, ``torque_command`` (time, joint) and, with hardware,
-    ``measured_NAME`` for each reading over ``tick``, the number of the sample time, with the
-    coordinate ``tick_time`` (s).
+    It adds attributes about the controller and the channel ``torque_command`` (time, joint). With
+    hardware it also adds a channel ``measured_NAME`` (tick, ...) for each reading, where ``tick``
+    counts the sample times, and the coordinate ``tick_time`` (s).
     """
     dataset.attrs["controller"] = type(loop.controller).__name__
     dataset.attrs["sample_time"] = float(loop.controller.sample_time)

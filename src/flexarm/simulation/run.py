@@ -27,6 +27,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     UnstableLoopWarning,
+    public_call,
     shown,
     warn_caller,
 )
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
 
 @computed_until_failure
+@public_call
 def simulate(
     arm: Arm,
     duration: float,
@@ -146,17 +148,15 @@ def simulate(
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
     """
-    where = "simulate"
-    _check_objects(where, arm, plant, controller, hardware)
+    _check_objects(arm, plant, controller, hardware)
     if reference is not None:
-        check_reference(where, reference)
+        check_reference(reference)
     if prescribed is not None:
-        check_mapping(where, "prescribed", prescribed, "joint numbers and motions")
+        check_mapping("prescribed", prescribed, "joint numbers and motions")
     for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
         if given and controller is not None:
-            raise InputError(Problem(where, name, "cannot be combined with a controller"))
+            raise InputError(Problem(name, "cannot be combined with a controller"))
     options = run_options(
-        where,
         duration,
         rate=rate,
         step=step,
@@ -170,17 +170,17 @@ def simulate(
     )
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
-        rule = f"have the number of joints of the arm, {arm.joints}"
-        raise InputError(Problem(where, "plant", rule, shown(simulated.joints)))
+        rule = f"have the number of joints of the arm ({arm.joints})"
+        raise InputError(Problem("plant", rule, shown(simulated.joints)))
     state = start_of(simulated, initial, initial_rate, reference, torque)
-    log = event_log(where, simulated, events)
+    log = event_log(simulated, events)
     acting = tip_force, loads, base_acceleration, contacts
-    environment = Environment.of(simulated, where, *acting)
+    environment = Environment.of(simulated, *acting)
     with Meter("simulating", progress) as meter:
-        run = options.new_run(where, simulated, state, environment, log, meter)
+        run = options.new_run(simulated, state, environment, log, meter)
         placed = run.loads.placed.contacts
-        refuse_deep_start(where, simulated, state, placed)
-        refuse_pressing_outward(where, simulated, contacts, placed, reference, options.duration)
+        refuse_deep_start(simulated, state, placed)
+        refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
             q = simulated.unpadded(state[0])
@@ -277,21 +277,20 @@ def _result(
 
 
 def _check_objects(
-    where: str,
     arm: object,
     plant: object | None,
     controller: object | None,
     hardware: object | None,
 ) -> None:
     """Validate arm, plant, hardware and controller before their attributes are used."""
-    check_kind(where, "arm", arm, Arm)
+    check_kind("arm", arm, Arm)
     if plant is not None:
-        check_kind(where, "plant", plant, Arm)
+        check_kind("plant", plant, Arm)
     if hardware is not None:
-        check_kind(where, "hardware", hardware, Hardware)
+        check_kind("hardware", hardware, Hardware)
         if controller is None:
-            raise InputError(Problem(where, "hardware", "requires a controller"))
+            raise InputError(Problem("hardware", "requires a controller"))
     if controller is None:
         return
-    check_controller(where, "controller", controller)
-    check_positive(where, "controller.sample_time", getattr(controller, "sample_time", None))
+    check_controller("controller", controller)
+    check_positive("controller.sample_time", getattr(controller, "sample_time", None))

@@ -21,6 +21,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     check_array,
+    public_call,
     warn_caller,
 )
 from flexarm.histories.functions import function_history
@@ -47,6 +48,7 @@ RTOL = 1e-2
 _HALVINGS = 12
 
 
+@public_call
 def simulate_separated(
     arm: Arm,
     motion: Motion,
@@ -90,35 +92,34 @@ def simulate_separated(
 
     Theory page "separation", (D.5) to (D.7).
     """
-    where = "simulate_separated"
     started = time.perf_counter()
-    arm = check_kind(where, "arm", arm, Arm)
-    motion = check_motion(where, motion, arm)
-    method = check_choice(where, "method", method, METHODS)
+    arm = check_kind("arm", arm, Arm)
+    motion = check_motion(motion, arm)
+    method = check_choice("method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))
-    until = motion.end_time if duration is None else check_positive(where, "duration", duration)
-    frequency = check_positive(where, "rate", rate)
+    until = motion.end_time if duration is None else check_positive("duration", duration)
+    frequency = check_positive("rate", rate)
     fault = sample_fault(until, frequency)
     if fault is not None:
-        raise InputError(fault.problem(where))
+        raise InputError(fault.problem())
     count = int(np.floor(until * frequency * (1 + 1e-12))) + 1
     times = np.minimum(np.arange(count) / frequency, until)
     start = [
-        _start(where, name, value, arm)[model.kept]
+        _start(name, value, arm)[model.kept]
         for name, value in (
             ("initial_deviation", initial_deviation),
             ("initial_deviation_rate", initial_deviation_rate),
         )
     ]
-    allowed = check_positive(where, "rtol", rtol)
+    allowed = check_positive("rtol", rtol)
     attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
     added = None
     if added_torque is not None:
-        check_function(where, "added_torque", added_torque)
+        check_function("added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         relative, name = min(allowed, CLOSE), "added_torque"
         added = function_history(
-            added_torque, until, arm.joints, relative, breaks, name, where, 1.0 / frequency
+            added_torque, until, arm.joints, relative, breaks, name, 1.0 / frequency
         )
         attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":
@@ -131,7 +132,7 @@ def simulate_separated(
             rule = (
                 "is not supported by the quasi_static estimate, which depends on the reference only"
             )
-            raise InputError(Problem(where, name, rule))
+            raise InputError(Problem(name, rule))
         dq, dqd = _quasi_static(model, times, until)
     else:
         path = _converged(model, until, start, added, allowed)
@@ -191,13 +192,13 @@ def _converged(
     for _ in range(_HALVINGS):
         longest *= 0.5
         fine = run(longest)
-        # Compare between the coarser edges, where its polynomials have larger errors.
+        # Compare in the middle of the coarser steps, where the interpolation has larger errors.
         times = 0.5 * (coarse.edges[:-1] + coarse.edges[1:])
         (dq, _), (other, _) = fine.at(times), coarse.at(times)
         if np.max(np.abs(dq - other)) <= rtol * np.max(np.abs(dq)):
             return fine
         coarse = fine
-    reason = f"steps of {longest:.2g} s do not follow the deviations to rtol."
+    reason = f"the deviations have not converged to rtol with steps of {longest:.2g} s."
     raise SimulationError(0.0, reason, "Increase rtol, or add damping to the stiffest modes.")
 
 
@@ -213,7 +214,7 @@ def _quasi_static(
     breaks = break_times(model.motion, until)
     for a, b in pairwise(breaks):
         own = (times >= a) & ((times < b) | (b == until))
-        if np.count_nonzero(own) >= 4:  # a not-a-knot spline needs four
+        if np.count_nonzero(own) >= 4:  # a not-a-knot spline needs four samples
             dqd[own] = CubicSpline(times[own], dq[own])(times[own], 1)
     return dq, dqd
 
@@ -233,5 +234,5 @@ def _taken(sampled: Separation, dq: FloatArray, dqd: FloatArray) -> FloatArray:
     )
 
 
-def _start(where: str, name: str, value: ArrayLike | None, arm: Arm) -> FloatArray:
-    return np.zeros(arm.dof) if value is None else check_array(where, name, value, (arm.dof,))
+def _start(name: str, value: ArrayLike | None, arm: Arm) -> FloatArray:
+    return np.zeros(arm.dof) if value is None else check_array(name, value, (arm.dof,))

@@ -39,7 +39,7 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
     Args:
         project: state of a new window.
         host, port: where to listen.
-        token: that a browser must give; None for none.
+        token: text that a browser must send; None for no such check.
         show: whether to open a browser.
     """
     worker = Worker(parts_of, lambda text: Failure((("", text),)))

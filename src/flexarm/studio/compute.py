@@ -28,7 +28,6 @@ from flexarm.studio.state import Project
 if TYPE_CHECKING:
     import xarray as xr
 
-_WHERE = "studio"
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
 _MOST_COORDINATES, _INTERVALS = 40_000, 200
 _MOST_ARROWS = 8
@@ -126,7 +125,7 @@ def parts_of(request: Request) -> Iterator[Part]:
 
 def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
     """Return the scenario, ready to run, and the simulated arm if it differs."""
-    prepared = prepare(project.scenario, _WHERE)
+    prepared = prepare(project.scenario)
     arm = project.simulated_arm
     return prepared, None if arm == project.scenario.arm else Arm(arm)
 
@@ -147,7 +146,7 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
         result,
         float(result["time"].values[0]) + times,
         wishes,
-        rigid_result(_WHERE, True, arm, result),
+        rigid_result(True, arm, result),
         reference,
         prepared.options.get("contacts", ()),
         [thin(few_lines(each), _INTERVALS) for each in _histories(result, arm, reference)],
@@ -160,7 +159,7 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
 
 
 def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:
-    found = several(_WHERE, "channels", None, result)
+    found = several("channels", None, result)
     return [*found, error_panel(result, arm, reference)] if reference is not None else found
 
 

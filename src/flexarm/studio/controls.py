@@ -121,7 +121,7 @@ class Control:
             self.explain("")
             return
         try:
-            change = change_of(ORIGIN, ORIGIN, f"{self.field.name}={text}")
+            change = change_of(ORIGIN, f"{self.field.name}={text}")
         except ValueError as error:
             self._refuse(self.field.path, str(error))
             return

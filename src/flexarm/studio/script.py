@@ -50,7 +50,8 @@ def _code(value: Any, names: dict[str, set[str]], indent: int, used: int) -> str
     """Return an expression for a value; collect the classes in it by module.
 
     Args:
-        indent: of the line in which it begins. used: characters before it in that line.
+        indent: indentation of the line in which the expression begins.
+        used: number of characters before the expression in that line.
     """
     if isinstance(value, Record):
         given = {name: part for name, part in value if name in value.model_fields_set}

@@ -157,6 +157,6 @@ def _compute(pipe: Connection, job: Job) -> None:
             pipe.send(part)
         pipe.send(None)
         if number == 0:
-            # Modules and compiled kernels stay: visiting them would pause later answers.
+            # Modules and compiled kernels stay: visits of the collector would delay later answers.
             gc.collect()
             gc.freeze()

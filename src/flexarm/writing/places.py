@@ -15,11 +15,10 @@ from flexarm.writing.replace_file import replace_file
 AnyPath = str | os.PathLike[str]
 
 
-def check_place(where: str, name: str, path: AnyPath, suffixes: Collection[str]) -> Path:
+def check_place(name: str, path: AnyPath, suffixes: Collection[str]) -> Path:
     """Return ``path`` if a file can be written there; create missing folders.
 
     Args:
-        where: the call or command with this argument, for the message.
         name: name of the argument.
         path: path of the output file.
         suffixes: allowed suffixes of the file name, in lower case, such as ``(".nc", ".csv")``.
@@ -28,14 +27,14 @@ def check_place(where: str, name: str, path: AnyPath, suffixes: Collection[str])
         InputError: if the suffix is unknown, a folder or device has that name, or the folder
             cannot be created or written to.
     """
-    place = check_path(where, name, path)
-    problem = _suffix_problem(where, name, place, suffixes) or _place_problem(where, name, place)
+    place = check_path(name, path)
+    problem = _suffix_problem(name, place, suffixes) or _place_problem(name, place)
     if problem:
         raise InputError(problem)
     return place
 
 
-def check_folder(where: str, name: str, path: AnyPath) -> Path:
+def check_folder(name: str, path: AnyPath) -> Path:
     """Return the folder ``path`` if files can be written in it; create it if missing.
 
     Raises:
@@ -44,7 +43,7 @@ def check_folder(where: str, name: str, path: AnyPath) -> Path:
     folder = Path(path)
     reason = _unwritable(folder)
     if reason:
-        raise InputError(Problem(where, name, "be a writable folder", shown(str(path)), reason))
+        raise InputError(Problem(name, "be a writable folder", shown(str(path)), reason))
     return folder
 
 
@@ -62,7 +61,7 @@ def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
     except (OSError, ValueError) as error:  # ValueError: a null character or surrogate in the path
         rule = f"could not be written: {getattr(error, 'strerror', None) or error}"
         hint = "The older file is unchanged." if os.path.lexists(path) else ""
-        raise InputError(Problem(str(path), "the file", rule, hint=hint)) from None
+        raise InputError(Problem("the file", rule, hint=hint, where=str(path))) from None
 
 
 def write_text(text: str, path: AnyPath) -> None:
@@ -70,9 +69,7 @@ def write_text(text: str, path: AnyPath) -> None:
     write_whole(path, [text.encode()])
 
 
-def _suffix_problem(
-    where: str, name: str, place: Path, suffixes: Collection[str]
-) -> Problem | None:
+def _suffix_problem(name: str, place: Path, suffixes: Collection[str]) -> Problem | None:
     suffix = place.suffix.lower()
     if suffix in suffixes:
         return None
@@ -80,24 +77,23 @@ def _suffix_problem(
     rule = f"end in {', '.join(others)} or {last}" if others else f"end in {last}"
     near = get_close_matches(suffix, suffixes, n=1)
     hint = f"Did you mean {str(place.with_suffix(near[0]))!r}?" if near else ""
-    return Problem(where, name, rule, shown(str(place)), hint)
+    return Problem(name, rule, shown(str(place)), hint)
 
 
-def _place_problem(where: str, name: str, place: Path) -> Problem | None:
+def _place_problem(name: str, place: Path) -> Problem | None:
     value = shown(str(place))
     try:
         if place.is_dir():
-            return Problem(where, name, "be a file", f"the folder {value}")
+            return Problem(name, "be a file", f"the folder {value}")
         if place.exists() and not place.is_file():
-            return Problem(where, name, "be an ordinary file", value)
+            return Problem(name, "be an ordinary file", value)
         if place.exists() and not os.access(place, os.W_OK):
-            return Problem(where, name, f"{value} is write-protected")
+            return Problem(name, f"{value} is write-protected")
         reason = _unwritable(Path(os.path.realpath(place)).parent)
     except (OSError, ValueError) as error:  # ValueError: a null character
         reason = getattr(error, "strerror", None) or str(error)
-        return Problem(where, name, "be a path", value, f"{reason}.".capitalize())
-    rule = "be in a writable folder"
-    return Problem(where, name, rule, value, reason) if reason else None
+        return Problem(name, "be a path", value, f"{reason}.".capitalize())
+    return Problem(name, "be in a writable folder", value, reason) if reason else None
 
 
 def _unwritable(folder: Path) -> str:

@@ -135,9 +135,9 @@ def test_arrays_are_read_only():
 
 def test_inconsistent_arrays_are_rejected():
     link = link_constants([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=2)
-    with pytest.raises(InputError, match="LinkConstants: D0 must be numbers of shape"):
+    with pytest.raises(InputError, match="D0 must be numbers of shape"):
         replace(link, D0=link.D0[:3, :3])
-    with pytest.raises(InputError, match="LinkConstants: projector must be numbers of shape"):
+    with pytest.raises(InputError, match="projector must be numbers of shape"):
         replace(link, projector=link.projector[:, :2])
 
 

@@ -68,7 +68,7 @@ def test_contacts_equal_the_loads_of_their_forces(seed):
     """Accelerations with contacts and with their forces as loads agree to rounding."""
     b = busy(seed)
     contacts = drawn_contacts(b.arm, b.q, seed)
-    placed = place_contacts(b.arm, "test", contacts)
+    placed = place_contacts(b.arm, contacts)
     state = b.arm.padded(np.stack([b.q, b.qd]))[None]
     values = contact_values(b.arm, placed, state)[0]
     assert np.all(values[:, GAP] < 0.0)
@@ -102,7 +102,7 @@ def test_force_law_at_points_of_arm_shape(seed):
         for contact in drawn_contacts(b.arm, b.q, seed)
         if not isinstance(contact.surface, fa.SurfaceTable)
     ]
-    placed = place_contacts(b.arm, "test", contacts)
+    placed = place_contacts(b.arm, contacts)
     state = b.arm.padded(np.stack([b.q, b.qd]))[None]
     found = contact_values(b.arm, placed, state)[0] if contacts else []
     for contact, row in zip(contacts, found, strict=True):

@@ -23,7 +23,7 @@ def views_from(surface, points, **law):
     bend = 2.0 * np.arccos(far / 2.0)
     q = np.stack([np.arctan2(y, x) - bend / 2.0, bend], axis=1)
     states = ARM.padded(np.stack([q, np.zeros_like(q)], axis=1))
-    placed = place_contacts(ARM, "test", [fa.Contact(surface, **law)])
+    placed = place_contacts(ARM, [fa.Contact(surface, **law)])
     values = contact_values(ARM, placed, states)[:, 0]
     np.testing.assert_allclose(values[:, POSITION : POSITION + 2], points, atol=1e-14)
     np.testing.assert_array_equal(
@@ -198,7 +198,7 @@ def test_nearest_point_is_found_around_sharp_ends(x, y):
 
 
 def test_closed_line_without_area_is_rejected():
-    with pytest.raises(fa.InputError, match=r"^SurfaceTable: x must enclose an area with y"):
+    with pytest.raises(fa.InputError, match=r"^SurfaceTable: x must enclose an area together"):
         fa.SurfaceTable([0.0, 0.5, 1.0], [0.2, 0.3, 0.4], closed=True)
 
 
@@ -206,7 +206,7 @@ def test_closed_line_that_crosses_itself_is_rejected():
     """A lemniscate, one loop larger than the other; and a star of five points."""
     turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False) + 0.05
     size = np.where(np.cos(turn) > 0.0, 1.0, 0.5)
-    with pytest.raises(fa.InputError, match=r"x and y cross themselves"):
+    with pytest.raises(fa.InputError, match=r"x and y are a polygon that crosses itself"):
         fa.SurfaceTable(size * np.cos(turn), size * np.sin(2.0 * turn), closed=True)
     star = 2.0 * np.pi * np.arange(5) * 2.0 / 5.0
     with pytest.raises(fa.InputError, match=r"after the points \[0\] and \[2\]"):

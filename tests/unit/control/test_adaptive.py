@@ -25,7 +25,7 @@ def test_regressor_columns_add_up_to_the_inverse_dynamics():
         payload = fa.Payload(mass=0.7, inertia=0.01, offset=offset)
         arm = fa.Arm(arm.spec.replace(payload=payload))
         for names in ((), NAMES, parameter_names(arm)):
-            model = RigidParameters("test", arm, names)
+            model = RigidParameters(arm, names)
             rows = model.regressor(ANGLE, RATE, RATE, WANTED_ACCELERATION)
             found = rows[: model.known].sum(axis=0) + model.values @ rows[model.known :]
             wanted = arm.inverse_dynamics(ANGLE, RATE, WANTED_ACCELERATION)
@@ -35,7 +35,7 @@ def test_regressor_columns_add_up_to_the_inverse_dynamics():
 @pytest.mark.parametrize("name", NAMES)
 def test_regressor_column_is_the_effect_of_a_unit_of_its_parameter(name):
     arm = rigid_arm(payload=0.5)
-    model = RigidParameters("test", arm, NAMES)
+    model = RigidParameters(arm, NAMES)
     column = model.regressor(ANGLE, RATE, RATE, WANTED_ACCELERATION)[2 + NAMES.index(name)]
     if name == "link_2.first_moment":  # no input of users changes it alone: closed form
         np.testing.assert_allclose(column, _by_first_moment_2(), rtol=1e-12)
@@ -66,7 +66,7 @@ def _by_first_moment_2():
 def test_centrifugal_matrix_has_christoffel_symbols():
     """dM/dt - 2 C is skew, without which Lyapunov's function would not decrease."""
     arm = rigid_arm(payload=0.5, gravity=(0.0, 0.0))
-    model, still = RigidParameters("test", arm), np.zeros(2)
+    model, still = RigidParameters(arm), np.zeros(2)
     C = np.stack([model.regressor(ANGLE, RATE, e, still)[0] for e in np.eye(2)], axis=1)
     step = 1e-6  # central differences of cosines: error 1e-12 times rates
     ahead, behind = arm.mass_matrix(ANGLE + step * RATE), arm.mass_matrix(ANGLE - step * RATE)

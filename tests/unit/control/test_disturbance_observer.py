@@ -11,7 +11,7 @@ from flexarm.control_design.rigid_parameters import RigidParameters
 def test_momentum_and_its_flow_equal_derivatives_of_energy():
     arm = rigid_arm(payload=0.5, joints=[fa.Joint(damping=0.3), fa.Joint(stiffness=2.0)])
     angle, rate = np.array([0.4, -0.9]), np.array([1.3, -2.1])
-    momentum, flow = RigidParameters("test", arm).momentum(angle, rate)
+    momentum, flow = RigidParameters(arm).momentum(angle, rate)
     np.testing.assert_allclose(momentum, arm.mass_matrix(angle) @ rate, rtol=1e-13)
     step = 1e-5  # central differences of the kinetic energy: error 1e-10
     by_angle = [

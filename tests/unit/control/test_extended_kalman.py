@@ -91,7 +91,7 @@ def test_predicted_readings_equal_those_of_the_linear_model():
     x, torque = 0.1 * random.standard_normal(2 * arm.dof), np.array([0.4, -0.2])
     velocity = fa.Sensor("velocity", link=2, station=0.3)
     readings = PredictedReadings(
-        "test", arm, [STRAIN, ACCELEROMETER, ENCODER, fa.Instrument(velocity, noise=1.0)]
+        arm, [STRAIN, ACCELEROMETER, ENCODER, fa.Instrument(velocity, noise=1.0)]
     )
     constants = SampledStep(arm, 1e-3).constants(0.0)
     values, slopes, by_mass, by_torque = readings.predict(x, torque, constants)

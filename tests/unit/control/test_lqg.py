@@ -282,7 +282,7 @@ def test_recorded_run_is_followed_exactly_and_its_end_is_held():
 
 
 def test_grid_interpolates_linear_functions_exactly_and_is_constant_outside():
-    grid = PostureGrid("LQG", np.zeros(3), [[-1.0, 0.5, 2.0], None, [0.0, 1.0]])
+    grid = PostureGrid(np.zeros(3), [[-1.0, 0.5, 2.0], None, [0.0, 1.0]])
     assert grid.postures.shape == (6, 3)
     values = Interpolated(grid, [[p, np.array([[p[0] - 3.0 * p[2]]])] for p in grid.postures])
     for angle in ([-0.3, 5.0, 0.25], [1.7, 0.0, 0.9], [0.5, 0.0, 1.0]):

@@ -42,7 +42,7 @@ def state_of(arm):
 def predicted(arm, x, torque=TORQUE, change=0.0):
     """Return readings of the four points and the joints, with their derivatives."""
     instruments = [*(fa.Instrument(point, noise=1e-3) for point in POINTS), ANGLE]
-    readings = PredictedReadings("test", arm, instruments)
+    readings = PredictedReadings(arm, instruments)
     return readings.predict(x, torque, SampledStep(arm, 0.01).constants(change))
 
 

@@ -40,7 +40,7 @@ def state_of(arm):
 @every
 def test_kinematics_equal_those_of_a_chain(arm):
     angle, rate = state_of(arm)
-    chain = rigid_chain("test", arm)
+    chain = rigid_chain(arm)
     for _ in range(2):  # a second evaluation does not depend on the first one
         position, velocity, bias = TaskSpace(arm).at(angle, rate).motion
         J = tip_jacobian(chain.lengths, angle + chain.offset)

@@ -65,7 +65,7 @@ def test_impossible_sensors_are_rejected(fields, message):
         (fa.Sensor("position", 3), "linearize: Sensor.link must be the number of a link, 1 to 2"),
         (
             fa.Sensor("velocity", 1, 0.7),
-            "Sensor.station must be at most 0.5, the length of the link, got 0.7",
+            r"Sensor.station must be at most 0.5 \(the length of the link\), got 0.7",
         ),
     ],
 )

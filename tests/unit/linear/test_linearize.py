@@ -299,7 +299,7 @@ class TestOperatingPoint:
     [
         ({"inputs": ["torqe"]}, "inputs must be a Load or one of 'torque'"),
         ({"inputs": [3]}, "inputs must be names"),
-        ({"inputs": [fa.Load(1, (0, 0))]}, "must have a direction"),
+        ({"inputs": [fa.Load(1, (0, 0))]}, "must have a nonzero force or moment"),
         ({"outputs": ["speed"]}, "outputs must be a Sensor or one of 'joint_angle'"),
         ({"outputs": ["tip", "tip"]}, "outputs must have different names"),
         ({"outputs": [fa.Sensor("position", 1, name="a.b")]}, "names without dots"),

@@ -102,5 +102,7 @@ class TestCampbell:
         tracks = fa.campbell(arm, [0.0, 1.0, 2.0], count=3)
         assert np.all(np.diff(tracks.frequency_hz, axis=0) > 0.0)
         assert tracks.parameter_unit == "rad/s"
-        with pytest.raises(fa.InputError, match="spin must be increasing"):
+        with pytest.raises(
+            fa.InputError, match="spin must be one or more numbers in increasing order"
+        ):
             fa.campbell(arm, [1.0, 0.0])

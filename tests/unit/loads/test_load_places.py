@@ -153,7 +153,7 @@ def test_base_acceleration_equals_opposite_gravity():
 
 def test_zero_loads_have_no_effect():
     of = arm()
-    placed = place_loads(of, "test", [])
+    placed = place_loads(of, [])
     assert placed.body.size == 0
     assert np.all(placed.base_acceleration == 0.0)
 
@@ -196,11 +196,11 @@ def test_wrong_loads_are_rejected(fields, message):
         (fa.Load(4, (0, 1)), "Load.link must be the number of a link, 1 to 3, got 4."),
         (
             fa.Load(2, (0, 1), station=0.71),
-            "Load.station must be at most 0.7, the length of the link, got 0.71.",
+            "Load.station must be at most 0.7 (the length of the link), got 0.71.",
         ),
         (
             fa.Load(1, (0, 1), spread=(0.2, 1.3)),
-            "Load.spread must be at most 1.2, the length of the link, got 1.3.",
+            "Load.spread must be at most 1.2 (the length of the link), got 1.3.",
         ),
     ],
 )

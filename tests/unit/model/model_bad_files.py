@@ -133,8 +133,8 @@ arm:
                 "preset, got 'stel'. Did you mean 'steel'?"
             ),
             (
-                "9: arm.links[0].section.thickness must be less than 0.01, half of "
-                "outer_diameter, got 0.02. The wall fills the section."
+                "9: arm.links[0].section.thickness must be less than 0.01 (half of "
+                "outer_diameter), got 0.02. The wall fills the section."
             ),
             ("12: arm.links[1].table.x[2] must be greater than the previous point (1.0), got 0.5."),
             (
@@ -147,11 +147,11 @@ arm:
                 "A ratio is a fraction: 0.01 is one per cent of critical damping."
             ),
             (
-                "20: arm.links[2].modes must be at most 8, twice the number of elements of a "
-                "segment, got 9. Use more elements, or fewer modes."
+                "20: arm.links[2].modes must be at most 8 (twice the number of elements of a "
+                "segment), got 9. Use more elements, or fewer modes."
             ),
             (
-                "23: arm.links[2].gauges[1].station must be at most 2, the length of the link, "
+                "23: arm.links[2].gauges[1].station must be at most 2 (the length of the link), "
                 "got 2.1."
             ),
             "25: arm.links[3].material.youngs_modulus is missing.",
@@ -189,8 +189,8 @@ arm:
 """,
         [
             (
-                "4: arm.links[0].shear_rigidity is missing. It is k G A; material and "
-                "section also define it."
+                "4: arm.links[0].shear_rigidity is missing. It is k G A. A material "
+                "and a section define it, too."
             ),
             ("8: arm.links[1].kGA is not a known key. Did you mean 'shear_rigidity'?"),
             (
@@ -290,14 +290,14 @@ arm:
         "flexarm: 2\narm: {links: [{length: 1, mass_per_length: 1, flexural_rigidity: 1}]}\n",
         [
             (
-                "1: flexarm must be 1, the version of the file format, got 2. "
+                "1: flexarm must be 1 (the version of the file format), got 2. "
                 "The file is for a newer flexarm: upgrade flexarm."
             )
         ],
     ),
     "version is true": (
         "flexarm: true\narm: {links: [{length: 1, mass_per_length: 1, flexural_rigidity: 1}]}\n",
-        ["1: flexarm must be 1, the version of the file format, got True."],
+        ["1: flexarm must be 1 (the version of the file format), got True."],
     ),
     "a list": ("- 1\n- 2\n", ["1: the file must be a mapping of keys to values, got [1, 2]."]),
     "a word": ("\narm\n", ["2: the file must be a mapping of keys to values, got 'arm'."]),

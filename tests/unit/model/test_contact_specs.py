@@ -59,7 +59,7 @@ def test_every_kind_becomes_a_contact(tmp_path):
         ("  - {surface: {kind: table, x: [0, 1, 1], y: [0, 1, 1]}, stiffness: 1}",
          r"contacts\[0\].surface.x\[2\] must differ from the previous"),
         ("  - {stiffness: 1, surface: {kind: table, x: [0,2,2,0], y: [0,1,0,2], closed: true}}",
-         r"surface.x and y cross themselves after the points \[0\] and \[2\]"),
+         r"surface.x and y are a polygon that crosses itself after the points \[0\] and \[2\]"),
         ("  - {surface: {kind: round, center: [0, 0], radius: 1}, stifness: 1}", "stiffness"),
     ],
 )  # fmt: skip

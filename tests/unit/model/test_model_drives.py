@@ -114,7 +114,7 @@ def test_drives_state_whether_they_balance_the_weight(drive, expected):
     [
         (
             {"motion": PRESSED},
-            ("motion.normal is required without contacts."),
+            ("motion.normal is required if there are no contacts."),
         ),
         (
             {"motion": PRESSED, "contacts": [{**WALL, "surface": TABLE}]},
@@ -133,7 +133,7 @@ def test_drives_state_whether_they_balance_the_weight(drive, expected):
                 "motion": {**PRESSED, "force": {"times": [0, 1, 1], "values": [0, 1, 1]}},
                 "contacts": [WALL],
             },
-            "motion.force.times[2] must be greater than 1, the previous time, got 1.",
+            "motion.force.times[2] must be greater than 1 (the previous time), got 1.",
         ),
         (
             {

@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 from model_bad_files import BAD_ARMS, BROKEN_FILES
 
 from flexarm.errors import InputError, ModelError
-from flexarm.model import ArmSpec, Link, Payload, load_arm_spec, load_scenario, locate_scenario
+from flexarm.model import (
+    ArmSpec,
+    Link,
+    Payload,
+    load_arm_spec,
+    load_scenario,
+    locate_scenario,
+    locate_study,
+)
 from flexarm.model.wording import path_of, path_text
 
 ARM = "flexarm: 1\narm:\n  links:\n    - {length: 2, flexural_rigidity: 1e2, mass_per_length: 5}\n"
@@ -191,7 +199,20 @@ def test_scenario_file_of_the_manual(tmp_path):
 def test_arm_file_is_not_a_scenario(tmp_path):
     (tmp_path / "arm.yaml").write_text(ARM)
     assert problems_of(load_scenario, tmp_path / "arm.yaml") == [
-        ("1: run is missing. It says how long to simulate, for example `run: {duration: 2}`.")
+        (
+            "1: the file has an arm only, so it is not a scenario. Add `run: {duration: 2}` to"
+            " simulate it. `flexarm check`, `modes` and `linearize` read an arm alone."
+        )
+    ]
+
+
+def test_arm_file_is_not_a_study(tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM)
+    assert problems_of(locate_study, tmp_path / "arm.yaml") == [
+        (
+            "1: the file has an arm only, so it is not a study. `flexarm check`, `modes` and"
+            " `linearize` read an arm alone."
+        )
     ]
 
 

@@ -125,7 +125,7 @@ def test_coordinates():
             {"length": 2.5, "table": TABLE},
             [
                 (
-                    "table.x must end at 2.5, the length of the link, got 2. A table covers "
+                    "table.x must end at 2.5 (the length of the link), got 2. A table covers "
                     "the link from root to tip."
                 )
             ],
@@ -146,7 +146,7 @@ def test_coordinates():
             {**CONSTANTS, "elements": 3, "modes": 7},
             [
                 (
-                    "modes must be at most 6, twice the number of elements of a segment, got 7. "
+                    "modes must be at most 6 (twice the number of elements of a segment), got 7. "
                     "Use more elements, or fewer modes."
                 )
             ],
@@ -163,11 +163,16 @@ def test_coordinates():
         ),
         (
             {**CONSTANTS, "modes": 1, "damping": {"kind": "modal", "ratio": [0.1, 0.2]}},
-            [("damping.ratio must have length at most 1, the number of modes of the link, got 2.")],
+            [
+                (
+                    "damping.ratio must have length at most 1 (the number of modes of the link), "
+                    "got 2."
+                )
+            ],
         ),
         (
             {**CONSTANTS, "gauges": [Gauge(station=2, distance=0), Gauge(station=2.1, distance=0)]},
-            ["gauges[1].station must be at most 2, the length of the link, got 2.1."],
+            ["gauges[1].station must be at most 2 (the length of the link), got 2.1."],
         ),
         ({**CONSTANTS, "damping": {"ratio": 0.1}}, ["damping.kind is missing."]),
         (

@@ -94,7 +94,7 @@ def test_fixed_joints_have_no_values():
     reported = [problem.removeprefix("Scenario: ") for problem in str(caught.value).splitlines()]
     assert reported == [
         "initial.joint_angle must have length 2, one value for each joint, got 3.",
-        ("prescribed[0].joint must be the number of a joint that is not fixed: 1, 3, got 2."),
+        ("prescribed[0].joint must be the number of a joint that is not fixed (1, 3), got 2."),
     ]
 
 
@@ -105,20 +105,20 @@ def test_fixed_joints_have_no_values():
             {},
             [
                 "link is missing.",
-                "force is required without a moment.",
+                "force is required if there is no moment.",
             ],
         ),
-        ({"link": 1}, ["force is required without a moment."]),
+        ({"link": 1}, ["force is required if there is no moment."]),
         ({"link": 0, "moment": 1}, ["link must be at least 1, got 0."]),
         ({"link": 3, "moment": 1}, ["link must be the number of a link, 1 to 2, got 3."]),
         ({"link": 1, "force": 5}, ["force must be a list of two numbers, got 5."]),
         (
             {"link": 1, "moment": 1, "station": 1.1},
-            ["station must be at most 1, the length of the link, got 1.1."],
+            ["station must be at most 1 (the length of the link), got 1.1."],
         ),
         (
             {"link": 2, "force": [0, 1], "spread": [0, 2.5]},
-            ["spread must be at most 2, the length of the link, got 2.5."],
+            ["spread must be at most 2 (the length of the link), got 2.5."],
         ),
         (
             {"link": 1, "force": [0, 1], "spread": [0.5, 0.5]},
@@ -161,12 +161,12 @@ def test_fixed_joints_have_no_values():
             {"link": 1, "moment": 1, "factor": {"times": [0, 2, 1], "values": ["a", 1, 1]}},
             [
                 ("factor.values[0] must be a number, got 'a'. Write the bare number, in SI units."),
-                "factor.times[2] must be at least 2, the previous time, got 1.",
+                "factor.times[2] must be at least 2 (the previous time), got 1.",
             ],
         ),
         (
             {"link": 1, "moment": 1, "factor": {"times": [2, 1], "values": [1, 1]}},
-            ["factor.times[1] must be at least 2, the previous time, got 1."],
+            ["factor.times[1] must be at least 2 (the previous time), got 1."],
         ),
         (
             {"link": 1, "moment": 1, "factor": {"times": [1, 1, 1], "values": [1, 1, 1]}},
@@ -211,12 +211,12 @@ def test_wrong_loads_are_rejected_with_every_reason(load, problems):
             {"prescribed": [{"joint": 3, "kind": "hold"}, {"joint": 3, "kind": "hold"}]},
             [
                 (
-                    "prescribed[0].joint must be the number of a joint that is not fixed: 1, "
-                    "2, got 3."
+                    "prescribed[0].joint must be the number of a joint that is not fixed (1, "
+                    "2), got 3."
                 ),
                 (
-                    "prescribed[1].joint must be the number of a joint that is not fixed: 1, "
-                    "2, got 3."
+                    "prescribed[1].joint must be the number of a joint that is not fixed (1, "
+                    "2), got 3."
                 ),
                 "prescribed[1].joint repeats joint 3, which is in prescribed[0].",
             ],
@@ -239,20 +239,20 @@ def test_wrong_loads_are_rejected_with_every_reason(load, problems):
         ),
         (
             {"prescribed": [{**TABLE, "times": [2, 2]}]},
-            ["prescribed[0].times[1] must be greater than 2, the previous time, got 2."],
+            ["prescribed[0].times[1] must be greater than 2 (the previous time), got 2."],
         ),
         (
             {"prescribed": [{**TABLE, "ends": "free", "times": [0, 1.5]}]},
             [
                 (
-                    "prescribed[0].times must cover the run from 0 to 2 with ends: free, got 0 "
-                    "to 1.5. With ends: rest the joint rests before and after the table."
+                    "prescribed[0].times must cover the run from 0 to 2 with 'ends: free', got 0 "
+                    "to 1.5. With 'ends: rest' the joint is at rest before and after the table."
                 )
             ],
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 1}]},
-            ["events[0].angle is required without stop."],
+            ["events[0].angle is required if there is no stop."],
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 1, "angle": 0.5, "stop": "upper"}]},
@@ -268,7 +268,7 @@ def test_wrong_loads_are_rejected_with_every_reason(load, problems):
         ),
         (
             {"events": [{"kind": "joint_angle", "joint": 3, "stop": "upper"}]},
-            [("events[0].joint must be the number of a joint that is not fixed: 1, 2, got 3.")],
+            [("events[0].joint must be the number of a joint that is not fixed (1, 2), got 3.")],
         ),
         (
             {"events": [{"kind": "tip_line", "point": [1], "normal": [0, 0], "direction": "up"}]},
@@ -286,7 +286,12 @@ def test_wrong_loads_are_rejected_with_every_reason(load, problems):
                     {"kind": "tip_line", "point": [1, 2], "normal": [0, 1], "name": "event_2"},
                 ]
             },
-            [("events[1].name must differ from the names of other ends of a run, got 'duration'.")],
+            [
+                (
+                    "events[1].name must not be 'duration' or 'failure' (other ends of a run), got "
+                    "'duration'."
+                )
+            ],
         ),
         (
             {
@@ -333,7 +338,7 @@ def test_factor_that_a_file_cannot_express_is_rejected_in_a_scenario():
 
 
 def test_load_without_a_force_or_moment_is_rejected_but_zero_is_kept(tmp_path):
-    with pytest.raises(ModelError, match="Load: force is required without a moment"):
+    with pytest.raises(ModelError, match="Load: force is required if there is no moment"):
         Load(1)
     still = scenario(loads=[Load(1, (0.0, 0.0)), Load(1, moment=0.0)])
     save_scenario(still, tmp_path / "still.yaml")

@@ -133,7 +133,7 @@ def test_torque_accepts_an_array():
                     "run.rate must be at most 1e+06 for a duration of 10, got 1000000000. A "
                     "result has at most 1e+07 samples."
                 ),
-                "run.step must be at most 10, the duration of the run, got 20.",
+                "run.step must be at most 10 (the duration of the run), got 20.",
             ],
         ),
         (

@@ -73,14 +73,14 @@ def test_thickest_wall_is_nearly_solid():
         (
             lambda: Tube(outer_diameter=0.1, thickness=0.05),
             (
-                "Tube: thickness must be less than 0.05, half of outer_diameter, got 0.05. "
+                "Tube: thickness must be less than 0.05 (half of outer_diameter), got 0.05. "
                 "The wall fills the section."
             ),
         ),
         (
             lambda: Box(width=0.1, height=0.04, thickness=0.03),
             (
-                "Box: thickness must be less than 0.02, half of height, got 0.03. The wall "
+                "Box: thickness must be less than 0.02 (half of height), got 0.03. The wall "
                 "fills the section."
             ),
         ),

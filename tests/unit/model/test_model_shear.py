@@ -19,7 +19,7 @@ from flexarm.model import (
 CONSTANTS = {"length": 2.0, "flexural_rigidity": 3.0, "mass_per_length": 0.5}
 TABLE = {"x": [0, 2], "flexural_rigidity": [3, 1], "mass_per_length": [0.5, 0.2]}
 SHEARED = {**TABLE, "shear_rigidity": [40, 20]}
-GIVE = "It is k G A; material and section also define it."
+GIVE = "It is k G A. A material and a section define it, too."
 SET = "For shear deformation use element: timoshenko."
 WAYS = (
     "A link is described by flexural_rigidity and mass_per_length, by material and section, "

@@ -23,11 +23,11 @@ def test_every_path_reads_and_writes_its_number(spec):
     assert {"links[1].section.diameter", "joints[0].friction.coulomb", "gravity[1]"} <= set(paths)
     for path in paths:
         changed = with_number(spec, path, 7.0, checked=False)
-        assert number_at("test", "path", changed, path) == 7.0
+        assert number_at("path", changed, path) == 7.0
         others = [other for other in paths if other != path]
         for other in others:
-            before = number_at("test", "path", spec, other)
-            assert number_at("test", "path", changed, other) == before
+            before = number_at("path", spec, other)
+            assert number_at("path", changed, other) == before
 
 
 def test_checked_copy_validates_values(spec):
@@ -52,5 +52,5 @@ def test_checked_copy_validates_values(spec):
 )
 def test_unknown_paths_are_rejected(spec, path, hint):
     with pytest.raises(fa.InputError) as error:
-        number_at("test", "path", spec, path)
+        number_at("path", spec, path)
     assert hint in str(error.value)

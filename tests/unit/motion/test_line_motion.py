@@ -197,7 +197,7 @@ def test_start_with_all_links_in_one_line_is_rejected():
 def test_least_norm_path_stops_where_the_arm_is_straight():
     lengths, first = np.ones(3), np.array([0.6, -0.6, -0.6])
     start = np.array([2 * np.cos(0.6) + 1.0, 0.0])
-    path = line_path("a test", start, start + np.array([2.0, 0.0]))
+    path = line_path(start, start + np.array([2.0, 0.0]))
     with pytest.raises(SingularPathError) as stop:
         least_norm_path(RigidChain(lengths, np.zeros(3), np.zeros(2)), path, first)
     reached = np.cumsum(stop.value.posture)

@@ -163,7 +163,7 @@ def test_rigid_torque_along_a_shaped_motion():
     [
         (lambda: fa.shaped(line(), method="zvv", frequency_hz=1.0), "method must be one of 'zv'"),
         (lambda: fa.shaped("line", frequency_hz=1.0), "motion must be a motion"),
-        (lambda: fa.shaped(line()), "arm is required without frequency_hz"),
+        (lambda: fa.shaped(line()), "arm is required if there is no frequency_hz"),
         (lambda: fa.shaped(line(), frequency_hz=0.0), "frequency_hz must be greater than 0"),
         (lambda: fa.shaped(line(), frequency_hz=[1.0, np.nan]), "finite"),
         (lambda: fa.shaped(line(), frequency_hz=1.0, damping_ratio=1.0), "less than 1"),
@@ -172,7 +172,7 @@ def test_rigid_torque_along_a_shaped_motion():
         (lambda: fa.shaped(line(), arm(), modes=0), "modes"),
         (lambda: fa.shaped(line(), arm(), modes=True), "modes"),
         (lambda: fa.shaped(line(), arm(), modes=[1, 1]), "different"),
-        (lambda: fa.shaped(line(), arm(), modes=[1, 99]), "from 1 to 6, the bending modes"),
+        (lambda: fa.shaped(line(), arm(), modes=[1, 99]), r"from 1 to 6 \(the bending modes"),
         (lambda: fa.shaped(line(), arm().rigid()), "arm has no bending modes"),
         (lambda: fa.shaped(line(), 3), "be an Arm"),
         (lambda: fa.smoothed(line(), 0.0), "duration must be greater"),

@@ -99,6 +99,6 @@ def test_torque_jumps_at_breaks_only():
 def test_motion_of_another_arm_is_rejected():
     motion = joint_motion(Links((1.0, 1.0, 1.0)), [0, 0, 0], [1, 1, 1], 1.0)
     with pytest.raises(
-        InputError, match=r"rigid_torque: motion must have the number of joints of the arm, 2"
+        InputError, match=r"rigid_torque: motion must have the number of joints of the arm \(2\)"
     ):
         rigid_torque(TwoRods(), motion)

@@ -92,7 +92,7 @@ def test_inconsistent_law_is_rejected(breaks, coefficients, name):
 
 def test_law_of_a_user_is_accepted():
     cubic = TimingLaw("cubic", (0.0, 1.0), ((0.0, 0.0, 3.0, -2.0),))
-    assert timing_law("here", cubic) is cubic
+    assert timing_law(cubic) is cubic
     assert cubic(0.5).s == 0.5
 
 
@@ -104,10 +104,10 @@ def test_impossible_ramps_are_rejected(ramp):
 
 @pytest.mark.parametrize("profile", ["quntic", 3, None, ["quintic"]])
 def test_unknown_laws_are_rejected(profile):
-    with pytest.raises(InputError, match="here: profile must be a TimingLaw or one of 'quintic'"):
-        timing_law("here", profile)
+    with pytest.raises(InputError, match="profile must be a TimingLaw or one of 'quintic'"):
+        timing_law(profile)
 
 
 def test_nearest_law_is_suggested():
     with pytest.raises(InputError, match="Did you mean 'trapezoidal'"):
-        timing_law("here", "trapezoid")
+        timing_law("trapezoid")

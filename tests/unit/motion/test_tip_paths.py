@@ -100,7 +100,7 @@ def _of_the_law(motion, t):
 def test_spline_reproduces_a_cubic():
     """Not-a-knot ends reproduce a curve that is a cubic in the chord length."""
     x = np.array([0.0, 0.3, 0.7, 1.2, 1.5])
-    path = spline_path("a test", np.column_stack([x, np.zeros(5)]))
+    path = spline_path(np.column_stack([x, np.zeros(5)]))
     place = path.at(np.linspace(0.0, 1.0, 11))
     np.testing.assert_allclose(place.point[:, 0], np.linspace(0.0, 1.5, 11), rtol=0, atol=1e-14)
     np.testing.assert_allclose(place.curve, 0.0, rtol=0, atol=1e-12)
@@ -111,7 +111,7 @@ def test_spline_through_a_circle_converges_to_its_curvature():
         angle = np.linspace(0.0, 2.0 * np.pi, count + 1)
         points = np.column_stack([np.cos(angle), np.sin(angle)])
         points[-1] = points[0]
-        place = spline_path("a test", points).at(np.linspace(0.0, 1.0, 97))
+        place = spline_path(points).at(np.linspace(0.0, 1.0, 97))
         across = place.slope[:, 0] * place.curve[:, 1] - place.slope[:, 1] * place.curve[:, 0]
         return np.abs(across / np.hypot(*place.slope.T) ** 3 - 1.0).max()
 
@@ -122,7 +122,7 @@ def test_spline_through_a_circle_converges_to_its_curvature():
 
 def test_closed_spline_has_no_corner():
     points = [[1.5, 0.2], [1.2, 0.9], [0.7, 0.6], [1.5, 0.2]]
-    first, last = (spline_path("a test", points).at(np.array([s])) for s in (0.0, 1.0))
+    first, last = (spline_path(points).at(np.array([s])) for s in (0.0, 1.0))
     np.testing.assert_allclose(first.slope, last.slope, rtol=0, atol=1e-12)
     np.testing.assert_allclose(first.curve, last.curve, rtol=0, atol=1e-11)
 
@@ -155,12 +155,12 @@ def _from_line(points, a, b):
 
 
 def test_default_corners_start_at_a_quarter_of_the_shorter_line():
-    path = polygon_path("a test", [[0.0, 0.0], [1.0, 0.0], [1.0, 3.0]], None)
+    path = polygon_path([[0.0, 0.0], [1.0, 0.0], [1.0, 3.0]], None)
     np.testing.assert_allclose(path.at(np.array(path.breaks)).point, [[0.75, 0.0], [1.0, 0.25]])
 
 
 def test_corners_may_meet_in_the_middle_of_a_line():
-    path = polygon_path("a test", [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]], 0.5)
+    path = polygon_path([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]], 0.5)
     np.testing.assert_allclose(path.breaks, [0.5 / 3.0, 0.5, 2.5 / 3.0], rtol=1e-15)
     sides = [path.at(np.array([np.nextafter(0.5, s)])) for s in (0.0, 1.0)]
     for before, after in zip(*sides, strict=True):
@@ -188,9 +188,9 @@ def test_extremes_bound_the_distance(seed):
     rng = np.random.default_rng(seed)
     center, points = rng.uniform(-1.0, 1.0, 2), rng.uniform(-2.0, 2.0, (6, 2))
     for path in (
-        spline_path("a test", points),
-        polygon_path("a test", points, None),
-        arc_path("a test", points[0], points[1], 3.0 * rng.normal()),
+        spline_path(points),
+        polygon_path(points, None),
+        arc_path(points[0], points[1], 3.0 * rng.normal()),
     ):
         along = np.hypot(*(path.at(np.linspace(0.0, 1.0, 20_001)).point - center).T)
         found = np.hypot(*(path.at(path.extremes(center)).point - center).T)

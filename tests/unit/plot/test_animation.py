@@ -292,7 +292,7 @@ def test_full_disk_keeps_the_older_file(suffix, tmp_path, monkeypatch, animation
     [
         ({"path": "arm.avi"}, r"\.mp4, \.gif or \.html"),
         ({"fps": 0.5}, "fps"),
-        ({"fps": 1e6}, "at most 240"),
+        ({"fps": 1e6}, "from 1 to 240"),
         ({"speed": 1e-9}, "at most 20000 frames"),
         ({"speed": 0.0}, "greater than 0"),
         ({"width": 10}, "from 320 to 7680"),

@@ -17,7 +17,7 @@ _PROGRAM = """
 import matplotlib
 from flexarm.plot.canvas import panels
 
-with panels("test", None, 1, (3.0, 2.0), lambda sheet: [sheet.add_subplot()]):
+with panels(None, 1, (3.0, 2.0), lambda sheet: [sheet.add_subplot()]):
     pass
 print(matplotlib.is_interactive())
 """

@@ -51,14 +51,14 @@ def test_list_of_channels_has_a_panel_each():
 def test_unit_of_the_axis_is_that_of_the_channel_table():
     for name, channel in CHANNELS.items():
         if name in result():
-            signals = signals_of("test", "channel", result(), name)
+            signals = signals_of("channel", result(), name)
             scale = {"mm": 1e3, "µm/m": 1e6}.get(signals.unit, 1.0)
             flat = result()[name].values.reshape(len(result().time), -1)
             assert np.array_equal(signals.values, scale * flat)
             if scale == 1.0:
                 assert signals.unit == channel.unit
             for label, key in zip(signals.labels, signals.keys, strict=True):
-                part = signals_of("test", "channel", result(), f"{name}[{key}]")
+                part = signals_of("channel", result(), f"{name}[{key}]")
                 assert part.labels == (label,)
 
 

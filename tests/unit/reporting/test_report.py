@@ -173,7 +173,7 @@ def test_page_of_a_long_run_is_small_and_keeps_its_peaks():
         result[name] += noise.normal(size=result[name].shape)
     result["torque"][34_567, 0] = 99.0
     result.attrs["arm"] += "# " + "é" * 1_000_000 + "\n"
-    histories = fitted(panels("report", result, arm(), None, None))
+    histories = fitted(panels(result, arm(), None, None))
     assert max(each.values[:, 0].max() for each in histories if each.name == "torque") == 99.0
     page = fa.report(result)
     assert len(page.encode()) < MOST_BYTES

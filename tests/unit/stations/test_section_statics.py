@@ -226,7 +226,7 @@ def test_wrong_numbers_of_stations_are_rejected(stations):
     with pytest.raises(fa.InputError) as reported:
         arm.section_forces(zero, zero, zero, stations)
     assert str(reported.value).startswith(
-        "Arm.section_forces: stations must be a whole number from 2 (root and tip) to 1000, got"
+        "Arm.section_forces: stations must be a whole number from 2 to 1000, got"
     )
 
 

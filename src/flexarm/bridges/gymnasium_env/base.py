@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_each, check_kind, check_number
 from flexarm.arm import Arm
 from flexarm.bridges.gymnasium_env.observation import (
     FloatArray,
@@ -23,7 +23,7 @@ from flexarm.bridges.gymnasium_env.observation import (
     reach_of,
 )
 from flexarm.bridges.gymnasium_env.picture import Picture, Scene
-from flexarm.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.errors import InputError, Problem, SimulationError, check_array, public_call, shown
 from flexarm.hardware.measurement import Measurement
 from flexarm.model import Contact, Gauge, Hardware, Joint, Link, ModalDamping, Motors
 from flexarm.simulation.plant import Plant
@@ -94,6 +94,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     #: Signals of the exact instruments in addition to the joints, strain and tip.
     extra_signals: ClassVar[tuple[str, ...]] = ()
 
+    @public_call
     def __init__(
         self,
         arm: Arm | None = None,
@@ -104,22 +105,21 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         hardware: Hardware | None = None,
         render_mode: str | None = None,
     ) -> None:
-        where = type(self).__name__
-        _check_objects(where, arm, plant, hardware, render_mode)
+        _check_objects(arm, plant, hardware, render_mode)
         hardware = hardware or Hardware()
         if torque_limit is None:
             given = self.laboratory_torque if arm is None else None
-            torque_limit = _default_limit(where, given, hardware.motors)
+            torque_limit = _default_limit(given, hardware.motors)
         self.arm = arm or laboratory_arm()
-        self.torque_limit = _checked_limit(where, self.arm, torque_limit)
+        self.torque_limit = _checked_limit(self.arm, torque_limit)
         instruments = hardware.instruments or exact_instruments(self.arm, self.extra_signals)
         self._hardware = hardware.replace(instruments=instruments)
         self._source: PlantSource = self.arm if plant is None else plant
         first = self._source if isinstance(self._source, Arm) else self.arm
         self.plant = self._made(first, sample_time)
-        self.ticks = round(float(check_array(where, "duration", duration, ())) / sample_time)
+        self.ticks = round(check_number("duration", duration) / sample_time)
         if self.ticks < 1:
-            raise InputError(Problem(where, "duration", "be at least sample_time", shown(duration)))
+            raise InputError(Problem("duration", "be at least sample_time", shown(duration)))
         self._observation = Observation(
             self.arm, instruments, self.plant.measurement, self.task_parts()
         )
@@ -171,6 +171,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """Names of the observation's components with their units, such as ``tip[x] (m)``."""
         return self._observation.names
 
+    @public_call
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Vector, dict[str, Any]]:
@@ -180,11 +181,10 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             InputError: if an option is unknown to the task or not valid.
         """
         super().reset(seed=seed)
-        where = f"{type(self).__name__}.reset"
         for name in options or {}:
             if name not in self.option_names:
                 rule = "be one of " + ", ".join(map(repr, self.option_names))
-                raise InputError(Problem(where, "an option", rule, shown(name)))
+                raise InputError(Problem("an option", rule, shown(name)))
         start = self.begin(dict(options or {}))
         drawn = self._source if isinstance(self._source, Arm) else self._source(self.np_random)
         if drawn is not self.plant.arm or self.contacts():
@@ -195,6 +195,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         info = self._info(np.zeros(self.arm.joints), "")
         return self._seen(measurement), info
 
+    @public_call
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
         """Apply torques until the next sample time; see ``gymnasium.Env.step``.
 
@@ -204,8 +205,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before step().")
-        where = f"{type(self).__name__}.step"
-        part = np.clip(check_array(where, "action", action, (self.arm.joints,)), -1.0, 1.0)
+        part = np.clip(check_array("action", action, (self.arm.joints,)), -1.0, 1.0)
         torque = part * self.torque_limit
         try:
             self.plant.step(torque)
@@ -237,12 +237,11 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
     def _made(self, arm: object, sample_time: float) -> Plant:
         """Create the plant of an arm with the nominal arm's numbers of joints and gauges."""
-        where, known = type(self).__name__, self.arm
-        arm = check_kind(where, "plant", arm, Arm)
+        known = self.arm
+        arm = check_kind("plant", arm, Arm)
         if (arm.joints, len(arm.gauges)) != (known.joints, len(known.gauges)):
             rule = f"have {known.joints} joints and {len(known.gauges)} gauges"
-            given = f"{arm.joints} and {len(arm.gauges)}"
-            raise InputError(Problem(where, "plant", rule, given))
+            raise InputError(Problem("plant", rule, f"{arm.joints} and {len(arm.gauges)}"))
         touching = self.contacts()
         return Plant(arm, sample_time, self._hardware, contacts=touching, warn=False)
 
@@ -262,9 +261,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         }
 
 
-def _check_objects(
-    where: str, arm: object, plant: object, hardware: object, render_mode: object
-) -> None:
+def _check_objects(arm: object, plant: object, hardware: object, render_mode: object) -> None:
     """Raise InputError for all arguments with the wrong type."""
     rules = {
         "arm": ("be an Arm", arm, isinstance(arm, Arm)),
@@ -277,7 +274,7 @@ def _check_objects(
         "render_mode": ("be 'rgb_array' or None", render_mode, render_mode == "rgb_array"),
     }
     problems = [
-        Problem(where, name, rule, shown(value))
+        Problem(name, rule, shown(value))
         for name, (rule, value, right) in rules.items()
         if value is not None and not right
     ]
@@ -285,20 +282,16 @@ def _check_objects(
         raise InputError(*problems)
 
 
-def _default_limit(where: str, laboratory: ArrayLike | None, motors: Motors | None) -> ArrayLike:
+def _default_limit(laboratory: ArrayLike | None, motors: Motors | None) -> ArrayLike:
     """Return the torque limit of the motors, or that of the laboratory arm, N m."""
     if motors is not None and np.all(np.isfinite(motors.torque_limit)):
         return motors.torque_limit
     if laboratory is not None:
         return laboratory
-    hint = "Give it, or motors with a torque_limit."
-    raise InputError(Problem(where, "torque_limit", "is required with an arm", hint=hint))
+    hint = "Give it, or hardware whose motors have a torque_limit."
+    raise InputError(Problem("torque_limit", "is required with an arm", hint=hint))
 
 
-def _checked_limit(where: str, arm: Arm, given: ArrayLike) -> FloatArray:
+def _checked_limit(arm: Arm, given: ArrayLike) -> FloatArray:
     """Return the torques (joints,) N m of an action of 1, after validation."""
-    each = [given] * arm.joints if isinstance(given, int | float) else given
-    limit = check_array(where, "torque_limit", each, (arm.joints,))
-    if not np.all(limit > 0.0):
-        raise InputError(Problem(where, "torque_limit", "be greater than 0", shown(given)))
-    return limit
+    return np.full(arm.joints, check_each("torque_limit", given, arm.joints, positive=True))

@@ -42,15 +42,15 @@ class ReachEnv(ArmEnv):
 
     def begin(self, options: dict[str, Any]) -> FloatArray:
         """See ``ArmEnv``."""
-        shape, where = (self.arm.joints,), "ReachEnv.reset"
+        shape = (self.arm.joints,)
         lower, upper = joint_range(self)
         start = self.np_random.uniform(lower, upper)
         if "start" in options:
-            start = check_array(where, "start", options["start"], shape)
+            start = check_array("start", options["start"], shape)
         turn = self.np_random.uniform(-_TURN, _TURN, shape)
         self.goal_angle = np.clip(start + turn, np.minimum(lower, start), np.maximum(upper, start))
         if "goal" in options:
-            self.goal_angle = check_array(where, "goal", options["goal"], shape)
+            self.goal_angle = check_array("goal", options["goal"], shape)
         self.goal = self.arm.tip(self.arm.rest(self.goal_angle))[:2]
         return start
 

@@ -8,12 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_number
 from flexarm.arm import Arm
 from flexarm.bridges.gymnasium_env.base import ArmEnv, PlantSource
 from flexarm.bridges.gymnasium_env.observation import MOST_FORCE, FloatArray, Part, reach_of
 from flexarm.bridges.gymnasium_env.picture import Scene
 from flexarm.bridges.gymnasium_env.reach import joint_range
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.model import Contact, Wall
 from flexarm.motion import line_motion
 from flexarm.motion.tip.tip_motion import TipMotion
@@ -26,7 +27,8 @@ _LENGTH = 0.125
 _GAP = 0.005
 #: Largest angle (rad) of a wall's normal to the base direction: the base is then on its free side.
 _TURN = np.pi / 6.0
-#: Bounds of a line's distance from the base (fractions of the reach); a straight arm is too stiff.
+#: Bounds of the distance of a line from the base, as fractions of the reach. Farther away the arm
+#: is almost straight, and too stiff.
 _NEAREST, _FARTHEST = 0.5, 0.85
 #: Largest joint rates (rad/s) along a line, and largest static torque of the maximum force as a
 #: fraction of the torque limits; more would bend the links too far.
@@ -86,6 +88,7 @@ class TrackForceEnv(ArmEnv):
     motion: TipMotion
     normal: FloatArray
 
+    @public_call
     def __init__(
         self,
         arm: Arm | None = None,
@@ -143,21 +146,20 @@ class TrackForceEnv(ArmEnv):
 
     def begin(self, options: dict[str, Any]) -> FloatArray:
         """See ``ArmEnv``."""
-        where, rng = "TrackForceEnv.reset", self.np_random
+        rng = self.np_random
         if "start" in options and "end" in options:
-            ends = [check_array(where, name, options[name], (2,)) for name in ("start", "end")]
+            ends = [check_array(name, options[name], (2,)) for name in ("start", "end")]
             self.normal = self._facing(*ends)
             self.motion = self._along(*ends)
         elif "start" in options or "end" in options:
-            rule = "need both 'start' and 'end', or neither"
-            raise InputError(Problem(where, "the options", rule))
+            raise InputError(Problem("the options", "need both 'start' and 'end', or neither"))
         else:
             self._draw()
         low, high = np.log(self.stiffness)
         stiffness, friction = np.exp(rng.uniform(low, high)), rng.uniform(*self.friction)
         place = rng.uniform(-self.place, self.place)
         drawn = {"stiffness": stiffness, "friction": friction, "place": place}
-        drawn |= {k: float(check_array(where, k, options[k], ())) for k in drawn if k in options}
+        drawn |= {k: check_number(k, options[k]) for k in drawn if k in options}
         point = self.motion.start + drawn["place"] * self.normal
         surface = Wall(point=tuple(point), normal=tuple(self.normal))
         self._wall = self._touching(surface, drawn["stiffness"], drawn["friction"])
@@ -196,7 +198,7 @@ class TrackForceEnv(ArmEnv):
                 return
         rule = f"cannot press on any of {_TRIES} random walls"
         hint = "Increase the torque limit or reduce the force."
-        raise InputError(Problem("TrackForceEnv.reset", "the arm", rule, hint=hint))
+        raise InputError(Problem("the arm", rule, hint=hint))
 
     def _manageable(self) -> bool:
         """Return whether the line is within reach and the limits on joint rates and torques."""
@@ -275,27 +277,24 @@ class TrackForceEnv(ArmEnv):
 
 def _checked_force(given: ArrayLike) -> FloatArray:
     """Return mean and amplitude (2,) of a force that is never tensile, N."""
-    where = "TrackForceEnv"
-    force = check_array(where, "force", given, (2,))
+    force = check_array("force", given, (2,))
     if not (force[0] > 0.0 and 0.0 <= force[1] <= force[0] and force.sum() <= MOST_FORCE):
         rule = f"be (mean, amplitude) with amplitude <= mean and a sum of at most {MOST_FORCE:g}"
-        raise InputError(Problem(where, "force", rule, shown(given)))
+        raise InputError(Problem("force", rule, shown(given)))
     return force
 
 
 def _checked_number(name: str, given: ArrayLike, positive: bool = False) -> float:
     """Return a non-negative number, or with ``positive`` a positive one, after validation."""
-    number = float(check_array("TrackForceEnv", name, given, ()))
-    return float(_checked_range(name, number, positive)[0])
+    return float(_checked_range(name, check_number(name, given), positive)[0])
 
 
 def _checked_range(name: str, given: ArrayLike, positive: bool = False) -> FloatArray:
     """Return the bounds (2,) of a random value; both are equal for a single number."""
-    where = "TrackForceEnv"
     single = np.ndim(given) == 0
-    ends = check_array(where, name, [given, given] if single else given, (2,))
+    ends = check_array(name, [given, given] if single else given, (2,))
     if ends[0] > ends[1] or ends[0] < 0.0 or (positive and ends[0] == 0.0):
         rule = f"be {'greater than' if positive else 'at least'} 0"
         rule += "" if single else ", with the lower bound first"
-        raise InputError(Problem(where, name, rule, shown(given)))
+        raise InputError(Problem(name, rule, shown(given)))
     return ends

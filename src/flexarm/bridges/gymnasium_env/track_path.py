@@ -60,7 +60,7 @@ class TrackPathEnv(ArmEnv):
             self.motion = self._drawn()
         elif missing:
             rule = "have no " + " and no ".join(map(repr, missing))
-            raise InputError(Problem("TrackPathEnv.reset", "the options", rule))
+            raise InputError(Problem("the options", rule))
         else:
             self.motion = line_motion(self.arm, **options)
         motion, times = self.motion, np.arange(self.ticks + 1) * self.plant.sample_time
@@ -91,8 +91,7 @@ class TrackPathEnv(ArmEnv):
             rates = motion.joint_rate(np.linspace(0.0, motion.duration, 33))
             if np.abs(rates).max() < _FASTEST:
                 return motion
-        rule = f"cannot follow any of {_TRIES} random lines"
-        raise InputError(Problem("TrackPathEnv.reset", "the arm", rule))
+        raise InputError(Problem("the arm", f"cannot follow any of {_TRIES} random lines"))
 
     def task_values(self, tick: int) -> FloatArray:
         """See ``ArmEnv``."""

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, library_missing
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.bridges.symbolic.parameters import ParametricArm
-from flexarm.bridges.symbolic.scalars import library_missing, objects, plain
+from flexarm.bridges.symbolic.scalars import objects, plain
+from flexarm.errors import public_call
 
 if TYPE_CHECKING:
     import casadi
@@ -71,6 +72,7 @@ class CasadiModel:
     joint_reactions: casadi.Function
 
 
+@public_call
 def to_casadi(
     arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()
 ) -> CasadiModel:
@@ -95,9 +97,9 @@ def to_casadi(
     try:
         import casadi
     except ImportError:
-        raise library_missing("to_casadi", "CasADi", "casadi") from None
-    check_kind("to_casadi", "arm", arm, Arm)
-    return _Writer(casadi, ParametricArm("to_casadi", arm, parameters, prescribed)).model()
+        raise library_missing("CasADi", "casadi") from None
+    check_kind("arm", arm, Arm)
+    return _Writer(casadi, ParametricArm(arm, parameters, prescribed)).model()
 
 
 class _Writer:

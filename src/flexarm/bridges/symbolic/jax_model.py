@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, library_missing
 from flexarm.arm import Arm, Energy
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.symbolic.parameters import ParametricArm
-from flexarm.bridges.symbolic.scalars import library_missing, objects, plain
-from flexarm.errors import InputError, Problem, shown
+from flexarm.bridges.symbolic.scalars import objects, plain
+from flexarm.errors import InputError, Problem, public_call, shown
 
 if TYPE_CHECKING:
     from jax import Array
@@ -138,16 +138,19 @@ class JaxModel:
         import jax.numpy as jnp
 
         given["parameters"] = self.nominal if parameters is None else parameters
-        arrays = {
-            argument: self._array(f"JaxModel.{name}", argument, value)
-            for argument, value in given.items()
-            if not (value is None and argument == "tip_force")
-        }
+        try:
+            arrays = {
+                argument: self._array(argument, value)
+                for argument, value in given.items()
+                if not (value is None and argument == "tip_force")
+            }
+        except InputError as error:
+            raise error.at(f"JaxModel.{name}") from None
         # Arguments of NumPy in float64 are converted to the type of the state.
         dtype = jnp.promote_types(arrays["q"].dtype, jnp.float32)
         return self._run(name, {key: array.astype(dtype) for key, array in arrays.items()})
 
-    def _array(self, where: str, name: str, value: Any) -> Any:
+    def _array(self, name: str, value: Any) -> Any:
         import jax.numpy as jnp
 
         shape = (self._sizes[name],)
@@ -157,8 +160,7 @@ class JaxModel:
             array = None
         if array is None or array.shape != shape or array.dtype.kind not in "iuf":
             given = shown(value) if array is None else f"of shape {array.shape}"
-            rule = f"be numbers of shape ({shape[0]},)"
-            raise InputError(Problem(where, name, rule, given))
+            raise InputError(Problem(name, f"be numbers of shape ({shape[0]},)", given))
         return array
 
     def _trace(self, name: str, arrays: dict[str, Any]) -> Any:
@@ -176,6 +178,7 @@ class JaxModel:
         return jnp.stack(flat).reshape(values.shape) if flat else jnp.zeros(values.shape, dtype)
 
 
+@public_call
 def to_jax(arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()) -> JaxModel:
     """Convert the equations of an arm to JAX functions.
 
@@ -192,6 +195,6 @@ def to_jax(arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] =
     try:
         import jax  # noqa: F401
     except ImportError:
-        raise library_missing("to_jax", "JAX", "jax") from None
-    check_kind("to_jax", "arm", arm, Arm)
-    return JaxModel(ParametricArm("to_jax", arm, parameters, prescribed))
+        raise library_missing("JAX", "jax") from None
+    check_kind("arm", arm, Arm)
+    return JaxModel(ParametricArm(arm, parameters, prescribed))

@@ -35,7 +35,8 @@ from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 @cache
 def _plain(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    # The tanh of the kernels is for complex numbers; automatic differentiation gives slope 0 at 0.
+    # Use NumPy's tanh, because automatic differentiation of the kernels' tanh, which is made for
+    # complex numbers, gives slope 0 at 0.
     return undecorated(kernel, {tanh: np.tanh})
 
 
@@ -168,8 +169,7 @@ class KernelCalls:
         """Place a force (3,) on the last tip; None for no force."""
         if force is None:
             return no_loads(self.arm.assembly.constants)
-        where = "KernelCalls"
-        placed = place_loads(self.arm, where, tip_load(self.arm, where, np.ones(3)))
+        placed = place_loads(self.arm, tip_load(self.arm, np.ones(3)))
         i, own = placed.body, self.constants
         # Use the object constants, because the shapes at the tip may depend on parameters.
         return placed._replace(

@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arguments import check_count, check_list_of
+from flexarm.arguments import check_list_of
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray, constants_of_links, place_joints_and_payload
+from flexarm.assembly.coordinates import check_joint
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.bridges.symbolic.scalars import Objects
 from flexarm.errors import InputError, Problem, shown
@@ -39,7 +40,6 @@ class ParametricArm:
     """Arm whose constants are functions of parameters.
 
     Args:
-        where: name of the calling function, for messages.
         arm: the arm.
         paths: of the parameters.
         prescribed: numbers of the joints with prescribed accelerations.
@@ -53,24 +53,19 @@ class ParametricArm:
             if a joint does not exist or is fixed.
     """
 
-    def __init__(
-        self, where: str, arm: Arm, paths: Sequence[str], prescribed: Sequence[int]
-    ) -> None:
+    def __init__(self, arm: Arm, paths: Sequence[str], prescribed: Sequence[int]) -> None:
         self.arm = arm
-        self.paths = tuple(check_list_of(where, "parameters", paths, str))
+        self.paths = tuple(check_list_of("parameters", paths, str))
         names = [f"parameters[{k}]" for k in range(len(self.paths))]
         self.nominal = np.array(
-            [
-                number_at(where, name, arm.spec, path)
-                for name, path in zip(names, self.paths, strict=True)
-            ]
+            [number_at(name, arm.spec, path) for name, path in zip(names, self.paths, strict=True)]
         )
         for k, path in enumerate(self.paths):
             if path in self.paths[:k]:
-                raise InputError(Problem(where, names[k], f"repeats {path}"))
+                raise InputError(Problem(names[k], f"repeats {path}"))
             if not _is_exact(arm, path):
-                raise _not_exact(where, names[k], arm, path)
-        self._free = _free(where, arm, prescribed)
+                raise _not_exact(names[k], arm, path)
+        self._free = _free(arm, prescribed)
 
     def at(self, values: Sequence[Any]) -> KernelCalls:
         """Return the kernels for values of the parameters, `Scalar` objects or numbers."""
@@ -134,7 +129,7 @@ def _scaled(value: Any, factor: Any, power: Any) -> Any:
 
 def _is_exact(arm: Arm, path: str) -> bool:
     """Return whether the constants by formula equal those of an arm with another value."""
-    value = number_at("", "", arm.spec, path)
+    value = number_at("", arm.spec, path)
     for other in (4.0 * value, 0.25 * value) if value else (0.25, -0.25):
         try:
             changed = Arm(with_number(arm.spec, path, other))
@@ -161,11 +156,11 @@ def _agree(found: FloatArray, wanted: FloatArray) -> bool:
     return bool(np.all(difference <= _ROUNDING * scale))
 
 
-def _not_exact(where: str, name: str, arm: Arm, path: str) -> InputError:
-    rule = "be a parameter of a closed-form expression of the equations"
-    if number_at(where, name, arm.spec, path) == 0.0:
-        hint = "It is 0 in this arm: terms that it multiplies are left out, or it has to be 0."
-        return InputError(Problem(where, name, rule, shown(path), hint))
+def _not_exact(name: str, arm: Arm, path: str) -> InputError:
+    rule = "be a parameter whose effect on the equations has a closed form"
+    if number_at(name, arm.spec, path) == 0.0:
+        hint = "It is 0 in this arm: the equations omit its terms, or no other value is valid."
+        return InputError(Problem(name, rule, shown(path), hint))
     root = path.partition(".")[0]
     near = [p for p in number_paths(arm.spec) if p.partition(".")[0] == root]
     possible = [p for p in near[:64] if _is_exact(arm, p)]
@@ -174,18 +169,12 @@ def _not_exact(where: str, name: str, arm: Arm, path: str) -> InputError:
         f"It changes the form of the modes of a link, or moves a gauge. Possible for {root}: "
         f"{listed}. For other values create another Arm."
     )
-    return InputError(Problem(where, name, rule, shown(path), hint))
+    return InputError(Problem(name, rule, shown(path), hint))
 
 
-def _free(where: str, arm: Arm, prescribed: Sequence[int]) -> FloatArray:
+def _free(arm: Arm, prescribed: Sequence[int]) -> FloatArray:
     """Return which joints are free, (n,) by bodies: 1, or 0 if prescribed or fixed."""
     free = arm.assembly.constants.free.copy()
-    numbers = check_list_of(where, "prescribed", prescribed, int)
-    for k, joint in enumerate(numbers):
-        number = check_count(where, f"prescribed[{k}]", joint, 1, arm.links)
-        seat = next((seat for seat in arm.assembly.seats if seat.link == number - 1), None)
-        if seat is None:
-            rule = "be the number of a joint that is not fixed"
-            raise InputError(Problem(where, f"prescribed[{k}]", rule, shown(joint)))
-        free[seat.body] = 0.0
+    for k, joint in enumerate(check_list_of("prescribed", prescribed, int)):
+        free[arm.assembly.joint_body[check_joint(arm, f"prescribed[{k}]", joint)]] = 0.0
     return free

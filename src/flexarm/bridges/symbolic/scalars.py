@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.errors import InputError, Problem
-
 #: Array of objects: `Scalar` objects and numbers.
 Objects = NDArray[Any]
 
@@ -118,9 +116,3 @@ def objects(scalars: Iterable[Any], library: Any) -> Objects:
     array = np.empty(len(listed), dtype=object)
     array[:] = listed
     return array
-
-
-def library_missing(where: str, name: str, extra: str) -> InputError:
-    """Return the error for a library that is not installed."""
-    hint = f"Install it with: pip install 'flexarm[{extra}]'."
-    return InputError(Problem(where, name, "is not installed", hint=hint))

@@ -8,11 +8,8 @@ from flexarm.arm import Arm
 from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, facts
-from flexarm.errors import ModelError
-from flexarm.model import Scenario, Study, load_arm_spec, locate_scenario, locate_study
-from flexarm.model.file_format.files import load_document
-from flexarm.model.file_format.yaml_text import Document
-from flexarm.scenarios.file_errors import Where
+from flexarm.model import Study, load_arm_spec, locate_scenario, locate_study
+from flexarm.model.file_format.files import describes_arm_only, load_document
 from flexarm.scenarios.scenario import prepare
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.scenarios.summary import about_arm, about_run
@@ -26,17 +23,16 @@ def check_file(path: Path) -> None:
     """
     document = load_document(path)
     is_study = "drives" in document.value
-    located = None if is_study else _scenario(document)
     unstable: list[str] = []
     if is_study:
         study = PreparedStudy(*locate_study(document))
         unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
         found = [*about_arm(study.arm), *_about_study(study.study), *about_vibration(study.arm)]
-    elif located is None:
+    elif describes_arm_only(document):
         arm = Arm(load_arm_spec(document))
         found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
     else:
-        scenario, where = located
+        scenario, where = locate_scenario(document)
         prepared = prepare(scenario, where)
         poles = prepared.loop_poles()
         unstable = list(filter(None, [prepared.unstable_loop(poles)]))
@@ -53,16 +49,3 @@ def _about_study(study: Study) -> list[tuple[str, str]]:
     rows = [(kind, ", ".join(list(items))) for kind, items in names]
     runs = len(study.drives) * len(study.plants) * len(study.motions)
     return [*rows, ("runs", f"{runs} of {study.run.duration:g} s")]
-
-
-def _scenario(document: Document) -> tuple[Scenario, Where] | None:
-    """Read a scenario, see `locate_scenario`; return None if the file describes only an arm."""
-    try:
-        return locate_scenario(document)
-    except ModelError as error:
-        if all((problem.name, problem.rule) != ("run", "is missing") for problem in error.problems):
-            raise
-        # A missing run means an arm file or an incomplete scenario; the other keys decide.
-        if document.value.keys() <= {"flexarm", "arm"}:
-            return None
-        raise

@@ -19,7 +19,6 @@ from flexarm.writing.places import check_place, write_text, write_whole
 if TYPE_CHECKING:
     import xarray as xr
 
-_WHERE = "flexarm compare"
 #: File suffixes of comparisons.
 TABLE_SUFFIXES = (".nc", ".csv")
 #: Columns of the printed table: metric, heading, factor to the displayed unit.
@@ -50,9 +49,9 @@ def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
     """
     prepared = PreparedStudy(*locate_study(path))
     if out is not None:
-        check_place(_WHERE, "--out", out, TABLE_SUFFIXES)
+        check_place("--out", out, TABLE_SUFFIXES)
     if plot is not None:
-        check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
+        check_place("--plot", plot, FIGURE_SUFFIXES)
     with warnings.catch_warnings():  # printed below with the names of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
         table = prepared.run()

@@ -23,20 +23,19 @@ def write_starting_files(folder: Path, links: int, gravity: bool) -> None:
         InputError: if one of the files exists, or the folder cannot be written in; nothing is
             written then.
     """
-    where = "flexarm init"
     texts = {
         folder / "arm.yaml": arm_text(links, gravity),
         folder / "scenario.yaml": scenario_text(links, gravity),
     }
     hint = "Give another folder: flexarm init FOLDER."
     found = [
-        Problem(where, shown(str(path)), "already exists", hint=hint)
+        Problem(shown(str(path)), "already exists", hint=hint)
         for path in texts
         if os.path.lexists(path)
     ]
     if found:
         raise InputError(*found)
-    check_folder(where, "FOLDER", folder)
+    check_folder("FOLDER", folder)
     for path, text in texts.items():
         write_text(text, path)
     screen = console()

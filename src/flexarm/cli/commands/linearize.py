@@ -15,7 +15,6 @@ from flexarm.linear import LinearModel, equilibrium, linearize
 from flexarm.output import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear, write_figure
 from flexarm.writing.places import check_place
 
-_WHERE = "flexarm linearize"
 #: Poles below this fraction of the largest are zero to rounding.
 _ROUNDING = 1e-7
 
@@ -36,11 +35,11 @@ def show_linear(
         EquilibriumError: if the arm has no equilibrium there.
     """
     arm = load_arm(path)
-    posture = joint_numbers(_WHERE, "--angles", arm, angles, "rad")
+    posture = joint_numbers("--angles", arm, angles, "rad")
     if out is not None:
-        check_place(_WHERE, "--out", out, MODEL_SUFFIXES)
+        check_place("--out", out, MODEL_SUFFIXES)
     if plot is not None:
-        check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
+        check_place("--plot", plot, FIGURE_SUFFIXES)
     with one_warning():  # printed below in one line
         rest = equilibrium(arm, posture)
         model = linearize(arm, rest, inputs=_names(inputs), outputs=_names(outputs))

@@ -19,7 +19,6 @@ from flexarm.linear.vibration.held import Joints
 from flexarm.output import FIGURE_SUFFIXES, write_figure
 from flexarm.writing.places import check_place, write_text
 
-_WHERE = "flexarm modes"
 #: Samples along a range of postures or spins, and stride of the printed rows.
 _SAMPLES, _SHOWN_EVERY = 81, 10
 
@@ -49,14 +48,14 @@ def show_modes(path: Path, options: ModesOptions) -> None:
         EquilibriumError: if there is no equilibrium under gravity or no steady spin.
     """
     arm = load_arm(path)
-    posture = joint_numbers(_WHERE, "--angles", arm, options.angles, "rad")
+    posture = joint_numbers("--angles", arm, options.angles, "rad")
     joints, told_joints = _joints(arm, options)
     for option, place, suffixes in (
         ("--csv", options.csv, (".csv",)),
         ("--plot", options.plot, FIGURE_SUFFIXES),
     ):
         if place is not None:
-            check_place(_WHERE, option, place, suffixes)
+            check_place(option, place, suffixes)
     _check_together(options)
     if options.to is not None or options.campbell_to is not None:
         _show_tracks(_tracks(arm, posture, joints, options), told_joints, options)
@@ -79,28 +78,28 @@ def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
         return joints, f" with the joints {joints}" if arm.joints else ", no joint turns"
     if options.joints is not None:
         rule = "cannot be combined with --proportional or --derivative"
-        raise InputError(Problem(_WHERE, "--joints", rule))
-    stiff = joint_numbers(_WHERE, "--proportional", arm, options.proportional, "N m/rad")
-    damping = joint_numbers(_WHERE, "--derivative", arm, options.derivative, "N m s/rad")
+        raise InputError(Problem("--joints", rule))
+    stiff = joint_numbers("--proportional", arm, options.proportional, "N m/rad")
+    damping = joint_numbers("--derivative", arm, options.derivative, "N m s/rad")
     return list(zip(stiff, damping, strict=True)), " with the joints held by gains"
 
 
 def _check_together(options: ModesOptions) -> None:
     turns = bool(options.spin) or options.campbell_to is not None
     if options.sag and turns:
-        raise InputError(Problem(_WHERE, "--sag", "is not supported with a rotating arm"))
+        raise InputError(Problem("--sag", "is not supported with a rotating arm"))
     if options.to is not None and turns:
-        raise InputError(Problem(_WHERE, "--to", "is not supported with a rotating arm"))
+        raise InputError(Problem("--to", "is not supported with a rotating arm"))
     if options.campbell_to is not None and options.campbell_to <= options.spin:
-        rule = f"be greater than --spin, {options.spin:g}"
-        raise InputError(Problem(_WHERE, "--campbell", rule, f"{options.campbell_to:g}"))
+        rule = f"be greater than --spin ({options.spin:g})"
+        raise InputError(Problem("--campbell", rule, f"{options.campbell_to:g}"))
 
 
 def _tracks(arm: Arm, posture: list[float], joints: Joints, options: ModesOptions) -> ModeTracks:
     if options.campbell_to is not None:
         spin = np.linspace(options.spin, options.campbell_to, _SAMPLES)
         return campbell(arm, spin, posture, joints, count=options.most)
-    target = joint_numbers(_WHERE, "--to", arm, options.to, "rad")
+    target = joint_numbers("--to", arm, options.to, "rad")
     way = np.linspace(posture, target, _SAMPLES)
     return track_modes(arm, way, joints, count=options.most, sag=options.sag)
 

@@ -46,11 +46,11 @@ def reproduce(folder: Path, with_report: bool = False) -> None:
         InputError: if the folder is not writable, or a report is requested and Jinja2 is not
             installed.
     """
-    check_folder("flexarm paper", "--out", folder)
+    check_folder("--out", folder)
     if with_report:
         from flexarm.reporting.document import template_engine
 
-        template_engine("flexarm paper")
+        template_engine()
     with Drawing() as drawing:
         # Import here, because the other processes load Matplotlib at the same time.
         from flexarm.output import write_result

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexarm.cli.tables import console
+from flexarm.errors import InputError
 from flexarm.output import read_result
 from flexarm.plot.drawn_arm import check_drawable
 from flexarm.reporting import report
 from flexarm.reporting.document import template_engine
 from flexarm.writing.places import check_place
-
-_WHERE = "flexarm report"
 
 
 def report_file(
@@ -23,8 +22,12 @@ def report_file(
         InputError: if the file is not a result with an arm, the report cannot be written, or
             Jinja2 is not installed.
     """
-    template_engine(_WHERE)
-    result = check_drawable(str(path), "the file", read_result(path))
-    place = check_place(_WHERE, "--out", out or path.with_suffix(".html"), (".html",))
+    template_engine()
+    result = read_result(path)
+    try:
+        check_drawable("the file", result)
+    except InputError as error:
+        raise error.at(str(path)) from None
+    place = check_place("--out", out or path.with_suffix(".html"), (".html",))
     report(result, place, title=title or path.stem, magnify=magnify, rigid=rigid)
     console().print(f"report in {place}", soft_wrap=True)

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-_WHERE = "flexarm run"
-
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -64,9 +62,9 @@ def run_options(
     Raises:
         InputError: if a change of ``--set`` is not a path and a value.
     """
-    changes = [change_of(_WHERE, "--set", text) for text in sets]
+    changes = [change_of("--set", text) for text in sets]
     if duration is not None:
-        given = change_of(_WHERE, "--duration", f"run.duration={duration}")
+        given = change_of("--duration", f"run.duration={duration}")
         changes.append(replace(given, origin=f"--duration {duration}"))
     if integrator is not None:
         changes.append(Change(f"--integrator {integrator}", ("run", "integrator"), integrator))
@@ -85,11 +83,11 @@ def run_file(path: Path, options: RunOptions) -> None:
     prepared = prepare(*locate_scenario(changed(load_document(path), options.changes)))
     out, plot, animation = options.out, options.plot, options.animation
     if out is not None:
-        check_place(_WHERE, "--out", out, FORMATS)
+        check_place("--out", out, FORMATS)
     if plot is not None:
-        check_place(_WHERE, "--plot", plot, FIGURE_SUFFIXES)
+        check_place("--plot", plot, FIGURE_SUFFIXES)
     if animation is not None:
-        check_animation_place(_WHERE, "--animate", animation)
+        check_animation_place("--animate", animation)
     try:
         with warnings.catch_warnings():  # printed below in one line
             warnings.simplefilter("ignore", FlexarmWarning)
@@ -171,7 +169,9 @@ def _save_part(result: xr.Dataset, out: Path) -> None:
     except InputError as error:
         print_error(str(error))  # the error of the run is more important and follows
     else:
-        print_error(f"{_WHERE}: the run up to t = {result['time'].values[-1]:.6g} s is in {part}")
+        print_error(
+            f"flexarm run: the run up to t = {result['time'].values[-1]:.6g} s is in {part}"
+        )
 
 
 def _summary(result: xr.Dataset) -> list[tuple[str, str]]:

@@ -16,4 +16,4 @@ def print_schema(kind: str, out: Path | None) -> None:
         return
     from flexarm.writing.places import check_place, write_text
 
-    write_text(text, check_place("flexarm schema", "--out", out, (".json",)))
+    write_text(text, check_place("--out", out, (".json",)))

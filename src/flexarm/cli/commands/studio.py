@@ -6,10 +6,9 @@ import secrets
 from importlib.util import find_spec
 from pathlib import Path
 
+from flexarm.arguments import library_missing
 from flexarm.cli.tables import console
 from flexarm.errors import InputError, Problem, shown
-
-_WHERE = "flexarm studio"
 
 
 def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
@@ -21,8 +20,7 @@ def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
     """
     for module, name in (("nicegui", "NiceGUI"), ("jinja2", "Jinja2")):
         if find_spec(module) is None:
-            hint = "Install it with: pip install 'flexarm[studio]'."
-            raise InputError(Problem(_WHERE, name, "is not installed", hint=hint))
+            raise library_missing(name, "studio")
     from flexarm.studio.app import is_loopback, serve
     from flexarm.studio.state import open_file, paper_project
 
@@ -55,4 +53,4 @@ def _check_address(host: str, port: int) -> None:
     except OSError as error:
         rule = f"cannot be used: {error.strerror or error}"
         hint = "Give another one with --host or --port."
-        raise InputError(Problem(_WHERE, shown(f"{host}:{port}"), rule, hint=hint)) from None
+        raise InputError(Problem(shown(f"{host}:{port}"), rule, hint=hint)) from None

@@ -23,7 +23,7 @@ def compile_everything() -> None:
     """
     if CACHE_DIRECTORY is None:
         rule = "cannot be created as a private folder of this user"
-        raise InputError(Problem("flexarm warmup", "the cache folder", rule))
+        raise InputError(Problem("the cache folder", rule))
     screen = console()
     started = time.perf_counter()
     compiled = 0.0
@@ -37,8 +37,7 @@ def compile_everything() -> None:
         for done in as_completed(waiting):
             seconds, failure = done.result()
             if failure:
-                rule = f"is not writable: {failure}"
-                raise InputError(Problem("flexarm warmup", str(CACHE_DIRECTORY), rule))
+                raise InputError(Problem(str(CACHE_DIRECTORY), f"is not writable: {failure}"))
             compiled += seconds
             bar.update(task, advance=1, description=f"compiled: {waiting[done]}")
     took = time.perf_counter() - started

@@ -28,8 +28,7 @@ class JointFollower(Parametrised, Controller):
     def __post_init__(self) -> None:
         if self.feedforward is not None and not callable(self.feedforward):
             rule = "be a function of time that returns torques, or None"
-            problem = Problem(type(self).__name__, "feedforward", rule, shown(self.feedforward))
-            raise InputError(problem)
+            raise InputError(Problem("feedforward", rule, shown(self.feedforward)))
         self._held: FloatArray | None = None
         self._ahead: SampledFeedforward | None = None
 

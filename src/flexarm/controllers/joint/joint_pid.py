@@ -54,18 +54,18 @@ class JointPID(JointFollower, JointPIDParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        where, arm = "JointPID", self.arm
-        self.torque_limit = check_limits(where, "torque_limit", self.torque_limit)
+        arm = self.arm
+        self.torque_limit = check_limits("torque_limit", self.torque_limit)
         self._limited = bool(np.any(np.isfinite(self.torque_limit)))
-        self.sag = check_flag(where, "sag", self.sag)
+        self.sag = check_flag("sag", self.sag)
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
             limits = {"torque_limit": self.torque_limit}
-            if problems := joint_problems(where, arm.joints, limits):
+            if problems := joint_problems(arm.joints, limits):
                 raise InputError(*problems)
             self._weight = SaggingArm(arm) if self.sag else RigidModel(arm)
         elif self.sag:
-            raise InputError(Problem(where, "arm", "is required with sag"))
+            raise InputError(Problem("arm", "is required with sag"))
         self._sum: FloatArray | float = 0.0
 
     def reset(self) -> None:

@@ -48,8 +48,8 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.strain = _of_gauges("StrainFeedback", "strain", self.strain)
-        self.strain_rate = _of_gauges("StrainFeedback", "strain_rate", self.strain_rate)
+        self.strain = _of_gauges("strain", self.strain)
+        self.strain_rate = _of_gauges("strain_rate", self.strain_rate)
         self._last: FloatArray | None = None
         self._rate = np.zeros(0)
 
@@ -102,12 +102,12 @@ def _at_joints(gains: FloatArray, name: str, of_gauges: FloatArray, joints: int)
     if gauges == joints:
         rule += ", or one number for each"
     shape = "one number" if gains.ndim == 0 else f"shape {gains.shape}"
-    raise InputError(Problem("StrainFeedback", name, rule, shape))
+    raise InputError(Problem(name, rule, shape))
 
 
-def _of_gauges(where: str, name: str, value: ArrayLike) -> FloatArray:
+def _of_gauges(name: str, value: ArrayLike) -> FloatArray:
     if isinstance(value, list | tuple) and any(isinstance(row, list | tuple) for row in value):
-        return check_array(where, name, value, (-1, -1))
+        return check_array(name, value, (-1, -1))
     if isinstance(value, np.ndarray) and value.ndim >= 2:
-        return check_array(where, name, value, (-1, -1))
-    return check_each(where, name, value)
+        return check_array(name, value, (-1, -1))
+    return check_each(name, value)

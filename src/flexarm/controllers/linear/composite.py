@@ -76,11 +76,11 @@ class Composite(CompositeParameters, LQG):
     nominal: ClassVar[None] = None  # type: ignore[misc]
 
     def __post_init__(self) -> None:
-        where, arm = "Composite", self.arm
+        arm = self.arm
         if arm.dof == arm.joints:
-            raise InputError(Problem(where, "arm", "is rigid"))
+            raise InputError(Problem("arm", "has no flexible links"))
         weighted = self.acceptable or {"link_tip_deflection": 0.01, "link_tip_deflection_rate": 0.1}
-        self.acceptable = check_names(where, "acceptable", weighted, BENDING, arm)
+        self.acceptable = check_names("acceptable", weighted, BENDING, arm)
         super().__post_init__()
 
     def _regulated(self) -> None:
@@ -91,12 +91,12 @@ class Composite(CompositeParameters, LQG):
         """Largest bandwidth over the lowest frequency of the boundary layer; (C.33)."""
         return float(np.max(self.bandwidth) / min(item.frequency[0] for item in self.fast_designs))
 
-    def _design_all(self, where: str) -> tuple[Design, ...]:
-        pairs = [self._both(where, item) for item in super()._design_all(where)]
+    def _design_all(self) -> tuple[Design, ...]:
+        pairs = [self._both(item) for item in super()._design_all()]
         self.fast_designs = tuple(fast for fast, _ in pairs)
         return tuple(item for _, item in pairs)
 
-    def _both(self, where: str, item: Design) -> tuple[FastDesign, Design]:
+    def _both(self, item: Design) -> tuple[FastDesign, Design]:
         """Design both parts at a posture, and combine them into one gain; (C.34) to (C.37)."""
         from scipy.linalg import eigvals
 
@@ -113,7 +113,7 @@ class Composite(CompositeParameters, LQG):
         moved = np.append(elastic, arm.dof + elastic)
         A = np.block([[np.zeros((k, k)), np.eye(k)], [-pull, -drag]])
         A, B = held(A, model.B[moved], self.sample_time)
-        size = sizes_of(where, "acceptable", model, weighted)
+        size = sizes_of("acceptable", model, weighted)
         wanted = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
         price = np.diag(self.design_requirements.acceptable_torque**-2.0)
         weighed = wanted.T @ wanted
@@ -121,7 +121,7 @@ class Composite(CompositeParameters, LQG):
         weighed[:k, :k] += bend_weight(
             self.design_requirements.rigidity_uncertainty, stiffness, energy
         )
-        gain, cost = regulator(where, A, B, weighed, price)
+        gain, cost = regulator(A, B, weighed, price)
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]

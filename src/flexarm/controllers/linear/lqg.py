@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.base import (
@@ -21,7 +21,6 @@ from flexarm.control.base import (
     Measurement,
     Reference,
 )
-from flexarm.control.gains import check_sample_time
 from flexarm.control.parametrised import OfArm
 from flexarm.control_design.default_requirements import design_requirements
 from flexarm.control_design.flexible_model import FlexibleModel
@@ -32,7 +31,7 @@ from flexarm.control_design.linear_design import (
 )
 from flexarm.control_design.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
 from flexarm.control_design.posture_grid import Interpolated, PostureGrid
-from flexarm.errors import InputError, Problem, check_array
+from flexarm.errors import InputError, Problem, check_array, public_call
 from flexarm.loop_analysis.margin_design import for_margin
 from flexarm.loop_analysis.margins import loop_at
 from flexarm.model.drives.linear import LQGParameters
@@ -66,12 +65,12 @@ class LQG(LQGParameters, OfArm, Controller):
     )
 
     def __post_init__(self) -> None:
-        where, arm = type(self).__name__, self.arm
+        arm = self.arm
         self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
-        self.design_requirements = design_requirements(where, arm, self, self._regulated())
+        self.design_requirements = design_requirements(arm, self, self._regulated())
         self._model = FlexibleModel(arm)
         self._strains = strain_matrix(arm)
-        self._grid = PostureGrid(where, self.posture, self.schedule)
+        self._grid = PostureGrid(self.posture, self.schedule)
         with one_warning() as bent:
             # The constructor leaves the number in the dictionary of the object, under the property.
             self.sample_time = vars(self).pop("sample_time")
@@ -88,16 +87,15 @@ class LQG(LQGParameters, OfArm, Controller):
 
     @sample_time.setter
     def sample_time(self, value: float) -> None:
-        where = type(self).__name__
-        self._sample_time = check_sample_time(where, value)
+        self._sample_time = check_positive("sample_time", value)
         with one_warning() as bent:
-            self.designs = self._design_all(where)
-        self._prepare(where)
+            self.designs = self._design_all()
+        self._prepare()
         warn_of_first(bent)
 
-    def _design_all(self, where: str) -> tuple[Design, ...]:
+    def _design_all(self) -> tuple[Design, ...]:
         return tuple(
-            design(where, self.arm, posture, self.design_requirements, self._sample_time)
+            design(self.arm, posture, self.design_requirements, self._sample_time)
             for posture in self._grid.postures
         )
 
@@ -105,7 +103,7 @@ class LQG(LQGParameters, OfArm, Controller):
         """Return the torque per previewed elastic force, (joints, nodes, dof - joints)."""
         return preview_gain(item, self._previewed, self._stride)
 
-    def _prepare(self, where: str) -> None:
+    def _prepare(self) -> None:
         """Compute the arrays that ``update`` uses from the designs."""
         first = self.designs[0]
         self._states, self._outputs = len(first.A), len(first.C)
@@ -115,7 +113,7 @@ class LQG(LQGParameters, OfArm, Controller):
         self._previewed = self._stride * (-(-samples // self._stride))
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
         self._link()
-        self._motion = self._nominal_motion(where)
+        self._motion = self._nominal_motion()
         n, p, m = self._states, self._outputs, self.arm.joints
         self._joints = m
         self._known = np.zeros(n + p)  # prediction, measurement
@@ -154,11 +152,9 @@ class LQG(LQGParameters, OfArm, Controller):
         """Number of samples of the nominal motion to compute, including the current one."""
         return self._previewed + 1
 
-    def _nominal_motion(self, where: str) -> PreviewedReference | RecordedRun:
+    def _nominal_motion(self) -> PreviewedReference | RecordedRun:
         if self.nominal is not None:
-            return RecordedRun(
-                where, self._model, self.nominal, self.sample_time, self._steps, self._show
-            )
+            return RecordedRun(self._model, self.nominal, self.sample_time, self._steps, self._show)
         sag = Interpolated(self._grid, [[item.sag] for item in self.designs])
         return PreviewedReference(self._model, sag, self.sample_time, self._steps, self._show)
 
@@ -253,6 +249,7 @@ class LQG(LQGParameters, OfArm, Controller):
         bend = nominal.q[self._model.elastic]
         return self._model.tip(nominal.angle, bend if self.nominal is not None else 0.0 * bend)
 
+    @public_call
     def loop_poles(self, plant: Arm | None = None, posture: ArrayLike | None = None) -> FloatArray:
         """Return the poles (k,) of the sampled loop around an arm at rest, 1/s, slowest first.
 
@@ -268,13 +265,12 @@ class LQG(LQGParameters, OfArm, Controller):
             InputError: if ``plant`` has another number of joints, or ``posture`` the wrong shape.
             EquilibriumError: if the plant has no equilibrium at ``posture``.
         """
-        where = f"{type(self).__name__}.loop_poles"
-        arm = self.arm if plant is None else check_kind(where, "plant", plant, Arm)
+        arm = self.arm if plant is None else check_kind("plant", plant, Arm)
         if arm.joints != self.arm.joints:
-            rule = f"have the number of joints of the arm, {self.arm.joints}"
-            raise InputError(Problem(where, "plant", rule, str(arm.joints)))
+            rule = f"have the number of joints of the arm ({self.arm.joints})"
+            raise InputError(Problem("plant", rule, str(arm.joints)))
         at = check_array(
-            where, "posture", self.posture if posture is None else posture, (self.arm.joints,)
+            "posture", self.posture if posture is None else posture, (self.arm.joints,)
         )
         with one_warning() as bent:
             poles: FloatArray = loop_at(self, plant, at).poles()
@@ -282,6 +278,7 @@ class LQG(LQGParameters, OfArm, Controller):
         return poles
 
     @classmethod
+    @public_call
     def for_margin(
         cls,
         arm: Arm,
@@ -319,5 +316,5 @@ class LQG(LQGParameters, OfArm, Controller):
             return self
         mine = deepcopy(self)
         mine.nominal = None
-        mine._motion = mine._nominal_motion(type(self).__name__)
+        mine._motion = mine._nominal_motion()
         return mine

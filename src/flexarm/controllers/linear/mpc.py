@@ -42,11 +42,11 @@ class MPC(MPCParameters, LQG):
     memory = LQG.memory
     references = "LawsonHanson1974"
 
-    def _prepare(self, where: str) -> None:
+    def _prepare(self) -> None:
         joints = self.arm.joints
         self._most = self.torque_limit
         self._rate_step = None if self.torque_rate is None else self.sample_time * self.torque_rate
-        super()._prepare(where)
+        super()._prepare()
         self._difference = np.eye(self.horizon * joints) - np.eye(self.horizon * joints, k=-joints)
 
     def _link(self) -> None:

@@ -35,13 +35,13 @@ class Adaptive(AdaptiveParameters, SlidingController):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.parameters = _listed(self.arm, self.parameters)
-        self._model = RigidParameters("Adaptive", self.arm, self.parameters)
+        self._model = RigidParameters(self.arm, self.parameters)
         if not self.parameters:
-            raise InputError(Problem("Adaptive", "parameters", "name at least one", "[]"))
+            raise InputError(Problem("parameters", "name at least one", "[]"))
         bounds, initial = self.bounds or {}, self.initial or {}
         self._check_names(bounds=bounds, initial=initial)
         count = len(self.parameters)
-        gains = check_each("Adaptive", "adaptation", self.adaptation, count)
+        gains = check_each("adaptation", self.adaptation, count)
         self.adaptation = np.full(count, gains)
         own = dict(zip(self.parameters, self._model.values, strict=True))
         start = [initial.get(name, own[name]) for name in self.parameters]
@@ -54,7 +54,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
     def _check_names(self, **given: Mapping[str, Any]) -> None:
         rule = f"be names from {', '.join(self.parameters)}"
         problems = [
-            Problem("Adaptive", argument, rule, shown(name), nearest(name, self.parameters))
+            Problem(argument, rule, shown(name), nearest(name, self.parameters))
             for argument, named in given.items()
             for name in named
             if name not in self.parameters

@@ -41,7 +41,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
     inner: Controller
 
     def __post_init__(self) -> None:
-        self._model = RigidParameters("DisturbanceObserver", self.arm)
+        self._model = RigidParameters(self.arm)
         self._estimate = np.zeros(self.arm.joints)
         self._last: FloatArray | None = None
         self._asked = np.zeros(self.arm.joints)

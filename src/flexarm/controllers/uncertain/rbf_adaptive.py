@@ -34,14 +34,13 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         super().__post_init__()
         joints = self.arm.joints
         if np.any(self.upper < self.lower):
-            value = shown(self.upper)
-            raise InputError(Problem("RBFAdaptive", "upper", "be at least lower", value))
+            raise InputError(Problem("upper", "be at least lower", shown(self.upper)))
         counts = self.centres.tolist()
         if math.prod(counts) > _MOST_CENTRES:
             rule = f"have a product of at most {_MOST_CENTRES}"
-            raise InputError(Problem("RBFAdaptive", "centres", rule, shown(counts)))
+            raise InputError(Problem("centres", rule, shown(counts)))
         self.centres = tuple(counts)
-        self._model = RigidParameters("RBFAdaptive", self.arm) if self.prior else None
+        self._model = RigidParameters(self.arm) if self.prior else None
         self._centres, self._sharpness = _grid(self.lower, self.upper, self.centres)
         self._pairs = np.triu_indices(joints)
         self._signals = np.ones(1 + 3 * joints + len(self._pairs[0]))

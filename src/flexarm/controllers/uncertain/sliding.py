@@ -34,24 +34,23 @@ class SlidingVariable:
     """
 
     def __init__(
-        self, where: str, arm: Arm, bandwidth: FloatArray, strain_gain: FloatArray, washout: float
+        self, arm: Arm, bandwidth: FloatArray, strain_gain: FloatArray, washout: float
     ) -> None:
         self.bandwidth, self.strain_gain, self.washout = bandwidth, strain_gain, washout
         self._gauge = np.zeros(arm.joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.joints)
         self._fed = bool(np.any(self.strain_gain > 0.0))
         for joint in np.flatnonzero(self.strain_gain > 0.0):
-            self._find_gauge(where, arm, int(joint))
+            self._find_gauge(arm, int(joint))
         self.reset(1.0)
 
-    def _find_gauge(self, where: str, arm: Arm, joint: int) -> None:
+    def _find_gauge(self, arm: Arm, joint: int) -> None:
         """Select the gauge nearest to the root of the joint's link."""
         link = arm.joint_numbers[joint] - 1
         own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
         if not own:
-            rule = f"be 0 at joint {link + 1}: its link has no gauge off the neutral axis"
-            value = shown(float(self.strain_gain[joint]))
-            raise InputError(Problem(where, "strain_gain", rule, value))
+            rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
+            raise InputError(Problem("strain_gain", rule, shown(float(self.strain_gain[joint]))))
         self._gauge[joint] = min(own)[1]
         self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
 
@@ -107,9 +106,7 @@ class SlidingController(OfArm, Controller):
 
     def __post_init__(self) -> None:
         own: Any = self
-        self._sliding = SlidingVariable(
-            type(self).__name__, self.arm, own.bandwidth, own.strain_gain, own.washout
-        )
+        self._sliding = SlidingVariable(self.arm, own.bandwidth, own.strain_gain, own.washout)
 
     def reset(self) -> None:
         """Clear the state of the previous run."""

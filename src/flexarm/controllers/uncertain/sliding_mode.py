@@ -26,7 +26,7 @@ class SlidingMode(SlidingModeParameters, SlidingController):
     def __post_init__(self) -> None:
         super().__post_init__()
         named = self.uncertainty or {}
-        self._model = RigidParameters("SlidingMode", self.arm, tuple(named))
+        self._model = RigidParameters(self.arm, tuple(named))
         # Nominal value and largest error of each row of the regressor.
         known = self._model.known
         self._believed = self._model.placed(np.concatenate([np.ones(known), self._model.values]))

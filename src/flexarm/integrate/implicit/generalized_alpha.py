@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.arguments import check_number
+from flexarm.errors import public_call
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.newmark import NewmarkRecord, advance_newmark
 from flexarm.kernels.layout import ArmConstants
@@ -38,11 +39,10 @@ class GeneralizedAlpha(Integrator):
     reference = ("ChungHulbert1993", "ArnoldBruels2007")
     stepper = staticmethod(advance_newmark)
 
+    @public_call
     def __post_init__(self) -> None:
-        where, name = "GeneralizedAlpha", "spectral_radius"
-        radius = float(check_array(where, name, self.spectral_radius, ()))
-        if not 0.0 <= radius <= 1.0:
-            raise InputError(Problem(where, name, "be between 0 and 1", shown(radius)))
+        rule = "be between 0 and 1"
+        check_number("spectral_radius", self.spectral_radius, lambda r: 0.0 <= r <= 1.0, rule)
 
     def record(self, constants: ArmConstants, state: FloatArray) -> NewmarkRecord:
         """See ``Integrator.record``; the coefficients are those of (I.10)."""

@@ -48,7 +48,7 @@ from flexarm.kernels.recursion.articulated_body import solve_implicit
 _STARTED = 3
 #: Difference of the weights of the new acceleration in (I.8) and in (I.5).
 _SHARE = STIFF_BETA - BETA
-#: Two step lengths are equal if their ratio differs from 1 by less: ``begin_span`` rounds to this.
+#: A limit on the step above this fraction of it changes nothing, because ``begin_span`` rounds.
 _SAME = 1.0 - 1e-8
 #: Compare predicted and corrected accelerations every 32 steps, because each comparison requires an
 #: evaluation: this adds three per cent of the work.
@@ -261,7 +261,7 @@ def advance_cowell(
             break
         if clock[PLACE] >= clock[COUNT]:  # a new span begins
             longest = clock[STEP]
-            # A shorter step may resolve a mode that was stiff, which then requires a shorter one.
+            # A shorter step may resolve a mode that was stiff, which then limits the step.
             while True:
                 begin_span(drive.stops, t, until, longest, clock)
                 longest = longest_step(

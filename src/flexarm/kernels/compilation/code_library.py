@@ -134,7 +134,7 @@ class _MergedLibrary(JITCodeLibrary):
     context: Any
 
     def _optimize_final_module(self) -> None:
-        """Do nothing, because the callers optimize the code with their own."""
+        """Do nothing, because this code is optimized together with the code of its callers."""
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]  # a caller's code would contain their addresses

@@ -21,7 +21,7 @@ from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.assembly.kernel_view import KernelView
 from flexarm.bending import one_warning, warn_of_bending
-from flexarm.errors import InputError, Problem, check_array, check_result
+from flexarm.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
 from flexarm.kernels.observation.point_motion import point_motions
@@ -41,10 +41,10 @@ from flexarm.linear.statics.tangent import tangent
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of, contact_channels
 
-_WHERE = "linearize"
 ComplexArray = NDArray[Any]
 
 
+@public_call
 def linearize(
     arm: Arm,
     q: ArrayLike | Equilibrium | None = None,
@@ -82,15 +82,15 @@ def linearize(
     Warns:
         LargeDeflectionWarning: a link is bent too far for the theory of the arm.
     """
-    arm = check_kind(_WHERE, "arm", arm, Arm)
+    arm = check_kind("arm", arm, Arm)
     given = tip_force, loads, base_acceleration, contacts
-    environment = Environment.of(arm, _WHERE, *given)
-    environment.placed(arm, _WHERE)  # errors name this function
+    environment = Environment.of(arm, *given)
+    environment.placed(arm)  # errors name this function
     count = len(q.contacts if isinstance(q, Equilibrium) else environment.contacts)
     wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, count)
     if q is None and base_acceleration is not None:
         rule = "is not supported with an equilibrium: give q"
-        raise InputError(Problem(_WHERE, "base_acceleration", rule))
+        raise InputError(Problem("base_acceleration", rule))
     with one_warning():
         point = _operating_point(arm, q, qd, torque, environment)
     warn_of_bending(arm, point.q)
@@ -120,15 +120,15 @@ def _operating_point(
         q = equilibrium(arm, torque=torque, loads=loads, contacts=contacts)
     elif isinstance(q, Equilibrium) and (loads or contacts or torque is not None):
         rule = "cannot be combined with an equilibrium, which contains its own"
-        raise InputError(Problem(_WHERE, "torque, loads and contacts", rule))
-    rates = np.zeros(arm.dof) if qd is None else check_array(_WHERE, "qd", qd, (arm.dof,))
+        raise InputError(Problem("torque, loads and contacts", rule))
+    rates = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,))
     if isinstance(q, Equilibrium):
         own = replace(q.environment, base_acceleration=environment.base_acceleration)
         return _Point(q.q, rates, q.torque.copy(), own)
-    place = check_array(_WHERE, "q", q, (arm.dof,))
+    place = check_array("q", q, (arm.dof,))
     tau = np.zeros(arm.joints)
     if torque is not None:
-        tau = check_array(_WHERE, "torque", torque, (arm.joints,))
+        tau = check_array("torque", torque, (arm.joints,))
     return _Point(place, rates, tau, environment)
 
 
@@ -164,7 +164,7 @@ class _Perturbed:
         environment = self.point.environment
         pushes = [item.load for item in self.inputs if item.load is not None]
         with_inputs = replace(environment, loads=[*environment.loads, *pushes])
-        placed = with_inputs.placed(self.arm, _WHERE)
+        placed = with_inputs.placed(self.arm)
         owners = [
             *(None for _ in parts_of(self.arm, environment.loads)),
             *(k for k, load in enumerate(pushes) for _ in parts_of(self.arm, [load])),
@@ -198,7 +198,7 @@ class _Perturbed:
                 acceleration[:] = np.nan
             found[row] = acceleration
         point = self.point
-        check_result(_WHERE, found.view(np.float64), point.q, point.qd, point.torque)
+        check_result(found.view(np.float64), point.q, point.qd, point.torque)
         return found
 
     def _outputs(self) -> ComplexArray:
@@ -223,7 +223,7 @@ class _Perturbed:
         if not sensors:
             return []
         places = [marker(sensor.link, sensor.station) for sensor in sensors]
-        stations = place_loads(self.arm, _WHERE, places)
+        stations = place_loads(self.arm, places)
         kernels, motions = self.kernels, np.zeros((self.rows, len(sensors), 8), complex)
         poses, tip = kernels.pose_arrays()
         for row in range(self.rows):

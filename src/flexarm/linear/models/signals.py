@@ -80,14 +80,14 @@ def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
         )
         if not isinstance(load, Load):
             rule = "be names, Load objects, or pairs of a name and a Load"
-            raise InputError(Problem("linearize", "inputs", rule, shown(item)))
+            raise InputError(Problem("inputs", rule, shown(item)))
         unit = "N/m" if load.spread is not None else "N" if np.any(load.force) else "N m"
         if load.factor is None and np.any(load.value):
             # The numbers of the load give its direction; the input scales them.
             found.append(Input(str(name), f"x {unit}", load=load))
         else:
-            rule = "have a direction and no factor to be an input"
-            raise InputError(Problem("linearize", f"inputs {name!r}", rule, shown(load.value)))
+            rule = "have a nonzero force or moment, and no factor"
+            raise InputError(Problem(f"inputs {name!r}", rule, shown(load.value)))
     _check_names("inputs", [item.name for item in found])
     return found
 
@@ -107,7 +107,7 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     if name == "base_acceleration":
         return [Input(f"base_acceleration[{a}]", "m/s^2", axis=k) for k, a in enumerate(_AXES)]
     rule = "be a Load or one of " + ", ".join(map(repr, INPUTS))
-    raise InputError(Problem("linearize", "inputs", rule, shown(name)))
+    raise InputError(Problem("inputs", rule, shown(name)))
 
 
 def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> list[Output]:
@@ -130,19 +130,17 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
     found = []
     for item in _listed(wanted):
         if isinstance(item, Sensor):
-            place_loads(arm, "linearize", [marker(item.link, item.station)], what="Sensor")
+            place_loads(arm, [marker(item.link, item.station)], what="Sensor")
             found.append(Output(tuple(item.labels()), item.unit, sensor=item))
             continue
         if not isinstance(item, str) or item not in CHANNEL_OUTPUTS:
             rule = "be a Sensor or one of " + ", ".join(map(repr, CHANNEL_OUTPUTS))
-            raise InputError(Problem("linearize", "outputs", rule, shown(item)))
+            raise InputError(Problem("outputs", rule, shown(item)))
         if item == "strain" and not arm.gauges:
-            rule = "contain strain, but the arm has no gauges"
-            raise InputError(Problem("linearize", "outputs", rule))
+            raise InputError(Problem("outputs", "contain strain, but the arm has no gauges"))
         by, unit = CHANNEL_OUTPUTS[item]
         if by == "contact" and not contacts:
-            rule = f"contain {item}, but there are no contacts"
-            raise InputError(Problem("linearize", "outputs", rule))
+            raise InputError(Problem("outputs", f"contain {item}, but there are no contacts"))
         if item == "contact_force":
             forces = (f"{item}[{n},{axis}]" for n in range(1, contacts + 1) for axis in _AXES)
             found.append(Output(tuple(forces), unit, channel=item))
@@ -159,8 +157,7 @@ def _listed(wanted: object) -> list[object]:
     if isinstance(wanted, (str, Load, Sensor)) or pair:
         return [wanted]
     if not isinstance(wanted, list | tuple):
-        rule = "be names, Loads or Sensors"
-        raise InputError(Problem("linearize", "inputs and outputs", rule, shown(wanted)))
+        raise InputError(Problem("inputs and outputs", "be names, Loads or Sensors", shown(wanted)))
     return list(wanted)
 
 
@@ -169,11 +166,11 @@ def _check_names(which: str, names: list[str]) -> None:
     if twice:
         rule = "have different names"
         hint = "Give a Sensor or a Load its own name."
-        raise InputError(Problem("linearize", which, rule, ", ".join(twice), hint))
+        raise InputError(Problem(which, rule, ", ".join(twice), hint))
     dotted = next((name for name in names if "." in name), None)
     if dotted is not None:
-        rule = "have names without dots, which python-control splits"
-        raise InputError(Problem("linearize", which, rule, shown(dotted)))
+        rule = "have names without dots (python-control splits names at dots)"
+        raise InputError(Problem(which, rule, shown(dotted)))
 
 
 def state_names(arm: Arm) -> tuple[list[str], list[str]]:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arguments import check_choice
+from flexarm.arguments import check_choice, library_missing
 from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array
+from flexarm.errors import check_array, public_call
 from flexarm.linear.models.transfer import frequency_response, slowest_first, transmission_zeros
 from flexarm.notebook import html_table
 
@@ -67,6 +67,7 @@ class LinearModel:
 
         return slowest_first(eigvals(self.A))
 
+    @public_call
     def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
         """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
 
@@ -79,9 +80,10 @@ class LinearModel:
         Raises:
             InputError: if ``omega`` is not an array of finite numbers.
         """
-        omega = check_array("LinearModel.frequency_response", "omega", omega, (-1,))
+        omega = check_array("omega", omega, (-1,))
         return frequency_response(self.A, self.B, self.C, self.D, omega)
 
+    @public_call
     def zeros(self, input: str | None = None, output: str | None = None) -> Any:
         """Return the transmission zeros of one input and one output (zeros,), complex, 1/s.
 
@@ -102,8 +104,9 @@ class LinearModel:
         names: tuple[str, ...] = getattr(self, f"{kind}s")
         if name is None and len(names) == 1:
             return 0
-        return names.index(check_choice("LinearModel.zeros", kind, name, names))
+        return names.index(check_choice(kind, name, names))
 
+    @public_call
     def to_control(self) -> control.StateSpace:
         """Convert to a state-space system of python-control with the same names.
 
@@ -113,11 +116,7 @@ class LinearModel:
         try:
             import control
         except ImportError:
-            hint = "Install it with: pip install 'flexarm[control]'."
-            problem = Problem(
-                "LinearModel.to_control", "python-control", "is not installed", hint=hint
-            )
-            raise InputError(problem) from None
+            raise library_missing("python-control", "control") from None
         return control.StateSpace(
             self.A,
             self.B,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arguments import (
+    check_direction,
     check_function,
     check_kind,
     check_nonnegative,
@@ -19,7 +20,7 @@ from flexarm.arguments import (
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import one_warning, warn_of_bending
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, public_call
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.motion import Motion
 from flexarm.motion.geometry.kinematics import tip_jacobian
@@ -90,29 +91,34 @@ class PressedMotion:
         return f"<flexarm.PressedMotion: {size} joints, up to {self._last:g} s>"
 
     def _inside(self, t: ArrayLike) -> FloatArray:
-        return np.clip(check_times("PressedMotion", "t", t), self._first, self._last)
+        return np.clip(check_times("t", t), self._first, self._last)
 
     def _moving(self, t: ArrayLike) -> FloatArray:
         """Return 1 within the sampled times and 0 outside, (..., 1)."""
-        times = check_times("PressedMotion", "t", t)
+        times = check_times("t", t)
         return np.asarray((times >= self._first) & (times <= self._last), float)[..., None]
 
+    @public_call
     def joint_angle(self, t: ArrayLike) -> FloatArray:
         """Return the joint angles (joints,) or (T, joints), rad."""
         return np.asarray(self._angle(self._inside(t)))
 
+    @public_call
     def joint_rate(self, t: ArrayLike) -> FloatArray:
         """Return the joint rates (joints,) or (T, joints), rad/s."""
         return np.asarray(self._rate(self._inside(t)) * self._moving(t))
 
+    @public_call
     def joint_acceleration(self, t: ArrayLike) -> FloatArray:
         """Return the joint accelerations (joints,) or (T, joints), rad/s^2."""
         return np.asarray(self._acceleration(self._inside(t)) * self._moving(t))
 
+    @public_call
     def holding_torque(self, t: ArrayLike) -> FloatArray:
         """Return the equilibrium torques of the arm in contact, (joints,) or (T, joints), N m."""
         return np.asarray(self._holding(self._inside(t)))
 
+    @public_call
     def pressing_torque(self, t: ArrayLike) -> FloatArray:
         """Return ``holding_torque`` minus the torque of the rigid model at the same angles, N m."""
         return np.asarray(self._pressing(self._inside(t)))
@@ -121,12 +127,14 @@ class PressedMotion:
         """Return the prescribed position of the tip, (2,) or (T, 2), m."""
         return self.motion.tip(t)
 
+    @public_call
     def contact_force(self, t: ArrayLike) -> FloatArray:
         """Return the contact force () or (T,) of the tip on the surface, N, at least 0."""
         times = self._inside(t)
         forces = [float(self._force(float(now))) for now in times.ravel()]
         return np.array(forces).reshape(times.shape)
 
+    @public_call
     def normal(self, t: ArrayLike) -> FloatArray:
         """Return the outward unit normal of the surface, (2,) or (T, 2), world axes."""
         times = self._inside(t)
@@ -140,6 +148,7 @@ def _spline(times: FloatArray, values: Sequence[FloatArray]) -> BSpline:
     return make_interp_spline(times, np.array(values), k=5)
 
 
+@public_call
 def pressed_motion(
     arm: Arm,
     motion: Motion,
@@ -168,15 +177,14 @@ def pressed_motion(
             negative, the motion is for another arm, or the bent arm cannot reach the path.
         SimulationError: if a function of time raises an exception.
     """
-    where = "pressed_motion"
-    arm = check_kind(where, "arm", arm, Arm)
-    motion = check_motion(where, motion, arm)
-    friction = check_nonnegative(where, "friction", friction)
-    interval = check_positive(where, "interval", interval)
-    end = check_positive(where, "duration", motion.end_time if duration is None else duration)
+    arm = check_kind("arm", arm, Arm)
+    motion = check_motion(motion, arm)
+    friction = check_nonnegative("friction", friction)
+    interval = check_positive("interval", interval)
+    end = check_positive("duration", motion.end_time if duration is None else duration)
     count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
     times = np.linspace(0.0, end, count)
-    pressing, outward = _force(where, force), _normal(where, normal)
+    pressing, outward = _force(force), _normal(normal)
     search = _Search(arm, motion, friction)
     with one_warning():
         held = [search.at(t, pressing(t), outward(t)) for t in times.tolist()]
@@ -184,38 +192,30 @@ def pressed_motion(
     return PressedMotion(motion, pressing, outward, times, held)
 
 
-def _force(where: str, given: float | Callable[[float], float]) -> Callable[[float], float]:
+def _force(given: float | Callable[[float], float]) -> Callable[[float], float]:
     """Return the force as a function of time that raises for negative values."""
     if callable(given):
-        check_function(where, "force", given)
-    return partial(_checked_force, where, given)
+        check_function("force", given)
+    return partial(_checked_force, given)
 
 
-def _checked_force(where: str, given: float | Callable[[float], float], t: float) -> float:
+def _checked_force(given: float | Callable[[float], float], t: float) -> float:
     value = call("the force", given, t) if callable(given) else given
     name = f"force at t = {t:g} s" if callable(given) else "force"
-    return check_nonnegative(where, name, value)
+    return check_nonnegative(name, value)
 
 
-def _normal(
-    where: str, given: ArrayLike | Callable[[float], ArrayLike]
-) -> Callable[[float], FloatArray]:
+def _normal(given: ArrayLike | Callable[[float], ArrayLike]) -> Callable[[float], FloatArray]:
     """Return the unit normal as a function of time."""
     if callable(given):
-        check_function(where, "normal", given)
-    return partial(_unit_normal, where, given)
+        check_function("normal", given)
+    return partial(_unit_normal, given)
 
 
-def _unit_normal(
-    where: str, given: ArrayLike | Callable[[float], ArrayLike], t: float
-) -> FloatArray:
+def _unit_normal(given: ArrayLike | Callable[[float], ArrayLike], t: float) -> FloatArray:
     value = call("the normal", given, t) if callable(given) else given
     name = f"normal at t = {t:g} s" if callable(given) else "normal"
-    outward = check_array(where, name, value, (2,))
-    length = float(np.hypot(*outward))
-    if not length > 0.0:
-        raise InputError(Problem(where, name, "have a length greater than 0", shown(value)))
-    return np.asarray(outward / length)
+    return check_direction(name, value)
 
 
 class _Search:
@@ -241,7 +241,7 @@ class _Search:
         on_tip = force * (normal - self._friction * sliding * tangent)
         angle, wanted = rigid + self._beside + self._drift, motion.tip(t)
         J = tip_jacobian(motion.chain.lengths, angle + motion.chain.offset)
-        way = np.linalg.pinv(J, rcond=1e-6)
+        way = np.asarray(np.linalg.pinv(J, rcond=1e-6), dtype=np.float64)
         step, before = np.zeros(arm.joints), np.zeros(2)
         for _ in range(_CORRECTIONS):
             if self._q is None:
@@ -269,4 +269,4 @@ class _Search:
             angle = angle + step
         hint = "The arm bends too far under the force, or its tip is at the edge of its reach."
         rule = f"misses the path by {np.hypot(*missed):.3g} m at t = {t:g} s"
-        raise InputError(Problem("pressed_motion", "the bent arm", rule, hint=hint))
+        raise InputError(Problem("the bent arm", rule, hint=hint))

@@ -17,7 +17,7 @@ from flexarm.arguments import check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.errors import InputError, Problem, SimulationError
+from flexarm.errors import InputError, Problem, SimulationError, public_call
 from flexarm.linear.vibration.modal import modes
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.dynamics.tip_constraint import TipConstraint
@@ -92,9 +92,10 @@ class QuasiStaticReference(Motion):
         """See `Motion.at`."""
         return JointState(*(part[:, self.arm.joint_index] for part in self.coordinates(times)))
 
+    @public_call
     def coordinates(self, times: FloatArray) -> list[FloatArray]:
         """Return q, qd and qdd of the bent arm, (T, dof) each, at times (T,)."""
-        times = check_times("QuasiStaticReference", "times", times).reshape(-1)
+        times = check_times("times", times).reshape(-1)
         parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
         if not parts:
             return [np.zeros((0, self.arm.dof))] * 3
@@ -132,7 +133,7 @@ class QuasiStaticReference(Motion):
 class QuasiStaticTorque:
     """Torque of the bent arm along a quasi-static reference; callable with the time."""
 
-    #: ``simulate`` may evaluate many times in one call.
+    #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
     motion: QuasiStaticReference
@@ -147,14 +148,16 @@ class QuasiStaticTorque:
         """Number of joints n."""
         return self.motion.joints
 
+    @public_call
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
-        times = check_times("QuasiStaticTorque", "t", t)
+        times = check_times("t", t)
         arm = self.motion.arm
         force = arm.inverse_dynamics_many(*self.motion.coordinates(times.reshape(-1)))
         return force[:, arm.joint_index].reshape(*times.shape, self.joints)
 
 
+@public_call
 def quasi_static_reference(
     arm: Arm, motion: Motion, *, smoothing: float | None = None
 ) -> QuasiStaticReference:
@@ -181,18 +184,17 @@ def quasi_static_reference(
     (C.13) to (C.15). This is the first term of the solution that `tip_inversion` computes in full,
     at a small fraction of the cost.
     """
-    where = "quasi_static_reference"
-    arm = check_kind(where, "arm", arm, Arm)
-    motion = check_motion(where, motion, arm)
+    arm = check_kind("arm", arm, Arm)
+    motion = check_motion(motion, arm)
     if arm.dof == arm.joints:
-        raise InputError(Problem(where, "arm", "is rigid"))
+        raise InputError(Problem("arm", "is rigid"))
     constraint = TipConstraint(arm, motion)
     constraint.check()
     if smoothing is None:
         slowest = modes(arm, motion.joint_angle(motion.start_time)).frequency_hz
         window = _SHARE / float(slowest[slowest > 0.0].min())
     else:
-        window = check_positive(where, "smoothing", smoothing, "s")
+        window = check_positive("smoothing", smoothing, "s")
     pieces = [_piece(constraint, a, b) for a, b in pairwise(motion.breaks)]
     rests = [_rest(constraint, t) for t in (motion.start_time - 1.0, motion.end_time + 1.0)]
     reference = QuasiStaticReference(arm, motion, window, (rests[0], *pieces, rests[1]))

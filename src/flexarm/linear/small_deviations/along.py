@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_choice, check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array
+from flexarm.errors import InputError, Problem, check_array, public_call
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
@@ -128,10 +128,10 @@ class Separation:
         inputs: FloatArray = chosen[:, chosen.any(axis=0)].astype(np.float64)
         return inputs
 
+    @public_call
     def at(self, t: ArrayLike) -> Separation:
         """Return a separation sampled at other times (T,), s, evaluated exactly."""
-        where = "Separation.at"
-        times = check_array(where, "t", np.atleast_1d(check_times(where, "t", t)), (-1,))
+        times = check_array("t", np.atleast_1d(check_times("t", t)), (-1,))
         parts = [
             _sample(self.arm, self.motion, self.kept, times[k : k + _CHUNK])
             for k in range(0, max(times.size, 1), _CHUNK)
@@ -151,15 +151,16 @@ class Separation:
         """
         return self.bent(self.deviation.K, self.deviation.r)
 
+    @public_call
     def bent(self, K: FloatArray, r: FloatArray) -> FloatArray:
         """Return the static deflection dq (T, k) of the links under forces r (T, k); (D.7).
 
         Raises:
             InputError: if K does not have shape (T, k, k), or r does not have shape (T, k).
         """
-        where, k = "Separation.bent", self.kept.size
-        r = check_array(where, "r", r, (-1, k))
-        K = check_array(where, "K", K, (len(r), k, k))
+        k = self.kept.size
+        r = check_array("r", r, (-1, k))
+        K = check_array("K", K, (len(r), k, k))
         elastic = np.flatnonzero(~np.isin(self.kept, self.arm.joint_index))
         dq = np.zeros_like(r)
         if elastic.size:
@@ -201,6 +202,7 @@ class Separation:
         }
         return xr.Dataset(variables, coords=coordinates, attrs={"joints": self.joints})
 
+    @public_call
     def save(self, path: str | PathLike[str]) -> None:
         """Write the arrays of ``to_dataset`` to a NumPy ``.npz`` file, under the same names.
 
@@ -209,7 +211,7 @@ class Separation:
         Raises:
             InputError: if the name does not end in ``.npz``, or the file cannot be written.
         """
-        place = check_place("Separation.save", "path", path, (".npz",))
+        place = check_place("path", path, (".npz",))
         dataset = self.to_dataset()
         arrays: dict[str, Any] = {str(name): a.values for name, a in dataset.variables.items()}
         content = BytesIO()
@@ -220,6 +222,7 @@ class Separation:
         return [f"torque_{number}" for number in self.arm.joint_numbers]
 
 
+@public_call
 def linearize_along(
     arm: Arm,
     motion: Motion,
@@ -245,24 +248,21 @@ def linearize_along(
     dynamics with straight links, (D.3). Where an acceleration jumps, a sample has the value after
     the jump.
     """
-    where = "linearize_along"
-    arm = check_kind(where, "arm", arm, Arm)
-    motion = check_motion(where, motion, arm)
-    joints = check_choice(where, "joints", joints, JOINTS)
+    arm = check_kind("arm", arm, Arm)
+    motion = check_motion(motion, arm)
+    joints = check_choice("joints", joints, JOINTS)
     if times is None:
-        frequency = check_positive(where, "rate", rate)
+        frequency = check_positive("rate", rate)
         fault = sample_fault(motion.duration, frequency)
         if fault is not None:
-            raise InputError(fault.problem(where))
+            raise InputError(fault.problem())
         count = max(int(np.ceil(motion.duration * frequency)), 1)
         times = np.linspace(motion.start_time, motion.end_time, count + 1)
     kept = np.arange(arm.dof)
     if joints == "locked":
         kept = np.setdiff1d(kept, arm.joint_index)
     if kept.size == 0:
-        raise InputError(
-            Problem(where, "arm", "is rigid and its joints are locked: it has no deviations")
-        )
+        raise InputError(Problem("arm", "is rigid and its joints are locked: it has no deviations"))
     none = np.zeros(0)
     empty = Separation(arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5))
     return empty.at(times)

@@ -13,7 +13,7 @@ from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.errors import FlexarmError, InputError, Problem, check_array, few
+from flexarm.errors import FlexarmError, InputError, Problem, check_array, few, public_call
 from flexarm.linear.statics.descent import LONGEST, descent_step, largest_turn
 from flexarm.model import Contact, Load
 from flexarm.notebook import html_table
@@ -89,6 +89,7 @@ class Equilibrium:
         return html_table("flexarm.Equilibrium", ("property", "value"), rows)
 
 
+@public_call
 def equilibrium(
     arm: Arm,
     joint_angles: ArrayLike | None = None,
@@ -127,20 +128,19 @@ def equilibrium(
     if this one is unstable or was not found; with free joints they come first. Friction is
     neglected.
     """
-    where = "equilibrium"
-    arm = check_kind(where, "arm", arm, Arm)
+    arm = check_kind("arm", arm, Arm)
     if base_acceleration is not None:
-        felt = arm.spec.gravity - check_array(where, "base_acceleration", base_acceleration, (2,))
+        felt = arm.spec.gravity - check_array("base_acceleration", base_acceleration, (2,))
         arm = Arm(arm.spec.replace(gravity=felt))
     if torque is not None and joint_angles is None and start is None:
         joint_angles = np.zeros(arm.joints)
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    q = arm.rest(check_array(where, "joint_angles", angles, (arm.joints,)))
+    q = arm.rest(check_array("joint_angles", angles, (arm.joints,)))
     if start is not None:
-        q = check_array(where, "start", start, (arm.dof,))
-    search = _Search(arm, Environment.of(arm, where, tip_force, loads, None, contacts), q)
+        q = check_array("start", start, (arm.dof,))
+    search = _Search(arm, Environment.of(arm, tip_force, loads, None, contacts), q)
     if torque is not None:
-        search.force[arm.joint_index] = check_array(where, "torque", torque, (arm.joints,))
+        search.force[arm.joint_index] = check_array("torque", torque, (arm.joints,))
         search.unknown = np.arange(arm.dof)
     if start is not None:
         found = search.result(search.follow(q, at_once=True))
@@ -161,8 +161,8 @@ class _Search:
         if factor is not None:
             rule = "be constant in time"
             value = "a function" if callable(factor) else "a table"
-            raise InputError(Problem("equilibrium", "Load.factor", rule, value))
-        environment.placed(arm, "equilibrium")  # raises if a load or a contact is not on the arm
+            raise InputError(Problem("Load.factor", rule, value))
+        environment.placed(arm)  # raises if a load or a contact is not on the arm
 
     def _scaled(self, fraction: float) -> tuple[Arm, Sequence[Load]]:
         if fraction == 1.0:

@@ -24,10 +24,10 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
     if spin == 0.0:
         return rates
     if any(arm.spec.gravity):
-        raise InputError(Problem("modes", "spin", "be zero for an arm with gravity", shown(spin)))
+        raise InputError(Problem("spin", "be zero for an arm with gravity", shown(spin)))
     if arm.joints == 0 or arm.joint_numbers[0] != 1:
         rule = "be zero for an arm whose first joint is fixed"
-        raise InputError(Problem("modes", "spin", rule, shown(spin)))
+        raise InputError(Problem("spin", rule, shown(spin)))
     rates[arm.joint_index[0]] = spin
     return rates
 

@@ -39,7 +39,7 @@ def tangent(
         inverse_jacobian,
         arm.padded(np.stack([q, qd])).astype(complex),
         arm.padded(qdd),
-        environment.placed(arm, "linearize"),
+        environment.placed(arm),
         kernels.work,
         jacobian,
     )

@@ -26,7 +26,7 @@ class Stepper(Protocol):
         """Return [q, qd] (2 dof,) after one step, complex; ``torque`` (n,) is given by body."""
 
 
-def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
+def stepper_of(arm: Arm, method: str, h: float) -> Stepper:
     """Return a stepper of step h (s) for a method of ``INTEGRATORS``.
 
     Raises:
@@ -47,8 +47,8 @@ def stepper_of(where: str, arm: Arm, method: str, h: float) -> Stepper:
     if isinstance(method, str) and method in REMOVED:
         hint = f"It was removed; use {REMOVED[method]!r}."
     elif kind is not None:
-        hint = "Methods with several previous states or iterations are not supported."
-    raise InputError(Problem(where, "method", rule, shown(method), hint))
+        hint = "Multistep and iterative methods are not supported."
+    raise InputError(Problem("method", rule, shown(method), hint))
 
 
 class _Explicit:

@@ -66,7 +66,7 @@ def parameter_names(arm: Arm) -> tuple[str, ...]:
     return (*links, *_PAYLOAD)
 
 
-def constants_by(arm: Arm, where: str, parameter: str) -> ArmConstants:
+def constants_by(arm: Arm, parameter: str) -> ArmConstants:
     """Return the derivatives of all constants of an arm by a parameter.
 
     Args:
@@ -80,8 +80,7 @@ def constants_by(arm: Arm, where: str, parameter: str) -> ArmConstants:
     """
     known = parameter_names(arm)
     if parameter not in known:
-        rule = f"be one of {', '.join(known)}"
-        raise InputError(Problem(where, "parameters", rule, shown(parameter)))
+        raise InputError(Problem("parameters", f"be one of {', '.join(known)}", shown(parameter)))
     constants = arm.assembly.constants
     by = ArmConstants(*(np.zeros(array.shape) for array in constants))
     found = _LINK.fullmatch(parameter)
@@ -91,7 +90,7 @@ def constants_by(arm: Arm, where: str, parameter: str) -> ArmConstants:
     link, name = int(found[1]) - 1, found[2]
     for piece in arm.assembly.pieces_of(link):
         if name == "length":
-            _check_length(arm, where, piece, parameter)
+            _check_length(arm, piece, parameter)
         _scale(arm, by, piece, name)
     return by
 
@@ -109,11 +108,11 @@ def _scale(arm: Arm, by: ArmConstants, piece: Piece, name: str) -> None:
         by.damping[i] = 0.5 * POWERS[name]["w2"] * constants.damping[i]
 
 
-def _check_length(arm: Arm, where: str, piece: Piece, parameter: str) -> None:
+def _check_length(arm: Arm, piece: Piece, parameter: str) -> None:
     if np.any(piece.shapes.rotary) or np.any(piece.shapes.shear_parameter):
         rule = f"{parameter} is not supported for a link with rotary inertia or shear"
         hint = "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
-        raise InputError(Problem(where, "parameter", rule, hint=hint))
+        raise InputError(Problem("parameter", rule, hint=hint))
 
 
 def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:

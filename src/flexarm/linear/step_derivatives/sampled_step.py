@@ -45,15 +45,13 @@ class SampledStep:
         parameter: one in which the constants are linear, such as "payload.mass".
     """
 
-    def __init__(
-        self, arm: Arm, sample_time: float, parameter: str = "payload.mass", where: str = "step"
-    ) -> None:
+    def __init__(self, arm: Arm, sample_time: float, parameter: str = "payload.mass") -> None:
         self.arm = arm
         self.steps = max(1, math.ceil(sample_time * fastest_rate(arm) / _REACH))
         self._h = sample_time / self.steps
         exact = arm.assembly.constants
         self._exact = ArmConstants(*(array.astype(complex) for array in exact))
-        by = constants_by(arm, where, parameter)
+        by = constants_by(arm, parameter)
         self._by = [(k, d) for k, d in enumerate(by) if np.any(d)]
         self.places = state_places(arm)
         self._rows = _classical()

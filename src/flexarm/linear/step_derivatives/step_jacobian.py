@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_kind, check_list_of, check_positive
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import check_array
+from flexarm.errors import check_array, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.complex_step import stepper_of
@@ -40,6 +40,7 @@ class StepJacobian:
         return f"<flexarm.StepJacobian: {self.state.shape[0]} states by {', '.join(by)}>"
 
 
+@public_call
 def step_jacobian(
     arm: Arm,
     q: ArrayLike,
@@ -70,13 +71,12 @@ def step_jacobian(
     Chained over steps they give the derivative of a whole run of ``simulate`` from straight links.
     Computed by complex perturbation of the kernels of the integrator; (D.15).
     """
-    where = "step_jacobian"
-    arm = check_kind(where, "arm", arm, Arm)
-    h = check_positive(where, "step", step)
-    parameters = check_list_of(where, "parameters", parameters, str)
-    state = [check_array(where, n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
-    held = check_array(where, "torque", torque, (arm.joints,))
-    stepper = stepper_of(where, arm, method, h)
+    arm = check_kind("arm", arm, Arm)
+    h = check_positive("step", step)
+    parameters = check_list_of("parameters", parameters, str)
+    state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
+    held = check_array("torque", torque, (arm.joints,))
+    stepper = stepper_of(arm, method, h)
     x, tau = np.concatenate(state), arm.padded_torque(held)
     exact = arm.assembly.constants
     columns = []
@@ -88,7 +88,7 @@ def step_jacobian(
         inputs.append(stepper.take(x, perturbed, exact).imag / STEP)
     named = {}
     for parameter in parameters:
-        by = constants_by(arm, where, parameter)
+        by = constants_by(arm, parameter)
         moved = ArmConstants(*(c + 1j * STEP * d for c, d in zip(exact, by, strict=True)))
         named[parameter] = stepper.take(x, tau, moved).imag / STEP
     after = stepper.take(x, tau, exact).real

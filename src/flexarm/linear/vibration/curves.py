@@ -27,7 +27,7 @@ def displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) 
         for link, length in enumerate(arm.lengths, start=1)
         for x in np.linspace(0.0, length, stations)
     ]
-    placed = place_loads(arm, "modes", places)
+    placed = place_loads(arm, places)
     real = _along(arm, q, np.real(shapes), placed)
     moved = real + 1j * _along(arm, q, np.imag(shapes), placed) if np.iscomplexobj(shapes) else real
     return moved.reshape(len(shapes), arm.links, stations, 2)

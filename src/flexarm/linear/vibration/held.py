@@ -38,7 +38,7 @@ class JointFeedback(NamedTuple):
     damping: FloatArray
 
 
-def joint_feedback(arm: Arm, where: str, joints: Joints) -> JointFeedback:
+def joint_feedback(arm: Arm, joints: Joints) -> JointFeedback:
     """Convert the argument ``joints`` of `modes` to the coordinates and gains of `JointFeedback`.
 
     Raises:
@@ -48,33 +48,35 @@ def joint_feedback(arm: Arm, where: str, joints: Joints) -> JointFeedback:
     index = arm.joint_index
     moving = np.ones(arm.dof, dtype=bool)
     if isinstance(joints, type):
-        raise _unknown(where, "joints", joints)
+        raise _unknown("joints", joints)
     if hasattr(joints, "proportional") and hasattr(joints, "derivative"):
         count = (arm.joints,)
-        stiffness[index] = check_array(where, "joints.proportional", joints.proportional, count)
-        damping[index] = check_array(where, "joints.derivative", joints.derivative, count)
+        stiffness[index] = check_array("joints.proportional", joints.proportional, count)
+        damping[index] = check_array("joints.derivative", joints.derivative, count)
         return JointFeedback(np.arange(arm.dof), stiffness, damping)
     if isinstance(joints, str):
         each: list[OneJoint] = [joints] * arm.joints
         if joints not in JOINTS:  # checked for an arm without joints, too
-            raise _unknown(where, "joints", joints)
+            raise _unknown("joints", joints)
     else:
         listed = as_list(joints)
         each = listed or []
         if listed is None or len(each) != arm.joints:
-            rule = f"be 'locked', 'free', or a list of these or of gains for each of {arm.joints}"
-            raise InputError(Problem(where, "joints", rule + " joints", shown(joints)))
+            rule = (
+                "be 'locked', 'free', or a list with one of these, or with gains, for each of the "
+            )
+            raise InputError(Problem("joints", f"{rule}{arm.joints} joints", shown(joints)))
     for place, item in zip(index, each, strict=True):
         if isinstance(item, str):
             if item not in JOINTS:
-                raise _unknown(where, "joints", item)
+                raise _unknown("joints", item)
             moving[place] = item == "free"
         else:
-            gains = check_array(where, "joints", item, (2,))
+            gains = check_array("joints", item, (2,))
             stiffness[place], damping[place] = gains
     return JointFeedback(np.flatnonzero(moving), stiffness, damping)
 
 
-def _unknown(where: str, name: str, value: object) -> InputError:
+def _unknown(name: str, value: object) -> InputError:
     rule = "be one of " + ", ".join(map(repr, JOINTS)) + " or gains (N m/rad, N m s/rad)"
-    return InputError(Problem(where, name, rule, shown(value)))
+    return InputError(Problem(name, rule, shown(value)))

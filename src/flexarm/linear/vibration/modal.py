@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_flag, check_kind
+from flexarm.arguments import check_count, check_flag, check_kind, check_number
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.errors import InputError, Problem, check_array, check_result, few
+from flexarm.errors import InputError, Problem, check_array, check_result, few, public_call
 from flexarm.linear.statics.equilibrium import Equilibrium
 from flexarm.linear.statics.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.statics.tangent import Tangent, tangent
@@ -23,9 +23,7 @@ from flexarm.linear.vibration.eigen import damped, undamped
 from flexarm.linear.vibration.held import JointFeedback, Joints, joint_feedback
 from flexarm.model import Load
 from flexarm.notebook import html_table
-from flexarm.stations import check_stations
-
-_WHERE = "modes"
+from flexarm.stations import MOST_STATIONS
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +71,17 @@ class Modes:
         hertz: FloatArray = np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
         return hertz
 
+    @public_call
     def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
         """Return displacements of the axis for unit modal amplitude, (k, links, stations, 2) m.
 
         World axes. ``damped`` selects ``complex_shapes``: multiply by exp(i phase).
         """
-        where = "Modes.displacements"
-        shapes = self.complex_shapes if check_flag(where, "damped", damped) else self.shapes
-        return displacements(self.arm, self.q, shapes, check_stations(where, stations))
+        shapes = self.complex_shapes if check_flag("damped", damped) else self.shapes
+        count = check_count("stations", stations, 2, MOST_STATIONS)
+        return displacements(self.arm, self.q, shapes, count)
 
+    @public_call
     def curves(self, stations: int = 50, amplitude: float | None = None) -> FloatArray:
         """Return the mode shapes as curves in the world frame, (k, links, stations, 2) m.
 
@@ -94,14 +94,15 @@ class Modes:
         """
         size = 0.1 * self.arm.lengths.sum()
         if amplitude is not None:
-            size = float(check_array("Modes.curves", "amplitude", amplitude, ()))
-        moved = self.displacements(check_stations("Modes.curves", stations))
+            size = check_number("amplitude", amplitude)
+        moved = self.displacements(check_count("stations", stations, 2, MOST_STATIONS))
         largest = np.linalg.norm(moved, axis=-1).max(axis=(1, 2), initial=0.0)
         factor = size / np.where(largest > 0.0, largest, 1.0)
         drawn: FloatArray = self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved
         return drawn
 
 
+@public_call
 def modes(
     arm: Arm,
     joint_angles: ArrayLike | Equilibrium | None = None,
@@ -138,14 +139,14 @@ def modes(
     The stiffness is that of small motion about the state, which is treated as an equilibrium.
     Theory page "small motion", (S.2) to (S.5).
     """
-    arm = check_kind(_WHERE, "arm", arm, Arm)
-    given = Environment.of(arm, _WHERE, tip_force, loads)
-    given.placed(arm, _WHERE)  # errors name this function
-    held = joint_feedback(arm, _WHERE, joints)
-    rate = float(check_array(_WHERE, "spin", spin, ()))
+    arm = check_kind("arm", arm, Arm)
+    given = Environment.of(arm, tip_force, loads)
+    given.placed(arm)  # errors name this function
+    held = joint_feedback(arm, joints)
+    rate = check_number("spin", spin)
     place, environment = _place(arm, joint_angles, q, given)
     if rate != 0.0 and (environment.loads or environment.contacts):
-        raise InputError(Problem(_WHERE, "loads", "cannot be combined with spin"))
+        raise InputError(Problem("loads", "cannot be combined with spin"))
     if rate != 0.0 and q is None:
         place = steady_shape(arm, place, rate)
     found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, environment))
@@ -161,17 +162,17 @@ def _place(
 ) -> tuple[FloatArray, Environment]:
     """Return q and the environment of the operating point."""
     if q is not None and joint_angles is not None:
-        raise InputError(Problem(_WHERE, "joint_angles", "cannot be combined with q"))
+        raise InputError(Problem("joint_angles", "cannot be combined with q"))
     given = joint_angles if isinstance(joint_angles, Equilibrium) else q
     if isinstance(given, Equilibrium):
         if environment.loads:
             rule = "cannot be combined with an equilibrium, which contains its own"
-            raise InputError(Problem(_WHERE, "loads", rule))
+            raise InputError(Problem("loads", rule))
         return given.q, given.environment
     if given is not None:
-        return check_array(_WHERE, "q", given, (arm.dof,)), environment
+        return check_array("q", given, (arm.dof,)), environment
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(check_array(_WHERE, "joint_angles", angles, (arm.joints,))), environment
+    return arm.rest(check_array("joint_angles", angles, (arm.joints,))), environment
 
 
 def _small_motion(arm: Arm, q: FloatArray, spin: float, environment: Environment) -> Tangent:
@@ -194,7 +195,7 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: JointFeedback, small: Tan
     lasting = np.abs(skew).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0)
     coupling = vectors.T @ skew @ vectors * lasting
     damping = vectors.T @ D @ vectors
-    check_result(_WHERE, np.concatenate([squared[None], coupling, damping]), M, K, D)
+    check_result(np.concatenate([squared[None], coupling, damping]), M, K, D)
     found = damped(squared, coupling, damping)
     frequency = np.sqrt(np.maximum(squared, 0.0))
     if spin != 0.0:
@@ -226,4 +227,4 @@ def _check_mass(M: FloatArray) -> None:
     except np.linalg.LinAlgError:
         hint = "Divide the links into segments."
         rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
-        raise InputError(Problem(_WHERE, "the state", rule, hint=hint)) from None
+        raise InputError(Problem("the state", rule, hint=hint)) from None

@@ -14,7 +14,7 @@ from flexarm.arguments import check_count, check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import one_warning, warn_of_bending
-from flexarm.errors import InputError, Problem, check_array, few, shown
+from flexarm.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.held import Joints
 from flexarm.linear.vibration.modal import Modes, modes
@@ -70,6 +70,7 @@ class ModeTracks:
         )
 
 
+@public_call
 def track_modes(
     arm: Arm,
     along: ArrayLike | Motion,
@@ -100,21 +101,20 @@ def track_modes(
     intermediate postures are evaluated. Two curves that approach each other and separate again
     (veering) exchange their shapes gradually, and are tracked as the curves that they are.
     """
-    where = "track_modes"
-    arm = check_kind(where, "arm", arm, Arm)
-    count = check_count(where, "count", count)
-    samples = check_count(where, "samples", samples, least=2)
-    sag = check_flag(where, "sag", sag)
+    arm = check_kind("arm", arm, Arm)
+    count = check_count("count", count)
+    samples = check_count("samples", samples, least=2)
+    sag = check_flag("sag", sag)
     motion: Any = along
     if isinstance(along, type):
-        raise InputError(Problem(where, "along", "be a motion or joint angles", shown(along)))
+        raise InputError(Problem("along", "be a motion or joint angles", shown(along)))
     if hasattr(motion, "joint_angle"):
         parameter = np.linspace(motion.start_time, motion.end_time, samples)
         angles = np.asarray(motion.joint_angle(parameter))
-        postures = check_array(where, "along", angles, (-1, arm.joints))
+        postures = check_array("along", angles, (-1, arm.joints))
         name, unit = "time", "s"
     else:
-        postures = check_array(where, "along", along, (-1, arm.joints))
+        postures = check_array("along", along, (-1, arm.joints))
         parameter = np.arange(len(postures), dtype=np.float64)
         name, unit = "posture", ""
 
@@ -122,9 +122,10 @@ def track_modes(
         angles = np.array([np.interp(at, parameter, column) for column in postures.T])
         return modes(arm, equilibrium(arm, angles) if sag else angles, joints)
 
-    return _follow(where, arm, solve, parameter, count, (name, unit))
+    return _follow(arm, solve, parameter, count, (name, unit))
 
 
+@public_call
 def campbell(
     arm: Arm,
     spin: ArrayLike,
@@ -145,18 +146,17 @@ def campbell(
         InputError: if the arm has gravity, its first joint is fixed, or ``count`` is less than one.
         EquilibriumError: if the arm has no steady shape at some spin.
     """
-    arm = check_kind("campbell", "arm", arm, Arm)
-    rates = check_array("campbell", "spin", spin, (-1,))
-    count = check_count("campbell", "count", count)
+    arm = check_kind("arm", arm, Arm)
+    rates = check_array("spin", spin, (-1,))
+    count = check_count("count", count)
 
     def solve(at: float) -> Modes:
         return modes(arm, joint_angles, joints, spin=at)
 
-    return _follow("campbell", arm, solve, rates, count, ("spin", "rad/s"))
+    return _follow(arm, solve, rates, count, ("spin", "rad/s"))
 
 
 def _follow(
-    where: str,
     arm: Arm,
     solve: Callable[[float], Modes],
     parameter: FloatArray,
@@ -164,7 +164,9 @@ def _follow(
     named: tuple[str, str],
 ) -> ModeTracks:
     if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
-        raise InputError(Problem(where, named[0], "be increasing, at least one", shown(parameter)))
+        raise InputError(
+            Problem(named[0], "be one or more numbers in increasing order", shown(parameter))
+        )
     bent: list[FloatArray] = []
 
     def solved(at: float) -> Modes:
@@ -176,7 +178,7 @@ def _follow(
     first = solved(float(parameter[0]))
     vibrating = np.flatnonzero(first.frequency_hz > 0.0)
     if vibrating.size == 0:
-        raise InputError(Problem(where, "arm", "has no mode of vibration"))
+        raise InputError(Problem("arm", "has no mode of vibration"))
     chosen = vibrating[:count]
     lines = _Lines(arm, first.complex_shapes[chosen])
     rows = [_row(first, chosen, np.ones(chosen.size))]

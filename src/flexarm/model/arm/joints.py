@@ -40,8 +40,7 @@ class Friction(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         static = given.static if given.has("coulomb", "static") else None
         if static is not None and static < given.coulomb:
-            rule = f"be at least coulomb ({given.coulomb:.9g})"
-            yield Fault(("static",), rule, shown(static))
+            yield Fault(("static",), f"be at least coulomb ({given.coulomb:.9g})", shown(static))
 
 
 class JointLimits(Record):
@@ -145,12 +144,10 @@ class Joint(Record):
         springs = given.has("stiffness", "rotor_inertia", "rest_angle")
         if springs and given.stiffness and given.rotor_inertia and given.rest_angle:
             hint = "The spring of a joint with rotor_inertia connects motor and link."
-            rule = "be 0 for an elastic joint"
-            yield Fault(("rest_angle",), rule, shown(given.rest_angle), hint)
+            yield Fault(("rest_angle",), "be 0 for an elastic joint", shown(given.rest_angle), hint)
         geared = given.has("gear_ratio", "rotor_inertia") and given.gear_ratio != 1.0
         if geared and not given.rotor_inertia:
-            rule = "requires rotor_inertia"
-            yield Fault(("gear_ratio",), rule, hint=_TORQUE_HINT)
+            yield Fault(("gear_ratio",), "requires rotor_inertia", hint=_TORQUE_HINT)
 
 
 def _along_x(value: Any) -> Any:

@@ -176,7 +176,7 @@ class Link(Record):
         if given.has("length", "gauges"):
             for i, gauge in enumerate(given.gauges):
                 if gauge.station > given.length:
-                    rule = f"be at most {given.length:.9g}, the length of the link"
+                    rule = f"be at most {given.length:.9g} (the length of the link)"
                     yield Fault(("gauges", i, "station"), rule, shown(gauge.station))
 
 
@@ -190,8 +190,7 @@ def _description_faults(given: Given) -> Iterator[Fault]:
         yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
     for names in ways[1:]:
         for name in names:
-            rule = f"cannot be combined with {' and '.join(ways[0])}"
-            yield Fault((name,), rule, hint=_WAYS)
+            yield Fault((name,), f"cannot be combined with {' and '.join(ways[0])}", hint=_WAYS)
     if len(ways) == 1 and len(shape) == 1:
         other = "section" if shape == ["material"] else "material"
         yield Fault((other,), f"is required with {shape[0]}")
@@ -247,8 +246,9 @@ def _shear_faults(given: Given) -> Iterator[Fault]:
         yield Fault(path, "is not supported for an Euler-Bernoulli link", hint=hint)
     flexible = given.has("flexible") and given.flexible
     if given.element == "timoshenko" and value is None and needed and flexible:
-        hint = "It is k G A; material and section also define it."
-        yield Fault(path, "is missing", hint=hint)
+        yield Fault(
+            path, "is missing", hint="It is k G A. A material and a section define it, too."
+        )
 
 
 def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
@@ -258,14 +258,13 @@ def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
     if (given.has("table") and not in_table) or (
         constants and given.absent("rotary_inertia_per_length")
     ):
-        rule = "requires rotary_inertia_per_length"
-        yield Fault(("rotary_inertia",), rule)
+        yield Fault(("rotary_inertia",), "requires rotary_inertia_per_length")
 
 
 def _table_end_faults(length: float, end: float) -> Iterator[Fault]:
     """Yield a fault if a table does not end at the tip."""
     if not math.isclose(end, length, rel_tol=1e-9):  # above rounding, below any intended difference
-        rule = f"end at {length:.9g}, the length of the link"
+        rule = f"end at {length:.9g} (the length of the link)"
         yield Fault(("table", "x"), rule, shown(end), "A table covers the link from root to tip.")
 
 
@@ -278,11 +277,11 @@ def _mesh_faults(given: Given) -> Iterator[Fault]:
     most = 2 * (given.elements // given.segments)
     modes = given.modes if given.has("modes") else None
     if modes is not None and modes > most:
-        rule = f"be at most {most}, twice the number of elements of a segment"
+        rule = f"be at most {most} (twice the number of elements of a segment)"
         yield Fault(("modes",), rule, shown(modes), "Use more elements, or fewer modes.")
         return
     ratio = given.damping.ratio if given.has("damping") and given.damping.kind == "modal" else ()
     kept = modes or most
     if isinstance(ratio, tuple) and len(ratio) > kept:
-        rule = f"have length at most {kept}, the number of modes of the link"
+        rule = f"have length at most {kept} (the number of modes of the link)"
         yield Fault(("damping", "ratio"), rule, str(len(ratio)))

@@ -261,5 +261,5 @@ def _points_faults(x: tuple[float, ...]) -> Iterator[Fault]:
 def _wall_fits(thickness: float, name: str, outer: float) -> Iterator[Fault]:
     """Yield a fault if walls of this thickness leave no hollow inside an outer dimension."""
     if thickness >= outer / 2:
-        rule = f"be less than {outer / 2:g}, half of {name}"
+        rule = f"be less than {outer / 2:g} (half of {name})"
         yield Fault(("thickness",), rule, shown(thickness), "The wall fills the section.")

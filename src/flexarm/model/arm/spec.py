@@ -84,15 +84,15 @@ def place_faults(
         return
     length = links[link - 1].length
     if furthest is not None and furthest > length * (1.0 + 1e-9):  # sums of lengths are rounded
-        yield Fault((name,), f"be at most {length:.9g}, the length of the link", shown(furthest))
+        yield Fault((name,), f"be at most {length:.9g} (the length of the link)", shown(furthest))
 
 
 def _inertia_faults(
     links: Sequence[Link], joints: Sequence[Joint], payload: Payload
 ) -> Iterator[Fault]:
-    """Yield the joints whose torque acts on no inertia in any posture.
+    """Yield a fault for each joint whose torque acts on no inertia in any posture.
 
-    Links that are fixed to each other rotate together, from one joint that turns to the next.
+    The links between two joints that turn are fixed to each other and rotate together.
     """
     tables = [link.beam() for link in links]
     heavy = [any(table.mass_per_length) for table in tables]

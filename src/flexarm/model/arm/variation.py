@@ -12,8 +12,6 @@ from flexarm.model.arm.links import Link
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.quantities import plain
 
-_WHERE = "varied"
-
 
 def varied_spec(
     spec: ArmSpec,
@@ -36,12 +34,10 @@ def varied_spec(
     if payload_mass is not None:
         payload_mass = _each(problems, "payload_mass", payload_mass, (None,), zero=True)[0]
         if payload != 1.0:
-            rule = "cannot be combined with payload_factor"
-            problems.append(Problem(_WHERE, "payload_mass", rule))
+            problems.append(Problem("payload_mass", "cannot be combined with payload_factor"))
     elif payload != 1.0 and spec.payload.mass == 0.0:
         rule = "is not supported for an arm without payload"
-        hint = "Give payload_mass in kg."
-        problems.append(Problem(_WHERE, "payload_factor", rule, hint=hint))
+        problems.append(Problem("payload_factor", rule, hint="Give payload_mass in kg."))
     rubbing = _friction(problems, friction, spec.joints)
     if problems:
         raise InputError(*problems)
@@ -71,7 +67,7 @@ def _each(
     if not good or len(values) != len(of):
         rule = f"be a number {'at least' if zero else 'greater than'} 0"
         rule += f", or one for each of the {len(of)} links" if len(of) > 1 else ""
-        problems.append(Problem(_WHERE, name, rule, shown(value)))
+        problems.append(Problem(name, rule, shown(value)))
         return [1.0] * len(of)
     return [float(v) for v in values]
 
@@ -86,7 +82,7 @@ def _friction(
     listed: list[Any] = list(friction) if isinstance(friction, Sequence) else [0]
     if len(listed) != len(joints) or not all(isinstance(f, Friction | None) for f in listed):
         rule = "be a Friction, or a list with a Friction or None for each joint"
-        problems.append(Problem(_WHERE, "friction", rule, shown(friction)))
+        problems.append(Problem("friction", rule, shown(friction)))
         return [None] * len(joints)
     return listed
 

@@ -78,7 +78,7 @@ class AdmittanceParameters(ControllerParameters):
     damping: Positive = Field(
         default=150.0,
         description="Force error per speed of the reference; the bandwidth is the stiffness of "
-        "surface and arm in series over it (N s/m).",
+        "surface and arm in series divided by it (N s/m).",
     )
     stiffness: NonNegative = Field(
         default=0.0,

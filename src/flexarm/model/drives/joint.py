@@ -74,8 +74,7 @@ class JointPIDKeys(JointPIDParameters):
     def _file_faults(cls, given: Given) -> Iterator[Fault]:
         twice = given.has("gravity") and given.gravity != "none"
         if twice and given.has("feedforward") and given.feedforward != "none":
-            rule = f"cannot be combined with feedforward {given.feedforward}"
-            yield Fault(("gravity",), rule)
+            yield Fault(("gravity",), f"cannot be combined with feedforward {given.feedforward}")
 
     @staticmethod
     def _file_balances(drive: Any) -> bool:

@@ -107,12 +107,12 @@ class LQGParameters(LinearParameters):
     )
     integral: _Integral | None = Field(
         default=None,
-        description="Whether the deviation of joint angles is fed back integrated; or the output, "
-        "joint_angle or tip (which must be measured); or a mapping from it to its acceptable "
-        "integral (rad s, m s).",
+        description="Integral feedback: true for the joint angles; or the name of an output, "
+        "joint_angle or tip (which must be measured); or a mapping from this name to its "
+        "acceptable integral (rad s, m s).",
     )
     preview: _Preview = Field(
-        default=0.5, description="Span of the reference that is known in advance (s)."
+        default=0.5, description="Span of the reference that the preview uses (s)."
     )
 
 

@@ -20,7 +20,7 @@ from pydantic.fields import FieldInfo
 from flexarm.model.checks import Record
 from flexarm.model.quantities import PerJoint
 
-#: Default of a parameter that must be given.
+#: Stands for the default of a parameter that has none and must be given.
 REQUIRED = Parameter.empty
 
 

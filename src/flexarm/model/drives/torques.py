@@ -31,7 +31,7 @@ class TorqueDrive(Record):
         default="cubic",
         description=(
             "Interpolation between samples; a cubic overshoots where samples jump. "
-            "The last sample is held to the end of the run."
+            "After the last sample the torque is constant."
         ),
     )
 

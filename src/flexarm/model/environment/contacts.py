@@ -7,12 +7,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from flexarm.errors import shown
 from flexarm.model.arm.spec import place_faults
 from flexarm.model.checks import Given, Record
 from flexarm.model.environment.polygon import closed_polygon, polygon_faults
 from flexarm.model.quantities import (
     Count,
+    Direction,
     Flag,
     Listed,
     NonNegative,
@@ -32,12 +32,7 @@ class Wall(Record, kw_only=False):
 
     kind: Literal["wall"] = Field(default="wall", kw_only=True)
     point: Pair = Field(description="Any point on it [x, y], world frame (m).")
-    normal: Pair = Field(description="Normal out of the solid [x, y], of any length.")
-
-    @classmethod
-    def _faults(cls, given: Given) -> Iterator[Fault]:
-        if given.has("normal") and not any(given.normal):
-            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
+    normal: Direction = Field(description="Normal out of the solid [x, y], of any length.")
 
 
 class RoundWall(Record, kw_only=False):

@@ -84,12 +84,12 @@ class Load(Record, kw_only=False):
         if factor is None or _is_function(factor) or isinstance(factor, FactorTable | dict):
             return arguments
         rule = "be a function of time or a table (times, values)"
-        raise ModelError(Problem(cls.__name__, "factor", rule, shown(factor)))
+        raise ModelError(Problem("factor", rule, shown(factor)))
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.omitted("force") and given.omitted("moment"):
-            yield Fault(("force",), "is required without a moment")
+            yield Fault(("force",), "is required if there is no moment")
         if given.absent("spread"):
             return
         if not given.absent("station"):

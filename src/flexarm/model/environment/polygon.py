@@ -32,18 +32,20 @@ def polygon_faults(x: Sequence[float], y: Sequence[float], closed: bool) -> Iter
         return
     for k in range(1, len(points)):
         if math.dist(points[k - 1], points[k]) <= near:
-            rule = "differ from the previous point in x or y"
-            yield Fault(("x", k), rule, shown(points[k][0]))
+            yield Fault(("x", k), "differ from the previous point in x or y", shown(points[k][0]))
             return
     if not closed:
         return
     length = sum(math.dist(a, b) for a, b in pairwise(points))
     if abs(_area(points)) <= near * length:
-        yield Fault(("x",), "enclose an area with y", shown(list(x)))
+        yield Fault(("x",), "enclose an area together with y", shown(list(x)))
         return
     crossing = min(_crossings(points), default=None)
     if crossing is not None:
-        rule = f"and y cross themselves after the points [{crossing[0]}] and [{crossing[1]}]"
+        rule = (
+            "and y are a polygon that crosses itself after the points "
+            f"[{crossing[0]}] and [{crossing[1]}]"
+        )
         yield Fault(("x",), rule)
 
 

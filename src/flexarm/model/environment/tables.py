@@ -20,7 +20,7 @@ def order_fault(times: Sequence[float]) -> tuple[int, str] | None:
     """
     for k in range(1, len(times)):
         if times[k] < times[k - 1]:
-            return k, f"be at least {times[k - 1]:.9g}, the previous time"
+            return k, f"be at least {times[k - 1]:.9g} (the previous time)"
         if k > 1 and times[k] == times[k - 2]:
             return k, "occur at most twice"
     return None

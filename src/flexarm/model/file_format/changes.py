@@ -28,11 +28,11 @@ class Change:
     value: Any
 
 
-def change_of(where: str, option: str, text: str) -> Change:
+def change_of(option: str, text: str) -> Change:
     """Return the change that an option requests as ``PATH=VALUE``, with the value in YAML.
 
     Args:
-        where: name of the command, for messages.
+        option: name of the option, for messages.
 
     Raises:
         InputError: if the text does not have this form, or the value is not YAML.
@@ -41,7 +41,7 @@ def change_of(where: str, option: str, text: str) -> Change:
     path = tuple(parts_of(name.strip()))
     if not given or not path:
         rule = "be a key path and a value, such as run.duration=3 or arm.links[0].length=1.2"
-        raise InputError(Problem(where, option, rule, shown(text)))
+        raise InputError(Problem(option, rule, shown(text)))
     origin = f"{option} {text}"
     if not value.strip():
         return Change(origin, path, None)
@@ -81,12 +81,12 @@ def _with(value: Any, change: Change, walked: Path) -> Any:
     if isinstance(part, str):
         if not isinstance(value, dict | None):
             rule = "be a mapping of keys to values"
-            raise ModelError(Problem(change.origin, path_text(walked), rule, shown(value)))
+            raise ModelError(Problem(path_text(walked), rule, shown(value), where=change.origin))
         old = value or {}
         return {**old, part: _with(old.get(part), change, inside)}
     if not isinstance(value, list):
-        raise ModelError(Problem(change.origin, path_text(walked), "be a list", shown(value)))
+        raise ModelError(Problem(path_text(walked), "be a list", shown(value), where=change.origin))
     if part >= len(value):
         rule = f"does not exist: the list has {len(value)} entries, counted from 0"
-        raise ModelError(Problem(change.origin, path_text(inside), rule))
+        raise ModelError(Problem(path_text(inside), rule, where=change.origin))
     return [*value[:part], _with(value[part], change, inside), *value[part + 1 :]]

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from flexarm.arguments import check_path
-from flexarm.errors import ModelError, Problem, shown
+from flexarm.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
 from flexarm.model.file_format.changes import changed
@@ -62,13 +62,14 @@ def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
     return spec
 
 
+@public_call
 def load_scenario(path: AnyPath) -> Scenario:
     """Read a scenario file; its `arm` may be the path of another file, relative to the scenario.
 
     Raises:
         ModelError: if the file or its arm file is invalid; lists all problems with lines.
     """
-    return locate_scenario(check_path("load_scenario", "path", path))[0]
+    return locate_scenario(check_path("path", path))[0]
 
 
 def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path], str]]:
@@ -120,12 +121,23 @@ def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path
     return record, where
 
 
+def describes_arm_only(document: Document) -> bool:
+    """Return whether a file has no other key than the arm, so that it cannot be simulated."""
+    return set(document.value) <= {"flexarm", "arm"}
+
+
 def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
-    """Raise if the file is a study instead of a scenario, or a scenario instead of a study.
+    """Raise if the file is of another kind: an arm, or a study for a scenario or vice versa.
 
     Raises:
-        ModelError: if the file has keys of the other kind of file only.
+        ModelError: if the file has only an arm, or keys of the other kind of file only.
     """
+    if describes_arm_only(document) and "arm" in document.value:
+        rule = f"has an arm only, so it is not a {kind.__name__.lower()}"
+        hint = "`flexarm check`, `modes` and `linearize` read an arm alone."
+        if kind is Scenario:
+            hint = f"Add `run: {{duration: 2}}` to simulate it. {hint}"
+        raise ModelError(Problem("the file", rule, hint=hint, where=document.where(())))
     keys = document.value.keys()
     own = keys & (kind.model_fields.keys() - _OTHERS[kind].model_fields.keys())
     others = keys & (_OTHERS[kind].model_fields.keys() - kind.model_fields.keys())
@@ -137,7 +149,7 @@ def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
     wanted, (other, command) = names[kind][0], names[_OTHERS[kind]]
     hint = f"Run it with `flexarm {command}`, or with run_{other} in Python."
     place = document.where((min(others),))
-    raise ModelError(Problem(place, "the file", f"is a {other}, not a {wanted}", hint=hint))
+    raise ModelError(Problem("the file", f"is a {other}, not a {wanted}", hint=hint, where=place))
 
 
 _OTHERS: dict[type[Record], type[Record]] = {Scenario: Study, Study: Scenario}
@@ -180,7 +192,7 @@ def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | Study:
     document = path if isinstance(path, Document) else load_document(path)
     if "drives" in document.value:
         return locate_study(document)[0]
-    if document.value.keys() <= {"flexarm", "arm"}:
+    if describes_arm_only(document):
         return load_arm_spec(document)
     return locate_scenario(document)[0]
 
@@ -222,7 +234,7 @@ def _whole(text: str, file: AnyPath) -> Document:
         rule = (
             f"refers to another file, {shown(document.value['arm'])}; it must describe the arm here"
         )
-        raise ModelError(Problem(str(file), "arm", rule))
+        raise ModelError(Problem("arm", rule, where=str(file)))
     return document
 
 
@@ -244,7 +256,8 @@ def _checked(
         for fault in faults_of(error):
             place = (*inside, *fault.path)
             if not reported or place != reported:
-                problems.append(replace(fault, path=place).problem(where(place), "the file"))
+                problem = replace(fault, path=place).problem("the file")
+                problems.append(replace(problem, where=where(place)))
         return None
 
 
@@ -258,7 +271,7 @@ def _holder_of_arm(
     problems += document.problems
     problems += _head_problems(document, kind)
     if "arm" not in document.value:
-        problems.append(Problem(document.where(()), "arm", "is missing"))
+        problems.append(Problem("arm", "is missing", where=document.where(())))
         return None
     named = document.value["arm"]
     if not isinstance(named, str):
@@ -267,7 +280,7 @@ def _holder_of_arm(
     came_from = (*came_from, _real(document.file))
     other = document.file.parent / named
     if _real(other) in came_from:
-        problems.append(Problem(here, "arm", "refers to itself through a circle of files"))
+        problems.append(Problem("arm", "refers to itself through a circle of files", where=here))
         return None
     try:
         text = _text(other)
@@ -275,7 +288,7 @@ def _holder_of_arm(
             # The author of a scenario may have fewer rights than this process: do not quote the
             # content of files that were not written for flexarm.
             rule = f"names {shown(named)}, which is not an arm file: it has no key `flexarm`"
-            problems.append(Problem(here, "arm", rule))
+            problems.append(Problem("arm", rule, where=here))
             return None
         inside = [c for c in document.changes if c.path[0] == "arm" and len(c.path) > 1]
         return _holder_of_arm(changed(_parsed(other, text), inside), problems, came_from)
@@ -294,20 +307,20 @@ def _head_problems(document: Document, kind: type[Record] | None) -> list[Proble
         kind = Study if "drives" in document.value else Scenario
     keys = ("flexarm", *kind.model_fields)
     problems = [
-        Problem(document.where((key,)), key, "is not a known key", hint=suggestion(key, keys))
+        Problem(key, "is not a known key", hint=suggestion(key, keys), where=document.where((key,)))
         for key in document.value
         if key not in keys
     ]
     where = document.where(("flexarm",))
     if "flexarm" not in document.value:
         hint = f"Start the file with `flexarm: {FILE_VERSION}`, the version of its format."
-        return [Problem(where, "flexarm", "is missing", hint=hint), *problems]
+        return [Problem("flexarm", "is missing", hint=hint, where=where), *problems]
     version = document.value["flexarm"]
     if version != FILE_VERSION or not isinstance(version, int) or isinstance(version, bool):
         newer = isinstance(version, int) and version > FILE_VERSION
         hint = "The file is for a newer flexarm: upgrade flexarm." if newer else ""
-        rule = f"be {FILE_VERSION}, the version of the file format"
-        return [Problem(where, "flexarm", rule, shown(version), hint), *problems]
+        rule = f"be {FILE_VERSION} (the version of the file format)"
+        return [Problem("flexarm", rule, shown(version), hint, where=where), *problems]
     return problems
 
 
@@ -338,31 +351,31 @@ def _real(file: FilePath) -> str:
 
 def _text(file: FilePath) -> str:
     """Return the text of a file in UTF-8."""
+    hint = ""
     try:
         raw = read_bytes(file, _MOST_BYTES + 1)
     except FileNotFoundError:
-        raise ModelError(
-            Problem(str(file), "the file", "does not exist", hint=_near(file))
-        ) from None
+        rule, hint = "does not exist", _near(file)
     except IsADirectoryError:
-        raise ModelError(Problem(str(file), "the file", "is a directory")) from None
+        rule = "is a directory"
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ModelError(Problem(str(file), "the file", f"cannot be read: {reason}")) from None
-    return _decoded(file, raw)
+        rule = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    else:
+        return _decoded(file, raw)
+    raise ModelError(Problem("the file", rule, hint=hint, where=str(file)))
 
 
 def _decoded(file: FilePath, raw: bytes) -> str:
     """Return the text of the content of a file."""
     if len(raw) > _MOST_BYTES:
         rule = f"is larger than {_MOST_BYTES // 10**6} MB"
-        raise ModelError(Problem(str(file), "the file", rule))
+        raise ModelError(Problem("the file", rule, where=str(file)))
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         where = f"{file}:{line}"
-        raise ModelError(Problem(where, "the file", "is not text in UTF-8")) from None
+        raise ModelError(Problem("the file", "is not text in UTF-8", where=where)) from None
 
 
 def _parsed(file: FilePath, text: str) -> Document:
@@ -370,7 +383,7 @@ def _parsed(file: FilePath, text: str) -> Document:
     document = parse(file, text)
     if not isinstance(document.value, dict):
         rule, value = "be a mapping of keys to values", shown(document.value)
-        raise ModelError(Problem(document.where(()), "the file", rule, value))
+        raise ModelError(Problem("the file", rule, value, where=document.where(())))
     return document
 
 

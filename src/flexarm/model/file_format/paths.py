@@ -15,11 +15,11 @@ R = TypeVar("R", bound=Record)
 _PART = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
 
 
-def number_at(where: str, name: str, record: Record, path: object) -> float:
+def number_at(name: str, record: Record, path: object) -> float:
     """Return the number at a path.
 
     Args:
-        where, name: names of the calling function and of its argument, for messages.
+        name: name of the argument, for messages.
 
     Raises:
         InputError: if the record has no such path, or its value is not a floating-point number but
@@ -28,7 +28,7 @@ def number_at(where: str, name: str, record: Record, path: object) -> float:
     rule = "be the path of a number of the arm"
     if not isinstance(path, str):
         hint = "A path is text such as 'links[0].flexural_rigidity' or 'payload.mass'."
-        raise InputError(Problem(where, name, rule, shown(path), hint))
+        raise InputError(Problem(name, rule, shown(path), hint))
     parts = parts_of(path)
     value: Any = record if parts else None
     walked = ""
@@ -39,14 +39,14 @@ def number_at(where: str, name: str, record: Record, path: object) -> float:
             hint = f"{walked or 'The arm'} has no {part}" + (
                 f"; did you mean {near[0]}?" if near else "."
             )
-            raise InputError(Problem(where, name, rule, shown(path), hint))
+            raise InputError(Problem(name, rule, shown(path), hint))
         value = _inside(value, part)
         walked = _joined(walked, part)
     if isinstance(value, float):
         return value
     found = "nothing" if value is None else shown(value)
     hint = f"It is {found} there." if parts else "An example is 'links[0].flexural_rigidity'."
-    raise InputError(Problem(where, name, rule, shown(path), hint))
+    raise InputError(Problem(name, rule, shown(path), hint))
 
 
 def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm.errors import ModelError, Problem, shown
+from flexarm.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.sections import MATERIALS
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.file_format.files import FILE_VERSION
@@ -15,6 +15,7 @@ from flexarm.model.wording import suggestion
 _KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": Study}
 
 
+@public_call
 def json_schema(kind: str = "scenario") -> dict[str, Any]:
     """Return the JSON schema of a kind of file.
 
@@ -28,7 +29,7 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
     if kind not in _KINDS:
         rule = f"be one of {', '.join(map(repr, _KINDS))}"
         hint = suggestion(kind, _KINDS) if isinstance(kind, str) else ""
-        raise ModelError(Problem("json_schema", "kind", rule, shown(kind), hint))
+        raise ModelError(Problem("kind", rule, shown(kind), hint))
     whole = (Study if kind == "study" else Scenario).model_json_schema()
     definitions = whole["$defs"]
     for definition in definitions.values():

@@ -32,7 +32,7 @@ _TAG = "tag:yaml.org,2002:"
 
 
 class _Resolver(Resolver):
-    """The scalars of YAML 1.2, without those of PyYAML."""
+    """Resolver of the scalars of YAML 1.2, in place of those of PyYAML."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and form)
 
@@ -147,7 +147,7 @@ class Document:
         value, size = self._built[id(node)]
         if size > _MOST_VALUES:
             rule = f"has more than {_MOST_VALUES} values with its aliases expanded"
-            raise ModelError(Problem(str(self.file), "the file", rule))
+            raise ModelError(Problem("the file", rule, where=str(self.file)))
         return value, size
 
     def _build(self, node: yaml.Node, path: Path) -> tuple[Any, int]:
@@ -204,7 +204,7 @@ class Document:
 
     def _report(self, node: yaml.Node, path: Path, rule: str) -> None:
         where = f"{self.file}:{node.start_mark.line + 1}"
-        self.problems.append(Problem(where, path_text(path) or "the file", rule))
+        self.problems.append(Problem(path_text(path) or "the file", rule, where=where))
 
 
 def parse(file: FilePath, text: str) -> Document:
@@ -220,16 +220,16 @@ def parse(file: FilePath, text: str) -> Document:
     try:
         root = _composed(text)
         if root is None:
-            raise ModelError(Problem(str(file), "the file", "is empty"))
+            raise ModelError(Problem("the file", "is empty", where=str(file)))
         return Document(file, root)
     except yaml.MarkedYAMLError as error:
         raise ModelError(_syntax_problem(file, error)) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         rule = f"contains the character {error.character:#x}, which YAML does not allow"
-        raise ModelError(Problem(f"{file}:{line}", "the file", rule)) from None
+        raise ModelError(Problem("the file", rule, where=f"{file}:{line}")) from None
     except RecursionError:
-        raise ModelError(Problem(str(file), "the file", "is nested too deeply")) from None
+        raise ModelError(Problem("the file", "is nested too deeply", where=str(file))) from None
 
 
 def _composed(text: str) -> yaml.Node | None:
@@ -252,7 +252,7 @@ def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
     where = f"{file}:{mark.line + 1}" if mark else str(file)
     rule = f"is not valid YAML: {error.problem or error.context}"
     hint = "Indent with spaces." if "'\\t'" in rule else ""
-    return Problem(where, "the file", rule, hint=hint)
+    return Problem("the file", rule, hint=hint, where=where)
 
 
 def _whole(text: str) -> int | float:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Count, Flag, Number, Pair, Word
+from flexarm.model.quantities import Count, Direction, Flag, Number, Pair, Word
 from flexarm.model.wording import Fault
 
 #: Names of other ends of a run, not permitted for events.
@@ -30,9 +30,8 @@ class _Event(Record):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.has("name") and given.name in (DURATION, FAILURE):
-            yield Fault(
-                ("name",), "differ from the names of other ends of a run", shown(given.name)
-            )
+            rule = f"not be {DURATION!r} or {FAILURE!r} (other ends of a run)"
+            yield Fault(("name",), rule, shown(given.name))
 
 
 class JointEvent(_Event):
@@ -49,7 +48,7 @@ class JointEvent(_Event):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         yield from super()._faults(given)
         if given.absent("angle") and given.absent("stop"):
-            yield Fault(("angle",), "is required without stop")
+            yield Fault(("angle",), "is required if there is no stop")
         elif not given.absent("angle") and not given.absent("stop"):
             yield Fault(("angle",), "cannot be combined with stop")
 
@@ -59,13 +58,7 @@ class TipEvent(_Event):
 
     kind: Literal["tip_line"] = "tip_line"
     point: Pair = Field(description="Any point of the line [x, y], world frame (m).")
-    normal: Pair = Field(description="Normal of the line [x, y], of any length.")
-
-    @classmethod
-    def _faults(cls, given: Given) -> Iterator[Fault]:
-        yield from super()._faults(given)
-        if given.has("normal") and not any(given.normal):
-            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
+    normal: Direction = Field(description="Normal of the line [x, y], of any length.")
 
 
 EventSpec = Annotated[JointEvent | TipEvent, Field(discriminator="kind")]
@@ -89,8 +82,8 @@ def event_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
         if event.kind != "joint_angle":
             continue
         if given.has("arm") and event.joint not in turning:
-            known = ", ".join(map(str, turning)) or "there is none"
-            rule = f"be the number of a joint that is not fixed: {known}"
+            known = ", ".join(map(str, turning)) or "there are none"
+            rule = f"be the number of a joint that is not fixed ({known})"
             yield Fault(("events", i, "joint"), rule, shown(event.joint))
         elif event.stop and given.has("arm") and given.arm.joints[event.joint - 1].limits is None:
             rule = f"is not supported: joint {event.joint} has no limits"

@@ -9,7 +9,16 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, length_of, plain
+from flexarm.model.quantities import (
+    Direction,
+    Listed,
+    NonNegative,
+    Number,
+    Pair,
+    Positive,
+    length_of,
+    plain,
+)
 from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
 from flexarm.model.wording import Fault, look, refuse
 
@@ -30,7 +39,7 @@ class _Timing(Record):
 
     duration: Positive = Field(description="Time from start to end (s).")
     profile: Profile = Field(default="quintic", description="Timing law along the path.")
-    start_time: NonNegative = Field(default=0.0, description="When the motion starts (s).")
+    start_time: NonNegative = Field(default=0.0, description="Start time of the motion (s).")
     shaping: ShapingSpec | None = Field(
         default=None, description="Input shaping against residual vibration."
     )
@@ -63,7 +72,7 @@ class ViaPointMotionSpec(_TipTiming):
     """Motion of the rigid arm's tip along lines between points, with rounded corners."""
 
     kind: Literal["via_points"] = "via_points"
-    points: Points = Field(description="Where the lines meet [[x, y], ...], world frame (m).")
+    points: Points = Field(description="Corners of the path [[x, y], ...], world frame (m).")
     blend: Positive | None = Field(
         default=None,
         description="Distance from each corner at which the tip leaves the lines (m); by default "
@@ -76,7 +85,7 @@ class SplineMotionSpec(_TipTiming):
 
     kind: Literal["spline"] = "spline"
     points: Points = Field(
-        description="Where the tip passes [[x, y], ...], world frame (m); the curve is closed if "
+        description="Points of the path [[x, y], ...], world frame (m); the curve is closed if "
         "the last equals the first."
     )
 
@@ -127,7 +136,7 @@ class ForceTable(Record):
             return
         for k in range(1, len(given.times)):
             if given.times[k] <= given.times[k - 1]:
-                rule = f"be greater than {given.times[k - 1]:.9g}, the previous time"
+                rule = f"be greater than {given.times[k - 1]:.9g} (the previous time)"
                 yield Fault(("times", k), rule, shown(given.times[k]))
                 return
 
@@ -148,7 +157,7 @@ class PressedMotionSpec(Record):
     kind: Literal["pressed"] = "pressed"
     path: PathSpec = Field(description="The motion of the rigid arm whose tip is the path.")
     force: Force = Field(description="Force on the surface (N), or a table of it over time.")
-    normal: Pair | None = Field(
+    normal: Direction | None = Field(
         default=None,
         description=(
             "Normal out of the surface [x, y], of any length; by default that of the first contact."
@@ -160,11 +169,6 @@ class PressedMotionSpec(Record):
     interval: Positive = Field(
         default=0.05, description="Time between the instants at which the bent arm is computed (s)."
     )
-
-    @classmethod
-    def _faults(cls, given: Given) -> Iterator[Fault]:
-        if given.has("normal") and not any(given.normal):
-            yield Fault(("normal",), "have a length greater than 0", shown(list(given.normal)))
 
 
 MotionSpec = Annotated[PlainMotionSpec | PressedMotionSpec, Field(discriminator="kind")]
@@ -186,11 +190,10 @@ def motion_faults(given: Given) -> Iterator[Fault]:
         drive, place = look(drive, "inner"), (*place, "inner")
     for k, joint in enumerate(given.prescribed if given.has("prescribed") else ()):
         if joint.kind == "motion":
-            rule = "motion is not supported with a pressed motion"
-            yield Fault(("prescribed", k, "kind"), rule)
+            yield Fault(("prescribed", k, "kind"), "motion is not supported with a pressed motion")
     if look(motion, "normal") is None and given.has("contacts"):
         if not given.contacts:
-            yield Fault(("motion", "normal"), "is required without contacts")
+            yield Fault(("motion", "normal"), "is required if there are no contacts")
             return
         if given.contacts[0].surface.kind not in ("wall", "round"):
             rule = "is required if the first contact is neither a wall nor round"

@@ -56,7 +56,7 @@ class TabulatedJoint(_PrescribedJoint):
         if given.has("times"):
             for k in range(1, len(given.times)):
                 if given.times[k] <= given.times[k - 1]:
-                    rule = f"be greater than {given.times[k - 1]:.9g}, the previous time"
+                    rule = f"be greater than {given.times[k - 1]:.9g} (the previous time)"
                     yield Fault(("times", k), rule, shown(given.times[k]))
                     break
 
@@ -81,7 +81,7 @@ def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
     for i, joint in enumerate(given.prescribed):
         place = ("prescribed", i, "joint")
         if turning and joint.joint not in turning:
-            rule = f"be the number of a joint that is not fixed: {', '.join(map(str, turning))}"
+            rule = f"be the number of a joint that is not fixed ({', '.join(map(str, turning))})"
             yield Fault(place, rule, shown(joint.joint))
         if joint.joint in seen:
             rule = f"repeats joint {joint.joint}, which is in prescribed[{seen[joint.joint]}]"
@@ -96,7 +96,7 @@ def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
 def _coverage_faults(i: int, times: tuple[float, ...], duration: float) -> Iterator[Fault]:
     margin = 1e-9 * (times[-1] - times[0])
     if times[0] > margin or times[-1] < duration - margin:
-        rule = f"cover the run from 0 to {duration:.9g} with ends: free"
+        rule = f"cover the run from 0 to {duration:.9g} with 'ends: free'"
         value = f"{times[0]:.9g} to {times[-1]:.9g}"
-        hint = "With ends: rest the joint rests before and after the table."
+        hint = "With 'ends: rest' the joint is at rest before and after the table."
         yield Fault(("prescribed", i, "times"), rule, value, hint)

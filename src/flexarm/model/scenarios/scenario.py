@@ -31,8 +31,7 @@ def sample_fault(duration: float, rate: float) -> Fault | None:
     if samples <= MOST_SAMPLES:
         return None
     rule = f"be at most {MOST_SAMPLES / duration:.6g} for a duration of {duration:.6g}"
-    hint = f"A result has at most {MOST_SAMPLES:.0e} samples."
-    return Fault(("rate",), rule, shown(rate), hint)
+    return Fault(("rate",), rule, shown(rate), f"A result has at most {MOST_SAMPLES:.0e} samples.")
 
 
 class InitialState(Record):
@@ -88,7 +87,7 @@ class RunSettings(Record):
         if given.has("stations") and given.stations == 1:
             yield Fault(("stations",), "be 0, or at least 2 (root and tip)", "1")
         if given.has("duration", "step") and given.step > given.duration:
-            rule = f"be at most {given.duration:.9g}, the duration of the run"
+            rule = f"be at most {given.duration:.9g} (the duration of the run)"
             yield Fault(("step",), rule, shown(given.step))
 
 
@@ -133,8 +132,7 @@ class Scenario(Record):
         for path, values in _values_per_joint(given):
             length = length_of(values)
             if joints and length not in (None, joints):
-                rule = f"have length {joints}, one value for each joint"
-                yield Fault(path, rule, str(length))
+                yield Fault(path, f"have length {joints}, one value for each joint", str(length))
         if given.has("hardware") and kind not in CONTROLLED:
             yield Fault(("hardware",), "requires a controller as drive")
         yield from hardware_faults(given)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from flexarm.errors import public_call
 from flexarm.motion.geometry.chain import check_arm
 from flexarm.motion.motion import check_motion
 
@@ -30,7 +31,7 @@ class RigidTorque:
         motion: the motion.
     """
 
-    #: ``simulate`` may evaluate many times in one call.
+    #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
     rigid_counterpart: Arm
@@ -46,6 +47,7 @@ class RigidTorque:
         """Times (s) at which the torque or a derivative of it may jump: those of the motion."""
         return self.motion.breaks
 
+    @public_call
     def __call__(self, t: ArrayLike) -> Floats:
         """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
 
@@ -57,6 +59,7 @@ class RigidTorque:
         return torque.reshape(state.angle.shape)
 
 
+@public_call
 def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
     """Return the rigid inverse dynamics of an arm along a motion as a function of time.
 
@@ -68,5 +71,5 @@ def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
     Raises:
         InputError: if the numbers of joints differ.
     """
-    arm = check_arm("rigid_torque", arm)
-    return RigidTorque(arm.rigid(), check_motion("rigid_torque", motion, arm))
+    arm = check_arm(arm)
+    return RigidTorque(arm.rigid(), check_motion(motion, arm))

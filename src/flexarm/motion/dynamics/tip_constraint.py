@@ -73,7 +73,7 @@ class TipConstraint:
                 f"is singular at t = {times[k]:.6g} s: with the joint angles "
                 f"{np.round(angles[k], 4)} rad the joints cannot move the tip in every direction"
             )
-            raise InputError(Problem("tip_inversion", "motion", rule))
+            raise InputError(Problem("motion", rule))
 
     def misses(self, t: Floats, q: Floats, along: DynamicsAlong) -> tuple[Floats, Floats]:
         """Return the residuals (T, n), m, and their derivatives by q, (T, n, dof)."""

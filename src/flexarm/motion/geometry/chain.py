@@ -43,7 +43,7 @@ class RigidChain:
         return self.base + tip_position(self.lengths, joint_angles + self.offset)
 
 
-def check_arm(where: str, arm: Arm) -> Arm:
+def check_arm(arm: Arm) -> Arm:
     """Return an object that has the joints and links of an arm.
 
     Raises:
@@ -52,18 +52,18 @@ def check_arm(where: str, arm: Arm) -> Arm:
     parts = ("joints", "links", "lengths", "spec", "assembly")
     if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
         given = f"the class {arm.__name__}" if isinstance(arm, type) else shown(arm)
-        raise InputError(Problem(where, "arm", "be an Arm", given))
+        raise InputError(Problem("arm", "be an Arm", given))
     return arm
 
 
-def rigid_chain(where: str, arm: Arm) -> RigidChain:
+def rigid_chain(arm: Arm) -> RigidChain:
     """Return the rigid chain of an arm.
 
     Raises:
         InputError: if no joint turns, or two joints that turn are at the same position.
     """
-    if check_arm(where, arm).joints == 0:
-        raise InputError(Problem(where, "arm", "has no joint that is not fixed"))
+    if check_arm(arm).joints == 0:
+        raise InputError(Problem("arm", "has no joint that is not fixed"))
     turning = [seat.link for seat in arm.assembly.seats]
     base, before = _walk(arm, 0, turning[0])
     lengths, offset = [], []
@@ -72,7 +72,7 @@ def rigid_chain(where: str, arm: Arm) -> RigidChain:
         length, direction = float(np.hypot(*bar)), float(np.arctan2(bar[1], bar[0]))
         if length <= 1e-12 * float(np.sum(arm.lengths)):
             rule = f"has two joints at one place: its fixed links return to joint {first + 1}"
-            raise InputError(Problem(where, "arm", rule))
+            raise InputError(Problem("arm", rule))
         lengths.append(length)
         offset.append(before + direction)
         before = turned - direction

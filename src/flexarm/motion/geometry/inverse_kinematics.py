@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.geometry.nearest_posture import nearest_posture
 
@@ -36,6 +36,7 @@ def reach_limits(lengths: Floats) -> tuple[float, float]:
     return max(0.0, 2.0 * float(np.max(lengths)) - total), total
 
 
+@public_call
 def inverse_kinematics(
     arm: Arm, point: ArrayLike, elbow: str = "up", posture: ArrayLike | None = None
 ) -> Floats:
@@ -48,31 +49,27 @@ def inverse_kinematics(
             with theta_2 >= 0. For more links without a posture, the side of the line from base to
             point on which the arm is: `"up"` is the left side in the direction of the point.
         posture: for three links or more, relative joint angles (n,) rad; the result is then the
-            nearest solution: the sum of the squared differences from them is a minimum, to which
-            the descents from this posture and from those of both elbows lead. `elbow` is not used.
+            nearest solution, with the smallest sum of squared angle differences among the minima
+            found from this posture and from those of both elbows. `elbow` is not used.
 
     Returns:
-        The angles, each in [-pi, pi], except that those nearest to a posture keep its full turns.
+        The angles, each in [-pi, pi]; with a posture, near its angles, including full turns.
 
     Raises:
         InputError: if the point is out of reach, or an argument has the wrong shape or is not
             finite.
     """
-    where = "inverse_kinematics"
-    chain = rigid_chain(where, arm)
-    target = check_array(where, "point", point, (2,))
-    check_elbow(where, elbow)
-    check_reach(where, "point", chain, target)
-    return posture_at(where, chain, target, elbow, posture)
+    chain = rigid_chain(arm)
+    target = check_array("point", point, (2,))
+    check_elbow(elbow)
+    check_reach("point", chain, target)
+    return posture_at(chain, target, elbow, posture)
 
 
-def posture_at(
-    where: str, chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike | None
-) -> Floats:
+def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike | None) -> Floats:
     """Return joint angles (n,) of a rigid chain for a point (2,) within reach.
 
     Args:
-        where: name of the calling function, for messages.
         chain, point, elbow, posture: see `inverse_kinematics`.
 
     Raises:
@@ -81,11 +78,11 @@ def posture_at(
     lengths, target = chain.lengths, point - chain.base
     if posture is None:
         return _wrapped(built_posture(lengths, target, elbow) - chain.offset)
-    seed = check_array(where, "posture", posture, (len(lengths),))
+    seed = check_array("posture", posture, (len(lengths),))
     if len(lengths) < 3:
         rule = "is not supported for an arm of one or two links"
         hint = "Choose the posture with elbow='up' or 'down'."
-        raise InputError(Problem(where, "posture", rule, hint=hint))
+        raise InputError(Problem("posture", rule, hint=hint))
     bars = seed + chain.offset
     built = [built_posture(lengths, target, elbow) for elbow in ELBOWS]
     starts = [angles + _full_turns(bars - angles) for angles in built]
@@ -95,13 +92,13 @@ def posture_at(
     return nearest_posture(lengths, target, bars, starts) - chain.offset
 
 
-def check_elbow(where: str, elbow: str) -> None:
+def check_elbow(elbow: str) -> None:
     """Raise if an elbow is neither up nor down."""
     if not isinstance(elbow, str) or elbow not in ELBOWS:
-        raise InputError(Problem(where, "elbow", "be 'up' or 'down'", shown(elbow)))
+        raise InputError(Problem("elbow", "be 'up' or 'down'", shown(elbow)))
 
 
-def check_reach(where: str, name: str, chain: RigidChain, point: Floats) -> None:
+def check_reach(name: str, chain: RigidChain, point: Floats) -> None:
     """Raise if a point (2,) is outside the ring (for one link the circle) of reachable points."""
     inner, outer = reach_limits(chain.lengths)
     distance = float(np.hypot(*(point - chain.base)))
@@ -110,14 +107,14 @@ def check_reach(where: str, name: str, chain: RigidChain, point: Floats) -> None
     if len(chain.lengths) == 1 and abs(distance - outer) > slack:
         rule = f"lie on the circle of radius {outer:.6g} m about the base"
         hint = "The tip of a one-link arm stays on that circle."
-        raise InputError(Problem(where, name, rule, value, hint))
+        raise InputError(Problem(name, rule, value, hint))
     if distance > outer + slack:
         rule = f"lie within the reach of {outer:.6g} m from the base"
-        raise InputError(Problem(where, name, rule, value, "The straight arm is too short."))
+        raise InputError(Problem(name, rule, value, "The straight arm is too short."))
     if distance < inner - slack:
         rule = f"lie at least {inner:.6g} m from the base"
         hint = "One link is longer than all the others together."
-        raise InputError(Problem(where, name, rule, value, hint))
+        raise InputError(Problem(name, rule, value, hint))
 
 
 def elbow_angle(lengths: Floats, distance: Floats | float, elbow: str) -> Floats:

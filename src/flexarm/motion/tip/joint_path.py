@@ -172,7 +172,7 @@ def _least_norm_posture(chain: RigidChain, path: TipPath, near: OdeSolution, s: 
     """Return the postures at path fractions s, with the tip corrected onto the path."""
     point = path.at(s).point - chain.base
     angles: Floats = near(s).T
-    for _ in range(2):  # quadratic: from 1e-11 to 1e-22, below rounding
+    for _ in range(2):  # errors are squared: from 1e-11 to 1e-22, below rounding
         inverse = _pseudo_inverse(tip_jacobian(chain.lengths, angles))
         angles = angles + _times(inverse, point - tip_position(chain.lengths, angles))
     return angles

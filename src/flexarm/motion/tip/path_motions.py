@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm.errors import public_call
 from flexarm.motion.tip.tip_motion import TipMotion, tip_motion
 from flexarm.motion.tip.tip_paths import arc_path, line_path, polygon_path, spline_path
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from flexarm.motion.timing import TimingLaw
 
 
+@public_call
 def line_motion(
     arm: Arm,
     start: ArrayLike,
@@ -47,11 +49,11 @@ def line_motion(
             of the distance to this point. Its acceleration is infinite with the quintic law, and
             its rate jumps with the trapezoidal law.
     """
-    where = "line_motion"
-    path = line_path(where, start, end)
-    return tip_motion(where, arm, path, duration, profile, elbow, start_time, posture)
+    path = line_path(start, end)
+    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
 
 
+@public_call
 def via_point_motion(
     arm: Arm,
     points: ArrayLike,
@@ -78,11 +80,11 @@ def via_point_motion(
         InputError: under the conditions of `line_motion`, if a point equals the one before it, or
             the corners do not fit on the lines.
     """
-    where = "via_point_motion"
-    path = polygon_path(where, points, blend)
-    return tip_motion(where, arm, path, duration, profile, elbow, start_time, posture)
+    path = polygon_path(points, blend)
+    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
 
 
+@public_call
 def spline_motion(
     arm: Arm,
     points: ArrayLike,
@@ -105,11 +107,11 @@ def spline_motion(
     Raises:
         InputError: under the conditions of `line_motion`, or if a point equals the one before it.
     """
-    where = "spline_motion"
-    path = spline_path(where, points)
-    return tip_motion(where, arm, path, duration, profile, elbow, start_time, posture)
+    path = spline_path(points)
+    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
 
 
+@public_call
 def circle_motion(
     arm: Arm,
     center: ArrayLike,
@@ -134,6 +136,5 @@ def circle_motion(
         InputError: under the conditions of `line_motion`, if the start is the centre, or the angle
             is zero.
     """
-    where = "circle_motion"
-    path = arc_path(where, center, start, angle)
-    return tip_motion(where, arm, path, duration, profile, elbow, start_time, posture)
+    path = arc_path(center, start, angle)
+    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)

@@ -81,7 +81,6 @@ class TipMotion(PathMotion):
 
 
 def tip_motion(
-    where: str,
     arm: Arm,
     path: TipPath,
     duration: float,
@@ -93,23 +92,21 @@ def tip_motion(
     """Return a motion of the rigid arm's tip along a path, from rest to rest.
 
     Args:
-        where: name of the calling function, for messages.
         arm, duration, profile, elbow, start_time, posture: see `line_motion`.
         path: path in world axes.
 
     Raises:
         InputError: under the conditions of `line_motion`.
     """
-    duration, start_time = checked_times(where, duration, start_time)
-    law = timing_law(where, profile)
-    chain = rigid_chain(where, arm)
-    check_elbow(where, elbow)
+    duration, start_time = checked_times(duration, start_time)
+    law = timing_law(profile)
+    chain = rigid_chain(arm)
+    check_elbow(elbow)
     if len(chain.lengths) == 1:
         rule = "has one link, which cannot follow a path of the tip"
-        hint = "Its tip moves on a circle: use joint_motion."
-        raise InputError(Problem(where, "arm", rule, hint=hint))
-    _check_margins(where, chain, path)
-    first = posture_at(where, chain, path.at(np.zeros(1)).point[0], elbow, posture) + chain.offset
+        raise InputError(Problem("arm", rule, hint="Its tip moves on a circle: use joint_motion."))
+    _check_margins(chain, path)
+    first = posture_at(chain, path.at(np.zeros(1)).point[0], elbow, posture) + chain.offset
     if len(chain.lengths) == 2:
         return TipMotion(chain, path, duration, law, start_time, two_link_path(chain, path, elbow))
     try:
@@ -118,7 +115,6 @@ def tip_motion(
         (point,) = path.at(np.array([singular.s])).point
         angles = [round(angle, 4) for angle in (singular.posture - chain.offset).tolist()]
         problem = Problem(
-            where,
             path.title,
             f"has a singular posture at ({point[0]:.6g}, {point[1]:.6g}): all links lie in one "
             f"line with the joint angles {shown(angles)} rad",
@@ -128,10 +124,10 @@ def tip_motion(
     return TipMotion(chain, path, duration, law, start_time, along)
 
 
-def _check_margins(where: str, chain: RigidChain, path: TipPath) -> None:
+def _check_margins(chain: RigidChain, path: TipPath) -> None:
     """Raise if a path reaches the outer boundary of the reach or enters the hole inside it."""
     for name, s in path.marks.items():
-        check_reach(where, name, chain, path.at(np.array([s])).point[0])
+        check_reach(name, chain, path.at(np.array([s])).point[0])
     inner, outer = reach_limits(chain.lengths)
     margin = MARGIN * outer
     extremes = path.extremes(chain.base)
@@ -146,8 +142,8 @@ def _check_margins(where: str, chain: RigidChain, path: TipPath) -> None:
         else:
             rule = f"stay less than {outer - margin:.9g} m from the base"
             value = f"a farthest point of {_place(points[far], distances[far])}"
-        hint = "The straight arm cannot follow a path."
-        raise InputError(Problem(where, [*named, path.title][0], rule, value, hint))
+        hint = "There the arm is straight and cannot follow a path."
+        raise InputError(Problem([*named, path.title][0], rule, value, hint))
     # Without a hole, three links or more can pass the base; only their posture may be singular.
     if (inner == 0.0 and len(chain.lengths) > 2) or distances[near] >= inner + margin:
         return
@@ -158,7 +154,7 @@ def _check_margins(where: str, chain: RigidChain, path: TipPath) -> None:
         rule = f"stay more than {inner + margin:.9g} m from the base"
         hint = "Closer points cannot be reached, and the folded arm cannot follow a path."
     value = f"a nearest point of {_place(points[near], distances[near])}"
-    raise InputError(Problem(where, path.title, rule, value, hint))
+    raise InputError(Problem(path.title, rule, value, hint))
 
 
 def _place(point: Floats, distance: float) -> str:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import check_positive
+from flexarm.arguments import check_number, check_positive
 from flexarm.errors import InputError, Problem, check_array, shown
 
 if TYPE_CHECKING:
@@ -191,17 +191,17 @@ class ArcPath(TipPath):
         return np.concatenate([[0.0, 1.0], np.clip(turned / self.angle, 0.0, 1.0)])
 
 
-def line_path(where: str, start: ArrayLike, end: ArrayLike) -> LinePath:
+def line_path(start: ArrayLike, end: ArrayLike) -> LinePath:
     """Return the straight line between two world points (2,), m.
 
     Raises:
         InputError: if a point has the wrong shape or is not finite.
     """
-    start, end = check_array(where, "start", start, (2,)), check_array(where, "end", end, (2,))
+    start, end = check_array("start", start, (2,)), check_array("end", end, (2,))
     return LinePath("line from start to end", {"start": 0.0, "end": 1.0}, start, end - start)
 
 
-def polygon_path(where: str, points: ArrayLike, blend: float | None) -> PolynomialPath:
+def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
     """Return straight lines between world points (k, 2), m, with rounded corners.
 
     Args:
@@ -209,22 +209,22 @@ def polygon_path(where: str, points: ArrayLike, blend: float | None) -> Polynomi
             the shorter of the two lines.
 
     Raises:
-        InputError: if the points are not two or more, each different from the one before it, or the
-            corners do not fit on the lines.
+        InputError: if there are fewer than two points, two successive points are equal, or the
+            rounded corners do not fit on the lines.
     """
-    corners = _different(where, points)
+    corners = _different(points)
     sides = np.diff(corners, axis=0)
     lengths = np.hypot(*sides.T)
     units = sides / lengths[:, None]
     room = np.minimum(lengths[:-1], lengths[1:])
     reach = CORNER * room
     if blend is not None:
-        reach = np.full_like(room, check_positive(where, "blend", blend, "m"))
+        reach = np.full_like(room, check_positive("blend", blend, "m"))
         tight = int(np.argmin(room)) if room.size else 0
         if room.size and reach[tight] > 0.5 * room[tight]:
-            rule = f"be at most {0.5 * room[tight]:.6g} m, half of the shorter line at a corner"
+            rule = f"be at most {0.5 * room[tight]:.6g} m (half of the shorter line at a corner)"
             hint = f"That corner is points[{tight + 1}]."
-            raise InputError(Problem(where, "blend", rule, shown(blend), hint))
+            raise InputError(Problem("blend", rule, shown(blend), hint))
     total = float(lengths.sum())
     edges, rows = [0.0], []
     for k, unit in enumerate(units):
@@ -244,7 +244,7 @@ def polygon_path(where: str, points: ArrayLike, blend: float | None) -> Polynomi
     return PolynomialPath("path along the points", marks, _polynomials(edges, rows))
 
 
-def spline_path(where: str, points: ArrayLike) -> PolynomialPath:
+def spline_path(points: ArrayLike) -> PolynomialPath:
     """Return the cubic spline through world points (k, 2), m, over the lengths of its chords.
 
     It is closed, without a corner, if the last point equals the first.
@@ -254,7 +254,7 @@ def spline_path(where: str, points: ArrayLike) -> PolynomialPath:
     """
     from scipy.interpolate import CubicSpline
 
-    knots = _different(where, points)
+    knots = _different(points)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(knots, axis=0).T))])
     s = along / along[-1]
     closed = bool(np.all(knots[0] == knots[-1]))
@@ -263,36 +263,33 @@ def spline_path(where: str, points: ArrayLike) -> PolynomialPath:
     return PolynomialPath("path through the points", marks, pieces)
 
 
-def arc_path(where: str, center: ArrayLike, start: ArrayLike, angle: float) -> ArcPath:
+def arc_path(center: ArrayLike, start: ArrayLike, angle: float) -> ArcPath:
     """Return the circular arc from a world point (2,), m, about a centre, by an angle (rad).
 
     Raises:
         InputError: if the start is at the centre, or the angle is zero or not finite.
     """
-    center = check_array(where, "center", center, (2,))
-    start = check_array(where, "start", start, (2,))
-    angle = float(check_array(where, "angle", angle, ()))
+    center = check_array("center", center, (2,))
+    start = check_array("start", start, (2,))
+    angle = check_number("angle", angle, lambda turn: turn != 0.0, "differ from 0")
     out = start - center
     radius = float(np.hypot(*out))
     if radius == 0.0:
-        raise InputError(Problem(where, "start", "differ from the center", shown(start.tolist())))
-    if angle == 0.0:
-        raise InputError(Problem(where, "angle", "differ from 0", shown(angle)))
+        raise InputError(Problem("start", "differ from the center", shown(start.tolist())))
     first = float(np.arctan2(out[1], out[0]))
     return ArcPath("arc", {"start": 0.0}, center, radius, first, angle)
 
 
-def _different(where: str, points: ArrayLike) -> Floats:
+def _different(points: ArrayLike) -> Floats:
     """Return two or more points (k, 2) of which neighbours differ."""
-    array = check_array(where, "points", points, (-1, 2))
+    array = check_array("points", points, (-1, 2))
     if len(array) < 2:
-        rule = "have at least two points"
-        raise InputError(Problem(where, "points", rule, str(len(array))))
+        raise InputError(Problem("points", "have at least two points", str(len(array))))
     gaps = np.hypot(*np.diff(array, axis=0).T)
     near = np.flatnonzero(gaps <= _NEGLIGIBLE * gaps.sum())
     if near.size:
         name, rule = f"points[{near[0] + 1}]", "differ from the previous point"
-        raise InputError(Problem(where, name, rule, shown(array[near[0] + 1].tolist())))
+        raise InputError(Problem(name, rule, shown(array[near[0] + 1].tolist())))
     return array
 
 

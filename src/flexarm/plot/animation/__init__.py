@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arguments import (
-    check_count,
-    check_dataset,
-    check_flag,
-    check_nonnegative,
-    check_positive,
-)
-from flexarm.errors import InputError, Problem, shown
+from flexarm.arguments import check_count, check_dataset, check_flag, check_number, check_positive
+from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.model import Contact
 from flexarm.plot.animation.page import inline, page
 from flexarm.plot.animation.scene import Scene, SceneOptions, scene_of, thin
@@ -29,7 +23,6 @@ if TYPE_CHECKING:
 
     from flexarm.plot.animation.frames import Picture
 
-_WHERE = "animate"
 _MOST_FRAMES, _MOST_RESULTS, _MOST_HISTORIES = 20_000, 4, 6
 #: Intervals of a history whose extreme values are drawn, about one for two columns of a screen.
 _INTERVALS = 450
@@ -67,13 +60,14 @@ class Animation:
 
         return Stage(self.scenes, self.width).pictures()
 
+    @public_call
     def save(self, path: AnyPath) -> None:
         """Write the animation to an .mp4, .gif or .html file, completely or not at all.
 
         Raises:
             InputError: if the file cannot be written, or is an .mp4 and ffmpeg is not installed.
         """
-        place = check_animation_place("Animation.save", "path", path)
+        place = check_animation_place("path", path)
         suffix = place.suffix.lower()
         if suffix == ".html":
             write_text(self.html(), place)
@@ -84,10 +78,11 @@ class Animation:
         if suffix == ".gif":
             write_whole(place, [gif(stage.pictures(), self.fps)])
             return
-        ffmpeg = find_ffmpeg("Animation.save")
+        ffmpeg = find_ffmpeg()
         write_whole(place, mp4(stage.pictures(), stage.size, self.fps, ffmpeg))
 
 
+@public_call
 def animate(
     results: xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset],
     path: AnyPath | None = None,
@@ -136,28 +131,24 @@ def animate(
             written, or an .mp4 is requested and ffmpeg is not installed.
     """
     named = _named(results)
-    place = None if path is None else check_animation_place(_WHERE, "path", path)
-    fps = check_nonnegative(_WHERE, "fps", fps, 240.0)
-    if fps < 1.0:
-        raise InputError(Problem(_WHERE, "fps", "be at least 1", shown(fps)))
-    speed = check_positive(_WHERE, "speed", speed)
+    place = None if path is None else check_animation_place("path", path)
+    fps = check_number("fps", fps, lambda rate: 1.0 <= rate <= 240.0, "be from 1 to 240")
+    speed = check_positive("speed", speed)
     if place is not None and place.suffix.lower() == ".gif":
         fps = 100.0 / gif_delay(fps)
     options = SceneOptions(
-        check_magnify(_WHERE, magnify),
-        check_flag(_WHERE, "trace", trace),
-        check_flag(_WHERE, "torque", torque),
+        check_magnify(magnify), check_flag("trace", trace), check_flag("torque", torque)
     )
-    width = check_count(_WHERE, "width", width, 320, 7680)
+    width = check_count("width", width, 320, 7680)
     times = _times(named, fps, speed)
     scenes = []
     for name, result in named.items():
-        arm = arm_of(_WHERE, "results", result)
-        histories = [] if _empty(channels) else several(_WHERE, "channels", channels, result)
+        arm = arm_of("results", result)
+        histories = [] if _empty(channels) else several("channels", channels, result)
         if len(histories) > _MOST_HISTORIES:
             rule = f"be at most {_MOST_HISTORIES} channels"
-            raise InputError(Problem(_WHERE, "channels", rule, shown(len(histories))))
-        asked, touched = surroundings(_WHERE, arm, result, reference, contacts)
+            raise InputError(Problem("channels", rule, shown(len(histories))))
+        asked, touched = surroundings(arm, result, reference, contacts)
         scenes.append(
             scene_of(
                 name,
@@ -165,7 +156,7 @@ def animate(
                 result,
                 float(result["time"].values[0]) + times,
                 options,
-                rigid_result(_WHERE, rigid, arm, result),
+                rigid_result(rigid, arm, result),
                 asked,
                 touched,
                 [thin(signals, _INTERVALS) for signals in histories],
@@ -173,7 +164,7 @@ def animate(
         )
     if len({len(scene.histories) for scene in scenes}) > 1:
         rule = "are required, because the results have different ones"
-        raise InputError(Problem(_WHERE, "channels", rule))
+        raise InputError(Problem("channels", rule))
     animation = Animation(scenes, fps, speed, width - width % 2)
     if place is not None:
         animation.save(place)
@@ -183,10 +174,10 @@ def animate(
 def _named(results: object) -> dict[str, xr.Dataset]:
     """Return the results by title, which is empty for a single result."""
     if isinstance(results, Mapping | list | tuple) and not hasattr(results, "data_vars"):
-        named = named_results(_WHERE, results, _MOST_RESULTS)
+        named = named_results(results, _MOST_RESULTS)
     else:
-        named = {"": check_dataset(_WHERE, "results", results)}
-    return {name: check_drawable(_WHERE, "results", result) for name, result in named.items()}
+        named = {"": check_dataset("results", results)}
+    return {name: check_drawable("results", result) for name, result in named.items()}
 
 
 def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndarray:
@@ -196,7 +187,7 @@ def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndar
     if frames > _MOST_FRAMES:
         rule = f"give at most {_MOST_FRAMES} frames"
         hint = "Use a larger speed or a smaller fps."
-        raise InputError(Problem(_WHERE, "results", rule, f"{frames:.0f} frames", hint))
+        raise InputError(Problem("results", rule, f"{frames:.0f} frames", hint))
     # The last frame is always the end of the run.
     times = np.arange(int(frames * (1.0 + 1e-12)) + 1) * (speed / fps)
     return times if times[-1] > max(spans) - 1e-9 * speed / fps else np.append(times, max(spans))

@@ -20,12 +20,11 @@ if TYPE_CHECKING:
 
 
 def surroundings(
-    where: str, arm: Arm, result: xr.Dataset, reference: Any, contacts: Sequence[Contact] | None
+    arm: Arm, result: xr.Dataset, reference: Any, contacts: Sequence[Contact] | None
 ) -> tuple[Any, Sequence[Contact]]:
     """Return the reference, or None, and the contacts to draw with a result.
 
     Args:
-        where: name of the calling function, for messages.
         arm: arm of the result.
         reference, contacts: as given by the user; None for those of the result's scenario.
 
@@ -34,10 +33,10 @@ def surroundings(
             ``contacts`` is not a list of contacts.
     """
     if contacts is not None:
-        contacts = check_list_of(where, "contacts", contacts, Contact)
+        contacts = check_list_of("contacts", contacts, Contact)
     if reference is not None:
-        check_reference(where, reference)
-        _check_joints(where, reference, arm)
+        check_reference(reference)
+        _check_joints(reference, arm)
     moved, touched = _of_scenario(arm, result)
     return (
         moved if reference is None else reference,
@@ -56,7 +55,7 @@ def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
         return None, scenario.contacts
 
 
-def _check_joints(where: str, reference: Any, arm: Arm) -> None:
+def _check_joints(reference: Any, arm: Arm) -> None:
     """Raise if a reference has neither the arm's number of joints nor its own tip path.
 
     Raises:
@@ -66,4 +65,4 @@ def _check_joints(where: str, reference: Any, arm: Arm) -> None:
         angles = np.asarray(reference.joint_angle(0.0))
         if angles.shape != (arm.joints,):
             rule = f"move the {arm.joints} joints of the arm"
-            raise InputError(Problem(where, "reference", rule, f"one for {angles.size} joints"))
+            raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))

@@ -30,7 +30,7 @@ _HINT = (
 _HOUSE = [int(color[k : k + 2], 16) for color in (*SERIES, INK, GREY) for k in (1, 3, 5)]
 
 
-def find_ffmpeg(where: str, name: str = "path") -> str:
+def find_ffmpeg(name: str = "path") -> str:
     """Return the path of ffmpeg, from the package ``imageio-ffmpeg`` or from the system.
 
     Raises:
@@ -43,20 +43,19 @@ def find_ffmpeg(where: str, name: str = "path") -> str:
     except (ImportError, RuntimeError, OSError):  # not installed, or not available for this CPU
         found = shutil.which("ffmpeg")
     if found is None:
-        rule = "is an .mp4 file, which needs ffmpeg"
-        raise InputError(Problem(where, name, rule, hint=_HINT))
+        raise InputError(Problem(name, "is an .mp4 file, which needs ffmpeg", hint=_HINT))
     return found
 
 
-def check_animation_place(where: str, name: str, path: AnyPath) -> Path:
+def check_animation_place(name: str, path: AnyPath) -> Path:
     """Return the path of an animation's file after checking that it can be written.
 
     Raises:
         InputError: under the conditions of `check_place`, or for an .mp4 without ffmpeg.
     """
-    place = check_place(where, name, path, SUFFIXES)
+    place = check_place(name, path, SUFFIXES)
     if place.suffix.lower() == ".mp4":
-        find_ffmpeg(where, name)
+        find_ffmpeg(name)
     return place
 
 
@@ -120,7 +119,7 @@ def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
 
 def _failed(ffmpeg: str, reason: str) -> InputError:
     hint = f"{Path(ffmpeg).name} reported: {reason}. {_HINT}"
-    return InputError(Problem("animate", "the video", "could not be encoded by ffmpeg", hint=hint))
+    return InputError(Problem("the video", "could not be encoded by ffmpeg", hint=hint))
 
 
 def gif_delay(fps: float) -> int:
