@@ -318,6 +318,7 @@ PD = fa.JointPD(1.0, 1.0)
         ({"seeds": [0.5], "hardware": fa.Hardware(), "controller": PD}, "seeds must be whole"),
         ({"hardware": fa.Hardware()}, "hardware requires a controller"),
         ({"torque": [[0.0, 0.0]] * 15, "controller": PD}, "torque cannot be combined with a con"),
+        ({"controller": []}, "controller must not be empty"),
         ({"controller": [PD, 3]}, "controller must have the method reset"),
         ({"channels": "tip"}, "channels must be a list"),
         ({"channels": ["tipp"]}, "Did you mean 'tip'"),

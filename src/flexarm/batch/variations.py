@@ -187,14 +187,15 @@ def _assembled(spec: ArmSpec) -> Arm:
 
 def _states(name: str, value: ArrayLike, dof: int) -> FloatArray:
     """Return coordinates or rates as (dof,) for all runs, or (runs, dof)."""
-    return check_array(name, value, (-1, dof) if _is_nested(value) else (dof,))
+    return check_array(name, value, (-1, dof) if _axes(value) > 1 else (dof,))
 
 
-def _is_nested(value: Any) -> bool:
-    """Return whether a list consists of lists or arrays."""
-    if not _is_list(value):
-        return bool(getattr(value, "ndim", 0) > 1)
-    return bool(value) and (_is_list(value[0]) or getattr(value[0], "ndim", 0) > 0)
+def _axes(value: Any) -> int:
+    """Return the number of axes of an array, or of nested lists by their first items."""
+    axes = getattr(value, "ndim", None)
+    if isinstance(axes, int):
+        return axes
+    return 1 + _axes(value[0]) if _is_list(value) and value else 0
 
 
 def _torques(torque: Any, joints: int) -> tuple[list[Torque | None], bool]:
@@ -203,7 +204,7 @@ def _torques(torque: Any, joints: int) -> tuple[list[Torque | None], bool]:
         return [torque], False
     if _is_list(torque) and torque and all(map(_is_history, torque)):
         return list(torque), True
-    if _is_nested(torque) and _is_nested(torque[0]):
+    if _axes(torque) > 2:
         return list(check_array("torque", torque, (-1, -1, joints))), True
     return [check_array("torque", torque, (-1, joints))], False
 
@@ -220,8 +221,9 @@ def _check_loop(
     seeds: object,
 ) -> None:
     """Raise if controllers, references, hardware and seeds do not fit each other."""
-    closed = controllers[0] is not None
-    problems = []
+    named = {"controller": controllers, "reference": references}
+    problems = [Problem(name, "must not be empty") for name, items in named.items() if not items]
+    closed = bool(controllers) and controllers[0] is not None
     if closed and torque is not None:
         problems.append(Problem("torque", "cannot be combined with a controller"))
     if hardware is not None:
