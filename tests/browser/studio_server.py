@@ -116,6 +116,39 @@ class Screen:
     def value(self, path):
         return float(self.field(path).locator("input").input_value())
 
+    def text(self, path):
+        return self.field(path).locator("textarea").input_value()
+
+    def open_group(self, title):
+        """Open a group of the panel."""
+        group = self.page.locator(f'[data-group="{title}"]')
+        group.locator(".q-item").first.click()
+        group.locator(".field").first.wait_for()
+
+    def close_group(self, title):
+        """Close a group of the panel."""
+        group = self.page.locator(f'[data-group="{title}"]')
+        group.locator(".q-item").first.click()
+        group.locator(".field").first.wait_for(state="hidden")
+
+    def open_part(self, path):
+        """Open "More values" around a field."""
+        part = self.page.locator(".part", has=self.field(path)).last
+        if not self.field(path).is_visible():
+            part.locator(".q-item").first.click()
+        self.field(path).locator("input, button").first.wait_for()
+
+    def press(self, path):
+        """Press a button that adds or removes something, and wait until its field is replaced."""
+        self.field(path).locator("button").click()
+        self.wait_until_idle()
+
+    def type_table(self, path, text):
+        """Replace the text of a table."""
+        box = self.field(path).locator("textarea")
+        box.fill(text)
+        box.press("Control+Enter")
+
     def message(self, path):
         shown = self.field(path).locator(".message")
         return shown.inner_text() if shown.is_visible() else ""

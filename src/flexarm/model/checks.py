@@ -133,6 +133,8 @@ class Record(BaseModel, metaclass=RecordType):
     """A sentence per field, added to a complaint about that field which has no hint of its own."""
     _written: ClassVar[tuple[str, ...]] = ()
     """Fields that files contain even if they equal their defaults, because rules require them."""
+    _columns: ClassVar[tuple[str, ...]] = ()
+    """Fields that are the columns of a table: lists with one entry for each of its rows."""
     _kw_only: ClassVar[bool] = True
 
     def __init_subclass__(cls, *, kw_only: bool = True, **config: Any) -> None:

@@ -210,16 +210,16 @@ class Motors(Record, kw_only=False):
     )
     time_constant: NonNegative = Field(default=0.0, description="Lag of the current loop (s).")
     torque_constant: OneOrMany[Positive] | None = Field(
-        default=None, description="Torque per current, N m/A."
+        default=None, description="Torque per current (N m/A)."
     )
     current_limit: Limits = Field(
-        default=math.inf, json_schema_extra=NO_LIMIT, description="Largest current, A."
+        default=math.inf, json_schema_extra=NO_LIMIT, description="Largest current (A)."
     )
     voltage_limit: Limits = Field(
-        default=math.inf, json_schema_extra=NO_LIMIT, description="Supply, V."
+        default=math.inf, json_schema_extra=NO_LIMIT, description="Supply voltage (V)."
     )
     resistance: OneOrMany[Positive] | None = Field(
-        default=None, description="Resistance of the winding, ohm."
+        default=None, description="Resistance of the winding (ohm)."
     )
 
     @public_call

@@ -142,7 +142,8 @@ def _without_tags(location: Path, data: object) -> Path:
     path: list[str | int] = []
     tagged = True  # the record itself is not a member of a union
     for part in location:
-        if isinstance(part, str) and part.startswith("<"):
+        own = isinstance(data, dict) and part in data
+        if isinstance(part, str) and part.startswith("<") and not own:
             continue
         if not tagged and part == look(data, "kind"):
             tagged = True  # a key of that name may follow

@@ -114,9 +114,9 @@ class RigidMotion:
     def __init__(self, arm: Arm, time: FloatArray, q: FloatArray) -> None:
         self.arm, self.time, self.q = arm, time, q
 
-    def shapes(self, times: FloatArray) -> FloatArray:
+    def shapes(self, times: FloatArray, stations: int = STATIONS) -> FloatArray:
         """Return the shapes at times (k,) s, (k, links, stations, 2) m."""
-        return shapes_of(self.arm, at_times(self.time, self.q, times))
+        return shapes_of(self.arm, at_times(self.time, self.q, times), stations=stations)
 
 
 def at_times(time: FloatArray, values: FloatArray, times: FloatArray) -> FloatArray:

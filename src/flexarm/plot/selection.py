@@ -71,7 +71,7 @@ def signals_of(name: str, result: xr.Dataset, channel: object) -> Signals:
     if not isinstance(channel, str):
         raise InputError(Problem(name, "be the name of a channel", shown(channel)))
     plain, bracket, part = channel.partition("[")
-    known = [str(key) for key, data in result.data_vars.items() if _plottable(data)]
+    known = [str(key) for key in result.data_vars if _plottable(result.variables[key])]
     if plain not in known:
         hint = nearest(plain, known) or f"It has {', '.join(known[:8])}, ..."
         if plain in CHANNELS:
@@ -99,7 +99,7 @@ def _missing_hint(name: str) -> str:
     return "This result was made without it."
 
 
-def _plottable(data: xr.DataArray) -> bool:
+def _plottable(data: xr.Variable) -> bool:
     return bool(data.dims) and data.dims[0] in ("time", "tick") and data.dtype.kind == "f"
 
 

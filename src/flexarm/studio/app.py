@@ -43,8 +43,9 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
         show: whether to open a browser.
     """
     worker = Worker(parts_of, lambda text: Failure((("", text),)))
-    # The first run loads or compiles its kernels while the browser opens.
-    worker.submit("start", Request(project), lambda number, part: None)
+    # The first answers load or compile their kernels while the browser opens.
+    for purpose in ("picture", "margins"):
+        worker.submit(purpose, Request(project, purpose), lambda number, part: None)
     windows: dict[str, Window] = {}
     app.storage.max_tab_storage_age = _KEPT
     app.add_middleware(Guard, token=token, local=is_loopback(host))

@@ -6,16 +6,18 @@ import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import orjson
 
 from flexarm.arm import Arm
 from flexarm.bending import one_warning
 from flexarm.errors import FlexarmError, FlexarmWarning, InputError, printable
 from flexarm.linear import modes
 from flexarm.loop_analysis.margins import loop_margins
-from flexarm.plot.animation.page import as_json, player_data
+from flexarm.plot.animation.page import player_data
 from flexarm.plot.animation.scene import SceneOptions, scene_of, thin
 from flexarm.plot.drawn_arm import rigid_result
 from flexarm.plot.selection import Signals, several
@@ -40,12 +42,11 @@ class Request:
 
     Attributes:
         project: what to simulate.
-        purpose: a preview while a slider moves, the picture with all numbers, the margins alone
-            if the picture exists, or a report.
+        purpose: what to compute.
     """
 
     project: Project
-    purpose: Literal["preview", "picture", "margins", "report"] = "picture"
+    purpose: Literal["picture", "margins", "report"] = "picture"
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Picture:
         seconds: computing time.
     """
 
-    data: str
+    data: bytes
     warnings: tuple[str, ...]
     frequencies: tuple[float, ...]
     seconds: float
@@ -99,32 +100,34 @@ Part = Picture | Margins | Report | Failure
 
 
 def parts_of(request: Request) -> Iterator[Part]:
-    """Yield what a request asks for, the picture first. A failure ends it."""
-    project = request.project
+    """Yield what a request asks for, or a failure."""
     try:
         with warnings.catch_warnings():  # results carry them
             warnings.simplefilter("ignore", FlexarmWarning)
-            began = time.perf_counter()
-            prepared, plant = _prepared(project)
-            if request.purpose == "margins":
-                yield _margins(prepared, plant)
-                return
-            result = _run(project, prepared, plant)
-            if request.purpose == "report":
-                text = report(result, title=project.name, rigid=True)
-                yield Report(text)
-                return
-            yield _picture(prepared, plant, result, began)
-            if request.purpose == "picture":
-                yield _margins(prepared, plant)
+            yield _part(request)
     except InputError as error:
         yield Failure(tuple((problem.name, problem.statement) for problem in error.problems))
     except (FlexarmError, MemoryError) as error:
         yield Failure((("", printable(str(error) or "out of memory")),))
 
 
+def _part(request: Request) -> Part:
+    project, began = request.project, time.perf_counter()
+    prepared, plant = _prepared(project)
+    if request.purpose == "margins":
+        return _margins(prepared, plant)
+    result = _run(project, prepared, plant)
+    if request.purpose == "report":
+        return Report(report(result, title=project.name, rigid=True))
+    return _picture(prepared, plant, result, began)
+
+
+@lru_cache(maxsize=1)
 def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
-    """Return the scenario, ready to run, and the simulated arm if it differs."""
+    """Return the scenario, ready to run, and the simulated arm if it differs.
+
+    The last one is kept, because the margins follow the picture.
+    """
     prepared = prepare(project.scenario)
     arm = project.simulated_arm
     return prepared, None if arm == project.scenario.arm else Arm(arm)
@@ -151,7 +154,7 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
         prepared.options.get("contacts", ()),
         [thin(few_lines(each), _INTERVALS) for each in _histories(result, arm, reference)],
     )
-    data = as_json(player_data([scene], fps, speed))
+    data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
     found = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
     spent = time.perf_counter() - began

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import secrets
 from collections.abc import Callable
 from typing import Any
@@ -11,16 +12,14 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from flexarm.errors import InputError
-from flexarm.model.wording import Path
+from flexarm.model.wording import Path, path_text
 from flexarm.studio.compute import Failure, Margins, Part, Picture, Report, Request
-from flexarm.studio.controls import Control
-from flexarm.studio.fields import Group, groups_of
+from flexarm.studio.panel import Panel
 from flexarm.studio.script import script_of
-from flexarm.studio.state import Choice, History, Project, open_bytes
+from flexarm.studio.state import History, Project, open_bytes
+from flexarm.studio.values.edits import shown_by
 from flexarm.studio.worker import Worker
 
-#: Groups that are open when a window opens; the others of many links would fill the screen.
-_OPEN = ("Link 1", "Link 2", "Payload", "Motion", "Drive")
 _LARGEST_FILE = 20_000_000  # bytes
 _MARGINS = ("", "gain margin", "phase margin [°]", "delay margin [ms]")
 
@@ -40,27 +39,25 @@ class Window:
     def __init__(self, history: History, worker: Worker) -> None:
         self.history, self._worker = history, worker
         self.key = secrets.token_urlsafe(16)
-        self.latest: tuple[int, bool, str] | None = None
-        self._newest = self._shown = 0
-        self._asked: Request | None = None
+        self.latest: tuple[int, bool, bytes] | None = None
+        self._margins_key = f"{self.key} margins"
+        # Numbers of pictures: the last request, the one shown, the oldest that may be shown.
+        self._newest = self._shown = self._oldest = 0
+        self._asked: Project | None = None
         self._pictured: Project | None = None
         self._seconds = 0.0
-        self._controls: dict[Path, Control] = {}
-        self._parts: dict[str, ui.expansion] = {}
-        self._paths: dict[str, set[Path]] = {}
-        self._chosen: Choice | None = None
         self._loop = asyncio.get_running_loop()
         self._client = ui.context.client
         with ui.element("div").classes("studio"):
             self._add_bar()
             with ui.element("main").classes("stage"):
                 self._add_stage()
-            self._panel = ui.element("aside").classes("panel").props('aria-label="values"')
+            self._panel = Panel(self._preview, self._commit, self._put)
         self._refresh()
 
     def close(self) -> None:
         """Drop what is waiting for this window."""
-        for owner in (self.key, f"{self.key} report"):
+        for owner in (self.key, self._margins_key, f"{self.key} report"):
             self._worker.forget(owner)
 
     # The bar, and what its buttons do.
@@ -151,111 +148,70 @@ class Window:
     # Values and their fields.
 
     def _preview(self, path: Path, value: Any) -> None:
-        try:
-            project = self.history.now.edited(path, value)
-        except InputError as error:
-            self._refused(path, error.problems[0].statement)
-            return
-        self._controls[path].explain("")
-        self._ask(Request(project, "preview"))
+        project = self._edited(path, value)
+        if project is not None:
+            self._panel.explain(path, "")
+            self._ask(project)
 
     def _commit(self, path: Path, value: Any) -> None:
-        try:
-            project = self.history.now.edited(path, value)
-        except InputError as error:
-            self._refused(path, error.problems[0].statement)
-            self._ask(Request(self.history.now))  # not the preview of a value that was refused
-            return
-        self._put(project)
+        project = self._edited(path, value)
+        if project is None:
+            self._settle()  # not the preview of a value that was refused
+        else:
+            self._put(project)
+            name = json.dumps(path_text(shown_by(project.record, project.placed(path), path)))
+            self._client.run_javascript(f"flexarmStudio.focus({name})")
 
-    def _choose(self, **names: str) -> None:
-        self._put(self.history.now.chosen(**names))
+    def _edited(self, path: Path, value: Any) -> Project | None:
+        """Return the edited project, or show beside the field why there is none."""
+        try:
+            return self.history.now.edited(path, value)
+        except InputError as error:
+            self._panel.explain(path, "\n".join(problem.statement for problem in error.problems))
+            return None
 
     def _put(self, project: Project) -> None:
         self.history.put(project)
         self._refresh()
 
-    def _refused(self, path: Path, message: str) -> None:
-        self._controls[path].explain(message)
-
     def _refresh(self) -> None:
         """Compute the state, and show it in all fields meanwhile."""
         project = self.history.now
-        self._ask(Request(project))
+        self._settle()
         self._name.set_text(project.name)
         self._undo.set_enabled(self.history.can_undo)
         self._redo.set_enabled(self.history.can_redo)
         self._save_study.set_visibility(project.choice is not None)
-        groups = groups_of(project)
-        if [group.title for group in groups] != list(self._parts) or project.choice != self._chosen:
-            self._build(project, groups)
-        else:
-            for group in groups:
-                self._show_group(group)
-
-    def _build(self, project: Project, groups: list[Group]) -> None:
-        """Create the controls of all groups."""
-        self._panel.clear()
-        self._parts.clear()
-        self._controls.clear()
-        self._chosen = project.choice
-        with self._panel:
-            if project.choice is not None:
-                self._add_choice(project)
-            for group in groups:
-                part = ui.expansion(group.title, value=group.title in _OPEN).classes("group")
-                part.set_visibility(bool(group.fields))
-                self._parts[group.title] = part
-                self._fill_group(group)
-
-    def _show_group(self, group: Group) -> None:
-        """Show the values of a group, in its controls if they fit."""
-        paths = {field.path for field in group.fields}
-        same = paths == self._paths[group.title] and all(
-            self._controls[field.path].fits(field) for field in group.fields
-        )
-        if not same:
-            for path in self._paths[group.title]:
-                del self._controls[path]
-            self._parts[group.title].clear()
-            self._fill_group(group)
-            return
-        for field in group.fields:
-            self._controls[field.path].show(field)
-
-    def _fill_group(self, group: Group) -> None:
-        self._paths[group.title] = {field.path for field in group.fields}
-        with self._parts[group.title]:
-            for field in group.fields:
-                control = Control(field, self._preview, self._commit, self._refused)
-                self._controls[field.path] = control
-
-    def _add_choice(self, project: Project) -> None:
-        record, choice = project.record, project.choice
-        for kind in ("drive", "motion", "plant"):
-            names = list(getattr(record, f"{kind}s"))
-            ui.select(
-                names,
-                label=f"{kind} of the study",
-                value=getattr(choice, kind),
-                on_change=lambda event, kind=kind: self._choose(**{kind: event.value}),
-            ).props("dense outlined").classes("choice")
+        self._panel.show(project)
 
     # Requests and answers.
 
-    def _ask(self, request: Request) -> None:
-        if request == self._asked:
+    def _ask(self, project: Project) -> None:
+        """Compute the picture of a project, unless it is shown or was requested last."""
+        if project == self._asked:
             return
-        self._asked = request
-        settled = request.purpose == "picture"
-        if settled and request.project == self._pictured and self.latest is not None:
-            # The last value of a slider that moved: its picture is shown already.
-            self.latest = (self._shown, True, self.latest[2])
-            self._client.run_javascript(f"flexarmStudio.show('{self.key}')")
-            request = Request(request.project, "margins")
+        self._asked = project
+        self._worker.forget(self._margins_key)
+        self._margins.classes(add="waiting")
+        if project == self._pictured:
+            self._worker.forget(self.key)
+            self._oldest = self._newest + 1  # pictures on their way are of other projects
+            self._be_current()
+            return
+        request = Request(project)
         self._newest = self._worker.submit(self.key, request, self._deliver(request))
         self._status.set_text("computing …")
-        self._margins.classes(add="waiting")
+
+    def _settle(self) -> None:
+        """Compute what belongs to the state: its picture, and after it the margins."""
+        project = self.history.now
+        self._ask(project)
+        if project == self._pictured and self.latest is not None:
+            # The last value of a slider that moved: its picture is shown already.
+            self.latest = (self.latest[0], True, self.latest[2])
+            self._client.run_javascript(f"flexarmStudio.show('{self.key}')")
+        request = Request(project, "margins")
+        self._worker.submit(self._margins_key, request, self._deliver(request), after=self.key)
 
     def _deliver(self, request: Request) -> Callable[[int, Any], None]:
         def deliver(number: int, part: Part) -> None:
@@ -272,16 +228,16 @@ class Window:
                 name = f"{request.project.name}.html"
                 ui.download.content(part.text, name, "text/html")
                 self._status.set_text("report written")
-            elif request.purpose == "report" and isinstance(part, Failure):
+            elif request.purpose == "report":
+                assert isinstance(part, Failure)
                 self._say("\n".join(text for _, text in part.problems))
-            elif number < self._shown:
-                return
+            elif isinstance(part, Margins):
+                if request.project == self.history.now:
+                    self._show_margins(part)
+            elif request.purpose == "margins" or number < max(self._shown, self._oldest):
+                return  # the picture reports the same failure; or a newer picture is shown
             elif isinstance(part, Picture):
                 self._show_picture(request, number, part)
-            elif isinstance(part, Margins):
-                self._show_margins(part)
-                if number == self._newest and request.project == self._pictured:
-                    self._be_current()
             elif number == self._newest:
                 self._show_failure(part)
 
@@ -321,9 +277,8 @@ class Window:
         head = "The picture shows the last run that worked." if old else "There is no picture."
         _fill(self._failure, "\n".join([*(text for _, text in part.problems), head]))
         for name, text in part.problems:
-            for control in self._controls.values():
-                if name and control.field.name.startswith(name):
-                    control.explain(text)
+            if name:
+                self._panel.explain_named(name, text)
         self._picture.classes(add="old")
         self._status.set_text("not computed")
         self._margins.clear()

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path as FilePath
 from typing import Any
 
+from flexarm.errors import InputError, Problem
 from flexarm.model import ArmSpec, PlantSpec, Scenario, Study, file_text
+from flexarm.model.checks import Record
 from flexarm.model.file_format.changes import Change, changed
 from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.files import load_any, record_of_bytes
 from flexarm.model.file_format.yaml_text import parse
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.model.wording import Path, look
-from flexarm.studio.starts import scenario_around, start_of_kind
+from flexarm.studio.values.edits import WORDS, explicit, plain_edit
+from flexarm.studio.values.starts import scenario_around
 from flexarm.writing.places import AnyPath
 
 #: Location of an edited value in messages.
 ORIGIN = "studio"
+#: Keys of a study of which a window simulates one entry, and that entry.
+STUDIED = {"motions": "motion", "drives": "drive", "plants": "plant"}
 #: Limit on the states that undo keeps.
 MOST_UNDO = 200
 
@@ -70,27 +77,35 @@ class Project:
         return arm if plant is None else plant_spec(arm, plant)
 
     def placed(self, path: Path) -> Path:
-        """Return the path in the record of a path in the simulated scenario."""
-        if self.choice is None or path[:1] not in (("drive",), ("motion",)):
-            return path
-        kind = str(path[0])
-        return (f"{kind}s", getattr(self.choice, kind), *path[1:])
+        """Return the path in the record of a path in the simulated scenario; ``plant`` is one."""
+        for names, one in STUDIED.items() if self.choice is not None else ():
+            if path[:1] == (one,):
+                return (names, getattr(self.choice, one), *path[1:])
+        return path
 
     def edited(self, path: Path, value: Any) -> Project:
         """Return a project with another value at a path of the simulated scenario.
 
-        This is the override of ``flexarm run --set``, with its messages. Another ``kind`` replaces
-        the whole motion, drive or damping by starting values.
+        This is the override of ``flexarm run --set``, with its messages. Paths that end with a word
+        of `flexarm.studio.values.edits` are other edits, such as a new entry of a list.
 
         Raises:
-            ModelError: if the value is not valid there.
+            InputError: if the value is not valid there.
         """
-        if path[-1:] == ("kind",):
-            path, value = path[:-1], start_of_kind(self.scenario, path[:-1], value)
         place = self.placed(path)
+        values: Sequence[Any] = (value,)
+        if path[-1:] and path[-1] in WORDS:
+            place, values = plain_edit(self.record, self.scenario, place, path, value)
+        *others, last = values
+        for each in others:
+            with suppress(InputError):
+                return self._with(place, each)
+        return self._with(place, last)
+
+    def _with(self, place: Path, value: Any) -> Project:
         document = parse(FilePath(ORIGIN), file_text(self.record))
         change = Change(ORIGIN, place, value)
-        missing = _omitted_lists(self.record, document.value, place)
+        missing = _abbreviated(self.record, document.value, place)
         record = load_any(changed(document, [*missing, change]))
         assert isinstance(record, Scenario | Study)
         return replace(self, record=record)
@@ -99,6 +114,44 @@ class Project:
         """Return a project that simulates another drive, motion or plant of its study."""
         assert self.choice is not None
         return replace(self, choice=replace(self.choice, **names))
+
+    def copied(self, one: str) -> Project:
+        """Return a project with a copy of the chosen drive, motion or plant, which is chosen."""
+        entries = self._entries(one)
+        old = getattr(self.choice, one)
+        numbered = (f"{old} {k}" for k in count(2))
+        name = next(name for name in numbered if name not in entries)
+        return self._with_entries(one, {**entries, name: entries[old]}, name)
+
+    def renamed(self, one: str, name: str) -> Project:
+        """Return a project in which the chosen drive, motion or plant has another name.
+
+        Raises:
+            InputError: if it is the name of another one, or is not a name.
+        """
+        old, entries = getattr(self.choice, one), self._entries(one)
+        if name != old and name in entries:
+            raise InputError(Problem(one, f"repeats {name!r}, the name of another one"))
+        renamed = {name if key == old else key: value for key, value in entries.items()}
+        return self._with_entries(one, renamed, name)
+
+    def removed(self, one: str) -> Project:
+        """Return a project without the chosen drive, motion or plant.
+
+        Raises:
+            InputError: if it is the only one.
+        """
+        entries = self._entries(one)
+        del entries[getattr(self.choice, one)]
+        return self._with_entries(one, entries, next(iter(entries), ""))
+
+    def _entries(self, one: str) -> dict[str, Any]:
+        names = next(names for names, each in STUDIED.items() if each == one)
+        return dict(content_of(getattr(self.record, names)))
+
+    def _with_entries(self, one: str, entries: dict[str, Any], name: str) -> Project:
+        names = next(names for names, each in STUDIED.items() if each == one)
+        return self._with((names,), entries).chosen(**{one: name})
 
     def files(self) -> dict[str, tuple[str, str]]:
         """Return name and text of the files that a user can save, by their kind."""
@@ -112,14 +165,15 @@ class Project:
         return found
 
 
-def _omitted_lists(record: Scenario | Study, content: Any, path: Path) -> Iterator[Change]:
-    """Yield the lists on a path that the file omits because they equal their defaults."""
+def _abbreviated(record: Scenario | Study, content: Any, path: Path) -> Iterator[Change]:
+    """Yield explicit values on a path for those that the file omits or gives by name."""
     for k, part in enumerate(path):
         given, value = content, record
         for step in path[:k]:
             given, value = look(given, step), look(value, step)  # type: ignore[assignment]
-        if isinstance(part, int) and given is None and isinstance(value, tuple):
-            yield Change(ORIGIN, path[:k], content_of(value))
+        omitted = isinstance(part, int) and given is None and isinstance(value, tuple)
+        if omitted or (isinstance(given, str) and isinstance(value, Record)):
+            yield Change(ORIGIN, path[:k], explicit(value))
             return
 
 

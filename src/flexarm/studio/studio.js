@@ -20,8 +20,11 @@ window.flexarmStudio = (function () {
       draw();
     }
     const picture = document.querySelector(".picture");
-    if (answer.headers.get("X-Settled") === "1") settled = data;
-    picture.dataset.settled = answer.headers.get("X-Settled");
+    // The picture of a released slider stays one, even if an answer of before arrives later.
+    const already = Number(picture.dataset.number) === number && picture.dataset.settled === "1";
+    const released = already || answer.headers.get("X-Settled") === "1";
+    if (released) settled = data;
+    picture.dataset.settled = released ? "1" : "0";
     picture.dataset.number = number;
   }
 
@@ -49,15 +52,26 @@ window.flexarmStudio = (function () {
     return root;
   }
 
+  // Focus a field, or the first whose path begins so, if the focused control was replaced.
+  function focus(path) {
+    setTimeout(() => {
+      if (document.activeElement !== document.body) return;
+      const fields = [...document.querySelectorAll(".field")];
+      const field = fields.find((each) => each.dataset.path === path)
+        || fields.find((each) => each.dataset.path.startsWith(path));
+      field?.querySelector("input, textarea, button, [tabindex='0']")?.focus();
+    }, 50);
+  }
+
   // Ctrl+Z in a text field undoes typing; elsewhere it undoes an edit.
   document.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
-    if (event.target.matches("input:not([type=checkbox]):not([type=range])")) return;
+    if (event.target.matches("textarea, input:not([type=checkbox]):not([type=range])")) return;
     const key = event.key.toLowerCase();
     const name = key === "y" || (key === "z" && event.shiftKey) ? "redo" : key === "z" ? "undo" : "";
     if (!name) return;
     event.preventDefault();
     document.querySelector("." + name).click();
   });
-  return { show };
+  return { show, focus };
 })();

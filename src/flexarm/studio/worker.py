@@ -31,6 +31,7 @@ class _Ticket:
     number: int
     request: Any
     deliver: Deliver
+    stopped_by: frozenset[Hashable]  # owners whose waiting requests stop this one
 
 
 class Worker:
@@ -63,10 +64,17 @@ class Worker:
         self._thread = threading.Thread(target=self._dispatch, daemon=True)
         self._thread.start()
 
-    def submit(self, owner: Hashable, request: Any, deliver: Deliver) -> int:
-        """Compute a request in place of the waiting one of its owner; return its number."""
+    def submit(
+        self, owner: Hashable, request: Any, deliver: Deliver, after: Hashable = None
+    ) -> int:
+        """Compute a request in place of the waiting one of its owner; return its number.
+
+        Args:
+            after: another owner, whose requests are more important: they stop this one as later
+                requests of the same owner do.
+        """
         with self._change:
-            ticket = _Ticket(next(self._numbers), request, deliver)
+            ticket = _Ticket(next(self._numbers), request, deliver, frozenset((owner, after)))
             self._waiting[owner] = ticket
             self._change.notify()
         return ticket.number
@@ -99,10 +107,10 @@ class Worker:
                     break
                 owner = next(iter(self._waiting))
                 ticket = self._waiting.pop(owner)
-            self._serve(owner, ticket)
+            self._serve(ticket)
         self._stop()
 
-    def _serve(self, owner: Hashable, ticket: _Ticket) -> None:
+    def _serve(self, ticket: _Ticket) -> None:
         if self._process is None:
             self._start()
         pipe, began = self._pipe, time.monotonic()
@@ -117,7 +125,8 @@ class Worker:
                     ticket.deliver(ticket.number, part)
                     continue
                 spent = time.monotonic() - began
-                if self._closed or (owner in self._waiting and spent > self._patience):
+                superseded = any(each in self._waiting for each in ticket.stopped_by)
+                if self._closed or (superseded and spent > self._patience):
                     self._stop()
                     return
                 if spent > self._longest:

@@ -173,3 +173,8 @@ def test_joints_are_counted_in_an_arm_with_other_problems():
         "Scenario: arm.links[0].length must be greater than 0, got 0.",
         ("Scenario: initial.joint_angle must have length 1, one value for each joint, got 2."),
     ]
+
+
+def test_a_key_that_looks_like_the_tag_of_a_union_is_unknown():
+    with pytest.raises(ModelError, match=r"is not a known key\. Known: duration, rate"):
+        RunSettings(**{"duration": 1, "<list>": 2})

@@ -14,7 +14,11 @@ from flexarm.studio.state import open_bytes, open_file, paper_project
 
 from test_state import STUDY  # isort: skip
 
-EXAMPLES = sorted((Path(__file__).parents[3] / "examples").rglob("*.yaml"))
+ROOT = Path(__file__).parents[3]
+EXAMPLES = [
+    *sorted((ROOT / "examples").rglob("*.yaml")),
+    ROOT / "tests/unit/studio/every_part.yaml",
+]
 
 
 def run(text, tmp_path):
@@ -60,6 +64,12 @@ def test_script_describes_every_example_completely(file, tmp_path):
     text = script_of(project).split("\nresult = ")[0].split("# The simulated arm")[0]
     assert run(text, tmp_path)["scenario"] == project.scenario
     assert max(map(len, text.splitlines())) < 120
+
+
+def test_it_runs_a_scenario_with_every_part(tmp_path):
+    project = open_file(EXAMPLES[-1])
+    expected = fa.run_scenario(project.scenario)
+    np.testing.assert_array_equal(run(script_of(project), tmp_path)["result"].q, expected.q)
 
 
 def test_names_in_a_file_are_quoted_not_executed(tmp_path):

@@ -1,9 +1,12 @@
 """State of a studio window: edits, messages, files, undo and redo."""
 
+from pathlib import Path
+
 import pytest
 
 import flexarm as fa
-from flexarm.errors import ModelError
+from flexarm.errors import InputError, ModelError
+from flexarm.model.drives import CONTROLLED
 from flexarm.model.file_format.files import load_any
 from flexarm.studio.state import (
     MOST_UNDO,
@@ -78,14 +81,28 @@ def test_another_kind_of_motion_starts_at_the_same_point(kind):
     assert edited.edited(("motion", "kind"), "line").record.motion.kind == "line"
 
 
-def test_another_drive_has_gains_of_a_stable_loop():
+@pytest.mark.parametrize("kind", CONTROLLED)
+def test_another_drive_has_gains_of_a_stable_loop(kind):
     from flexarm.scenarios.scenario import prepare
 
-    for kind in ("joint_pd", "joint_pid", "computed_torque"):
-        project = paper_project().edited(("drive", "kind"), kind)
-        assert project.record.drive.kind == kind
-        prepared = prepare(project.scenario)
-        assert prepared.unstable_loop(prepared.loop_poles()) == "", kind
+    project = paper_project()
+    for k in (0, 1):
+        project = project.edited(("arm", "links", k, "gauges", "<new>"), None)
+    project = project.edited(("drive", "kind"), kind)
+    assert project.record.drive.kind == kind
+    prepared = prepare(project.scenario)
+    assert prepared.unstable_loop(prepared.loop_poles()) == ""
+
+
+def test_a_sampled_torque_is_that_of_the_rigid_arm():
+    project = paper_project()
+    drive = project.edited(("drive", "kind"), "torque").record.drive
+    arm = fa.Arm(project.record.arm)
+    torque = fa.rigid_torque(arm, fa.line_motion(arm, (2.0, 1.0), (1.0, 2.0), 2.0))
+    times = [k / drive.rate for k in range(len(drive.values))]
+    assert times[-1] >= 2.0
+    for t, row in zip(times, drive.values, strict=True):
+        assert row == pytest.approx(torque(t), rel=5e-3, abs=1e-12)  # three digits
 
 
 def test_damping_can_be_added_and_removed():
@@ -133,6 +150,32 @@ def test_study_simulates_its_choice_and_edits_it_in_place():
     assert edited.record.arm.payload.mass == 0.1
 
 
+def test_drives_motions_and_plants_of_a_study_are_copied_renamed_and_removed():
+    project = open_bytes(STUDY.encode(), "study.yaml").chosen(plant="heavier")
+    copied = project.copied("plant")
+    assert copied.choice.plant == "heavier 2"
+    assert copied.record.plants["heavier 2"] == project.record.plants["heavier"]
+    changed = copied.edited(("plant", "payload_factor"), 3.0)
+    assert changed.simulated_arm.payload.mass == pytest.approx(0.3)
+    assert changed.record.plants["heavier"].payload_factor == 2.0
+    renamed = changed.renamed("plant", "heaviest")
+    assert list(renamed.record.plants) == ["as believed", "heavier", "heaviest"]
+    assert renamed.choice.plant == "heaviest"
+    assert renamed.plant.payload_factor == 3.0
+    removed = renamed.removed("plant")
+    assert list(removed.record.plants) == ["as believed", "heavier"]
+    assert removed.choice.plant == "as believed"
+    with pytest.raises(InputError, match="repeats 'heavier', the name of another one"):
+        renamed.renamed("plant", "heavier")
+    assert list(project.copied("drive").record.drives) == [
+        "torque alone",
+        "joint PD",
+        "torque alone 2",
+    ]
+    with pytest.raises(ModelError, match="motions must be a mapping with at least one name"):
+        project.removed("motion").removed("motion")
+
+
 def test_arm_file_gets_a_motion_and_a_run():
     arm = paper_project().record.arm
     project = project_of(arm, "mine")
@@ -152,6 +195,17 @@ def test_files_of_a_scenario_can_be_opened_again(kind, tmp_path):
     if kind == "scenario":
         assert opened == project
     assert load_any(tmp_path / name) == (project.record.arm if kind == "model" else project.record)
+
+
+def test_a_scenario_with_every_part_can_be_edited_saved_and_opened_again():
+    project = open_file(Path(__file__).parent / "every_part.yaml")
+    edited = project.edited(("hardware", "instruments", 1, "noise"), 0.02)
+    edited = edited.edited(("contacts", 2, "surface", "y", 1), -2.2)
+    opened = open_bytes(edited.files()["scenario"][1].encode(), "every_part.yaml")
+    assert opened == edited
+    assert opened.record.contacts[2].surface.y == (-2.0, -2.2, -2.0)
+    assert opened.record.motion == project.record.motion
+    assert opened.record.loads == project.record.loads
 
 
 def test_files_of_a_study_can_be_opened_again():

@@ -1,6 +1,7 @@
 """Worker of the studio: order, replaced requests, stopped and lost processes."""
 
 import threading
+import time
 
 import pytest
 from studio_jobs import failure, spelled
@@ -61,6 +62,19 @@ def test_superseded_run_is_stopped_and_the_next_one_computed(shared):
     last = shared.submit("window", "z", inbox)
     inbox.wait_for(last, "z")
     assert (long, "s") not in inbox.parts or before == shared.process_id
+
+
+def test_request_is_stopped_by_a_more_important_one_but_does_not_stop_it(shared):
+    inbox, beside = Inbox(), Inbox()
+    long = shared.submit("margins", "sleep 0.9", beside, after="window")
+    before = shared.process_id
+    while shared._waiting:  # until it runs
+        time.sleep(0.01)
+    last = shared.submit("window", "sleep 0.5", inbox)
+    shared.submit("margins", "m", beside, after="window")
+    inbox.wait_for(last, "p")
+    assert (long, "s") not in beside.parts or before == shared.process_id
+    assert inbox.parts == [(last, part) for part in "sleep"]
 
 
 def test_run_that_takes_too_long_is_stopped_with_a_message(shared):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -228,19 +228,21 @@ class SectionTable(Record):
         description="Shear stiffness k G A at each point (N); for links with element: timoshenko.",
     )
 
+    _columns: ClassVar[tuple[str, ...]] = (
+        "x",
+        "flexural_rigidity",
+        "mass_per_length",
+        "rotary_inertia_per_length",
+        "shear_rigidity",
+    )
+
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if not given.has("x"):
             return
         yield from _points_faults(given.x)
         points = len(given.x)
-        columns = (
-            "flexural_rigidity",
-            "mass_per_length",
-            "rotary_inertia_per_length",
-            "shear_rigidity",
-        )
-        for name in filter(given.has, columns):
+        for name in filter(given.has, cls._columns[1:]):
             if len(getattr(given, name)) != points:
                 rule = f"have length {points}, one value for each point of x"
                 yield Fault((name,), rule, str(len(getattr(given, name))))

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from flexarm.model.checks import Record
 from flexarm.model.drives.around import AROUND, FilterSpec
 from flexarm.model.drives.base import ControllerDrive
-from flexarm.model.drives.registry import ALONE, one_of
+from flexarm.model.drives.registry import GROUPS, one_of
 from flexarm.model.drives.torques import NoDrive, RigidInverseDynamicsDrive, TorqueDrive
 
+#: All drives of files, by the title of their group in lists.
+DRIVES: dict[str, tuple[type[Record], ...]] = {
+    "without feedback": (RigidInverseDynamicsDrive, TorqueDrive, NoDrive),
+    **GROUPS,
+    "with an inner controller": AROUND,
+}
 #: Drives that are controllers, by their kind.
 CONTROLLED: dict[str, type[ControllerDrive]] = {
-    record.model_fields["kind"].default: record for record in (*ALONE, *AROUND)
+    record.model_fields["kind"].default: record
+    for group in DRIVES.values()
+    for record in group
+    if issubclass(record, ControllerDrive)
 }
 if TYPE_CHECKING:
     Drive = Any
 else:
-    Drive = one_of((RigidInverseDynamicsDrive, TorqueDrive, NoDrive, *CONTROLLED.values()))
+    Drive = one_of([record for group in DRIVES.values() for record in group])
 # A record can be pickled only if its module has it.
 globals().update({record.__name__: record for record in (*CONTROLLED.values(), FilterSpec)})
 
@@ -28,6 +38,7 @@ def balances(drive: object) -> bool:
 
 __all__ = [
     "CONTROLLED",
+    "DRIVES",
     "ControllerDrive",
     "Drive",
     "FilterSpec",

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import Annotated, Any, Union
 
 from pydantic import Field
 
-from flexarm.model.drives.base import ControllerDrive, drive_of
+from flexarm.model.drives.base import ControllerDrive, ControllerParameters, drive_of
 from flexarm.model.drives.force import (
     AdmittanceParameters,
     HybridForceParameters,
@@ -26,25 +27,21 @@ from flexarm.model.drives.uncertain import (
     SlidingModeParameters,
 )
 
-#: All controllers except those that contain one of these.
-ALONE: tuple[type[ControllerDrive], ...] = tuple(
-    drive_of(keys)
-    for keys in (
-        JointPDKeys,
-        JointPIDKeys,
-        ComputedTorqueKeys,
-        StrainFeedbackKeys,
-        LQGParameters,
-        MPCParameters,
-        CompositeParameters,
-        AdaptiveParameters,
-        SlidingModeParameters,
-        RBFAdaptiveParameters,
+_DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
+    "joint control": (JointPDKeys, JointPIDKeys, ComputedTorqueKeys, StrainFeedbackKeys),
+    "linear models of the flexible arm": (LQGParameters, MPCParameters, CompositeParameters),
+    "uncertain arms": (AdaptiveParameters, SlidingModeParameters, RBFAdaptiveParameters),
+    "tip position and contact force": (
         HybridForceParameters,
         ImpedanceParameters,
         AdmittanceParameters,
-    )
-)
+    ),
+}
+#: Controllers except those that contain another one, by the title of their group in lists.
+GROUPS: dict[str, tuple[type[ControllerDrive], ...]] = {
+    title: tuple(map(drive_of, declared)) for title, declared in _DECLARED.items()
+}
+ALONE: tuple[type[ControllerDrive], ...] = tuple(chain(*GROUPS.values()))
 
 
 def one_of(records: Sequence[type]) -> Any:

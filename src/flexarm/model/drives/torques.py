@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -34,6 +34,8 @@ class TorqueDrive(Record):
             "After the last sample the torque is constant."
         ),
     )
+
+    _columns: ClassVar[tuple[str, ...]] = ("values",)
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

@@ -59,6 +59,8 @@ class SurfaceTable(Record, kw_only=False):
         default=False, description="Whether the last point is connected to the first."
     )
 
+    _columns: ClassVar[tuple[str, ...]] = ("x", "y")
+
     @property
     def points(self) -> list[tuple[float, float]]:
         """The points; those of a closed curve begin and end with the same one."""

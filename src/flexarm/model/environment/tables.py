@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -39,6 +39,8 @@ class FactorTable(Record):
     times: Listed[Number] = Field(description="Increasing times (s); two equal times are a jump.")
     values: Listed[Number] = Field(description="Factor at each time.")
 
+    _columns: ClassVar[tuple[str, ...]] = ("times", "values")
+
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         yield from _table_faults(given)
@@ -49,6 +51,8 @@ class AccelerationTable(Record):
 
     times: Listed[Number] = Field(description="Increasing times (s); two equal times are a jump.")
     values: Listed[Pair] = Field(description="The acceleration [x, y] at each time (m/s^2).")
+
+    _columns: ClassVar[tuple[str, ...]] = ("times", "values")
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

@@ -83,6 +83,14 @@ def to_yaml(content: dict[str, Any]) -> str:
     return yaml.dump(content, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
 
 
+def flow_text(value: Any) -> str:
+    """Return a plain value as YAML text on one line."""
+    text: str = yaml.dump(
+        value, Dumper=_Dumper, sort_keys=False, default_flow_style=True, width=10**9
+    )
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
 Entries = dict[str, tuple[yaml.Node, yaml.Node]]
 
 

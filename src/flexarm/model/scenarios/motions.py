@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
@@ -71,6 +71,7 @@ class LineMotionSpec(_TipTiming):
 class ViaPointMotionSpec(_TipTiming):
     """Motion of the rigid arm's tip along lines between points, with rounded corners."""
 
+    _columns: ClassVar[tuple[str, ...]] = ("points",)
     kind: Literal["via_points"] = "via_points"
     points: Points = Field(description="Corners of the path [[x, y], ...], world frame (m).")
     blend: Positive | None = Field(
@@ -83,6 +84,7 @@ class ViaPointMotionSpec(_TipTiming):
 class SplineMotionSpec(_TipTiming):
     """Motion of the rigid arm's tip on a smooth curve through points."""
 
+    _columns: ClassVar[tuple[str, ...]] = ("points",)
     kind: Literal["spline"] = "spline"
     points: Points = Field(
         description="Points of the path [[x, y], ...], world frame (m); the curve is closed if "
@@ -124,6 +126,8 @@ class ForceTable(Record):
 
     times: Listed[Number] = Field(description="Increasing times (s).")
     values: Listed[NonNegative] = Field(description="The force at each time (N).")
+
+    _columns: ClassVar[tuple[str, ...]] = ("times", "values")
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

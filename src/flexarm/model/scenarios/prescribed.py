@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -45,6 +45,8 @@ class TabulatedJoint(_PrescribedJoint):
             "covers the whole run."
         ),
     )
+
+    _columns: ClassVar[tuple[str, ...]] = ("times", "angles")
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

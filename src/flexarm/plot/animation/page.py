@@ -70,7 +70,7 @@ def player_function() -> str:
 def player_data(
     scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None
 ) -> dict[str, Any]:
-    """Return the data of the player as plain values; arguments as in `fragment`."""
+    """Return the data of the player, plain values and arrays; arguments as in `fragment`."""
     most = max(len(scene.histories) for scene in scenes)
     shown = [_data(scene) for scene in scenes]
     return {
@@ -82,8 +82,16 @@ def player_data(
 
 
 def as_json(data: Any) -> str:
-    """Return data as JSON in its shortest form, which has no infinite numbers."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False)
+    """Return data as JSON in its shortest form, with null for numbers that are not finite."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False, default=_listed)
+
+
+def _listed(values: FloatArray) -> Any:
+    if np.isfinite(values).all():
+        return values.tolist()
+    found = values.astype(object)
+    found[~np.isfinite(values)] = None
+    return found.tolist()
 
 
 def inline(text: str, height: int) -> str:
@@ -102,25 +110,25 @@ def _data(scene: Scene) -> dict[str, Any]:
     reference = scene.reference
     return {
         "title": scene.title,
-        "times": _plain(scene.times, 6),
-        "view": _plain(scene.view, digits),
-        "links": _plain(scene.links, digits),
+        "times": _rounded(scene.times, 6),
+        "view": _rounded(scene.view, digits),
+        "links": _rounded(scene.links, digits),
         "depths": list(scene.depths),
         "bends": [bool(bends) for bends in scene.bends],
-        "joints": _plain(scene.joints, digits),
+        "joints": _rounded(scene.joints, digits),
         "payload": scene.payload,
-        "arrows": _plain(scene.arrows, digits),
-        "ghost": _plain(scene.ghost, digits),
-        "path": _plain(scene.path, digits),
-        "pathTimes": _plain(scene.path_times, 6),
-        "reference": None if reference is None else _plain(reference[0], digits),
-        "goal": None if reference is None else _plain(reference[1], digits),
-        "solids": [[_plain(s.course, digits), _plain(s.behind, digits)] for s in scene.solids],
+        "arrows": _rounded(scene.arrows, digits),
+        "ghost": _rounded(scene.ghost, digits),
+        "path": _rounded(scene.path, digits),
+        "pathTimes": _rounded(scene.path_times, 6),
+        "reference": None if reference is None else _rounded(reference[0], digits),
+        "goal": None if reference is None else _rounded(reference[1], digits),
+        "solids": [[_rounded(s.course, digits), _rounded(s.behind, digits)] for s in scene.solids],
         "histories": [
             {
                 "title": signals.title,
                 "label": signals.axis_label,
-                "time": _plain(signals.time, 6),
+                "time": _rounded(signals.time, 6),
                 "lines": [_significant(line) for line in signals.values.T],
                 "labels": list(signals.labels),
                 "colors": list(series_colors(len(signals.labels))),
@@ -130,21 +138,15 @@ def _data(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _plain(values: FloatArray | None, digits: int) -> Any:
-    """Return nested lists of rounded numbers, with None instead of numbers that are not finite."""
+def _rounded(values: FloatArray | None, digits: int) -> FloatArray | None:
+    """Return rounded numbers."""
     if values is None:
         return None
-    rounded = np.round(values, digits) + 0.0  # the sum converts -0.0 to 0.0
-    if np.isfinite(rounded).all():
-        return rounded.tolist()
-    found = rounded.astype(object)
-    found[~np.isfinite(rounded)] = None
-    return found.tolist()
+    return np.ascontiguousarray(np.round(values, digits) + 0.0)  # the sum converts -0.0 to 0.0
 
 
-def _significant(values: FloatArray) -> list[float | None]:
+def _significant(values: FloatArray) -> FloatArray | None:
     """Return numbers rounded to 1e-5 of the largest."""
     largest = float(np.nanmax(np.abs(values[np.isfinite(values)]), initial=0.0))
     digits = 5 - math.floor(math.log10(largest)) if largest > 0.0 else 0
-    found: list[float | None] = _plain(values, min(max(digits, -300), 300))
-    return found
+    return _rounded(values, min(max(digits, -300), 300))

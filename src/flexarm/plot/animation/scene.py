@@ -99,7 +99,7 @@ def scene_of(
     else:
         q = at_times(time, result["q"].values, path_times)
         path = shapes_of(arm, q, options.magnify, 2)[:, -1, -1]
-    straight = None if ghost is None else _thinned(ghost.shapes(now))
+    straight = None if ghost is None else ghost.shapes(now, 2)
     asked = None
     if reference is not None:
         twice = np.concatenate([path_times, now])
@@ -152,12 +152,6 @@ def _view(points: FloatArray) -> FloatArray:
     half = (0.5 + _MARGIN) * max(float((high - low).max()), 1e-9)
     middle = 0.5 * (low + high)
     return np.array([middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half])
-
-
-def _thinned(shapes: FloatArray) -> FloatArray:
-    """Keep only root and tip of straight links."""
-    ends: FloatArray = shapes[:, :, [0, -1]]
-    return ends
 
 
 def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: float) -> FloatArray:
