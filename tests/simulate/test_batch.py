@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 import flexarm as fa
 from flexarm.model.file_format.paths import with_number
 
+pytestmark = pytest.mark.compiled
+
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 1}
 HUBS = [fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05)]
 ARM = fa.Arm(

@@ -5,6 +5,8 @@ import pytest
 
 import flexarm as fa
 
+pytestmark = pytest.mark.compiled
+
 ARM = fa.Arm(
     links=[
         fa.Link(length=1.0, flexural_rigidity=40.0, mass_per_length=0.6, elements=1),
