@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -55,9 +56,14 @@ def _runs(arm: fa.Arm, duration: float) -> dict[str, tuple[str, dict[str, Any]]]
     torque = 0.1 * np.stack([np.sin(3.0 * times), np.cos(3.0 * times)], axis=1)
     low = {"rate": 100.0, "initial": initial}
     implicit = "kennedy_carpenter_5"
+
+    def wave(t: float) -> tuple[float, float]:
+        return 0.1 * math.sin(3.0 * t), 0.1 * math.cos(3.0 * t)
+
     return {
         "no torque, 100 samples per second": ("dormand_prince_8", low),
         "torque samples, 100 per second": (implicit, low | {"torque": torque}),
+        "torque function, 100 per second": (implicit, low | {"torque": wave}),
         "no torque, 1000 samples per second": ("dormand_prince_8", {"initial": initial}),
     }
 

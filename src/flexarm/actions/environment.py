@@ -45,7 +45,7 @@ class Environment:
         base_acceleration: BaseAcceleration | None = None,
         contacts: Sequence[Contact] = (),
     ) -> Environment:
-        """Combine the arguments of the public function ``where``.
+        """Combine the arguments of a public function.
 
         Args:
             tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.

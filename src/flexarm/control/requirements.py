@@ -1,7 +1,5 @@
 """Requirements of a controller, declared before a run."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -13,11 +11,17 @@ JOINTS = ("joint_angle", "joint_rate")
 
 
 class ControllerRequirements(NamedTuple):
-    """Requirements of a controller; None and empty entries are not checked."""
+    """Requirements of a controller; None and empty entries are not checked.
 
-    joints: int | None = None  # number of joints of the controller's arm
-    measured: tuple[str, ...] = ()  # names that it reads from every measurement
-    gauges: int | None = None  # length of the strain reading
+    Attributes:
+        joints: number of joints of the controller's arm.
+        measured: names that it reads from every measurement.
+        gauges: length of the strain reading.
+    """
+
+    joints: int | None = None
+    measured: tuple[str, ...] = ()
+    gauges: int | None = None
 
 
 def joints_of(expected: int, *numbers: FloatArray) -> int:

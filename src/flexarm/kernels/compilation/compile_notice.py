@@ -43,7 +43,7 @@ class CompileNotice(event.Listener):
         if not self._announced:
             self._announced = True
             print(
-                "flexarm: compiling for this machine, once; it may take a minute ...",
+                "flexarm: compiling for this machine, once; it may take half a minute ...",
                 file=sys.stderr,
                 flush=True,
             )
